@@ -1,0 +1,229 @@
+"""Equations of motion against exact results: energy, momentum, pendulum, heavy top, rotating beams."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodyError, MultibodySystem
+from wt_gym.structure.beam import Beam, BeamSections
+from wt_gym.structure.flexible_body import FlexibleBody
+from wt_gym.structure.modes import clamped_modes
+
+LENGTH, EI, MASS = 10.0, 1.4e4, 1.2
+
+
+def slender_beam(n_elements=8, factor=1.0):
+    """Beam with clearly different flap and edge stiffness and an offset mass."""
+    sections = BeamSections.uniform(
+        LENGTH, EA=2.8e7, EIx=4 * factor * EI, EIy=factor * EI, GJ=2e3, mass=MASS, Ix=0.02, Iy=0.05, offset=(0.02, 0.05)
+    )
+    return Beam(sections, n_elements)
+
+
+def modal_body(name="beam", n=4, n_elements=8, factor=1.0):
+    """Flexible body in its lowest clamped modes."""
+    beam = slender_beam(n_elements, factor)
+    return FlexibleBody.from_beam(name, beam, clamped_modes(beam, n).shape)
+
+
+def chain():
+    """Tower, yawing nacelle, free-spinning shaft with torsion, two pitched blades, and a free ball on a blade tip."""
+    system = MultibodySystem()
+    tower = system.add(modal_body("tower", 4, factor=40.0), Joint("fixed"))
+    nacelle = FlexibleBody.rigid("nacelle", 5.0, (0.3, 0.1, 0.5), np.diag([2.0, 3.0, 4.0]))
+    nacelle = system.add(nacelle, Joint("revolute", (0.0, 0.0, 1.0), name="yaw", stiffness=50.0), tower, "tip")
+    tilt = Rotation.from_euler("y", 0.1).as_matrix()
+    shaft = FlexibleBody.rigid("shaft", 1.0, (-0.5, 0.0, 0.0), np.diag([0.5, 0.2, 0.2]))
+    shaft = system.add(shaft, Joint("revolute", (1.0, 0.0, 0.0), tilt, (0.0, 0.0, 0.8), name="azimuth"), nacelle)
+    hub = FlexibleBody.rigid("hub", 2.0, (0.1, 0.0, 0.0), np.diag([0.5, 0.3, 0.3]))
+    torsion = Joint("revolute", (1.0, 0.0, 0.0), None, (-2.0, 0.0, 0.0), stiffness=400.0, name="torsion")
+    hub = system.add(hub, torsion, shaft)
+    for i in range(2):
+        root = Rotation.from_euler("xy", [np.pi * i, -0.05]).as_matrix()
+        joint = Joint("fixed", rotation=root @ Rotation.from_euler("z", -0.2).as_matrix(), offset=root @ [0, 0, 0.5])
+        blade = system.add(modal_body(f"blade{i}", 4, factor=10.0), joint, hub)
+    ball = FlexibleBody.rigid("ball", 0.5, (0.2, 0.1, 0.3), np.diag([0.2, 0.3, 0.4]))
+    system.add(ball, Joint("spherical", name="ball"), blade, "tip")
+    return system.build()
+
+
+def started_chain(rng):
+    """Chain spinning with deflections of some percent of the length."""
+    system = chain()
+    y = system.initial_state()
+    for body in (0, 4, 5):
+        first = system.index(body, "elastic_q")
+        y[first : first + 4] = 0.1 * rng.standard_normal(4)
+    y[system.n_q + system.index(1, "joint_u")] = 0.2
+    y[system.n_q + system.index(2, "joint_u")] = 1.5
+    y[system.n_q + system.index(6, "joint_u") + np.arange(3)] = [0.5, -1.0, 2.0]
+    return system, y
+
+
+def test_energy_is_conserved_without_loads_and_damping():
+    system, y = started_chain(np.random.default_rng(1))
+    integrator = HammingIntegrator(system, 0.0005)
+    integrator.start(y)
+    start = np.array(system.energy(y))
+    exchanged = 0.0
+    for _ in range(60):
+        integrator.advance(2000)
+        now = np.array(system.energy(integrator.state))
+        exchanged = max(exchanged, abs(now[2] - start[2]))
+        assert abs(now.sum() - start.sum()) < 1e-4 * start[0]
+    assert exchanged > 0.05 * start[0], "the test must move energy between its forms"
+
+
+def test_equations_of_motion_follow_from_the_energies():
+    """d/dt (kinetic + elastic + potential) vanishes for any state: no term of the inertia forces is missing."""
+    rng = np.random.default_rng(2)
+    system, _ = started_chain(rng)
+    for _ in range(5):
+        y = system.initial_state()
+        y[: system.n_q] += 0.15 * rng.standard_normal(system.n_q)
+        y[system.n_q :] = rng.standard_normal(system.n_u)
+        quaternion = slice(system.index(6, "joint_q"), system.index(6, "joint_q") + 4)
+        y[quaternion] /= np.linalg.norm(y[quaternion])
+        dy = system.rates(y)
+        h = 1e-6
+        change = (sum(system.energy(y + h * dy)) - sum(system.energy(y - h * dy))) / (2.0 * h)
+        kinetic_power = np.abs(dy[system.n_q :] @ y[system.n_q :])
+        assert abs(change) < 1e-6 * kinetic_power
+
+
+def test_free_body_keeps_momentum_and_falls():
+    """A free flexible body gains momentum from gravity only and keeps its angular momentum about the mass centre."""
+    system = MultibodySystem()
+    system.add(modal_body("beam", 4), Joint("free", name="float"))
+    system.build()
+    rng = np.random.default_rng(3)
+    y = system.initial_state()
+    y[7:11] = 0.05 * rng.standard_normal(4)
+    y[system.n_q : system.n_q + 6] = [1.0, 2.0, 3.0, 0.4, -0.6, 0.8]
+
+    def momenta(state):
+        inertia = system.bodies[0].inertia
+        rot = Rotation.from_quat(state[[4, 5, 6, 3]]).as_matrix()
+        q, v, w, qd = state[7:11], rot.T @ state[11:14], state[14:17], state[17:21]
+        mc = inertia.c0 + inertia.c1 @ q + 0.5 * np.einsum("ijk,j,k->i", inertia.c2, q, q)
+        tensor = inertia.j0 + np.einsum("k,kij->ij", q, inertia.j1)
+        tensor = tensor + 0.5 * np.einsum("k,l,klij->ij", q, q, inertia.j2)
+        c = inertia.c1 + inertia.c2 @ q
+        d = inertia.d0 + np.einsum("kji,j->ki", inertia.d1, q)
+        p = inertia.mass * v + np.cross(w, mc) + c @ qd
+        spin = np.cross(mc, v) + tensor @ w + d.T @ qd - np.cross(mc, p) / inertia.mass
+        return rot @ p, rot @ spin
+
+    integrator = HammingIntegrator(system, 0.0005)
+    integrator.start(y)
+    p0, l0 = momenta(y)
+    integrator.advance(8000)
+    p1, l1 = momenta(integrator.state)
+    fall = system.bodies[0].inertia.mass * np.array([0.0, 0.0, -9.81]) * 4.0
+    np.testing.assert_allclose(p1, p0 + fall, atol=1e-6 * np.linalg.norm(p0))
+    np.testing.assert_allclose(l1, l0, atol=1e-6 * np.linalg.norm(l0))
+
+
+def test_pendulum_period():
+    """Released horizontally: T = 4 K(1/√2) √(L/g)."""
+    system = MultibodySystem()
+    bob = FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), np.zeros((3, 3)))
+    system.add(bob, Joint("revolute", (0.0, 1.0, 0.0), name="swing"))
+    system.build()
+    y = system.initial_state()
+    y[0] = np.pi / 2
+    integrator = HammingIntegrator(system, 0.002)
+    integrator.start(y)
+    angle = []
+    for _ in range(3000):
+        integrator.advance()
+        angle.append(integrator.state[0])
+    angle = np.array(angle)
+    down = np.flatnonzero((angle[:-1] > 0) & (angle[1:] <= 0))
+    crossing = down + angle[down] / (angle[down] - angle[down + 1])
+    assert np.diff(crossing)[0] * 0.002 == pytest.approx(4.0 * 1.8540746773013719 * np.sqrt(1.0 / 9.81), rel=1e-7)
+
+
+def test_steady_precession_of_a_heavy_top():
+    """A fast top at nutation angle θ precesses steadily at the root of A Ω² cos θ − C s Ω + m g l = 0."""
+    mass, length, axial, transverse = 2.0, 0.5, 0.3, 0.8  # inertia about the fixed point
+    spin, theta = 40.0, 0.4
+    coefficients = [(transverse - axial) * np.cos(theta), -axial * spin, mass * 9.81 * length]
+    precession = np.roots(coefficients).min()
+    about_centre = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
+    system = MultibodySystem()
+    system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), about_centre), Joint("spherical"))
+    system.build()
+    y = system.initial_state()
+    orientation = Rotation.from_euler("y", theta)
+    y[:4] = orientation.as_quat()[[3, 0, 1, 2]]
+    y[4:7] = orientation.inv().apply([0.0, 0.0, precession]) + np.array([0.0, 0.0, spin])
+    integrator = HammingIntegrator(system, 0.0005)
+    integrator.start(y)
+    integrator.advance(4000)
+    axis = Rotation.from_quat(integrator.state[[1, 2, 3, 0]]).apply([0.0, 0.0, 1.0])
+    assert np.arccos(axis[2]) == pytest.approx(theta, abs=1e-6)
+    assert np.arctan2(axis[1], axis[0]) == pytest.approx(precession * 2.0, abs=1e-5)
+
+
+ROTATING = [  # η = Ω √(m L⁴/EI): flap 1, flap 2, lag 1 as ω √(m L⁴/EI); Wright et al. 1982, zero hub radius
+    (0, 3.5160, 22.0345, 3.5160),
+    (2, 4.1373, 22.6149, 3.6218),
+    (6, 7.3604, 26.8091, 4.2632),
+    (12, 13.1702, 37.6031, 5.4270),
+]
+
+
+@pytest.mark.parametrize(("eta", "flap_1", "flap_2", "lag_1"), ROTATING)
+@pytest.mark.parametrize("coordinates", ["modal", "nodal"])
+def test_rotating_cantilever_frequencies(eta, flap_1, flap_2, lag_1, coordinates):
+    """Eigenvalues of the linearised equations of motion of a beam on a driven hub."""
+    sections = BeamSections.uniform(LENGTH, EA=1e8, EIx=EI, EIy=EI, GJ=1e6, mass=MASS, Ix=1e-7, Iy=1e-7)
+    beam = Beam(sections, 8 if coordinates == "nodal" else 12)
+    if coordinates == "modal":
+        basis = clamped_modes(beam, 12).shape
+    else:
+        # bending coordinates only: the second-order field already keeps the axis inextensible
+        keep = [6 * node + k for node in range(1, 9) for k in (0, 1, 3, 4)]
+        basis = np.eye(beam.n_dof)[:, keep]
+    system = MultibodySystem(gravity=(0.0, 0.0, 0.0))
+    body = FlexibleBody.from_beam("blade", beam, basis)
+    joint = Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, servo_damping=0.0, name="hub")
+    system.add(body, joint)
+    system.build()
+    n = body.n_elastic
+    unit = np.sqrt(MASS * LENGTH**4 / EI)
+    y = system.initial_state()
+    y[-1] = eta / unit  # spin; the servo's angle is zero, so it does not accelerate
+    jacobian = np.zeros((n, 2 * n))
+    scale = 1e-4 / np.maximum(np.abs(basis).max(axis=0), 1e-3)
+    base = system.rates(y)[n : 2 * n]
+    assert np.abs(base).max() < 1e-6 * max(1.0, eta) * 10
+    for k in range(2 * n):
+        step = np.zeros(system.n_state)
+        step[k] = scale[k % n]
+        up, down = system.rates(y + step)[n : 2 * n], system.rates(y - step)[n : 2 * n]
+        jacobian[:, k] = (up - down) / (2.0 * step[k])
+    a = np.block([[np.zeros((n, n)), np.eye(n)], [jacobian]])
+    frequency = np.sort(np.abs(np.linalg.eigvals(a).imag))[::2] * unit
+    for expected in (flap_1, flap_2, lag_1):
+        assert np.min(np.abs(frequency / expected - 1.0)) < 0.005
+
+
+def test_singular_mass_matrix_is_named():
+    system = MultibodySystem()
+    system.add(FlexibleBody.rigid("nothing", 0.0, np.zeros(3), np.zeros((3, 3))), Joint("revolute", (1.0, 0.0, 0.0)))
+    system.build()
+    with pytest.raises(MultibodyError, match="mass matrix"):
+        system.rates(system.initial_state())
+
+
+def test_step_beyond_the_stability_limit_is_named():
+    system = MultibodySystem()
+    body = FlexibleBody.rigid("mass", 1.0, np.zeros(3), np.eye(3))
+    system.add(body, Joint("prismatic", (1.0, 0.0, 0.0), stiffness=1.0, name="slide"))
+    system.build()
+    integrator = HammingIntegrator(system, 3.0)
+    integrator.start(np.array([1.0, 0.0]))
+    with pytest.raises(MultibodyError, match="stability limit"):
+        integrator.advance(2000)

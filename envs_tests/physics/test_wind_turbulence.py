@@ -1,0 +1,219 @@
+"""Statistics of Kaimal boxes against IEC 61400-1, and the exact properties of frozen turbulence.
+
+A Fourier coefficient of a Gaussian process is complex normal with the spectrum as its variance, independent from
+frequency to frequency and seed to seed. Hence the mean of n periodogram values has the relative standard error
+1/√n, and the mean of n products Re(X_i X_j*)/S the error √((1 + ρ²)/2n) around the coherency ρ. Bounds are four
+standard errors (one false alarm in 16 000 for each number; the seeds are fixed).
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, kaimal
+
+SPEED, HUB, DIAMETER = 10.0, 90.0, 126.0
+SIGMA = 0.14 * (0.75 * SPEED + 5.6)
+TIME_STEP, DURATION = 0.25, 600.0
+N_SEEDS = 24
+BANDS = np.array([0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0])
+STANDARD_ERRORS = 4.0
+
+
+def formula(frequency):
+    """Kaimal spectra written out for a hub above 60 m, shape (n, 3)."""
+    columns = []
+    for sigma, length in ((SIGMA, 8.1 * 42.0), (0.8 * SIGMA, 2.7 * 42.0), (0.5 * SIGMA, 0.66 * 42.0)):
+        n = frequency * length / SPEED
+        columns.append(sigma**2 / frequency * 4.0 * n / (1.0 + 6.0 * n) ** (5.0 / 3.0))
+    return np.stack(columns, axis=-1)
+
+
+@pytest.fixture(scope="module")
+def realisations():
+    """Frequencies (n,) and Fourier coefficients (seeds, n, n_z, n_y, 3), |X|² the periodogram [m²/s]."""
+    coefficients = []
+    for seed in range(N_SEEDS):
+        box = TurbulenceBox.kaimal(
+            SPEED, HUB, DIAMETER, "B", seed=seed, grid=(5, 3), width=100.0, scale_sigma=False, cache=False
+        )
+        transform = np.fft.rfft(box.fluctuation.astype(float), axis=0)[1:-1]
+        coefficients.append(transform * math.sqrt(2.0 * TIME_STEP / box.fluctuation.shape[0]))
+    frequency = np.fft.rfftfreq(round(DURATION / TIME_STEP), TIME_STEP)[1:-1]
+    return frequency, np.array(coefficients)
+
+
+@pytest.mark.parametrize("band", range(BANDS.size - 1))
+@pytest.mark.parametrize("point", [(1, 2), (0, 0), (2, 3)])
+def test_spectrum(realisations, band, point):
+    frequency, coefficients = realisations
+    inside = (frequency > BANDS[band]) & (frequency <= BANDS[band + 1])
+    ratio = np.abs(coefficients[:, inside, point[0], point[1]]) ** 2 / formula(frequency[inside])
+    n = ratio[..., 0].size
+    np.testing.assert_allclose(ratio.mean(axis=(0, 1)), 1.0, atol=STANDARD_ERRORS / math.sqrt(n))
+
+
+@pytest.mark.parametrize("band", range(BANDS.size - 1))
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [((1, 2), (1, 3)), ((1, 2), (2, 2)), ((0, 0), (0, 1)), ((0, 1), (2, 4)), ((2, 4), (0, 0)), ((1, 0), (1, 4))],
+)
+def test_coherence(realisations, band, first, second):
+    frequency, coefficients = realisations
+    inside = (frequency > BANDS[band]) & (frequency <= BANDS[band + 1])
+    distance = math.hypot(50.0 * (first[0] - second[0]), 25.0 * (first[1] - second[1]))
+    f = frequency[inside]
+    expected = np.exp(-12.0 * np.sqrt((f * distance / SPEED) ** 2 + (0.12 * distance / (8.1 * 42.0)) ** 2))
+    a, b = coefficients[:, inside, first[0], first[1]], coefficients[:, inside, second[0], second[1]]
+    coherency = a * b.conj() / formula(f)
+    n = coherency[..., 0].size
+    tolerance = STANDARD_ERRORS * math.sqrt(np.mean(1.0 + expected**2) / 2.0 / n)
+    np.testing.assert_allclose(coherency.real.mean(axis=(0, 1)), expected.mean(), atol=tolerance)
+    np.testing.assert_allclose(coherency.imag.mean(axis=(0, 1)), 0.0, atol=tolerance)  # no phase between points
+
+
+def test_components_are_independent(realisations):
+    frequency, coefficients = realisations
+    hub = coefficients[:, :, 1, 2] / np.sqrt(formula(frequency))
+    tolerance = STANDARD_ERRORS / math.sqrt(2.0 * hub[..., 0].size)
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        assert abs(np.mean((hub[..., first] * hub[..., second].conj()).real)) < tolerance
+
+
+def test_variance_without_scaling(realisations):
+    """The variance of a realisation is the sum of S Δf over its frequencies; its own variance that of (S Δf)²."""
+    frequency, coefficients = realisations
+    shares = formula(frequency) / DURATION
+    variance = (np.abs(coefficients[:, :, 1, 2]) ** 2).sum(axis=1) / DURATION
+    error = np.sqrt((shares**2).sum(axis=0) / N_SEEDS)
+    assert np.all(np.abs(variance.mean(axis=0) - shares.sum(axis=0)) < STANDARD_ERRORS * error)
+    # what the period and the sampling rate leave out is a few percent of sigma
+    assert np.all(np.sqrt(shares.sum(axis=0)) / (SIGMA * np.array([1.0, 0.8, 0.5])) > 0.9)
+
+
+def test_sigma_ratios_with_scaling():
+    box = TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=1, grid=(3, 3), cache=False)
+    sigma = box.fluctuation[:, 1, 1].std(axis=0, dtype=float)
+    np.testing.assert_allclose(sigma / SIGMA, [1.0, 0.8, 0.5], rtol=1e-6)
+
+
+def test_lateral_components_without_coherence():
+    box = TurbulenceBox.kaimal(
+        SPEED,
+        HUB,
+        DIAMETER,
+        "B",
+        seed=1,
+        grid=(3, 3),
+        width=2.0,
+        scale_sigma=False,
+        lateral_coherence=False,
+        cache=False,
+    )
+    transform = np.fft.rfft(box.fluctuation.astype(float), axis=0)[1:-1]
+    frequency = np.fft.rfftfreq(2400, TIME_STEP)[1:-1]
+    whitened = transform * math.sqrt(2.0 * TIME_STEP / 2400) / np.sqrt(formula(frequency))[:, None, None]
+    product = (whitened[:, 1, 1] * whitened[:, 1, 2].conj()).real.mean(axis=0)
+    coherence = np.exp(-12.0 * np.hypot(frequency / SPEED, 0.12 / (8.1 * 42.0)))  # one metre apart
+    tolerance = STANDARD_ERRORS * np.sqrt(np.array([np.mean(1.0 + coherence**2), 1.0, 1.0]) / 2.0 / frequency.size)
+    assert np.all(np.abs(product - [coherence.mean(), 0.0, 0.0]) < tolerance)
+
+
+def test_mirror_blocks_are_the_whole_coherence_matrix():
+    """In the even-odd basis the coherence matrix has these four blocks and nothing else, exactly."""
+    n_y, n_z, spacing_y, spacing_z = 5, 7, 9.0, 6.0
+    decay = np.array([0.004, 0.05])
+    z, y = np.meshgrid(spacing_z * np.arange(n_z), spacing_y * np.arange(n_y), indexing="ij")
+    distance = np.hypot(z.ravel()[:, None] - z.ravel(), y.ravel()[:, None] - y.ravel())
+    basis_y, basis_z = kaimal._reflection_basis(n_y), kaimal._reflection_basis(n_z)
+    basis = np.kron(basis_z, basis_y)
+    np.testing.assert_allclose(basis @ basis.T, np.eye(n_y * n_z), atol=1e-14)
+    transformed = basis @ np.exp(-decay[:, None, None] * distance) @ basis.T
+    mirrored = kaimal._mirrored_coherence(decay, n_y, n_z, spacing_y, spacing_z)
+    index = np.arange(n_y * n_z).reshape(n_z, n_y)
+    for parity_z, rows in enumerate(kaimal._halves(n_z)):
+        for parity_y, columns in enumerate(kaimal._halves(n_y)):
+            own = index[rows, columns].ravel()
+            block = kaimal._parity_block(mirrored, n_y, n_z, parity_y, parity_z)
+            np.testing.assert_allclose(transformed[:, own[:, None], own], block, atol=1e-13)
+            transformed[:, own[:, None], own] = 0.0
+    np.testing.assert_allclose(transformed, 0.0, atol=1e-13)
+
+
+@pytest.fixture(scope="module")
+def box():
+    return TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=11, duration=100.0, grid=(9, 9), cache=False)
+
+
+POINTS = np.random.default_rng(5).uniform([-100.0, -90.0, 5.0], [600.0, 90.0, 180.0], size=(200, 3))
+
+
+def test_taylor_advection(box):
+    """u(x, t) = u(0, t − x/U), exactly."""
+    inflow = TurbulentInflow(box, SteadyInflow(SPEED, HUB, shear_exponent=0.2))
+    for point in POINTS[:50]:
+        upstream = [0.0, point[1], point[2]]
+        passed = inflow.velocity(upstream, 40.0 - point[0] / SPEED)
+        np.testing.assert_allclose(inflow.velocity(point, 40.0), passed, rtol=0.0, atol=1e-11)
+
+
+def test_samples_are_met_at_the_grid(box):
+    inflow = TurbulentInflow(box)
+    for it, iz, iy in ((0, 0, 0), (399, 8, 8), (17, 3, 5)):
+        velocity = inflow.velocity([0.0, box.y[iy], box.z[iz]], it * TIME_STEP)
+        np.testing.assert_allclose(velocity, box.fluctuation[it, iz, iy] + [SPEED, 0.0, 0.0], atol=1e-9)
+
+
+def test_periodic_in_time(box):
+    inflow = TurbulentInflow(box)
+    here = inflow.velocity(POINTS, 12.3)
+    for periods in (-3, 1, 1000):
+        np.testing.assert_allclose(inflow.velocity(POINTS, 12.3 + 100.0 * periods), here, atol=1e-8)
+    # across the seam the wind is as smooth as elsewhere: continuous
+    seam = inflow.velocity(np.array([[0.0, 3.0, 80.0]]), 100.0 - 1e-9) - inflow.velocity([[0.0, 3.0, 80.0]], 0.0)
+    np.testing.assert_allclose(seam, 0.0, atol=1e-7)
+
+
+def test_time_offset_shifts_the_box(box):
+    shifted = TurbulentInflow(box, time_offset=33.7)
+    np.testing.assert_allclose(
+        shifted.velocity(POINTS, 5.0), TurbulentInflow(box).velocity(POINTS, 38.7), rtol=0.0, atol=1e-11
+    )
+
+
+def test_mean_profile_is_added(box):
+    steady = SteadyInflow(SPEED, HUB, roughness_length=0.1, veer=0.001)
+    difference = TurbulentInflow(box, steady).velocity(POINTS, 7.0) - TurbulentInflow(box).velocity(POINTS, 7.0)
+    expected = steady.velocity(POINTS, 0.0) - [SPEED, 0.0, 0.0]
+    np.testing.assert_allclose(difference, expected, atol=1e-12)
+
+
+def test_yaw_and_inclination_turn_the_whole_field(box):
+    """Turning the field and the observer together changes nothing."""
+    yaw, rise = 0.4, 0.1
+    turn = np.array([[math.cos(yaw), -math.sin(yaw), 0.0], [math.sin(yaw), math.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    lift = np.array([[math.cos(rise), 0.0, -math.sin(rise)], [0.0, 1.0, 0.0], [math.sin(rise), 0.0, math.cos(rise)]])
+    rotation = turn @ lift
+    hub = np.array([0.0, 0.0, HUB])
+    straight = TurbulentInflow(box)
+    turned = TurbulentInflow(box, SteadyInflow(SPEED, HUB, yaw_misalignment=yaw, inclination=rise))
+    moved = hub + (POINTS - hub) @ rotation.T
+    np.testing.assert_allclose(
+        turned.velocity(moved, 21.0), straight.velocity(POINTS, 21.0) @ rotation.T, rtol=0.0, atol=1e-10
+    )
+
+
+def test_rotor_effective_speed_filters_turbulence(box):
+    """The disc mean follows the grid mean over the disc and varies less than the hub."""
+    inflow = TurbulentInflow(box)
+    times = np.arange(0.0, 100.0, 1.0)
+    effective = inflow.rotor_effective_speed(times, DIAMETER)
+    assert effective.shape == times.shape
+    assert effective.mean() == pytest.approx(SPEED, abs=0.05)
+    hub = np.array([inflow.velocity([0.0, 0.0, HUB], t)[0] for t in times])
+    assert effective.std() < hub.std()
+    z, y = np.meshgrid(box.z, box.y, indexing="ij")
+    disc = np.hypot(z - HUB, y) < 0.5 * DIAMETER
+    coarse = SPEED + box.fluctuation[::4, disc, 0].mean(axis=1)
+    assert np.corrcoef(coarse, effective)[0, 1] > 0.95

@@ -1,0 +1,255 @@
+"""Turbulence boxes: reproducibility, cache, interpolation and refusals."""
+
+import math
+import os
+
+import numpy as np
+import pytest
+
+from wt_gym.errors import InflowError
+from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow, box_cache, turbulence_box
+from wt_gym.wind.kaimal import KaimalParameters
+
+SITE = {"mean_speed": 8.0, "hub_height": 90.0, "rotor_diameter": 126.0}
+SMALL = {**SITE, "duration": 20.0, "grid": (3, 3)}
+
+
+def small_box(seed=1, **changes):
+    return TurbulenceBox.kaimal(**{**SMALL, "seed": seed, "cache": False, **changes})
+
+
+@pytest.fixture
+def cache_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path))
+    turbulence_box._kaimal_box.cache_clear()
+    yield tmp_path / "turbulence"
+    turbulence_box._kaimal_box.cache_clear()
+
+
+def parameters_of(seed, **changes):
+    arguments = {
+        **SMALL,
+        "turbulence_class": "B",
+        "seed": seed,
+        "time_step": 0.25,
+        "width": None,
+        "turbulence": "NTM",
+        "turbine_class": "I",
+        "scale_sigma": True,
+        "lateral_coherence": True,
+    }
+    return KaimalParameters.resolve(**{**arguments, **changes})
+
+
+def forget():
+    turbulence_box._kaimal_box.cache_clear()
+
+
+def test_same_seed_same_bits():
+    first = small_box(7)
+    forget()
+    second = small_box(7)
+    assert first is not second
+    np.testing.assert_array_equal(first.fluctuation, second.fluctuation)
+    assert first == second
+    assert hash(first) == hash(second)
+    assert TurbulentInflow(first) == TurbulentInflow(second)
+
+
+def test_other_seed_other_wind():
+    first, second = small_box(7).fluctuation, small_box(8).fluctuation
+    assert small_box(7) != small_box(8)
+    correlation = np.corrcoef(first[:, 1, 1, 1], second[:, 1, 1, 1])[0, 1]
+    assert abs(correlation) < 0.9
+
+
+def test_default_box_of_the_5mw():
+    box = TurbulenceBox.kaimal(**SITE, seed=0, cache=False)
+    assert box.duration == 600.0
+    assert box.time_step <= 0.25
+    assert max(box.spacing_y, box.spacing_z) <= 10.0
+    assert box.y[-1] - box.y[0] == pytest.approx(1.15 * 126.0)
+    assert 0.5 * (box.z[0] + box.z[-1]) == pytest.approx(90.0)
+    assert box.fluctuation.dtype == np.float32
+    np.testing.assert_allclose(box.fluctuation.mean(axis=0, dtype=float), 0.0, atol=1e-6)
+    sigma = 0.14 * (0.75 * 8.0 + 5.6)
+    hub = box.fluctuation[:, box.z.size // 2, box.y.size // 2]
+    np.testing.assert_allclose(hub.std(axis=0, dtype=float), sigma * np.array([1.0, 0.8, 0.5]), rtol=1e-6)
+
+
+def test_box_is_immutable_and_kept_in_memory():
+    box = small_box()
+    assert small_box() is box
+    with pytest.raises(ValueError, match="read-only"):
+        box.fluctuation[0, 0, 0, 0] = 1.0
+    with pytest.raises(AttributeError):
+        box.time_step = 1.0
+
+
+def test_box_does_not_share_the_callers_array():
+    samples = np.ones((4, 2, 2, 3), dtype=np.float32)
+    box = TurbulenceBox(samples, 1.0, 10.0, 10.0, 80.0, 8.0, 85.0)
+    samples[:] = 2.0
+    assert box.fluctuation.max() == 1.0
+
+
+def test_second_build_reads_the_file(cache_folder, monkeypatch):
+    box = TurbulenceBox.kaimal(**SMALL, seed=3)
+    path = box_cache.cache_file(parameters_of(3))
+    assert list(cache_folder.iterdir()) == [path]
+    with np.load(path, allow_pickle=False) as file:
+        np.testing.assert_array_equal(file["fluctuation"], box.fluctuation)
+    forget()
+    monkeypatch.setattr(turbulence_box, "synthesise", lambda _: pytest.fail("made again"))
+    assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"seed": 4},
+        {"mean_speed": 8.1},
+        {"turbulence_class": "A"},
+        {"turbulence": "ETM"},
+        {"time_step": 0.125},
+        {"duration": 30.0},
+        {"width": 130.0},
+        {"scale_sigma": False},
+        {"lateral_coherence": False},
+    ],
+)
+def test_every_parameter_counts_in_the_cache(change):
+    assert box_cache.cache_file(parameters_of(**{"seed": 3, **change})) != box_cache.cache_file(parameters_of(3))
+
+
+@pytest.mark.parametrize("length", [0, 10, 500, -100])
+def test_damaged_file_is_made_again(cache_folder, length):
+    box = TurbulenceBox.kaimal(**SMALL, seed=3)
+    path = box_cache.cache_file(parameters_of(3))
+    sound = path.read_bytes()
+    path.write_bytes(sound[:length])
+    forget()
+    assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
+    assert path.read_bytes() == sound
+
+
+def test_flipped_bits_and_foreign_files_are_noticed(cache_folder, caplog):
+    box = TurbulenceBox.kaimal(**SMALL, seed=3)
+    path = box_cache.cache_file(parameters_of(3))
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+    forget()
+    assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
+    TurbulenceBox.kaimal(**SMALL, seed=4)
+    box_cache.cache_file(parameters_of(4)).replace(path)
+    forget()
+    assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
+    assert "unreadable" in caplog.text
+    assert "another box" in caplog.text
+
+
+def test_unwritable_cache_only_warns(tmp_path, monkeypatch, caplog):
+    """A file stands where the directory should be: this also stops a privileged user."""
+    blocker = tmp_path / "file"
+    blocker.write_text("")
+    monkeypatch.setenv("WT_GYM_CACHE", str(blocker))
+    forget()
+    assert TurbulenceBox.kaimal(**SMALL, seed=3).duration == 20.0
+    assert "could not be cached" in caplog.text
+    forget()
+
+
+def test_cache_folder_is_bounded(cache_folder, monkeypatch):
+    TurbulenceBox.kaimal(**SMALL, seed=0)
+    size = box_cache.cache_file(parameters_of(0)).stat().st_size
+    monkeypatch.setattr(box_cache, "MAX_BYTES", 3 * size + 100)
+    for age, seed in enumerate((1, 2)):
+        TurbulenceBox.kaimal(**SMALL, seed=seed)
+        os.utime(box_cache.cache_file(parameters_of(seed)), (1000 + age, 1000 + age))
+    TurbulenceBox.kaimal(**SMALL, seed=3)
+    kept = [seed for seed in range(4) if box_cache.cache_file(parameters_of(seed)).exists()]
+    assert kept == [0, 2, 3]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"mean_speed": 0.0},
+        {"mean_speed": math.nan},
+        {"rotor_diameter": 200.0},
+        {"width": 200.0},
+        {"seed": -1},
+        {"seed": 1.5},
+        {"seed": True},
+        {"grid": (4, 3)},
+        {"grid": (3,)},
+        {"duration": 20.1},
+        {"duration": 0.25},
+        {"time_step": 0.0},
+        {"turbulence_class": "Z"},
+        {"turbulence": "calm"},
+        {"turbine_class": "IX"},
+    ],
+)
+def test_wrong_arguments_are_refused(change):
+    with pytest.raises(InflowError):
+        small_box(**{"seed": 1, **change})
+
+
+@pytest.mark.parametrize(
+    "samples",
+    [np.zeros((4, 2, 2)), np.zeros((4, 1, 2, 3)), np.zeros((4, 2, 2, 2)), np.full((4, 2, 2, 3), np.nan)],
+)
+def test_wrong_samples_are_refused(samples):
+    with pytest.raises(InflowError):
+        TurbulenceBox(samples, 1.0, 10.0, 10.0, 80.0, 8.0, 85.0)
+
+
+def trilinear_box():
+    """Return a box whose samples are linear in y, z and time, so that linear interpolation is exact."""
+    t, z, y = np.meshgrid(np.arange(8.0), 80.0 + 5.0 * np.arange(5), 6.0 * (np.arange(3) - 1), indexing="ij")
+    samples = np.stack([0.1 * t + 0.02 * y, 0.01 * (z - 90.0) * y, 0.3 * t - 0.05 * (z - 90.0)], axis=-1)
+    return TurbulenceBox(samples, 1.0, 6.0, 5.0, 80.0, 10.0, 90.0)
+
+
+def test_interpolation_between_the_samples():
+    inflow = TurbulentInflow(trilinear_box())
+    velocity = inflow.velocity([-13.0, 2.5, 93.0], 1.2)  # 1.3 s more: 2.5 s in the box
+    expected = [10.0 + 0.25 + 0.05, 0.01 * 3.0 * 2.5, 0.75 - 0.15]
+    np.testing.assert_allclose(velocity, expected, rtol=1e-6)
+
+
+def test_clamped_outside_the_grid():
+    inflow = TurbulentInflow(trilinear_box())
+    far = [[0.0, 80.0, 300.0], [0.0, -80.0, -30.0], [0.0, 1.0, 0.0]]
+    edge = [[0.0, 6.0, 100.0], [0.0, -6.0, 80.0], [0.0, 1.0, 80.0]]
+    np.testing.assert_allclose(inflow.velocity(far, 3.3), inflow.velocity(edge, 3.3), rtol=1e-12)
+
+
+def test_mean_wind_must_fit_the_box():
+    box = trilinear_box()
+    for wrong in (SteadyInflow(12.0, 90.0), SteadyInflow(10.0, 120.0)):
+        with pytest.raises(InflowError, match="within 1 %"):
+            TurbulentInflow(box, wrong)
+    with pytest.raises(InflowError, match="must be a TurbulenceBox"):
+        TurbulentInflow(SteadyInflow(8.0))
+    with pytest.raises(InflowError, match="must be a SteadyInflow"):
+        TurbulentInflow(box, steady=8.0)
+    with pytest.raises(InflowError, match="time_offset"):
+        TurbulentInflow(box, time_offset=math.inf)
+
+
+@pytest.mark.parametrize(("points", "time"), [([0.0, math.nan, 90.0], 0.0), ([0.0, 0.0, 90.0], math.nan)])
+def test_points_and_times_must_be_finite(points, time):
+    with pytest.raises(InflowError):
+        TurbulentInflow(trilinear_box()).velocity(points, time)
+
+
+def test_descriptions():
+    inflow = TurbulentInflow(small_box(7), SteadyInflow(8.0, 90.0, shear_exponent=0.2), time_offset=5.0)
+    assert inflow.description == (
+        "Kaimal NTM class B at 8 m/s (sigma_u 1.62 m/s), seed 7, 20 s, from 5 s, power-law profile (exponent 0.2)"
+    )
+    assert "3 x 3 points" in repr(inflow)
+    assert len(repr(inflow)) < 600

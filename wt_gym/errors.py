@@ -1,0 +1,23 @@
+"""Exceptions raised at the doors of wt_gym: each names what was given, what is allowed and where."""
+
+__all__ = ["ActionError", "InflowError", "SimulationError", "TurbineDefinitionError", "WtGymError"]
+
+
+class WtGymError(Exception):
+    """Base class of every exception this package raises on purpose."""
+
+
+class TurbineDefinitionError(WtGymError, ValueError):
+    """A turbine file or dataclass is incomplete, inconsistent or out of range."""
+
+
+class InflowError(WtGymError, ValueError):
+    """An inflow was asked for that cannot be built or evaluated."""
+
+
+class ActionError(WtGymError, ValueError):
+    """An action or command has the wrong shape, is not finite or lies outside its space."""
+
+
+class SimulationError(WtGymError, RuntimeError):
+    """The simulation left the range in which it has meaning (divergence, tower strike, broken state)."""

@@ -1,0 +1,1 @@
+"""wt_gym.multibody"""

@@ -1,0 +1,279 @@
+"""One body of a multibody system: rigid, or flexible in a reduced basis, with its constant inertia integrals.
+
+A material point of the body sits, in the body frame, at
+
+    r(q) = x₀ + S q + ½ qᵀ H q,
+
+with the linear modes S and the second-order field H (foreshortening). The kinetic energy is kept complete up to second
+order in the elastic coordinates (third order where two of them are rates); it then needs only the constant integrals
+collected in :class:`BodyInertia`.
+The terms with H are what stiffens a rotating blade and what makes a loaded tower lean (P-Δ).
+(Floating frame of reference: Shabana, Dynamics of Multibody Systems, ch. 5; second-order terms: Wallrapp &
+Schwertassek 1991, Int. J. Numer. Methods Eng. 32, 1833–1850.)
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wt_gym.structure.beam import SecondOrderField, skew
+
+__all__ = ["BodyInertia", "FlexibleBody", "Marker", "offset_marker", "particle_fields"]
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A point (with an orientation) that moves with a body.
+
+    Attributes
+    ----------
+    position : array (3,)
+        Undeformed position in the body frame [m].
+    linear : array (3, n)
+        Displacement per elastic coordinate.
+    second : array (3, n, n)
+        Second-order displacement H.
+    rotation : array (3, n)
+        Rotation vector per elastic coordinate.
+    """
+
+    position: np.ndarray
+    linear: np.ndarray
+    second: np.ndarray
+    rotation: np.ndarray
+
+
+@dataclass(frozen=True)
+class BodyInertia:
+    """Constant inertia integrals of a body, second order in its n elastic coordinates q.
+
+    The first moment is mc = c0 + c1 q + ½ qᵀ c2 q, the inertia tensor about the frame origin
+    J = j0 + j1 q + ½ qᵀ j2 q, the coupling of rotation and deformation D_k = d0_k + d1_kj q_j.
+
+    Attributes
+    ----------
+    mass : float
+        ∫ dm [kg].
+    c0 : array (3,); c1 : array (3, n); c2 : array (3, n, n)
+        First moments.
+    j0 : array (3, 3); j1 : array (n, 3, 3); j2 : array (n, n, 3, 3)
+        Inertia tensor.
+    d0 : array (n, 3); d1 : array (n, n, 3)
+        ∫ x₀ × S_k dm and ∫ (S_j × S_k + x₀ × H_kj) dm, indexed [k, j].
+    m0 : array (n, n); m1 : array (n, n, n)
+        Elastic mass matrix M_kl = m0_kl + m1_klj q_j: ∫ S_k · S_l dm and ∫ (S_k · H_lj + S_l · H_kj) dm.
+    """
+
+    mass: float
+    c0: np.ndarray
+    c1: np.ndarray
+    c2: np.ndarray
+    j0: np.ndarray
+    j1: np.ndarray
+    j2: np.ndarray
+    d0: np.ndarray
+    d1: np.ndarray
+    m0: np.ndarray
+    m1: np.ndarray
+
+    @classmethod
+    def rigid(cls, mass, centre, inertia_about_centre):
+        """Inertia of a rigid body from mass, mass centre (3,) and inertia tensor (3, 3) about the mass centre."""
+        centre = np.asarray(centre, dtype=float)
+        r = skew(centre)
+        j0 = np.asarray(inertia_about_centre, dtype=float) - mass * r @ r
+        z = np.zeros
+        return cls(
+            mass=mass,
+            c0=mass * centre,
+            c1=z((3, 0)),
+            c2=z((3, 0, 0)),
+            j0=j0,
+            j1=z((0, 3, 3)),
+            j2=z((0, 0, 3, 3)),
+            d0=z((0, 3)),
+            d1=z((0, 0, 3)),
+            m0=z((0, 0)),
+            m1=z((0, 0, 0)),
+        )
+
+    @classmethod
+    def from_particles(cls, mass, fields):
+        """Sum over mass points (n_p,) with their :class:`ParticleFields`."""
+        x0, s = fields.position, fields.linear
+        n = s.shape[-1]
+        h = fields.second if n else np.zeros((len(mass), 3, 0, 0))
+        ms = mass[:, None, None] * s
+        mx = mass[:, None] * x0
+
+        def second_moment_to_inertia(e):
+            return np.trace(e, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - e
+
+        e0 = np.einsum("pi,pj->ij", mx, x0)
+        e1 = np.einsum("pi,pjk->kij", mx, s)
+        ss = np.einsum("pij,pkl->jlik", ms, s, optimize=True)
+        xh = np.einsum("pi,pjkl->klij", mx, h, optimize=True)
+        e2 = ss + np.swapaxes(ss, -1, -2) + xh + np.swapaxes(xh, -1, -2)
+        sh = np.einsum("pik,pilj->klj", ms, h, optimize=True)
+        cross_s = np.swapaxes(_axial(ss), 0, 1)
+        cross_h = _axial(xh)
+        return cls(
+            mass=float(mass.sum()),
+            c0=mx.sum(axis=0),
+            c1=ms.sum(axis=0),
+            c2=np.einsum("p,pijk->ijk", mass, h),
+            j0=second_moment_to_inertia(e0),
+            j1=second_moment_to_inertia(e1 + np.swapaxes(e1, -1, -2)),
+            j2=second_moment_to_inertia(e2),
+            d0=_axial(e1),
+            d1=cross_s + cross_h,
+            m0=np.einsum("pij,pik->jk", ms, s, optimize=True),
+            m1=sh + np.swapaxes(sh, 0, 1),
+        )
+
+
+def _axial(t):
+    """∫ a × b dm from ∫ a bᵀ dm (…, 3, 3)."""
+    return np.stack([t[..., 1, 2] - t[..., 2, 1], t[..., 2, 0] - t[..., 0, 2], t[..., 0, 1] - t[..., 1, 0]], -1)
+
+
+@dataclass(frozen=True)
+class ParticleFields:
+    """Position (n_p, 3), linear (n_p, 3, n) and second-order (n_p, 3, n, n) displacement of mass points."""
+
+    position: np.ndarray
+    linear: np.ndarray
+    _axis_second: np.ndarray = field(repr=False)
+    _rotation: np.ndarray = field(repr=False)
+    _offset: np.ndarray = field(repr=False)
+    _gauss: np.ndarray = field(repr=False)
+
+    @property
+    def second(self):
+        """H of every mass point; large for nodal bases."""
+        return self._axis_second[self._gauss] + SecondOrderField.of_offset(self._rotation[self._gauss], self._offset)
+
+    def contract_second(self, force):
+        """Σ_p force_p · H_p (n, n) without storing H of all points; force (n_p, 3)."""
+        n_g = len(self._axis_second)
+        per_gauss = np.zeros((n_g, 3))
+        np.add.at(per_gauss, self._gauss, force)
+        out = np.einsum("gi,gijk->jk", per_gauss, self._axis_second, optimize=True)
+        theta = self._rotation[self._gauss]
+        # ½ (θ_j·f θ_k·d + θ_k·f θ_j·d) − (f·d) θ_j·θ_k
+        moment = np.einsum("pi,pj->pij", force, self._offset)
+        trace = np.trace(moment, axis1=1, axis2=2)
+        symmetric = 0.5 * (moment + np.swapaxes(moment, 1, 2)) - trace[:, None, None] * np.eye(3)
+        return out + np.einsum("pij,pia,pjb->ab", symmetric, theta, theta, optimize=True)
+
+
+def particle_fields(beam, basis):
+    """Displacement fields of a beam's mass points for a basis (n_dof, n)."""
+    basis = np.asarray(basis, dtype=float)
+    theta = beam.gauss_rotation(basis).reshape(-1, 3, basis.shape[1])
+    return ParticleFields(
+        position=beam.particle_position,
+        linear=np.einsum("pia,an->pin", beam.particle_shape, basis, optimize=True),
+        _axis_second=beam.second_order_field(basis).at_gauss(),
+        _rotation=theta,
+        _offset=beam._particle_offset,
+        _gauss=beam._particle_gauss,
+    )
+
+
+@dataclass(frozen=True)
+class FlexibleBody:
+    """A body ready for a multibody system.
+
+    Attributes
+    ----------
+    name : str
+    inertia : BodyInertia
+    stiffness, damping : array (n, n)
+        Of the elastic coordinates.
+    markers : dict of str to Marker
+        Named points to which joints attach.
+    coordinate_names : tuple of str
+        Names of the n elastic coordinates.
+    """
+
+    name: str
+    inertia: BodyInertia
+    stiffness: np.ndarray
+    damping: np.ndarray
+    markers: dict
+    coordinate_names: tuple = ()
+
+    @property
+    def n_elastic(self):
+        """Number of elastic coordinates."""
+        return self.stiffness.shape[0]
+
+    @classmethod
+    def rigid(cls, name, mass, centre, inertia_about_centre, markers=None):
+        """A rigid body; markers are given as name → position (3,)."""
+        none = np.zeros
+        points = {
+            key: Marker(np.asarray(p, dtype=float), none((3, 0)), none((3, 0, 0)), none((3, 0)))
+            for key, p in (markers or {"origin": np.zeros(3)}).items()
+        }
+        return cls(name, BodyInertia.rigid(mass, centre, inertia_about_centre), none((0, 0)), none((0, 0)), points)
+
+    @classmethod
+    def from_beam(cls, name, beam, basis, damping_ratio=0.0, frequency=None, markers=None, coordinate_names=None):
+        """A flexible body from a beam and a basis of nodal displacements.
+
+        Parameters
+        ----------
+        name : str
+        beam : Beam
+        basis : array (n_dof, n)
+            Modes or unit vectors of nodal coordinates.
+        damping_ratio : float
+            Structural damping ratio of every mode of the basis.
+        frequency : array (n,), optional
+            Frequencies [Hz] to which the damping ratio refers, one for each column of the basis.
+            Required with a damping ratio.
+        markers : dict of str to float, optional
+            Arc lengths of named points on the axis, default {"root": 0, "tip": end}.
+        coordinate_names : sequence of str, optional
+        """
+        basis = np.asarray(basis, dtype=float)
+        stiffness = basis.T @ beam.stiffness @ basis
+        damping = np.zeros_like(stiffness)
+        if damping_ratio:
+            if frequency is None:
+                raise ValueError(f"body {name!r}: a damping ratio needs the frequencies it refers to")
+            # stiffness-proportional by mode: c = 2 ζ k / ω, so that couplings in k are damped consistently
+            scale = np.sqrt(2.0 * damping_ratio / (2.0 * np.pi * np.asarray(frequency)))
+            damping = scale[:, None] * stiffness * scale[None, :]
+        second = beam.second_order_field(basis)
+        ends = {"root": beam.nodes[0], "tip": beam.nodes[-1]}
+        points = {}
+        for key, s in (ends | dict(markers or {})).items():
+            u, theta = beam.linear_field(s, basis)
+            points[key] = Marker(beam.sections.axis_at(s), u, second.at(s), theta)
+        inertia = BodyInertia.from_particles(beam.particle_mass, particle_fields(beam, basis))
+        names = tuple(coordinate_names or (f"{name}_{i + 1}" for i in range(basis.shape[1])))
+        return cls(name, inertia, stiffness, damping, points, names)
+
+
+def offset_marker(beam, basis, s, offset, second=None):
+    """Marker of a point rigidly carried by the section at arc length s.
+
+    Parameters
+    ----------
+    beam : Beam
+    basis : array (n_dof, n)
+    s : float
+        Arc length [m].
+    offset : array (3,)
+        From the reference axis to the point, in the body frame [m].
+    second : SecondOrderField, optional
+        Of the basis, to avoid computing it for each point.
+    """
+    second = second or beam.second_order_field(basis)
+    u, theta = beam.linear_field(s, basis)
+    offset = np.asarray(offset, dtype=float)
+    quadratic = second.at(s) + SecondOrderField.of_offset(theta[None], offset[None])[0]
+    return Marker(beam.sections.axis_at(s) + offset, u - skew(offset) @ theta, quadratic, theta)

@@ -1,0 +1,132 @@
+"""Vibration modes of a beam and the choice of a reduced basis."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+
+__all__ = ["Modes", "clamped_modes", "select_modes"]
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Mass-normalised modes of a beam.
+
+    Attributes
+    ----------
+    frequency : array (n,)
+        Natural frequencies [Hz], ascending.
+    shape : array (n_dof, n)
+        Nodal displacements, mass-normalised (shapeᵀ M shape = 1, attached masses included).
+    kind : tuple of str
+        "flap" (motion along x), "edge" (along y), "torsion" or "axial", by the largest share of kinetic energy.
+    """
+
+    frequency: np.ndarray
+    shape: np.ndarray
+    kind: tuple
+
+
+def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None):
+    """Modes of a beam clamped at node 0, optionally spinning with a constant angular velocity.
+
+    Parameters
+    ----------
+    beam : Beam
+    n : int
+        Number of modes.
+    tip_mass : array (6, 6), optional
+        Mass matrix of a rigid body fixed to the last node.
+    spin : float or array (3,)
+        Angular velocity [rad/s]; a number means about x (a rotor turning about +x).
+    centre : array (3,), optional
+        A point on the spin axis in the body frame, default the origin.
+
+    Returns
+    -------
+    Modes
+        For a spinning beam the modes of M ü + (K + K_spin) u = 0; gyroscopic terms couple the modes of one beam only
+        weakly and are part of the multibody equations.
+    """
+    stiffness, mass = beam.stiffness.copy(), beam.mass.copy()
+    if tip_mass is not None:
+        mass[-6:, -6:] += tip_mass
+    omega = np.array([spin, 0.0, 0.0]) if np.isscalar(spin) else np.asarray(spin, dtype=float)
+    if np.any(omega != 0.0):
+        stiffness += spin_stiffness(beam, omega, centre)
+    free = slice(6, beam.n_dof)
+    n = min(n, beam.n_dof - 6)
+    value, vector = eigh(stiffness[free, free], mass[free, free], subset_by_index=[0, n - 1])
+    shape = np.zeros((beam.n_dof, n))
+    shape[free] = vector
+    shape *= _tip_sign(shape)
+    return Modes(np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), shape, tuple(_kind(beam, s) for s in shape.T))
+
+
+def spin_stiffness(beam, omega, centre=None):
+    """Centrifugal stiffness (n_dof, n_dof): spin softening plus the geometric part of the centrifugal tension.
+
+    From the potential −½ Σ m |ω × r|² of the mass points with r = x₀ + S q + ½ qᵀ H q, second order in q:
+
+        K = Σ m (Sᵀ ω̃ ω̃ S + (ω̃ ω̃ x₀)·H).
+    """
+    centre = np.zeros(3) if centre is None else np.asarray(centre, dtype=float)
+    from wt_gym.structure.flexible_body import particle_fields  # circular by nature: fields know beams
+
+    fields = particle_fields(beam, np.eye(beam.n_dof))
+    w = _skew(omega) @ _skew(omega)
+    pull = (beam.particle_position - centre) @ w.T
+    linear = np.einsum("p,pia,ij,pjb->ab", beam.particle_mass, fields.linear, w, fields.linear, optimize=True)
+    return linear + fields.contract_second(beam.particle_mass[:, None] * pull)
+
+
+def select_modes(modes, **count):
+    """Indices of the lowest modes of each kind.
+
+    Parameters
+    ----------
+    modes : Modes
+    **count
+        Number wanted of each kind, e.g. ``flap=2, edge=1, torsion=0``.
+
+    Returns
+    -------
+    list of int
+        In the order of the keywords, each kind by ascending frequency.
+
+    Raises
+    ------
+    ValueError
+        When fewer modes of a kind were computed than wanted.
+    """
+    chosen = []
+    for kind, wanted in count.items():
+        found = [i for i, k in enumerate(modes.kind) if k == kind]
+        if len(found) < wanted:
+            raise ValueError(f"{wanted} {kind} modes wanted, {len(found)} among the {len(modes.kind)} computed modes")
+        chosen += found[:wanted]
+    return chosen
+
+
+def _skew(v):
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def _tip_sign(shape):
+    """Signs that make the dominant tip displacement (or rotation) of each mode positive."""
+    tip = shape[-6:]
+    dominant = np.abs(tip * np.array([1.0, 1.0, 1.0, 10.0, 10.0, 10.0])[:, None]).argmax(axis=0)
+    return np.where(tip[dominant, np.arange(shape.shape[1])] < 0.0, -1.0, 1.0)
+
+
+def _kind(beam, shape):
+    """Name of a mode by the share of kinetic energy in x, y, z displacement and in the rotation about z."""
+    u = np.einsum("pia,a->pi", beam.particle_shape, shape)
+    axial = np.zeros_like(shape)
+    axial[5::6] = shape[5::6]
+    twist = np.einsum("pia,a->pi", beam.particle_shape, axial)
+    m = beam.particle_mass
+    energy_twist = np.sum(m[:, None] * twist**2)
+    energy = m @ (u - twist) ** 2
+    names = ("flap", "edge", "axial", "torsion")
+    return names[int(np.argmax([*energy, energy_twist]))]

@@ -1,0 +1,120 @@
+"""Turbulence boxes kept on disk by their parameters, so that a wind is synthesised once.
+
+Files live in ``$WT_GYM_CACHE/turbulence``, or without that variable in the user's cache directory. Each holds one
+array and the parameters it was made from. A file that cannot be read, or that belongs to other parameters, is made
+again; a directory that cannot be written costs only the time of the next synthesis and is reported to the log.
+The folder is kept below :data:`MAX_BYTES` by removing the boxes not used for longest.
+"""
+
+import contextlib
+import hashlib
+import json
+import logging
+import os
+import sys
+import tempfile
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from wt_gym.wind.kaimal import KaimalParameters
+
+__all__ = ["MAX_BYTES", "cache_file", "load", "store"]
+
+MAX_BYTES = 2 * 1024**3
+
+_FORMAT = 1  # raise when the synthesis changes its results
+# What numpy and zipfile raise on damaged files: RuntimeError and its kin for unknown zip flags and versions.
+_DAMAGE = (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
+_log = logging.getLogger(__name__)
+
+
+def cache_directory() -> Path | None:
+    """Folder of the cached boxes, or None where neither the variable nor a home directory exists."""
+    chosen = os.environ.get("WT_GYM_CACHE")
+    if chosen:
+        return Path(chosen).expanduser() / "turbulence"
+    try:
+        home = Path.home()
+    except RuntimeError:
+        return None
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = home / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
+    return base / "wt_gym" / "turbulence"
+
+
+def cache_file(parameters: KaimalParameters) -> Path | None:
+    """File in which the box of these parameters is or would be kept."""
+    directory = cache_directory()
+    if directory is None:
+        return None
+    digest = hashlib.sha256(_label(parameters).encode()).hexdigest()[:20]
+    return directory / f"kaimal-{digest}.npz"
+
+
+def _label(parameters: KaimalParameters) -> str:
+    return json.dumps({"format": _FORMAT, **parameters.as_dict()}, sort_keys=True)
+
+
+def load(parameters: KaimalParameters) -> np.ndarray | None:
+    """Fluctuations (n_times, n_z, n_y, 3) from the cache, or None if there is no sound file."""
+    path = cache_file(parameters)
+    if path is None:
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            label, fluctuation = str(file["parameters"]), file["fluctuation"]
+    except FileNotFoundError:
+        return None
+    except _DAMAGE as error:
+        _log.warning("cached turbulence %s is unreadable (%s); it is made again", path, error)
+        return None
+    shape = (parameters.n_times, parameters.grid[1], parameters.grid[0], 3)
+    if label != _label(parameters) or fluctuation.shape != shape or fluctuation.dtype != np.float32:
+        _log.warning("cached turbulence %s holds another box; it is made again", path)
+        return None
+    with contextlib.suppress(OSError):  # a read-only cache is still a good cache
+        os.utime(path)
+    return fluctuation
+
+
+def store(parameters: KaimalParameters, fluctuation: np.ndarray) -> None:
+    """Write the box so that other processes see either the whole file or none."""
+    path = cache_file(parameters)
+    if path is None:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=path.stem, suffix=".partial", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                np.savez(file, parameters=np.array(_label(parameters)), fluctuation=fluctuation)
+            os.replace(name, path)
+        except BaseException:
+            os.unlink(name)
+            raise
+        _prune(path)
+    except OSError as error:
+        _log.warning("turbulence could not be cached in %s (%s)", path.parent, error)
+
+
+def _prune(newest: Path) -> None:
+    """Remove the boxes not used for longest until the folder is within its limit; ``newest`` stays."""
+    boxes = []
+    for path in newest.parent.glob("kaimal-*"):
+        with contextlib.suppress(FileNotFoundError):  # another process may prune at the same time
+            status = path.stat()
+            boxes.append((status.st_mtime, status.st_size, path))
+    total = sum(size for _, size, _ in boxes)
+    for _, size, path in sorted(boxes):
+        if total <= MAX_BYTES:
+            return
+        if path != newest:
+            path.unlink(missing_ok=True)
+            total -= size

@@ -1,0 +1,281 @@
+"""Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and the synthesis of one realisation.
+
+The three components are stationary Gaussian processes with the one-sided Kaimal spectra of IEC 61400-1 (edition 4,
+annex C.2) and, between two points a distance r apart at frequency f, the coherence exp(−κ(f) r). Following Veers
+(Three-dimensional wind simulation, SAND88-0152, 1988) the Fourier coefficients at each frequency are
+√S(f) A(f) ζ with A Aᵀ the coherence matrix and ζ complex normal noise.
+
+On a regular grid the coherence matrix is unchanged when the grid is mirrored left-right or top-bottom. In a
+basis of even and odd vectors it falls apart into four blocks of a quarter of the size, and their Cholesky factors
+cost a sixteenth of the full one.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import scipy.fft
+
+from wt_gym.errors import InflowError
+from wt_gym.wind.iec import length_scale, turbulence_sigma
+from wt_gym.wind.protocol import require_number
+
+__all__ = ["KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesise"]
+
+SIGMA_RATIO = np.array([1.0, 0.8, 0.5])
+LENGTH_RATIO = np.array([8.1, 2.7, 0.66])
+COHERENCE_DECREMENT = 12.0
+COHERENCE_OFFSET = 0.12
+
+_FREQUENCIES_PER_BATCH = 64  # the coherence blocks of a batch take 13 MB for 17 x 17 points, 104 MB for 29 x 29
+_DEFAULT_SPACING = 10.0
+_DEFAULT_MARGIN = 1.15
+
+
+@dataclass(frozen=True)
+class KaimalParameters:
+    """Everything that determines a Kaimal box; the arguments of :meth:`TurbulenceBox.kaimal`, resolved.
+
+    ``grid`` is (n_y, n_z), ``width`` the side of the square grid [m], ``n_times`` the number of time steps.
+    """
+
+    mean_speed: float
+    hub_height: float
+    rotor_diameter: float
+    turbulence_class: str
+    seed: int
+    n_times: int
+    time_step: float
+    grid: tuple[int, int]
+    width: float
+    turbulence: str
+    turbine_class: str
+    scale_sigma: bool
+    lateral_coherence: bool
+
+    @classmethod
+    def resolve(
+        cls,
+        mean_speed: float,
+        hub_height: float,
+        rotor_diameter: float,
+        turbulence_class: str,
+        seed: int,
+        duration: float,
+        time_step: float,
+        grid: tuple[int, int] | None,
+        width: float | None,
+        turbulence: str,
+        turbine_class: str,
+        scale_sigma: bool,
+        lateral_coherence: bool,
+    ) -> "KaimalParameters":
+        """Check the arguments and fill in the defaults."""
+        mean_speed = require_number(mean_speed, "mean_speed", "m/s", 0.0, open_minimum=True)
+        hub_height = require_number(hub_height, "hub_height", "m", 0.0, open_minimum=True)
+        diameter = require_number(rotor_diameter, "rotor_diameter", "m", 0.0, 2.0 * hub_height, open_minimum=True)
+        time_step = require_number(time_step, "time_step", "s", 0.0, open_minimum=True)
+        duration = require_number(duration, "duration", "s", 4.0 * time_step)
+        turbulence_sigma(mean_speed, turbulence_class, turbulence, turbine_class)  # refuses unknown classes
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+            raise InflowError(f"seed must be an integer of at least 0; got {seed!r}")
+        n_times = round(duration / time_step)
+        if abs(n_times * time_step - duration) > 1e-6 * duration:
+            raise InflowError(f"duration must be a multiple of time_step; got {duration} s and {time_step} s")
+        if width is None:
+            width = min(_DEFAULT_MARGIN * diameter, 1.98 * hub_height)  # the grid must stay above the ground
+        width = require_number(width, "width", "m", 0.0, 2.0 * hub_height, open_minimum=True)
+        if grid is None:
+            n_points = 2 * math.ceil(0.5 * width / _DEFAULT_SPACING) + 1
+            grid = (n_points, n_points)
+        return cls(
+            mean_speed=mean_speed,
+            hub_height=hub_height,
+            rotor_diameter=diameter,
+            turbulence_class=turbulence_class,
+            seed=int(seed),
+            n_times=n_times,
+            time_step=time_step,
+            grid=_checked_grid(grid),
+            width=width,
+            turbulence=turbulence,
+            turbine_class=turbine_class,
+            scale_sigma=bool(scale_sigma),
+            lateral_coherence=bool(lateral_coherence),
+        )
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations of u, v and w [m/s], shape (3,)."""
+        return SIGMA_RATIO * turbulence_sigma(
+            self.mean_speed, self.turbulence_class, self.turbulence, self.turbine_class
+        )
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Distance between grid points along y and z [m]."""
+        return self.width / (self.grid[0] - 1), self.width / (self.grid[1] - 1)
+
+    @property
+    def description(self) -> str:
+        """One line that tells a person what turbulence this is."""
+        return (
+            f"Kaimal {self.turbulence} class {self.turbulence_class} at {self.mean_speed:g} m/s "
+            f"(sigma_u {self.sigma[0]:.3g} m/s), seed {self.seed}"
+        )
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the parameters as plain values that JSON can hold."""
+        return {**asdict(self), "grid": list(self.grid)}
+
+
+def _checked_grid(grid: tuple[int, int]) -> tuple[int, int]:
+    try:
+        n_y, n_z = (int(n) for n in grid)
+    except (TypeError, ValueError) as error:
+        raise InflowError(f"grid must be two numbers of points (n_y, n_z); got {grid!r}") from error
+    if min(n_y, n_z) < 3 or n_y % 2 == 0 or n_z % 2 == 0:
+        raise InflowError(
+            f"grid needs odd numbers of points of at least 3, so that one lies at the hub; got {(n_y, n_z)}"
+        )
+    return n_y, n_z
+
+
+def kaimal_spectrum(frequency: np.ndarray, mean_speed: float, hub_height: float, sigma_u: float) -> np.ndarray:
+    """One-sided Kaimal spectra S_k(f) of u, v and w [m²/s²/Hz].
+
+    f S_k/σ_k² = 4 (f L_k/V) / (1 + 6 f L_k/V)^(5/3) with L = (8.1, 2.7, 0.66) Λ₁ and σ = (1, 0.8, 0.5) σ_u
+    (IEC 61400-1, equation C.14 and table C.1).
+
+    Parameters
+    ----------
+    frequency
+        Frequencies [Hz], shape (n,).
+    mean_speed, hub_height, sigma_u
+        Mean speed at the hub [m/s], hub height [m], standard deviation of u [m/s].
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 3).
+    """
+    time_scale = LENGTH_RATIO * length_scale(hub_height) / mean_speed
+    reduced = np.asarray(frequency, dtype=np.float64)[..., None] * time_scale
+    return (SIGMA_RATIO * sigma_u) ** 2 * 4.0 * time_scale / (1.0 + 6.0 * reduced) ** (5.0 / 3.0)
+
+
+def coherence_decay(frequency: np.ndarray, mean_speed: float, hub_height: float) -> np.ndarray:
+    """Decay rate κ(f) [1/m] of the coherence exp(−κ r) between points a distance r apart across the wind.
+
+    κ = 12 √((f/V)² + (0.12/L_c)²), L_c = 8.1 Λ₁ (IEC 61400-1, equation C.16, with r taken out of the root).
+    """
+    scale = LENGTH_RATIO[0] * length_scale(hub_height)
+    return COHERENCE_DECREMENT * np.hypot(np.asarray(frequency) / mean_speed, COHERENCE_OFFSET / scale)
+
+
+def synthesise(parameters: KaimalParameters) -> np.ndarray:
+    """Fluctuations of one realisation [m/s], float32, shape (n_times, n_z, n_y, 3).
+
+    Every point has zero mean over the period. The Nyquist frequency carries nothing.
+    """
+    n_times, (n_y, n_z) = parameters.n_times, parameters.grid
+    rng = np.random.default_rng(parameters.seed)
+    n_frequencies = (n_times - 1) // 2
+    resolution = 1.0 / (n_times * parameters.time_step)
+    frequency = resolution * np.arange(1, n_frequencies + 1)
+    decay = coherence_decay(frequency, parameters.mean_speed, parameters.hub_height)
+
+    coefficients = np.zeros((n_times // 2 + 1, n_z, n_y, 3), dtype=np.complex128)
+    for start in range(0, n_frequencies, _FREQUENCIES_PER_BATCH):
+        batch = slice(start, min(start + _FREQUENCIES_PER_BATCH, n_frequencies))
+        noise = _coherent_noise(rng, decay[batch], parameters)
+        coefficients[1 + batch.start : 1 + batch.stop] = noise[..., :3] + 1j * noise[..., 3:]
+    spectrum = kaimal_spectrum(frequency, parameters.mean_speed, parameters.hub_height, parameters.sigma[0])
+    # A harmonic a cos + b sin holds the variance S Δf when a and b each do; its coefficient is n/2 (a − ib).
+    amplitude = 0.5 * n_times * np.sqrt(spectrum * resolution)
+    coefficients[1 : n_frequencies + 1] *= amplitude[:, None, None, :]
+    field = scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True)
+    if parameters.scale_sigma:
+        field *= parameters.sigma / field[:, n_z // 2, n_y // 2].std(axis=0)
+    return field.astype(np.float32)
+
+
+def _coherent_noise(rng: np.random.Generator, decay: np.ndarray, parameters: KaimalParameters) -> np.ndarray:
+    """Standard normal noise with the coherence at each frequency, shape (n_frequencies, n_z, n_y, 6).
+
+    The last axis holds three real and three imaginary parts.
+    """
+    n_y, n_z = parameters.grid
+    spacing_y, spacing_z = parameters.spacing
+    noise = rng.standard_normal((decay.size, n_z, n_y, 6))
+    # Rows of these orthogonal matrices: even vectors first, then odd ones.
+    basis_y, basis_z = _reflection_basis(n_y), _reflection_basis(n_z)
+    halves_y, halves_z = _halves(n_y), _halves(n_z)
+    mirrored = _mirrored_coherence(decay, n_y, n_z, spacing_y, spacing_z)
+    blocks = np.empty_like(noise)
+    for parity_z, rows in enumerate(halves_z):
+        for parity_y, columns in enumerate(halves_y):
+            factor = np.linalg.cholesky(_parity_block(mirrored, n_y, n_z, parity_y, parity_z))
+            part = noise[:, rows, columns]
+            blocks[:, rows, columns] = (factor @ part.reshape(decay.size, -1, 6)).reshape(part.shape)
+    coherent = np.einsum("fabc,az,by->fzyc", blocks, basis_z, basis_y, optimize=True)
+    if not parameters.lateral_coherence:
+        coherent[..., [1, 2, 4, 5]] = noise[..., [1, 2, 4, 5]]
+    return coherent
+
+
+def _halves(n: int) -> tuple[slice, slice]:
+    """Where the even and the odd vectors of n points stand."""
+    n_even = n - n // 2
+    return slice(0, n_even), slice(n_even, n)
+
+
+def _reflection_basis(n: int) -> np.ndarray:
+    """Orthogonal matrix (n, n) whose rows are even, then odd, under reversal of n (odd) points."""
+    half = n // 2
+    basis = np.zeros((n, n))
+    for i in range(half):
+        basis[i, [i, n - 1 - i]] = math.sqrt(0.5)
+        basis[half + 1 + i, [i, n - 1 - i]] = math.sqrt(0.5), -math.sqrt(0.5)
+    basis[half, half] = 1.0
+    return basis
+
+
+def _mirrored_coherence(decay: np.ndarray, n_y: int, n_z: int, spacing_y: float, spacing_z: float) -> np.ndarray:
+    """Coherence of each point of one quadrant with the four mirror images of each other, middle lines included.
+
+    Shape (2, 2, n_frequencies, h_z, h_y, h_z, h_y): first index 1 if mirrored top-bottom, second if left-right;
+    h = n // 2 + 1.
+    """
+    lag_y, lag_z = np.arange(n_y), np.arange(n_z)
+    distance = np.hypot(spacing_z * lag_z[:, None], spacing_y * lag_y)
+    table = np.exp(-decay[:, None, None] * distance)
+    steps_y, steps_z = _index_steps(n_y), _index_steps(n_z)
+    gathered = [
+        [table[:, steps_z[mz][:, None, :, None], steps_y[my][None, :, None, :]] for my in range(2)] for mz in range(2)
+    ]
+    return np.array(gathered)
+
+
+def _index_steps(n: int) -> np.ndarray:
+    """Index distances (2, h, h) between the points of one half and of the other or its mirror image."""
+    half = np.arange(n // 2 + 1)
+    return np.abs(np.array([half[:, None] - half, half[:, None] - (n - 1 - half)]))
+
+
+def _parity_block(mirrored: np.ndarray, n_y: int, n_z: int, parity_y: int, parity_z: int) -> np.ndarray:
+    """Coherence matrices (n_frequencies, m, m) between the basis vectors of one parity (0 even, 1 odd) per axis."""
+    sign_y, sign_z = 1.0 - 2.0 * parity_y, 1.0 - 2.0 * parity_z
+    block = mirrored[0, 0] + sign_y * mirrored[0, 1] + sign_z * (mirrored[1, 0] + sign_y * mirrored[1, 1])
+    weight_z, weight_y = _mirror_weights(n_z, parity_z), _mirror_weights(n_y, parity_y)
+    m_z, m_y = weight_z.size, weight_y.size
+    weight = np.outer(weight_z, weight_y).ravel()
+    block = block[:, :m_z, :m_y, :m_z, :m_y].reshape(-1, m_z * m_y, m_z * m_y)
+    return weight[:, None] * block * weight
+
+
+def _mirror_weights(n: int, parity: int) -> np.ndarray:
+    """Weight of each basis vector in the mirrored sums: the middle point is its own image and counts once."""
+    if parity == 1:
+        return np.ones(n // 2)
+    return np.append(np.ones(n // 2), math.sqrt(0.5))

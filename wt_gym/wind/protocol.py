@@ -1,0 +1,128 @@
+"""What every inflow offers: the undisturbed wind at any points and time."""
+
+import math
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from wt_gym.errors import InflowError
+
+__all__ = ["Inflow", "PointInflow", "require_number"]
+
+_N_RINGS = 8
+_N_AZIMUTHS = 24
+
+
+@runtime_checkable
+class Inflow(Protocol):
+    """The undisturbed wind u(x, t) in the global frame (x downwind, y left looking downwind, z up from the ground)."""
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean wind speed at hub height [m/s]."""
+
+    @property
+    def hub_height(self) -> float:
+        """Height [m] at which :attr:`mean_speed` holds."""
+
+    @property
+    def description(self) -> str:
+        """One line that tells a person what wind this is."""
+
+    def velocity(self, points: np.ndarray, time: float) -> np.ndarray:
+        """Wind velocity [m/s], shape (..., 3), at points [m] of shape (..., 3) and a time [s]."""
+
+
+class PointInflow:
+    """Shared door of the inflows: checks what comes in and calls the compiled kernel of the subclass."""
+
+    def velocity(self, points: np.ndarray, time: float) -> np.ndarray:
+        """Undisturbed wind velocity at points and a time.
+
+        Parameters
+        ----------
+        points
+            Positions in the global frame [m], shape (..., 3).
+        time
+            Time [s], any finite number.
+
+        Returns
+        -------
+        numpy.ndarray
+            Velocity in the global frame [m/s], float64, the shape of ``points``; a new array.
+
+        Raises
+        ------
+        InflowError
+            ``points`` does not end in three components, or a point or the time is not finite.
+        """
+        try:
+            positions = np.ascontiguousarray(points, dtype=np.float64)
+            time = float(time)
+        except (TypeError, ValueError) as error:
+            raise InflowError(f"points must be an array of numbers and time a number: {error}") from error
+        if positions.ndim == 0 or positions.shape[-1] != 3:
+            raise InflowError(f"points must have shape (..., 3); got {positions.shape}")
+        if not math.isfinite(time):
+            raise InflowError(f"time must be finite; got {time}")
+        # A read-only view, whatever the caller passed, so that one compiled signature serves every call.
+        rows = positions.reshape(-1, 3).view()
+        rows.setflags(write=False)
+        out = np.empty((rows.shape[0], 3))
+        bad = self._fill(rows, time, out)
+        if bad >= 0:
+            raise InflowError(f"every point must be finite; point {bad} of {rows.shape[0]} is {rows[bad].tolist()}")
+        return out.reshape(positions.shape)
+
+    def rotor_effective_speed(self, time: float | np.ndarray, rotor_diameter: float) -> float | np.ndarray:
+        """Mean over the rotor disc of the wind component along x.
+
+        The disc stands upright at x = 0 with its centre at hub height and faces −x. The mean is taken over 192
+        points of equal area.
+
+        Parameters
+        ----------
+        time
+            Time or times [s].
+        rotor_diameter
+            Diameter of the disc [m].
+
+        Returns
+        -------
+        float or numpy.ndarray
+            Rotor-effective wind speed [m/s], the shape of ``time``.
+        """
+        radius = 0.5 * require_number(rotor_diameter, "rotor_diameter", "m", 0.0, open_minimum=True)
+        ring = radius * np.sqrt((np.arange(_N_RINGS) + 0.5) / _N_RINGS)
+        azimuth = 2.0 * np.pi * np.arange(_N_AZIMUTHS) / _N_AZIMUTHS
+        disc = np.zeros((_N_RINGS, _N_AZIMUTHS, 3))
+        disc[..., 1] = np.outer(ring, np.sin(azimuth))
+        disc[..., 2] = self.hub_height + np.outer(ring, np.cos(azimuth))
+        times = np.asarray(time, dtype=np.float64)
+        means = [float(self.velocity(disc, t)[..., 0].mean()) for t in times.ravel()]
+        return means[0] if times.ndim == 0 else np.array(means).reshape(times.shape)
+
+    def __str__(self) -> str:
+        return self.description
+
+
+def require_number(
+    value: float,
+    name: str,
+    unit: str,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    *,
+    open_minimum: bool = False,
+) -> float:
+    """Return ``value`` as a float if it is a finite number within bounds; raise InflowError that names it if not."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise InflowError(f"{name} must be a number [{unit}]; got {value!r}") from error
+    below = number <= minimum if open_minimum else number < minimum
+    if not math.isfinite(number) or below or number > maximum:
+        bracket = "(" if open_minimum or minimum == -math.inf else "["
+        closing = ")" if maximum == math.inf else "]"
+        raise InflowError(f"{name} must lie in {bracket}{minimum:g}, {maximum:g}{closing} {unit}; got {value!r}")
+    return number

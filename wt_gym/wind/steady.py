@@ -1,0 +1,125 @@
+"""Wind that does not change in time: uniform, power-law or logarithmic profile, with veer, yaw and inclination."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt_gym.errors import InflowError
+from wt_gym.wind.inflow_kernels import mean_velocity
+from wt_gym.wind.protocol import PointInflow, require_number
+
+__all__ = ["SteadyInflow"]
+
+
+@dataclass(frozen=True)
+class SteadyInflow(PointInflow):
+    """Steady wind over flat ground.
+
+    The speed at height z is
+
+    - uniform: ``speed`` everywhere, below the ground too (there is no ground to feel);
+    - power law: ``speed * (z / hub_height)**shear_exponent`` for z > 0, zero for z ≤ 0;
+    - logarithmic: ``speed * ln(z / z0) / ln(hub_height / z0)`` for z > z0, zero for z ≤ z0 (``roughness_length``).
+
+    All three are continuous in z. The direction the wind blows towards is turned from +x by
+    ``yaw_misalignment + veer * (z - hub_height)``, positive counter-clockwise seen from above, so a positive
+    misalignment blows towards +y and gives a positive yaw error (wind direction minus nacelle direction) on a
+    nacelle that faces −x. The whole vector is raised by ``inclination``, keeping its magnitude.
+
+    Parameters
+    ----------
+    speed
+        Wind speed at hub height [m/s], at least 0.
+    hub_height
+        Reference height [m].
+    shear_exponent
+        Power-law exponent, 0 to 1; 0 is uniform. IEC 61400-1 takes 0.2 for normal conditions.
+    roughness_length
+        Roughness length z0 of the logarithmic profile [m]; excludes ``shear_exponent``.
+    veer
+        Change of direction with height [rad/m], counter-clockwise with height positive. Wind that veers in the
+        meteorological sense (clockwise with height, usual in the northern hemisphere) has a negative value.
+    yaw_misalignment
+        Wind direction at hub height relative to +x [rad], counter-clockwise from above positive.
+    inclination
+        Upflow angle [rad], rising wind positive.
+
+    Raises
+    ------
+    InflowError
+        A parameter is not finite or out of range, or both profiles are asked for.
+    """
+
+    speed: float
+    hub_height: float = 90.0
+    shear_exponent: float = 0.0
+    roughness_length: float | None = None
+    veer: float = 0.0
+    yaw_misalignment: float = 0.0
+    inclination: float = 0.0
+
+    def __post_init__(self) -> None:
+        bounds = {
+            "speed": ("m/s", 0.0, 200.0, False),
+            "hub_height": ("m", 0.0, math.inf, True),
+            "shear_exponent": ("(no unit)", 0.0, 1.0, False),
+            "veer": ("rad/m", -0.05, 0.05, False),
+            "yaw_misalignment": ("rad", -math.pi, math.pi, False),
+            "inclination": ("rad", -0.5 * math.pi, 0.5 * math.pi, False),
+        }
+        for name, (unit, low, high, open_low) in bounds.items():
+            number = require_number(getattr(self, name), name, unit, low, high, open_minimum=open_low)
+            object.__setattr__(self, name, number)
+        if self.roughness_length is None:
+            return
+        length = require_number(self.roughness_length, "roughness_length", "m", 0.0, open_minimum=True)
+        object.__setattr__(self, "roughness_length", length)
+        if length >= self.hub_height:
+            raise InflowError(f"roughness_length must be below the hub height {self.hub_height} m; got {length}")
+        if self.shear_exponent != 0.0:
+            raise InflowError(
+                "shear_exponent (power law) and roughness_length (logarithmic) exclude each other; "
+                f"got {self.shear_exponent} and {length}"
+            )
+
+    @property
+    def mean_speed(self) -> float:
+        """Wind speed at hub height [m/s]."""
+        return self.speed
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether speed and direction are the same at every height."""
+        return self.shear_exponent == 0.0 and self.roughness_length is None and self.veer == 0.0
+
+    @property
+    def description(self) -> str:
+        """One line that tells a person what wind this is."""
+        return f"steady {self.speed:g} m/s at {self.hub_height:g} m, {self.profile_description}"
+
+    @property
+    def profile_description(self) -> str:
+        """The profile and angles in words."""
+        if self.roughness_length is not None:
+            parts = [f"logarithmic profile (z0 = {self.roughness_length:g} m)"]
+        elif self.shear_exponent > 0.0:
+            parts = [f"power-law profile (exponent {self.shear_exponent:g})"]
+        else:
+            parts = ["uniform profile"]
+        if self.veer:
+            parts.append(f"veer {math.degrees(self.veer):.3g} deg/m")
+        if self.yaw_misalignment:
+            parts.append(f"yaw misalignment {math.degrees(self.yaw_misalignment):.3g} deg")
+        if self.inclination:
+            parts.append(f"inclination {math.degrees(self.inclination):.3g} deg")
+        return ", ".join(parts)
+
+    @property
+    def kernel_profile(self) -> tuple[float, float, float, float, float]:
+        """Speed, hub height, exponent, roughness length (0: none) and veer, as the kernels take them."""
+        return self.speed, self.hub_height, self.shear_exponent, self.roughness_length or 0.0, self.veer
+
+    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+        angles = self.yaw_misalignment, self.inclination
+        return mean_velocity(rows, *self.kernel_profile, *angles, 0.0, 0.0, 0.0, math.inf, out)

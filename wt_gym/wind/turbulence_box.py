@@ -1,0 +1,328 @@
+"""A frozen field of turbulence on a y-z grid over time."""
+
+import os
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from wt_gym.errors import InflowError
+from wt_gym.wind import box_cache, bts
+from wt_gym.wind.kaimal import KaimalParameters, synthesise
+from wt_gym.wind.protocol import require_number
+from wt_gym.wind.steady import SteadyInflow
+
+__all__ = ["TurbulenceBox"]
+
+_BOXES_IN_MEMORY = 8
+
+
+@dataclass(frozen=True, eq=False)
+class TurbulenceBox:
+    """Velocity fluctuations at the points of a plane across the wind, sampled in time.
+
+    Make one with :meth:`kaimal` or :meth:`from_bts`. Boxes are immutable and can be shared.
+
+    Parameters
+    ----------
+    fluctuation
+        Velocity minus ``mean_speed`` along the wind [m/s], float32, shape (n_times, n_z, n_y, 3): u along the mean
+        wind, v to the left of it, w up. Rows go upwards, columns to the left (+y).
+    time_step
+        Sampling interval [s].
+    spacing_y, spacing_z
+        Distance between grid points [m]. The grid is centred on y = 0.
+    z_bottom
+        Height of the lowest row [m].
+    mean_speed
+        Mean speed at the hub [m/s], with which the field is carried along.
+    hub_height
+        Hub height [m].
+    periodic
+        Whether the last sample leads smoothly to the first. A box is repeated in time either way; one that is not
+        periodic jumps within one time step at its end.
+    holds_profile
+        Whether the fluctuation contains a mean profile (shear, veer), as read from a file.
+    tower
+        Fluctuations at points below the grid, on the tower axis, from the top down with ``spacing_z``: shape
+        (n_times, n_tower, 3). They are kept for :meth:`to_bts`; the wind between the points of the grid does not
+        use them.
+    description
+        What this box is, in words.
+
+    Raises
+    ------
+    InflowError
+        Shapes do not fit, or a value is not finite or out of range.
+    """
+
+    fluctuation: np.ndarray = field(repr=False)
+    time_step: float
+    spacing_y: float
+    spacing_z: float
+    z_bottom: float
+    mean_speed: float
+    hub_height: float
+    periodic: bool = True
+    holds_profile: bool = False
+    tower: np.ndarray | None = field(default=None, repr=False)
+    description: str = "turbulence box"
+
+    def __post_init__(self) -> None:
+        for name, unit in (
+            ("time_step", "s"),
+            ("spacing_y", "m"),
+            ("spacing_z", "m"),
+            ("mean_speed", "m/s"),
+            ("hub_height", "m"),
+        ):
+            number = require_number(getattr(self, name), name, unit, 0.0, open_minimum=True)
+            object.__setattr__(self, name, number)
+        object.__setattr__(self, "z_bottom", require_number(self.z_bottom, "z_bottom", "m"))
+        samples = _frozen_samples(self.fluctuation, "fluctuation")
+        if samples.ndim != 4 or samples.shape[3] != 3 or min(samples.shape[:3]) < 2:
+            raise InflowError(
+                "fluctuation must have shape (n_times, n_z, n_y, 3) with at least two points along each of the "
+                f"first three axes; got {samples.shape}"
+            )
+        tower = _frozen_samples(np.empty((samples.shape[0], 0, 3)) if self.tower is None else self.tower, "tower")
+        if tower.ndim != 3 or tower.shape[0] != samples.shape[0] or tower.shape[2] != 3:
+            raise InflowError(f"tower must have shape ({samples.shape[0]}, n_tower, 3); got {tower.shape}")
+        object.__setattr__(self, "fluctuation", samples)
+        object.__setattr__(self, "tower", tower)
+
+    @classmethod
+    def kaimal(
+        cls,
+        mean_speed: float,
+        hub_height: float,
+        rotor_diameter: float,
+        turbulence_class: str = "B",
+        *,
+        seed: int,
+        duration: float = 600.0,
+        time_step: float = 0.25,
+        grid: tuple[int, int] | None = None,
+        width: float | None = None,
+        turbulence: str = "NTM",
+        turbine_class: str = "I",
+        scale_sigma: bool = True,
+        lateral_coherence: bool = True,
+        cache: bool = True,
+    ) -> "TurbulenceBox":
+        """Kaimal turbulence of IEC 61400-1 around a rotor, periodic in time.
+
+        Each component has exactly zero mean (to float32 rounding) over the period at every point. The components
+        are independent of each other.
+
+        Parameters
+        ----------
+        mean_speed
+            Ten-minute mean speed at the hub [m/s].
+        hub_height, rotor_diameter
+            Of the turbine [m].
+        turbulence_class
+            ``"A+"``, ``"A"``, ``"B"`` or ``"C"``.
+        seed
+            Seed of the random generator, an integer of at least 0. The same arguments give the same bits.
+        duration, time_step
+            Period and sampling interval [s]; the period must be a multiple of the interval.
+        grid
+            Numbers of points (n_y, n_z), both odd so that one point is the hub. By default as many as a spacing of
+            at most 10 m needs.
+        width
+            Side of the square grid centred on the hub [m]; by default 1.15 rotor diameters, at most 1.98 hub
+            heights.
+        turbulence
+            ``"NTM"`` (normal) or ``"ETM"`` (extreme) turbulence.
+        turbine_class
+            ``"I"``, ``"II"`` or ``"III"``, for the extreme model.
+        scale_sigma
+            Scale each component so that its standard deviation at the hub is exactly the standard's. Without, it is
+            a random number with a smaller expectation: the spectrum below one cycle per period and above half the
+            sampling frequency is missing (about 7 % of σ_u at 8 m/s in 600 s).
+        lateral_coherence
+            Give v and w the coherence of u. The standard leaves theirs open; without, neighbouring points are
+            independent in v and w, and interpolation between them loses variance.
+        cache
+            Read and write the cache on disk (folder ``$WT_GYM_CACHE`` or the user's cache directory). The last
+            few boxes are kept in memory in any case.
+
+        Raises
+        ------
+        InflowError
+            An argument is out of range or does not fit the others.
+        """
+        parameters = KaimalParameters.resolve(
+            mean_speed,
+            hub_height,
+            rotor_diameter,
+            turbulence_class,
+            seed,
+            duration,
+            time_step,
+            grid,
+            width,
+            turbulence,
+            turbine_class,
+            scale_sigma,
+            lateral_coherence,
+        )
+        return _kaimal_box(parameters, bool(cache))
+
+    @classmethod
+    def from_bts(cls, path: str | os.PathLike, *, remove_profile: bool = False) -> "TurbulenceBox":
+        """Read a TurbSim full-field file (``.bts``).
+
+        Parameters
+        ----------
+        path
+            The file.
+        remove_profile
+            Subtract the time mean at every point, so that a profile of one's own can be put underneath. By default
+            only the hub speed of the header is subtracted and the file's shear stays in the fluctuation.
+
+        Raises
+        ------
+        InflowError
+            The file is missing, truncated or no ``.bts`` file.
+        """
+        content = bts.read(path)
+        fluctuation, tower = content.grid, content.tower
+        if remove_profile:
+            fluctuation = fluctuation - fluctuation.mean(axis=0, dtype=np.float64).astype(np.float32)
+            tower = tower - tower.mean(axis=0, dtype=np.float64).astype(np.float32)
+        else:
+            hub_velocity = np.array([content.mean_speed, 0.0, 0.0], dtype=np.float32)
+            fluctuation, tower = fluctuation - hub_velocity, tower - hub_velocity
+        return cls(
+            fluctuation=fluctuation,
+            time_step=content.time_step,
+            spacing_y=content.spacing_y,
+            spacing_z=content.spacing_z,
+            z_bottom=content.z_bottom,
+            mean_speed=content.mean_speed,
+            hub_height=content.hub_height,
+            periodic=content.periodic,
+            holds_profile=not remove_profile,
+            tower=tower,
+            description=content.description,
+        )
+
+    def to_bts(self, path: str | os.PathLike, steady: SteadyInflow | None = None) -> None:
+        """Write a TurbSim full-field file (``.bts``).
+
+        Parameters
+        ----------
+        path
+            The file; replaced if it exists.
+        steady
+            Mean profile to add, by default uniform at ``mean_speed``. Its yaw misalignment and inclination turn
+            the whole field and have no place in the file: they must be zero.
+        """
+        if steady is None:
+            steady = SteadyInflow(self.mean_speed, self.hub_height)
+        self.require_fitting(steady)
+        if steady.yaw_misalignment != 0.0 or steady.inclination != 0.0:
+            raise InflowError("a .bts file is aligned with the wind: yaw_misalignment and inclination must be zero")
+        points = np.zeros((self.z.size, self.y.size, 3))
+        points[..., 1] = self.y
+        points[..., 2] = self.z[:, None]
+        tower_points = np.zeros((self.tower.shape[1], 3))
+        tower_points[:, 2] = self.z_bottom - self.spacing_z * np.arange(self.tower.shape[1])
+        content = bts.BtsContent(
+            grid=self.fluctuation + steady.velocity(points, 0.0).astype(np.float32),
+            tower=self.tower + steady.velocity(tower_points, 0.0).astype(np.float32),
+            time_step=self.time_step,
+            spacing_y=self.spacing_y,
+            spacing_z=self.spacing_z,
+            z_bottom=self.z_bottom,
+            mean_speed=self.mean_speed,
+            hub_height=self.hub_height,
+            periodic=self.periodic,
+            description=self.description,
+        )
+        bts.write(path, content)
+
+    def require_fitting(self, steady: SteadyInflow) -> None:
+        """Refuse a mean wind that does not belong to this box (speed, hub height, a second profile)."""
+        for name, ours, theirs in (
+            ("speed", self.mean_speed, steady.speed),
+            ("hub_height", self.hub_height, steady.hub_height),
+        ):
+            if abs(ours - theirs) > 0.01 * ours:
+                raise InflowError(f"{name} of the mean wind must be within 1 % of the box's {ours:g}; got {theirs:g}")
+        if self.holds_profile and not steady.is_uniform:
+            raise InflowError(
+                "the box holds a mean profile already: give a uniform mean wind, or read it with remove_profile=True"
+            )
+
+    @property
+    def duration(self) -> float:
+        """Period of the box [s]."""
+        return self.fluctuation.shape[0] * self.time_step
+
+    @property
+    def y(self) -> np.ndarray:
+        """Lateral positions of the columns [m], shape (n_y,)."""
+        n = self.fluctuation.shape[2]
+        return self.spacing_y * (np.arange(n) - 0.5 * (n - 1))
+
+    @property
+    def z(self) -> np.ndarray:
+        """Heights of the rows [m], shape (n_z,)."""
+        return self.z_bottom + self.spacing_z * np.arange(self.fluctuation.shape[1])
+
+    def _key(self) -> tuple:
+        numbers = (self.time_step, self.spacing_y, self.spacing_z, self.z_bottom, self.mean_speed, self.hub_height)
+        return (*numbers, self.periodic, self.holds_profile, self.description, self.fluctuation.shape)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, TurbulenceBox):
+            return NotImplemented
+        if self is other:
+            return True
+        same_samples = np.array_equal(self.fluctuation, other.fluctuation) and np.array_equal(self.tower, other.tower)
+        return self._key() == other._key() and same_samples
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def __repr__(self) -> str:
+        _, n_z, n_y, _ = self.fluctuation.shape
+        return (
+            f"<TurbulenceBox: {self.description}; {self.duration:g} s at {self.time_step:g} s, "
+            f"{n_y} x {n_z} points at {self.spacing_y:.3g} x {self.spacing_z:.3g} m>"
+        )
+
+
+def _frozen_samples(samples: np.ndarray, name: str) -> np.ndarray:
+    """Return a read-only, contiguous float32 array; a copy unless it is one already."""
+    array = np.asarray(samples)
+    if array.dtype != np.float32 or not array.flags.c_contiguous or array.flags.writeable:
+        array = np.array(samples, dtype=np.float32, order="C")
+    if not np.isfinite(array).all():
+        raise InflowError(f"{name} must be finite everywhere")
+    array.setflags(write=False)
+    return array
+
+
+@lru_cache(maxsize=_BOXES_IN_MEMORY)
+def _kaimal_box(parameters: KaimalParameters, use_disk: bool) -> TurbulenceBox:
+    fluctuation = box_cache.load(parameters) if use_disk else None
+    if fluctuation is None:
+        fluctuation = synthesise(parameters)
+        if use_disk:
+            box_cache.store(parameters, fluctuation)
+    fluctuation.setflags(write=False)
+    spacing_y, spacing_z = parameters.spacing
+    return TurbulenceBox(
+        fluctuation=fluctuation,
+        time_step=parameters.time_step,
+        spacing_y=spacing_y,
+        spacing_z=spacing_z,
+        z_bottom=parameters.hub_height - 0.5 * parameters.width,
+        mean_speed=parameters.mean_speed,
+        hub_height=parameters.hub_height,
+        description=parameters.description,
+    )

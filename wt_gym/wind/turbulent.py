@@ -1,0 +1,93 @@
+"""Turbulent wind: a mean profile with a box of frozen turbulence carried along by it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt_gym.errors import InflowError
+from wt_gym.wind.inflow_kernels import turbulent_velocity
+from wt_gym.wind.protocol import PointInflow, require_number
+from wt_gym.wind.steady import SteadyInflow
+from wt_gym.wind.turbulence_box import TurbulenceBox
+
+__all__ = ["TurbulentInflow"]
+
+
+@dataclass(frozen=True)
+class TurbulentInflow(PointInflow):
+    """Frozen turbulence on a mean profile (Taylor's hypothesis).
+
+    In the frame of the mean wind, u(x, y, z, t) = mean(z) + box(y, z, t + time_offset − x/U), U the hub speed. Between
+    the samples the box is interpolated linearly in y, z and time; outside its grid it keeps the values of the nearest
+    edge, below the ground too; in time it repeats.
+
+    Yaw misalignment and inclination of the mean wind turn the whole field, about the vertical axis through the
+    origin and about the hub; veer turns the mean only, not the fluctuations.
+
+    Parameters
+    ----------
+    box
+        The turbulence.
+    steady
+        The mean wind; speed and hub height within 1 % of the box's. By default uniform at the box's speed.
+    time_offset
+        Time in the box [s] that passes the origin at time zero.
+
+    Raises
+    ------
+    InflowError
+        The mean wind does not fit the box, or a parameter is not finite.
+
+    Examples
+    --------
+    >>> box = TurbulenceBox.kaimal(8.0, 90.0, 126.0, "B", seed=1, grid=(3, 3), cache=False)
+    >>> wind = TurbulentInflow(box, SteadyInflow(8.0, 90.0, shear_exponent=0.2))
+    >>> wind.velocity([[0.0, 0.0, 90.0], [0.0, 20.0, 120.0]], time=12.5).shape
+    (2, 3)
+    """
+
+    box: TurbulenceBox
+    steady: SteadyInflow | None = None
+    time_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.box, TurbulenceBox):
+            raise InflowError(f"box must be a TurbulenceBox; got {type(self.box).__name__}")
+        if self.steady is None:
+            object.__setattr__(self, "steady", SteadyInflow(self.box.mean_speed, self.box.hub_height))
+        if not isinstance(self.steady, SteadyInflow):
+            raise InflowError(f"steady must be a SteadyInflow; got {type(self.steady).__name__}")
+        self.box.require_fitting(self.steady)
+        object.__setattr__(self, "time_offset", require_number(self.time_offset, "time_offset", "s"))
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean wind speed at hub height [m/s]."""
+        return self.steady.speed
+
+    @property
+    def hub_height(self) -> float:
+        """Hub height [m]."""
+        return self.steady.hub_height
+
+    @property
+    def description(self) -> str:
+        """One line that tells a person what wind this is."""
+        offset = f", from {self.time_offset:g} s" if self.time_offset else ""
+        return f"{self.box.description}, {self.box.duration:g} s{offset}, {self.steady.profile_description}"
+
+    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+        box, steady = self.box, self.steady
+        return turbulent_velocity(
+            rows,
+            time + self.time_offset,
+            *steady.kernel_profile,
+            steady.yaw_misalignment,
+            steady.inclination,
+            box.fluctuation,
+            box.time_step,
+            box.spacing_y,
+            box.spacing_z,
+            box.z_bottom,
+            out,
+        )
