@@ -6,14 +6,13 @@ rate at the end of a step is evaluated again at the corrected state (a P M E (C 
 and the loads of the air need accelerations that belong to the stored state.
 """
 
-from numba import njit
-
-from wt_gym.multibody.tree_kernels import FREE, OPTIONS, SPHERICAL, rates
+from wt_gym.compiled import kernel
+from wt_gym.multibody.tree_kernels import FREE, SPHERICAL, rates
 
 OK, SINGULAR, DIVERGED = 0, 1, 2
 
 
-@njit(**OPTIONS)
+@kernel
 def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections):
     """Advance the state by n_steps of length h while the inputs run linearly from their start to their end.
 
@@ -82,7 +81,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections):
     return OK
 
 
-@njit(**OPTIONS)
+@kernel
 def normalise_quaternions(y, tree):
     """Scale the quaternions of spherical and free joints to unit length."""
     for b in range(tree.parent.shape[0]):

@@ -18,15 +18,12 @@ velocities u; constraint forces do not appear.
 
 import math
 
-from numba import njit
-
-FASTMATH = {"contract", "arcp", "nsz"}
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": FASTMATH}
+from wt_gym.compiled import kernel
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, SERVO = range(6)
 
 
-@njit(**OPTIONS)
+@kernel
 def rotation_exp(t, rot, tangent):
     """Rotation exp(t̃) and the tangent T with ω = T ṫ (both in the frame before the rotation)."""
     a2 = t[0] * t[0] + t[1] * t[1] + t[2] * t[2]
@@ -51,7 +48,7 @@ def rotation_exp(t, rot, tangent):
         tangent[j, i] += c * t[k]
 
 
-@njit(**OPTIONS)
+@kernel
 def tangent_bias(t, td, out):
     """Angular acceleration Ṫ ṫ of a rotation vector t that moves with constant rate ṫ.
 
@@ -79,7 +76,7 @@ def tangent_bias(t, td, out):
     out[2] = twice * c_slope * c2 + e0 * c1 - e1 * c0
 
 
-@njit(**OPTIONS)
+@kernel
 def quaternion_rotation(q, rot):
     """Rotation matrix of a scalar-first quaternion; divides by |q|² so that drift of the norm does no harm."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -95,7 +92,7 @@ def quaternion_rotation(q, rot):
     rot[2, 2] = 1.0 - n * (x * x + y * y)
 
 
-@njit(**OPTIONS)
+@kernel
 def cross_add(a, b, out):
     """Out += a × b."""
     out[0] += a[1] * b[2] - a[2] * b[1]
@@ -103,7 +100,7 @@ def cross_add(a, b, out):
     out[2] += a[0] * b[1] - a[1] * b[0]
 
 
-@njit(**OPTIONS)
+@kernel
 def attachment(b, p, y, yd, tree, work):
     """Position, rotation and rates of the parent's marker that carries body b, in parent components.
 
@@ -137,7 +134,7 @@ def attachment(b, p, y, yd, tree, work):
     tangent_bias(t, td, work.wb)
 
 
-@njit(**OPTIONS)
+@kernel
 def kinematics(y, tree, work):
     """Frames, velocities, velocity transformation and acceleration bias of all bodies for the state y."""
     n_q = tree.n_q
@@ -226,7 +223,7 @@ def kinematics(y, tree, work):
         joint_motion(b, p, kind, n_in, y, yd, tree, work)
 
 
-@njit(**OPTIONS)
+@kernel
 def joint_motion(b, p, kind, n_in, y, yd, tree, work):
     """Carry the joint-frame kinematics (parent components) through the joint of body b."""
     q0, u0 = tree.joint_q[b], tree.joint_u[b]
@@ -301,7 +298,7 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
                 work.vl[b, j, n_in + i] = 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def slide_joint(b, p, kind, n_in, y, yd, tree, work):
     """Translation of a prismatic or free joint, along axes fixed in the joint frame (parent components).
 
@@ -344,7 +341,7 @@ def slide_joint(b, p, kind, n_in, y, yd, tree, work):
     cross_add(work.nb_ang, d, work.nb_lin)
 
 
-@njit(**OPTIONS)
+@kernel
 def body_terms(b, y, yd, tree, work):
     """State-dependent inertia of body b: mc, J, C, D and the velocity-dependent forces h (elastic ones too)."""
     nf = tree.n_elastic[b]
@@ -415,7 +412,7 @@ def body_terms(b, y, yd, tree, work):
     cross_add(w, work.c2, h[3:6])
 
 
-@njit(**OPTIONS)
+@kernel
 def assemble(y, loads, tree, work):
     """Mass matrix and right-hand side of M u̇ = f from all bodies; kinematics must be up to date."""
     n_q, n_u = tree.n_q, tree.n_u
@@ -485,7 +482,7 @@ def assemble(y, loads, tree, work):
                 mass[u0 + k, u0 + j] += value
 
 
-@njit(**OPTIONS)
+@kernel
 def cholesky_solve(a, b):
     """Solve a x = b in place (lower triangle of a, overwritten); False if a is not positive definite."""
     n = b.shape[0]
@@ -516,7 +513,7 @@ def cholesky_solve(a, b):
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def rates(y, tau, inputs, tree, work, dy):
     """dy/dt for the state y = [q, u, servo angles, servo rates] at the fraction tau of the input interval.
 
@@ -557,7 +554,7 @@ def rates(y, tau, inputs, tree, work, dy):
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def position_rates(y, yd, tree, dy):
     """q̇ from u: equal for joint angles, slides and elastic coordinates, ½ q ∘ (0, ω) for quaternions."""
     for i in range(tree.n_u):
@@ -576,7 +573,7 @@ def position_rates(y, yd, tree, dy):
             dy[q + 3] = 0.5 * (a * w2 + x * w1 - yy * w0)
 
 
-@njit(**OPTIONS)
+@kernel
 def energies(y, tree, work):
     """Kinetic, elastic (bodies and joint springs about zero) and gravitational energy [J]; updates the kinematics."""
     n_q, n_u = tree.n_q, tree.n_u
@@ -612,7 +609,7 @@ def energies(y, tree, work):
     return kinetic, elastic, potential
 
 
-@njit(**OPTIONS)
+@kernel
 def joint_wrenches(y, acceleration, loads, tree, work, wrench):
     """Force and moment that each joint exerts on its body, at the body frame origin in body components.
 
@@ -670,7 +667,7 @@ def joint_wrenches(y, acceleration, loads, tree, work, wrench):
                 wrench[p, 3 + i] += work.thd[i]
 
 
-@njit(**OPTIONS)
+@kernel
 def point_motion(b, points, y, tree, work, position, velocity):
     """Global position and velocity of points that move with body b (kinematics up to date).
 
@@ -697,7 +694,7 @@ def point_motion(b, points, y, tree, work, position, velocity):
             velocity[n, i] = rot[i, 0] * xd[0] + rot[i, 1] * xd[1] + rot[i, 2] * xd[2]
 
 
-@njit(**OPTIONS)
+@kernel
 def point_loads(b, points, force, y, tree, work, loads):
     """Add global point forces (n, 3) to the loads (6 + n_f,) of body b by virtual work, body components."""
     nf, q0 = tree.n_elastic[b], tree.elastic_q[b]

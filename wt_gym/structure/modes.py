@@ -27,7 +27,7 @@ class Modes:
     kind: tuple
 
 
-def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None):
+def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None, node_dofs=(0, 1, 2, 3, 4, 5)):
     """Modes of a beam clamped at node 0, optionally spinning with a constant angular velocity.
 
     Parameters
@@ -41,6 +41,8 @@ def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None):
         Angular velocity [rad/s]; a number means about x (a rotor turning about +x).
     centre : array (3,), optional
         A point on the spin axis in the body frame, default the origin.
+    node_dofs : sequence of int
+        Degrees of freedom of each node that may move; (0, 4) gives bending in the x–z plane, (1, 3) in the y–z plane.
 
     Returns
     -------
@@ -54,9 +56,10 @@ def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None):
     omega = np.array([spin, 0.0, 0.0]) if np.isscalar(spin) else np.asarray(spin, dtype=float)
     if np.any(omega != 0.0):
         stiffness += spin_stiffness(beam, omega, centre)
-    free = slice(6, beam.n_dof)
-    n = min(n, beam.n_dof - 6)
-    value, vector = eigh(stiffness[free, free], mass[free, free], subset_by_index=[0, n - 1])
+    free = np.array([6 * node + k for node in range(1, beam.n_dof // 6) for k in node_dofs])
+    n = min(n, len(free))
+    block = np.ix_(free, free)
+    value, vector = eigh(stiffness[block], mass[block], subset_by_index=[0, n - 1])
     shape = np.zeros((beam.n_dof, n))
     shape[free] = vector
     shape *= _tip_sign(shape)

@@ -1,0 +1,162 @@
+"""The coupled simulator: energy across the interface, frames and signs, snapshots."""
+
+import numpy as np
+import pytest
+
+from wt_gym.errors import ActionError, SimulationError
+from wt_gym.simulation import Simulator, SimulatorState
+from wt_gym.simulation.coupling_kernels import loads_power, rotor_motion
+from wt_gym.wind import SteadyInflow
+
+RPM = np.pi / 30.0
+
+
+@pytest.fixture(scope="module")
+def running():
+    """The 5-MW turbine some seconds after its start in sheared, yawed wind, with moving drives."""
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(11.0, shear_exponent=0.2, yaw_misalignment=0.1))
+    sim.reset(rotor_speed=11.5 * RPM, pitch=0.02, azimuth=0.3)
+    for k in range(10):
+        sim.advance(0.2, pitch=(0.02, 0.05, 0.01 * k), yaw_rate=0.004, generator_torque=38e3)
+    return sim
+
+
+def test_power_leaving_the_air_enters_the_structure(running):
+    s, integrator = running.structure, running._integrator
+    y, tree, work = integrator.state, s.system.tree, integrator.work
+    rotor_motion(y, tree, work, s.lattice_points, running._blades, running._nodes_flat, running._velocities_flat)
+    air = np.sum(running._aero.nodal_forces * running._velocities)
+    structure = loads_power(y, tree, work, integrator.inputs.body_loads[1])
+    assert abs(air) > 1e6
+    assert structure == pytest.approx(air, rel=1e-6)
+
+
+def test_powers_are_torque_times_speed(running):
+    """Powers are products of the torques and speeds beside them."""
+    signals = running.signals
+    assert signals.aero_power == pytest.approx(signals.aero_torque * signals.rotor_speed)
+    expected = signals.generator_torque * signals.generator_speed * running.turbine.drivetrain.generator_efficiency
+    assert signals.generator_power == pytest.approx(expected, rel=1e-12)
+
+
+def test_snapshot_continues_bit_for_bit(running, tmp_path):
+    command = {"pitch": (0.03, 0.0, 0.1), "yaw_rate": 0.001, "generator_torque": 40e3}
+    running.state().save(tmp_path / "state.npz")
+    start = running.state()
+    first = running.advance(1.0, **command).values
+    end = running.state()
+    running.restore(SimulatorState.load(tmp_path / "state.npz"))
+    assert running.state() == start
+    again = running.advance(1.0, **command).values
+    assert np.array_equal(first, again)
+    assert running.state() == end
+
+
+def test_two_simulators_agree_bit_for_bit(running):
+    inflow = SteadyInflow(9.0)
+    values = []
+    for _ in range(2):
+        sim = Simulator("nrel_5mw", inflow=inflow)
+        sim.reset(rotor_speed=1.0)
+        values.append(sim.advance(0.6, pitch=0.0, generator_torque=20e3).values)
+    assert np.array_equal(*values)
+
+
+def test_snapshot_of_another_fidelity_is_refused(running):
+    state = running.state()
+    del state.arrays["command"]
+    with pytest.raises(SimulationError, match="another turbine or fidelity"):
+        running.restore(state)
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ({"pitch": np.nan, "generator_torque": 0.0}, "pitch"),
+        ({"pitch": (0.0, 0.0), "generator_torque": 0.0}, "shape"),
+        ({"pitch": 0.0, "generator_torque": np.inf}, "generator_torque"),
+        ({"pitch": 0.0, "generator_torque": 0.0, "yaw_rate": np.nan}, "yaw_rate"),
+    ],
+)
+def test_bad_commands_are_refused_and_nothing_moves(running, command, message):
+    before = running.state()
+    with pytest.raises(ActionError, match=message):
+        running.advance(0.2, **command)
+    assert running.state() == before
+
+
+def test_duration_must_fit_the_time_step(running):
+    with pytest.raises(ActionError, match="whole number"):
+        running.advance(0.25, pitch=0.0)
+
+
+def test_unstarted_simulator_says_so():
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(9.0))
+    with pytest.raises(SimulationError, match="reset"):
+        sim.advance(0.2, pitch=0.0)
+
+
+@pytest.fixture(scope="module")
+def parked():
+    """Rotor at rest, blades feathered, in a breath of wind."""
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(0.5))
+    sim.reset(rotor_speed=0.0, pitch=np.pi / 2, generator_torque=0.0)
+    return sim
+
+
+class TestParked:
+    """Statics by hand."""
+
+    def test_tower_base_carries_the_overhanging_weight(self, parked):
+        """M_y = −g Σ m x about the tower base, with all masses at their rest positions (blade deflections are small)."""
+        turbine = parked.turbine
+        blade_mass, cone, tilt = 17740.0, turbine.hub.cone, turbine.nacelle.tilt
+        apex = -turbine.nacelle.overhang * np.cos(tilt)
+        reach = turbine.hub.radius + 20.475
+        moment = turbine.nacelle.mass * turbine.nacelle.cm[0] + turbine.hub.mass * apex
+        for i in range(3):
+            psi = 2.0 * np.pi * i / 3.0
+            along, across = -np.sin(cone) * reach, np.cos(cone) * reach * np.cos(psi)
+            moment += blade_mass * (apex + along * np.cos(tilt) + across * np.sin(tilt))
+        assert parked.signals.tower_base_fore_aft_moment == pytest.approx(9.81 * moment, rel=0.05)
+
+    def test_weight_of_a_hanging_blade_bends_nothing_sideways(self, parked):
+        """Blades 2 and 3 mirror each other: their root moments about the shaft cancel."""
+        flap, edge = parked.signals.root_flap_moment, parked.signals.root_edge_moment
+        # feathered by 90°: gravity acts flapwise; first moment 363 231 kg m about the root
+        expected = 9.81 * 363231.0 * np.sin(2.0 * np.pi / 3.0)
+        assert np.hypot(flap[1], edge[1]) == pytest.approx(expected, rel=0.03)
+        assert flap[1] == pytest.approx(-flap[2], rel=0.03)
+
+
+def test_signs_in_operation():
+    """Thrust leans the tower downwind, the shaft torque tips it with the rotor's turn, positive pitch feathers."""
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(11.0))
+    sim.reset(rotor_speed=11.5 * RPM)
+    for _ in range(50):
+        s = sim.advance(0.2, pitch=0.0, generator_torque=38e3)
+    assert s.aero_thrust > 0 and s.aero_power > 0 and s.tower_top_fore_aft > 0.2
+    assert np.all(s.tip_out_of_plane > 3.0) and np.all(s.root_flap_moment > 0)
+    # the rotor drives the nacelle clockwise seen looking downwind: the tower top goes to the right (−y)
+    assert s.tower_top_side_side < 0
+    assert s.shaft_torque == pytest.approx(s.aero_torque, rel=0.1)
+    before = s.aero_thrust
+    for _ in range(20):
+        s = sim.advance(0.2, pitch=0.1, generator_torque=38e3)
+    assert s.pitch == pytest.approx(np.full(3, 0.1), abs=1e-3)
+    assert s.aero_thrust < 0.8 * before
+
+
+def test_drives_keep_their_limits():
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(11.0))
+    sim.reset(rotor_speed=11.5 * RPM, generator_torque=30e3)
+    rates, torques = [], []
+    for k in range(20):
+        s = sim.advance(0.1, pitch=1.0 if k < 10 else 0.0, yaw_rate=1.0, generator_torque=1e9)
+        rates.append(np.abs(s.pitch_rate).max())
+        torques.append(s.generator_torque)
+    assert max(rates) <= np.radians(8.0) * (1 + 1e-9)
+    assert max(rates) > np.radians(7.5)
+    assert np.diff(torques).max() <= 15e3 * 0.1 + 1e-6
+    assert torques[-1] == 47402.91
+    assert 0.0 < s.yaw_rate <= np.radians(0.3) * (1 + 1e-9)

@@ -1,0 +1,150 @@
+"""Camber lines, polars and their blends against analytic airfoils."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines import Airfoil, Polar, load_turbine
+from wt_gym.turbines.airfoil import blend_airfoils, blend_polars, camber_line
+
+
+def naca4_camber(x: np.ndarray, m: float, p: float) -> tuple[np.ndarray, np.ndarray]:
+    """Camber and slope of the NACA 4-digit series (Abbott and von Doenhoff, section 6.4)."""
+    front = x < p
+    camber = np.where(front, m / p**2 * (2 * p * x - x**2), m / (1 - p) ** 2 * (1 - 2 * p + 2 * p * x - x**2))
+    slope = np.where(front, 2 * m / p**2 * (p - x), 2 * m / (1 - p) ** 2 * (p - x))
+    return camber, slope
+
+
+def naca4_contour(m: float, p: float, t: float, n: int = 80, normal: bool = True) -> np.ndarray:
+    """Contour with the thickness laid off across the camber line (as NACA does) or vertically."""
+    x = 0.5 * (1 - np.cos(np.linspace(0, np.pi, n)))
+    half = 5 * t * (0.2969 * np.sqrt(x) - 0.126 * x - 0.3516 * x**2 + 0.2843 * x**3 - 0.1036 * x**4)
+    camber, slope = naca4_camber(x, m, p)
+    angle = np.arctan(slope) if normal else np.zeros(n)
+    upper = np.column_stack((x - half * np.sin(angle), camber + half * np.cos(angle)))
+    lower = np.column_stack((x + half * np.sin(angle), camber - half * np.cos(angle)))
+    contour = np.vstack((upper[::-1], lower[1:]))
+    contour[:, 0] = (contour[:, 0] - contour[:, 0].min()) / np.ptp(contour[:, 0])
+    return contour
+
+
+@pytest.mark.parametrize(("m", "p", "t"), [(0.02, 0.4, 0.12), (0.04, 0.4, 0.15), (0.06, 0.3, 0.30), (0.0, 0.4, 0.21)])
+def test_camber_line_of_vertical_thickness_is_exact(m, p, t):
+    x, camber, thickness = camber_line(naca4_contour(m, p, t, normal=False))
+    np.testing.assert_allclose(camber, naca4_camber(x, m, p)[0], atol=2e-4)
+    assert thickness == pytest.approx(t, rel=2e-3)
+
+
+@pytest.mark.parametrize("points", [30, 60, 200])
+def test_camber_line_of_naca_2412(points):
+    x, camber, _ = camber_line(naca4_contour(0.02, 0.4, 0.12, n=points))
+    # NACA lays the thickness off across the camber line, so the mean of the surfaces differs a little near the nose.
+    inside = x > 0.05
+    np.testing.assert_allclose(camber[inside], naca4_camber(x, 0.02, 0.4)[0][inside], atol=1e-3)
+    assert np.max(camber) == pytest.approx(0.02, abs=3e-4)
+
+
+def test_camber_of_a_circle_and_of_its_stretched_forms_is_zero():
+    angle = np.linspace(0, 2 * np.pi, 101)
+    for height in (1.0, 0.6):
+        contour = np.column_stack((0.5 + 0.5 * np.cos(angle), 0.5 * height * np.sin(angle)))
+        _, camber, thickness = camber_line(contour)
+        np.testing.assert_allclose(camber, 0.0, atol=1e-12)
+        assert thickness == pytest.approx(height, rel=2e-3)
+
+
+def test_blunt_trailing_edge_keeps_the_mean_of_its_corners():
+    contour = naca4_contour(0.03, 0.4, 0.2, normal=False)
+    opened = contour.copy()
+    nose = np.argmin(contour[:, 0])
+    opened[: nose + 1, 1] += 0.02 * contour[: nose + 1, 0]
+    opened[nose:, 1] -= 0.02 * contour[nose:, 0]
+    closed = np.vstack(([1.0, 0.0], opened, [1.0, 0.0]))
+    x, camber, _ = camber_line(opened)
+    np.testing.assert_allclose(camber, naca4_camber(x, 0.03, 0.4)[0], atol=3e-4)
+    np.testing.assert_allclose(camber_line(closed)[1][:-1], camber[:-1], atol=1e-12)
+
+
+def test_slope_of_the_camber_line():
+    contour = naca4_contour(0.04, 0.4, 0.12, n=400, normal=False)
+    x, camber, thickness = camber_line(contour)
+    airfoil = Airfoil("4412", thickness, contour, x, camber, flat_polar())
+    at = np.array([0.1, 0.25, 0.5, 0.8])
+    np.testing.assert_allclose(airfoil.camber_at(at)[1], naca4_camber(at, 0.04, 0.4)[1], atol=3e-3)
+    with pytest.raises(TurbineDefinitionError, match="x_c"):
+        airfoil.camber_at(1.2)
+
+
+@pytest.mark.parametrize("name", ["DU21_A17", "NACA64_A17"])
+def test_camber_of_the_nrel_sections_gives_their_zero_lift_angle(name):
+    """Thin-airfoil theory: alpha_0 = -1/pi int dz/dx (cos t - 1) dt (Anderson, eq. 4.61)."""
+    airfoil = next(a for a in load_turbine("nrel_5mw").blade.airfoils if a.name == name)
+    t = np.linspace(0.02, np.pi - 0.02, 400)
+    slope = airfoil.camber_at(0.5 * (1 - np.cos(t)))[1]
+    theory = -np.trapezoid(slope * (np.cos(t) - 1), t) / np.pi
+    near = np.abs(airfoil.polar.alpha) < np.radians(8)
+    measured = np.interp(0.0, airfoil.polar.cl[near], airfoil.polar.alpha[near])
+    assert theory < 0.0
+    assert theory == pytest.approx(measured, abs=np.radians(1.3))
+
+
+def flat_polar(scale: float = 1.0) -> Polar:
+    alpha = np.radians(np.linspace(-180, 180, 73))
+    return Polar(alpha, scale * np.sin(2 * alpha), scale * (1 - np.cos(2 * alpha)), scale * 0.1 * np.sin(alpha))
+
+
+@given(st.floats(-20.0, 20.0))
+def test_polar_is_periodic(angle):
+    polar = flat_polar()
+    here, there = polar.coefficients(angle), polar.coefficients(angle + 2 * np.pi)
+    np.testing.assert_allclose(here, there, atol=1e-10)
+
+
+def test_polar_is_exact_at_its_points_and_linear_between():
+    polar = flat_polar()
+    np.testing.assert_array_equal(polar.coefficients(polar.alpha)[0], polar.cl)
+    middle = 0.5 * (polar.alpha[1:] + polar.alpha[:-1])
+    np.testing.assert_allclose(polar.coefficients(middle)[1], 0.5 * (polar.cd[1:] + polar.cd[:-1]), atol=1e-14)
+    assert polar.coefficients(np.zeros((2, 3)))[2].shape == (2, 3)
+
+
+def test_blend_of_polars_on_different_grids_is_linear_everywhere():
+    alpha = np.radians(np.linspace(-180, 180, 50))
+    first, second = flat_polar(), Polar(alpha, np.cos(alpha), 0.1 + 0 * alpha, 0 * alpha)
+    mixed = blend_polars(first, second, 0.3)
+    at = np.linspace(-np.pi, np.pi, 999)
+    for a, b, c in zip(first.coefficients(at), second.coefficients(at), mixed.coefficients(at), strict=True):
+        np.testing.assert_allclose(c, 0.7 * a + 0.3 * b, atol=1e-12)
+    assert blend_polars(first, second, 0.0) is first
+    assert blend_polars(first, second, 1.0) is second
+
+
+def test_blend_of_airfoils_is_linear_in_camber_and_thickness():
+    sections = []
+    for m, t in ((0.02, 0.12), (0.04, 0.20)):
+        contour = naca4_contour(m, 0.4, t, normal=False)
+        x, camber, thickness = camber_line(contour)
+        sections.append(Airfoil(f"naca {m}", thickness, contour, x, camber, flat_polar(1 + m)))
+    half = blend_airfoils(*sections, 0.5)
+    np.testing.assert_allclose(half.camber, naca4_camber(half.camber_x, 0.03, 0.4)[0], atol=2e-4)
+    assert camber_line(half.contour)[2] == pytest.approx(0.16, rel=5e-3)
+    assert half.relative_thickness == pytest.approx(0.16, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"alpha": np.radians(np.linspace(-90, 90, 5))}, "Polar.alpha"),
+        ({"alpha": np.radians([-180, 0, 0, 90, 180])}, r"Polar.alpha\[2\]"),
+        ({"cl": np.zeros(4)}, "Polar.cl"),
+        ({"cd": [0, np.nan, 0, 0, 0]}, r"Polar.cd\[1\]"),
+        ({"cm": "steep"}, "Polar.cm"),
+    ],
+)
+def test_wrong_polars_are_refused(change, named):
+    good = {"alpha": np.radians(np.linspace(-180, 180, 5)), "cl": np.zeros(5), "cd": np.zeros(5), "cm": np.zeros(5)}
+    with pytest.raises(TurbineDefinitionError, match=named):
+        Polar(**(good | change))

@@ -1,0 +1,193 @@
+"""The turbines of the catalogue against published numbers and against the physics of their frames."""
+
+import copy
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines import Turbine, catalogue, load_turbine
+
+
+@pytest.fixture(scope="module")
+def nrel() -> Turbine:
+    return load_turbine("nrel_5mw")
+
+
+@pytest.fixture(scope="module")
+def iea() -> Turbine:
+    return load_turbine("iea_15mw")
+
+
+def test_catalogue_loads_and_caches():
+    assert catalogue() == ("nrel_5mw", "iea_15mw")
+    for name in catalogue():
+        assert load_turbine(name) is load_turbine(name)
+
+
+def test_importing_the_package_does_not_import_windio():
+    code = "import sys, wt_gym.turbines; sys.exit('windIO' in sys.modules or 'xarray' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_nrel_blade_mass_properties(nrel):
+    """NREL/TP-500-38060, Table 2-2."""
+    structure = nrel.blade.structure
+    mass, first, second = (structure.mass_moment(k) for k in range(3))
+    assert mass == pytest.approx(17740, rel=1e-6)
+    assert first == pytest.approx(363231, rel=5e-3)
+    assert second == pytest.approx(11776047, rel=5e-3)
+    assert first / mass == pytest.approx(20.475, rel=5e-3)
+
+
+def test_nrel_tower_mass_properties(nrel):
+    """NREL/TP-500-38060, section 6; the table has 11 stations."""
+    structure = nrel.tower.structure
+    assert structure.mass_moment(0) == pytest.approx(347460, rel=1e-4)
+    assert structure.mass_moment(1) / structure.mass_moment(0) == pytest.approx(38.234, rel=2e-3)
+    assert nrel.tower.diameter_at([0.0, 43.8, 87.6]) == pytest.approx([6.0, 4.935, 3.87])
+
+
+def test_nrel_geometry(nrel):
+    nacelle, blade = nrel.nacelle, nrel.blade
+    assert nrel.tower.height == pytest.approx(87.6)
+    assert nacelle.overhang == pytest.approx(5.0191, abs=1e-5)
+    assert nacelle.tower_top_to_shaft == pytest.approx(1.96256, abs=1e-5)
+    apex = nrel.tower.height + nacelle.tower_top_to_shaft + nacelle.overhang * np.sin(nacelle.tilt)
+    assert apex == pytest.approx(90.0, abs=1e-3)
+    assert 2 * (blade.root_radius + blade.length) == pytest.approx(126.0)
+    assert nrel.rotor_diameter == 126.0
+    assert nrel.hub.cone == pytest.approx(np.radians(2.5))
+    assert nrel.rated_wind_speed == 11.4
+
+
+def test_nrel_drivetrain_and_nacelle(nrel):
+    d, n = nrel.drivetrain, nrel.nacelle
+    assert d.rated_power / d.generator_efficiency == pytest.approx(5296610, rel=1e-6)
+    rated_torque = d.rated_power / d.generator_efficiency / (d.rated_rotor_speed * d.gear_ratio)
+    assert rated_torque == pytest.approx(43093.55, rel=1e-5)
+    assert d.generator_inertia * d.gear_ratio**2 == pytest.approx(5025500, rel=1e-4)
+    assert n.inertia[2, 2] + n.mass * n.cm[0] ** 2 == pytest.approx(2607890)
+    assert (nrel.blade.damping_ratio, nrel.tower.damping_ratio) == (0.00477465, 0.01)
+    assert nrel.pitch.max_rate == pytest.approx(np.radians(8))
+    assert n.max_yaw_rate == pytest.approx(np.radians(0.3))
+    assert nrel.notes == ()
+
+
+def test_edgewise_is_the_stiff_direction_and_twist_turns_it(nrel):
+    """Edge bending moves the blade along y, so it turns sections about x; a twisted section couples both."""
+    stiffness = nrel.blade.structure.stiffness
+    assert np.all(stiffness[10:, 3, 3] > stiffness[10:, 4, 4])
+    assert stiffness[-5, 3, 3] > 10 * stiffness[-5, 4, 4]
+    # The stiff axis is the normal of the chord: positive twist turns it from x towards -y (leading edge upwind).
+    i = 20
+    values, vectors = np.linalg.eigh(stiffness[i, 3:5, 3:5])
+    stiff = vectors[:, 1] * np.sign(vectors[0, 1])
+    twist = np.radians(9.11)  # StrcTwst at 23.7 m
+    np.testing.assert_allclose(stiff, [np.cos(twist), -np.sin(twist)], atol=1e-6)
+    np.testing.assert_allclose(values, [1588.71e6, 3995.28e6], rtol=1e-6)
+    assert nrel.blade.structure.shear_rigid
+
+
+def test_centre_of_mass_lies_behind_the_pitch_axis(nrel):
+    inertia = nrel.blade.structure.inertia[20]
+    x, y = -inertia[2, 4] / inertia[0, 0], inertia[2, 3] / inertia[0, 0]
+    assert y > 0.0
+    assert x > 0.0  # with positive twist the trailing edge lies downwind
+    assert np.hypot(x, y) == pytest.approx(0.19934, rel=1e-6)
+
+
+def test_nrel_planform_at_its_stations(nrel):
+    blade = nrel.blade
+    z = blade.aero_station
+    np.testing.assert_allclose(blade.chord_at(z), blade.chord, rtol=1e-12)
+    np.testing.assert_allclose(blade.chord_at([14.35, 43.05]), [4.652, 3.01])
+    np.testing.assert_allclose(np.degrees(blade.twist_at([0.0, 14.35])), [13.308, 11.48])
+    np.testing.assert_allclose(blade.le_offset_at([20.0, 50.0]), 0.375, atol=2e-3)
+    assert blade.le_offset_at(0.0) == pytest.approx(0.5)
+    np.testing.assert_array_equal(blade.axis_at([0.0, 30.0])[:, :2], 0.0)
+    for outside in (-0.1, 61.6, np.nan):
+        with pytest.raises(TurbineDefinitionError, match=r"61\.5"):
+            blade.chord_at(outside)
+
+
+def test_polars_are_exact_at_airfoil_stations_and_linear_between(nrel):
+    blade = nrel.blade
+    for z, index in zip(blade.airfoil_station, blade.airfoil_index, strict=True):
+        assert blade.polar_at(z) is blade.airfoils[index].polar
+    a, b = blade.airfoil_station[8], blade.airfoil_station[10]  # DU25 to DU21 with a DU25 in between
+    alpha = np.radians([-5.0, 3.0, 12.0])
+    middle = 0.5 * (blade.airfoil_station[9] + b)
+    mixed = blade.polar_at(middle).coefficients(alpha)
+    for got, p, q in zip(
+        mixed, blade.polar_at(a).coefficients(alpha), blade.polar_at(b).coefficients(alpha), strict=True
+    ):
+        np.testing.assert_allclose(got, 0.5 * (p + q), atol=1e-12)
+    camber, slope = blade.camber_at(50.0, [0.0, 0.5, 1.0])
+    assert camber[1] > 0.025
+    assert slope[0] > 0.0 > slope[2]
+
+
+def test_published_lift_of_the_outer_airfoil(nrel):
+    cl, cd, _ = nrel.blade.polar_at(50.0).coefficients(np.radians(5.0))
+    assert cl == pytest.approx(1.011, abs=2e-3)  # NACA64_A17 table at 5 deg
+    assert 0.005 < cd < 0.008
+
+
+def test_arrays_are_read_only_also_after_pickle_and_copy(nrel):
+    for turbine in (nrel, pickle.loads(pickle.dumps(nrel)), copy.deepcopy(nrel)):
+        for array in (turbine.blade.chord, turbine.blade.structure.stiffness, turbine.blade.airfoils[0].polar.cl):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 1.0
+        with pytest.raises(AttributeError):
+            turbine.name = "other"
+        np.testing.assert_array_equal(turbine.blade.chord_at([1.0, 2.0]), nrel.blade.chord_at([1.0, 2.0]))
+
+
+def test_iea_blade(iea):
+    """IEA-15-240-RWT definition report: 117 m, 4 m prebend upwind; the 6x6 tables integrate to 66.9 t."""
+    blade = iea.blade
+    assert blade.length == pytest.approx(117.0)
+    assert 66.5e3 < blade.structure.mass_moment(0) < 69e3
+    assert blade.axis_at(117.0) == pytest.approx([-4.0, 0.0, 117.0])
+    assert blade.structure.length == pytest.approx(117.0 + 0.15, abs=0.03)
+    assert blade.station_at(117.0) == pytest.approx(blade.structure.length)
+    assert not blade.structure.shear_rigid
+    outer = blade.structure.station > 0.3 * blade.structure.length
+    stiffness, inertia = blade.structure.stiffness[outer], blade.structure.inertia[outer]
+    assert np.all(stiffness[:, 3, 3] > 1.5 * stiffness[:, 4, 4])
+    assert np.all(inertia[:, 2, 3] > 0.0)
+    assert np.all(inertia[:, 3, 3] > inertia[:, 4, 4])
+
+
+def test_iea_thickness_blend_follows_the_table(iea):
+    blade = iea.blade
+    thickness = [blade.airfoils[i].relative_thickness for i in blade.airfoil_index]
+    assert thickness[0] == 1.0
+    assert thickness[-1] == pytest.approx(0.211, abs=1e-3)
+    assert np.all(np.diff(thickness) < 1e-9)
+
+
+def test_iea_nacelle_tower_and_drivetrain(iea):
+    """Numbers of the ElastoDyn and ServoDyn files of the reference model."""
+    assert iea.nacelle.overhang == pytest.approx(12.097571763912535)
+    assert iea.nacelle.tower_top_to_shaft == pytest.approx(4.349459414248071, rel=1e-6)
+    assert iea.drivetrain.generator_efficiency == pytest.approx(0.95756, abs=1e-5)
+    assert iea.drivetrain.generator_inertia == pytest.approx(1836784, rel=1e-6)
+    assert iea.tower.structure.mass_moment(0) == pytest.approx(853463, rel=1e-3)
+    assert (iea.tower.base_height, iea.tower.height, iea.hub_height) == (15.0, 144.386, 150.0)
+    assert iea.rated_wind_speed == pytest.approx(10.59, rel=5e-3)
+    tt = iea.nacelle.inertia + iea.nacelle.mass * (
+        iea.nacelle.cm @ iea.nacelle.cm * np.eye(3) - np.outer(iea.nacelle.cm, iea.nacelle.cm)
+    )
+    np.testing.assert_allclose(np.diag(tt), [21487147.94, 39542087.73, 27479914.07], rtol=1e-6)
+    assert any("monopile" in note for note in iea.notes)
+
+
+@pytest.mark.parametrize("name", ["nrel_10mw", "no/such/file.yaml", "", 5])
+def test_unknown_turbine_names_the_catalogue(name):
+    with pytest.raises(TurbineDefinitionError, match=r"nrel_5mw.*iea_15mw"):
+        load_turbine(name)

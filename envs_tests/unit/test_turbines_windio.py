@@ -1,0 +1,443 @@
+"""Reading windIO files: frames, both descriptions of a tower, fall-backs and wrong files."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines.beam import BeamStations, inertia_matrix
+from wt_gym.turbines.catalogue import turbine_file
+from wt_gym.turbines.source import Node, read_windio
+from wt_gym.turbines.windio_tower import shell_sections
+
+LENGTH = 40.0
+
+
+def table(*values):
+    return {"grid": list(np.linspace(0.0, 1.0, len(values))), "values": list(values)}
+
+
+def beam(**entries):
+    stiffness = {key: [value, value] for key, value in entries.items() if key.startswith("K")}
+    inertia = {key: [value, value] for key, value in entries.items() if not key.startswith("K")}
+    return {
+        "stiffness_matrix": {"grid": [0.0, 1.0], **stiffness},
+        "inertia_matrix": {"grid": [0.0, 1.0], **inertia},
+        "structural_damping": {"mu": [0.0] * 6},
+    }
+
+
+def small_turbine() -> dict:
+    """A made-up 40 m blade of constant section on an 80 m tower, in as few numbers as windIO allows."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 21)
+    x, y = 0.5 + 0.5 * np.cos(angle), 0.1 * np.sin(angle)
+    polar = {"grid": [-180.0, -90.0, 0.0, 90.0, 180.0], "values": [0.0, -1.0, 0.0, 1.0, 0.0]}
+    drag = {"grid": [-180.0, 180.0], "values": [0.1, 0.1]}
+    zero = {"grid": [-180.0, 180.0], "values": [0.0, 0.0]}
+    axis = {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, LENGTH)}
+    return {
+        "name": "small",
+        "windIO_version": "2.1",
+        "assembly": {"rotor_orientation": "upwind", "number_of_blades": 3, "rated_power": 1.0e6, "hub_height": 82.0},
+        "control": {"rated_rotor_speed": 18.0, "max_pitch_rate": 8.0, "optimal_tsr": 7.0},
+        "airfoils": [
+            {
+                "name": "ellipse",
+                "rthick": 0.2,
+                "coordinates": {"x": list(np.abs(x)), "y": list(y)},
+                "polars": [{"configuration": "default", "re_sets": [{"re": 1e6, "cl": polar, "cd": drag, "cm": zero}]}],
+            }
+        ],
+        "materials": [{"name": "steel", "orth": 0, "rho": 7850.0, "E": 2.1e11, "nu": 0.3}],
+        "components": {
+            "blade": {
+                "reference_axis": axis,
+                "outer_shape": {
+                    "chord": table(2.0, 2.0),
+                    "twist": table(30.0, 30.0),
+                    "section_offset_y": table(0.6, 0.6),
+                    "rthick": table(0.2, 0.2),
+                    "airfoils": [{"name": "ellipse", "spanwise_position": 0.0}],
+                },
+                "structure": {
+                    "anchors": [],
+                    "layers": [],
+                    "elastic_properties": beam(
+                        K33=1e9, K44=8e8, K55=2e8, K66=1e8, mass=200.0, cm_y=0.3, i_edge=60.0, i_flap=10.0
+                    ),
+                },
+            },
+            "hub": {
+                "diameter": 2.0,
+                "cone_angle": 0.0,
+                "cd": 0.5,
+                "elastic_properties": {"mass": 1e4, "inertia": [1e4] * 3 + [0.0] * 3, "location": [0.0] * 3},
+            },
+            "drivetrain": {
+                "outer_shape": {"uptilt": 0.0, "distance_tt_hub": 2.0, "overhang": 4.0},
+                "gearbox": {
+                    "gear_ratio": 80.0,
+                    "efficiency": 1.0,
+                    "elastic_properties": {"torsional_stiffness": 1e8, "torsional_damping": 1e6},
+                },
+                "generator": {
+                    "elastic_properties": {"mass": 0.0, "inertia": [60.0] + [0.0] * 5, "location": [0.0] * 3}
+                },
+                "elastic_properties": {"mass": 5e4, "inertia": [1e5, 2e5, 2e5], "location": [0.5, 0.0, 1.5]},
+            },
+            "tower": {
+                "reference_axis": {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, 80.0)},
+                "outer_shape": {"outer_diameter": table(4.0, 3.0), "cd": table(0.7, 0.7)},
+                "structure": {
+                    "outfitting_factor": 1.1,
+                    "layers": [{"name": "wall", "material": "steel", "thickness": table(0.03, 0.02)}],
+                },
+            },
+        },
+    }
+
+
+def save(data: dict, tmp_path):
+    path = tmp_path / "turbine.yaml"
+    # JSON is a subset of YAML, but for the spelling of "not a number".
+    path.write_text(json.dumps(data).replace("NaN", ".nan"))
+    return path
+
+
+def at(data: dict, path: str):
+    """Return the parent of a dotted path and its last key."""
+    keys = [int(key) if key.isdigit() else key for key in path.split(".")]
+    for key in keys[:-1]:
+        data = data[key]
+    return data, keys[-1]
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    return load_turbine(save(small_turbine(), tmp_path_factory.mktemp("windio")))
+
+
+def test_twist_turns_stiffness_and_mass_with_the_leading_edge_upwind(small):
+    """30 deg of twist: the chord normal points to (cos, -sin), the trailing edge to (sin, cos)."""
+    structure = small.blade.structure
+    normal, chordwise = np.array([np.sqrt(0.75), -0.5]), np.array([0.5, np.sqrt(0.75)])
+    bending = structure.stiffness[0, 3:5, 3:5]
+    np.testing.assert_allclose(bending @ normal, 8e8 * normal, rtol=1e-12)
+    np.testing.assert_allclose(bending @ chordwise, 2e8 * chordwise, rtol=1e-12)
+    mass = structure.inertia[1]
+    np.testing.assert_allclose([-mass[2, 4] / mass[0, 0], mass[2, 3] / mass[0, 0]], 0.3 * chordwise, rtol=1e-12)
+    assert np.trace(mass[3:, 3:]) == pytest.approx(140.0)
+    assert small.blade.twist_at(10.0) == pytest.approx(np.pi / 6)
+    assert small.blade.le_offset_at(10.0) == pytest.approx(0.3)
+
+
+def test_inertia_matrix_is_the_kinetic_energy_of_its_particles():
+    rng = np.random.default_rng(1)
+    m, x, y = rng.uniform(0.1, 1.0, 50), rng.normal(0.2, 1.0, 50), rng.normal(0.5, 1.0, 50)
+    matrix = inertia_matrix(m.sum(), m @ x / m.sum(), m @ y / m.sum(), m @ y**2, m @ x**2, m @ (x * y))
+    motion = rng.normal(size=6)
+    velocity = motion[:3] + np.cross(motion[3:], np.column_stack((x, y, 0 * x)))
+    assert 0.5 * motion @ matrix @ motion == pytest.approx(0.5 * np.sum(m[:, None] * velocity**2), rel=1e-12)
+
+
+def test_matrices_in_the_frame_of_the_schema_text_give_the_same_blade(tmp_path):
+    """A blade whose axial centre lies 0.2 m aft and 0.05 m up, once with x to the suction side, once with y."""
+    ours, schema = small_turbine(), small_turbine()
+    ea, back, up = 1e9, 0.2, 0.05
+    structure = ours["components"]["blade"]["structure"]
+    structure["elastic_properties"] = beam(
+        K33=ea,
+        K34=ea * back,
+        K35=-ea * up,
+        K44=8e8,
+        K55=2e8,
+        K45=-1e7,
+        K66=1e8,
+        mass=200.0,
+        cm_x=up,
+        cm_y=back,
+        i_edge=60.0,
+        i_flap=10.0,
+        i_cp=4.0,
+    )
+    structure = schema["components"]["blade"]["structure"]
+    structure["elastic_properties"] = beam(
+        K33=ea,
+        K34=ea * up,
+        K35=-ea * back,
+        K44=2e8,
+        K55=8e8,
+        K45=-1e7,
+        K66=1e8,
+        mass=200.0,
+        cm_x=back,
+        cm_y=up,
+        i_edge=60.0,
+        i_flap=10.0,
+        i_cp=4.0,
+    )
+    first, second = load_turbine(save(ours, tmp_path)), load_turbine(save(schema, tmp_path))
+    np.testing.assert_allclose(second.blade.structure.stiffness, first.blade.structure.stiffness, rtol=1e-12, atol=1e-6)
+    np.testing.assert_allclose(second.blade.structure.inertia, first.blade.structure.inertia, rtol=1e-12, atol=1e-9)
+    assert any("K55 > K44" in note for note in second.notes)
+    assert not any("K55 > K44" in note for note in first.notes)
+
+
+def test_shell_of_the_nrel_tower_gives_the_published_table():
+    """The report computes Table 6-1 from this shell (6 m to 3.87 m, 35.1 mm to 24.7 mm, 8500 kg/m^3)."""
+    turbine = load_turbine("nrel_5mw")
+    root = read_windio(turbine_file("nrel_5mw"))
+    structure = root.at("components.tower.structure")
+    grid = np.linspace(0.0, 1.0, 11)
+    shell = shell_sections(root, structure, 87.6, (grid, 6.0 - 2.13 * grid))
+    # Wall thickness is published to 1/10 mm, density and stiffness to 5 digits.
+    for k in range(2, 6):
+        published = turbine.tower.structure.stiffness[:, k, k]
+        np.testing.assert_allclose(shell.stiffness_at(87.6 * grid)[:, k, k], published, rtol=2e-3)
+    np.testing.assert_allclose(shell.inertia[:, 0, 0], turbine.tower.structure.inertia[:, 0, 0], rtol=2e-3)
+
+
+def test_shell_tower_against_the_formulas_of_a_tube(small):
+    structure = small.tower.structure
+    outer, inner = 2.0, 1.97
+    area, second = np.pi * (outer**2 - inner**2), np.pi / 4 * (outer**4 - inner**4)
+    np.testing.assert_allclose(
+        np.diag(structure.stiffness[0]),
+        [np.inf, np.inf, 2.1e11 * area, 2.1e11 * second, 2.1e11 * second, 2.1e11 / 2.6 * 2 * second],
+    )
+    assert structure.inertia[0, 0, 0] == pytest.approx(1.1 * 7850 * area)
+    assert structure.inertia[0, 5, 5] == pytest.approx(1.1 * 7850 * 2 * second)
+
+
+def test_yaw_actuator_fall_back_meets_the_published_one(tmp_path):
+    """Without its yaw spring the NREL 5-MW gets one from 3 Hz and 2 %: published 9.028e9 N m/rad, 19.16e6 N m s/rad."""
+    lines = turbine_file("nrel_5mw").read_text().splitlines()
+    path = tmp_path / "turbine.yaml"
+    path.write_text("\n".join(line for line in lines if "spring_constant:" not in line))
+    turbine = load_turbine(path)
+    assert turbine.nacelle.yaw_spring == pytest.approx(9028320000, rel=0.05)
+    assert turbine.nacelle.yaw_damper == pytest.approx(19160000, rel=0.05)
+    assert any("yaw actuator" in note for note in turbine.notes)
+
+
+def test_moment_is_moved_to_the_quarter_chord(tmp_path):
+    """Drag alone at 90 deg acting in mid chord: c_m(1/4) = -c_d / 4."""
+    data = small_turbine()
+    data["airfoils"][0]["aerodynamic_center"] = 0.5
+    data["airfoils"][0]["polars"][0]["re_sets"][0]["cl"] = {"grid": [-180.0, 180.0], "values": [0.0, 0.0]}
+    data["airfoils"][0]["polars"][0]["re_sets"][0]["cd"] = {"grid": [-180.0, 90.0, 180.0], "values": [0.0, 2.0, 0.0]}
+    polar = load_turbine(save(data, tmp_path)).blade.polar_at(3.0)
+    assert polar.coefficients(np.pi / 2)[2] == pytest.approx(-0.5)
+
+
+def test_polars_are_chosen_by_reynolds_number_and_mixed_by_weight(tmp_path):
+    data = small_turbine()
+    foil = data["airfoils"][0]
+    sets = foil["polars"][0]["re_sets"]
+    drag = {"grid": [-180.0, 180.0], "values": [0.2, 0.2]}
+    sets.append(copy.deepcopy(sets[0]) | {"re": 1e7, "cd": drag})
+    # At the tip 41 m * 1.885 rad/s * 2 m / 1.46e-5 m^2/s = 1.06e7, at the root a fortieth of it.
+    shape = data["components"]["blade"]["outer_shape"]
+    shape["airfoils"] = [{"name": "ellipse", "spanwise_position": p} for p in (0.0, 1.0)]
+    blade = load_turbine(save(data, tmp_path)).blade
+    assert blade.polar_at(0.0).coefficients(0.1)[1] == pytest.approx(0.1)
+    assert blade.polar_at(LENGTH).coefficients(0.1)[1] == pytest.approx(0.2)
+    rough = {"configuration": "rough", "re_sets": [copy.deepcopy(sets[0]) | {"cd": drag}]}
+    foil["polars"] = [{"configuration": "clean", "re_sets": [sets[0]]}, rough]
+    shape["airfoils"] = [{"name": "ellipse", "configuration": ["clean", "rough"], "weight": [0.3, 0.7]}]
+    blade = load_turbine(save(data, tmp_path)).blade
+    assert blade.polar_at(5.0).coefficients(0.1)[1] == pytest.approx(0.3 * 0.1 + 0.7 * 0.2)
+
+
+def test_prebend_sweep_and_normal_offset(tmp_path):
+    data = small_turbine()
+    blade = data["components"]["blade"]
+    blade["reference_axis"]["x"] = table(0.0, -0.3, -1.2)
+    blade["outer_shape"]["section_offset_x"] = table(0.1, 0.1)
+    turbine = load_turbine(save(data, tmp_path))
+    assert turbine.blade.axis_at(LENGTH)[0] == pytest.approx(-1.2)
+    # Arc length of a parabola x = -1.2 (z/40)^2: 40 (1 + slope^2/6), to second order.
+    assert turbine.blade.structure.length == pytest.approx(LENGTH * (1 + 0.06**2 / 6), rel=1e-5)
+    np.testing.assert_allclose(turbine.blade.camber_at(10.0, [0.2, 0.7])[0], 0.05, atol=1e-9)
+
+
+REQUIRED = [
+    "name",
+    "windIO_version",
+    "assembly",
+    "control",
+    "control.rated_rotor_speed",
+    "control.max_pitch_rate",
+    "control.optimal_tsr",
+    "airfoils",
+    "airfoils.0.name",
+    "airfoils.0.rthick",
+    "airfoils.0.coordinates",
+    "airfoils.0.coordinates.y",
+    "airfoils.0.polars",
+    "airfoils.0.polars.0.re_sets.0.cd",
+    "components.blade",
+    "components.blade.reference_axis.z",
+    "components.blade.outer_shape.chord",
+    "components.blade.outer_shape.twist.values",
+    "components.blade.outer_shape.section_offset_y",
+    "components.blade.outer_shape.airfoils",
+    "components.blade.structure",
+    "components.blade.structure.elastic_properties",
+    "components.blade.structure.elastic_properties.stiffness_matrix.K33",
+    "components.blade.structure.elastic_properties.stiffness_matrix.K44",
+    "components.blade.structure.elastic_properties.stiffness_matrix.K66",
+    "components.blade.structure.elastic_properties.inertia_matrix.mass",
+    "components.blade.structure.elastic_properties.inertia_matrix.i_edge",
+    "components.hub",
+    "components.hub.diameter",
+    "components.hub.elastic_properties",
+    "components.hub.elastic_properties.mass",
+    "components.drivetrain",
+    "components.drivetrain.outer_shape.overhang",
+    "components.drivetrain.outer_shape.distance_tt_hub",
+    "components.drivetrain.elastic_properties",
+    "components.drivetrain.generator",
+    "components.tower",
+    "components.tower.outer_shape.outer_diameter",
+    "components.tower.structure",
+    "components.tower.structure.layers",
+    "materials",
+]
+
+
+@pytest.mark.parametrize("path", REQUIRED)
+def test_a_missing_key_is_named(path, tmp_path):
+    data = small_turbine()
+    parent, key = at(data, path)
+    del parent[key]
+    with pytest.raises(TurbineDefinitionError) as caught:
+        load_turbine(save(data, tmp_path))
+    message = str(caught.value)
+    assert str(key) in message
+    assert "missing" in message
+    assert "turbine.yaml" in message
+    assert len(message) < 800
+
+
+def test_a_missing_drivetrain_spring_names_both_places(tmp_path):
+    data = small_turbine()
+    del data["components"]["drivetrain"]["gearbox"]["elastic_properties"]
+    with pytest.raises(TurbineDefinitionError, match=r"drivetrain\.elastic_properties\.spring_constant.*gearbox"):
+        load_turbine(save(data, tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "named"),
+    [
+        ("windIO_version", "1.0", "windIO_version"),
+        ("components.blade.outer_shape.chord.values", [2000.0, 2000.0], r"outer_shape\.chord"),
+        ("components.blade.outer_shape.chord.values", [2.0, "wide"], r"outer_shape\.chord\.values\[1\].*number"),
+        ("components.blade.outer_shape.chord.values", [2.0, float("nan")], r"chord\.values\[1\].*finite"),
+        ("components.blade.outer_shape.chord.values", [2.0, 2.0, 2.0], r"chord\.values.*shape \(2\)"),
+        ("components.blade.outer_shape.chord.grid", [1.0, 0.0], r"chord\.grid\[1\].*ascending"),
+        ("components.blade.outer_shape.chord.grid", [0.0, 0.9], r"chord\.grid.*0 .*1"),
+        ("components.blade.outer_shape.twist.values", [200.0, 200.0], r"Blade\.twist"),
+        ("components.blade.outer_shape.airfoils.0.name", "NACA0012", r"airfoils\[0\]\.name.*ellipse"),
+        ("components.blade.outer_shape.airfoils.0.configuration", ["rough"], r"configuration.*default"),
+        ("airfoils.0.polars.0.re_sets.0.cl.grid", [-90.0, -45.0, 0.0, 45.0, 90.0], r"cl\.grid.*-180"),
+        ("airfoils.0.polars.0.re_sets", [], "re_sets"),
+        ("airfoils.0.coordinates.x", [0.0, 0.5, 1.0], r"coordinates\.y"),
+        ("components.blade.structure.elastic_properties.stiffness_matrix.K55", [2e8, -2e8], "K55|positive definite"),
+        ("components.blade.structure.elastic_properties.stiffness_matrix.K45", [9e8, 9e8], "positive definite"),
+        ("components.hub.diameter", 2000.0, r"hub\.diameter.*30"),
+        ("components.hub.diameter", "two", r"hub\.diameter.*number"),
+        ("components.tower.structure.layers.0.material", "wood", r"material.*steel"),
+        ("components.tower.structure.layers.0.thickness.values", [3.0, 0.02], "thickness"),
+        ("components.tower.reference_axis.x.values", [0.0, 5.0], r"tower\.reference_axis"),
+        ("assembly.rotor_orientation", "downwind", "upwind"),
+        ("assembly.hub_height", 120.0, "hub_height"),
+        ("assembly.typo", 1.0, "typo"),
+        ("control.max_pitch_rate", -8.0, "max_pitch_rate"),
+    ],
+)
+def test_wrong_values_are_named(path, value, named, tmp_path):
+    data = small_turbine()
+    parent, key = at(data, path)
+    parent[key] = value
+    with pytest.raises(TurbineDefinitionError, match=named):
+        load_turbine(save(data, tmp_path))
+
+
+@pytest.mark.parametrize(
+    "text", ["name: [unclosed", "just text", "- a\n- list", "a: 1\na: 2", "x: !!python/object/apply:os.getcwd []", ""]
+)
+def test_what_is_no_turbine_file_is_refused(text, tmp_path):
+    path = tmp_path / "turbine.yaml"
+    path.write_text(text)
+    with pytest.raises(TurbineDefinitionError, match=r"turbine\.yaml"):
+        load_turbine(path)
+
+
+def test_binary_content_is_refused(tmp_path):
+    path = tmp_path / "turbine.yaml"
+    path.write_bytes(b"\xff\xfe\x00\x01\x9c" * 20)
+    with pytest.raises(TurbineDefinitionError, match=r"turbine\.yaml"):
+        load_turbine(path)
+
+
+def test_changed_file_is_read_again(tmp_path):
+    data = small_turbine()
+    first = load_turbine(save(data, tmp_path))
+    data["name"] = "renamed"
+    second = load_turbine(save(data, tmp_path))
+    assert (first.name, second.name) == ("small", "renamed")
+
+
+def test_node_paths():
+    node = Node({"a": {"b": [{"c": 1.0}]}, "empty": None})
+    assert "a.b" in node
+    assert "empty" not in node
+    assert node.at("a").items("b")[0].where("c") == "a.b[0].c"
+    with pytest.raises(TurbineDefinitionError, match=r"^a\.x: missing"):
+        node.at("a.x.y")
+
+
+def test_beam_stations_interpolate_linearly_and_keep_rigid_shear(small):
+    structure = small.tower.structure
+    middle = structure.stiffness_at(40.0)
+    assert np.isinf(middle[0, 0])
+    assert np.isinf(middle[1, 1])
+    np.testing.assert_allclose(middle[2:, 2:], structure.stiffness[:, 2:, 2:].mean(axis=0))
+    np.testing.assert_array_equal(structure.stiffness_at([0.0, 80.0]), structure.stiffness)
+    assert structure.inertia_at(np.zeros((2, 3))).shape == (2, 3, 6, 6)
+    with pytest.raises(TurbineDefinitionError, match="80"):
+        structure.inertia_at(81.0)
+
+
+def test_mass_moments_are_exact():
+    """Mass per length 1 + s on [0, 2]: moments 4, 14/3, 20/3."""
+    unit = np.eye(6)
+    beam_stations = BeamStations([0.0, 2.0], [unit, unit], [unit, 3 * unit])
+    assert [beam_stations.mass_moment(k) for k in range(3)] == pytest.approx([4.0, 14.0 / 3.0, 20.0 / 3.0])
+
+
+@pytest.mark.parametrize(
+    ("station", "stiffness", "inertia", "named"),
+    [
+        ([0.0, 0.0], None, None, "station"),
+        ([1.0, 2.0], None, None, r"station\[0\]"),
+        ([0.0, 1.0, 2.0], None, None, "stiffness"),
+        (None, np.array([np.eye(6) + np.eye(6, k=1)] * 2), None, "symmetric"),
+        (None, np.array([np.diag([1, 1, 1, 1, np.inf, 1.0])] * 2), None, r"stiffness\[0, 4, 4\]"),
+        (None, np.array([np.diag([np.inf, np.inf, 1, 1, 1, 1.0]), np.eye(6)]), None, "inf"),
+        (None, None, np.zeros((2, 6, 6)), "mass per length"),
+        (None, None, -np.array([np.eye(6)] * 2), "semidefinite"),
+    ],
+)
+def test_wrong_beam_stations_are_refused(station, stiffness, inertia, named):
+    unit = np.array([np.eye(6)] * 2)
+    with pytest.raises(TurbineDefinitionError, match=named):
+        BeamStations(
+            [0.0, 1.0] if station is None else station,
+            unit if stiffness is None else stiffness,
+            unit if inertia is None else inertia,
+        )

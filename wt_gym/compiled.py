@@ -1,0 +1,43 @@
+"""The decorator of every compiled kernel: common options and a cache that notices changes in any kernel file.
+
+numba checks a cached kernel only against the file in which it stands; a kernel compiled into the kernel of another
+file would stay there in its old form. All kernels of the package therefore share one stamp made from all kernel files.
+"""
+
+import math
+from functools import cache
+from pathlib import Path
+
+from numba import njit
+
+__all__ = ["kernel"]
+
+FASTMATH = {"contract", "arcp", "nsz", "reassoc"}
+"""Never nnan or ninf: the checks for states that are not finite must keep their meaning."""
+
+
+@cache
+def _stamp():
+    """Modification time and size of all kernel files together, in the form of numba's own stamps."""
+    stats = [path.stat() for path in sorted(Path(__file__).parent.rglob("*_kernels.py"))]
+    return math.fsum(s.st_mtime for s in stats), sum(s.st_size for s in stats)
+
+
+def kernel(function=None, **options):
+    """Compile a function on plain arrays.
+
+    Reference counting is off (arrays live in the caller), which trebles the speed of functions that pass many arrays;
+    a kernel can therefore not allocate.
+
+    Parameters
+    ----------
+    function : callable
+    **options
+        Further options of ``numba.njit``.
+    """
+    if function is None:
+        return lambda f: kernel(f, **options)
+    defaults = {"cache": True, "error_model": "numpy", "fastmath": FASTMATH, "_nrt": False}
+    dispatcher = njit(**(defaults | options))(function)
+    dispatcher._cache._cache_file._source_stamp = _stamp()
+    return dispatcher

@@ -1,0 +1,139 @@
+"""The signals of the simulator: one flat vector with a documented table of channels."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+__all__ = ["Channel", "Signals", "channel_table"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One signal.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+    openfast : str
+        OpenFAST's name of the same quantity (its unit may differ), or "".
+    description : str
+    """
+
+    name: str
+    unit: str
+    openfast: str
+    description: str
+
+
+_SINGLE = (
+    ("time", "s", "Time", "Simulated time"),
+    ("wind_x", "m/s", "WindHubVelX", "Undisturbed wind at the hub, downwind component"),
+    ("wind_y", "m/s", "WindHubVelY", "Undisturbed wind at the hub, to the left looking downwind"),
+    ("wind_z", "m/s", "WindHubVelZ", "Undisturbed wind at the hub, upward"),
+    ("rotor_speed", "rad/s", "RotSpeed", "Angular speed of the hub relative to the nacelle"),
+    ("azimuth", "rad", "Azimuth", "Azimuth of blade 1, zero when it points up, 0 … 2π"),
+    ("generator_speed", "rad/s", "GenSpeed", "High-speed shaft"),
+    ("generator_torque", "N m", "GenTq", "Electrical torque on the high-speed shaft"),
+    ("generator_power", "W", "GenPwr", "Electrical power"),
+    ("aero_power", "W", "RtAeroPwr", "Aerodynamic torque times rotor speed"),
+    ("aero_torque", "N m", "RtAeroMxh", "Moment of the air about the shaft"),
+    ("aero_thrust", "N", "RtAeroFxh", "Force of the air along the shaft"),
+    ("yaw", "rad", "YawPzn", "Nacelle yaw, counter-clockwise from above"),
+    ("yaw_rate", "rad/s", "YawVzn", "Rate of the nacelle yaw"),
+    ("yaw_error", "rad", "NacYawErr", "Wind direction at the hub minus nacelle yaw"),
+    ("tower_top_fore_aft", "m", "TTDspFA", "Tower-top displacement downwind"),
+    ("tower_top_side_side", "m", "TTDspSS", "Tower-top displacement to the left"),
+    ("tower_base_fore_aft_moment", "N m", "TwrBsMyt", "Tower-base moment about y, positive for a downwind push"),
+    ("tower_base_side_side_moment", "N m", "TwrBsMxt", "Tower-base moment about x"),
+    ("tower_base_torsion", "N m", "TwrBsMzt", "Tower-base moment about z"),
+    ("nacelle_acceleration_fore_aft", "m/s^2", "YawBrTAxp", "Tower-top acceleration along the nacelle"),
+    ("nacelle_acceleration_side_side", "m/s^2", "YawBrTAyp", "Tower-top acceleration across the nacelle"),
+    ("shaft_torque", "N m", "RotTorq", "Torque in the low-speed shaft"),
+    ("rotor_thrust", "N", "RotThrust", "Axial force in the low-speed shaft, weight and inertia included"),
+)
+_PER_BLADE = (
+    ("pitch", "rad", "BldPitch", "Pitch angle, positive to feather"),
+    ("pitch_rate", "rad/s", "", "Pitch rate"),
+    ("pitch_command", "rad", "", "Rate-limited pitch demand that the drive follows"),
+    ("tip_out_of_plane", "m", "OoPDefl", "Tip deflection out of the coned rotor plane, positive downwind"),
+    ("tip_in_plane", "m", "IPDefl", "Tip deflection in the rotor plane, positive to the trailing edge"),
+    ("root_flap_moment", "N m", "RootMyb", "Blade-root moment about y of the pitched blade"),
+    ("root_edge_moment", "N m", "RootMxb", "Blade-root moment about x of the pitched blade"),
+    ("root_torsion", "N m", "RootMzb", "Blade-root moment about the pitch axis"),
+    ("tip_clearance", "m", "TipClrnc", "Distance of the tip from the tower surface"),
+)
+
+
+@cache
+def channel_table(n_blades):
+    """Channels of a turbine with n_blades blades, in the order of ``Signals.values``."""
+    table = [Channel(*row) for row in _SINGLE]
+    for name, unit, openfast, text in _PER_BLADE:
+        for i in range(1, n_blades + 1):
+            fast = f"{openfast}{i}" if openfast else ""
+            table.append(Channel(f"{name}_{i}", unit, fast, f"{text}, blade {i}"))
+    return tuple(table)
+
+
+@cache
+def _layout(n_blades):
+    """Index of each channel, and the slice of each group of per-blade channels."""
+    index = {channel.name: i for i, channel in enumerate(channel_table(n_blades))}
+    start = len(_SINGLE)
+    groups = {row[0]: slice(start + k * n_blades, start + (k + 1) * n_blades) for k, row in enumerate(_PER_BLADE)}
+    return index, groups
+
+
+class Signals:
+    """Values of all channels at one instant.
+
+    Attributes are the channel names; a per-blade name without its number gives all blades, e.g. ``signals.pitch``.
+
+    Parameters
+    ----------
+    values : array (n_channels,)
+        In the order of :func:`channel_table`; not copied.
+    n_blades : int
+    """
+
+    __slots__ = ("n_blades", "values")
+
+    def __init__(self, values, n_blades):
+        self.values, self.n_blades = values, n_blades
+
+    def __getattr__(self, name):
+        index, groups = _layout(self.n_blades)
+        if name in index:
+            return float(self.values[index[name]])
+        if name in groups:
+            return self.values[groups[name]]
+        raise AttributeError(f"no signal {name!r}; the signals are {', '.join(index)}")
+
+    def __getitem__(self, name):
+        try:
+            return getattr(self, name)
+        except AttributeError as error:
+            raise KeyError(str(error)) from None
+
+    def __eq__(self, other):
+        return isinstance(other, Signals) and np.array_equal(self.values, other.values)
+
+    __hash__ = None
+
+    def __repr__(self):
+        return (
+            f"Signals(t={self.time:.2f} s, wind {self.wind_x:.2f} m/s, rotor {self.rotor_speed * 30 / np.pi:.2f} rpm, "
+            f"power {self.generator_power / 1e3:.0f} kW)"
+        )
+
+    def as_dict(self):
+        """All channels by name (floats)."""
+        return {channel.name: float(v) for channel, v in zip(channel_table(self.n_blades), self.values, strict=True)}
+
+
+def new_values(n_blades):
+    """An empty vector of channel values with a function that stores a group or a channel by name."""
+    index, groups = _layout(n_blades)
+    return np.zeros(len(index)), {**index, **groups}

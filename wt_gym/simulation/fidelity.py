@@ -1,0 +1,113 @@
+"""Fidelities: how finely air and structure are resolved, and at what price."""
+
+import math
+from dataclasses import dataclass, field
+
+from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
+from wt_gym.errors import SimulationError
+
+__all__ = ["FIDELITIES", "Fidelity", "fidelity"]
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """Resolution of a simulation.
+
+    Attributes
+    ----------
+    name : str
+    aero : AeroOptions
+        Lattice and wake.
+    time_step : float or None
+        Aerodynamic step [s]. None: the largest step that divides ``step_base`` and turns the rotor at rated speed by no
+        more than ``aero.azimuth_step_deg``.
+    step_base : float
+        Interval [s] that the automatic time step divides; control intervals are multiples of it.
+    max_substep : float
+        Longest structural step [s]; the aerodynamic step is divided into equal sub-steps.
+    corrections : int
+        Corrector passes of the Hamming scheme in each sub-step.
+    coupling_iterations : int
+        Most passes of structure and loads through one aerodynamic step.
+    coupling_tolerance : float
+        The passes end when the loads change by less than this fraction of their size.
+    tower_modes : (int, int, int)
+        Fore-aft, side-side and torsion modes.
+    blade_modes : (int, int, int)
+        Flap, edge and torsion modes of each blade.
+    tower_elements, blade_elements : int
+        Finite elements from which the modes come.
+    tower_shadow : bool
+        Potential flow round the tower acts on the blades.
+    """
+
+    name: str = "custom"
+    aero: AeroOptions = field(default_factory=lambda: TRAINING)
+    time_step: float | None = None
+    step_base: float = 0.2
+    max_substep: float = 0.034
+    corrections: int = 3
+    coupling_iterations: int = 2
+    coupling_tolerance: float = 1e-3
+    tower_modes: tuple = (2, 2, 1)
+    blade_modes: tuple = (2, 1, 0)
+    tower_elements: int = 12
+    blade_elements: int = 24
+    tower_shadow: bool = True
+
+    def __post_init__(self):
+        """Refuse values without meaning."""
+        if self.time_step is not None and not 0.0 < self.time_step < 10.0:
+            raise SimulationError(f"Fidelity.time_step is {self.time_step}; allowed: None or 0 … 10 s")
+        for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
+            if getattr(self, name) < low:
+                raise SimulationError(f"Fidelity.{name} is {getattr(self, name)}; it must be at least {low}")
+        if not 0.0 < self.max_substep <= 0.5:
+            raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; allowed: 0 … 0.5 s")
+        for name in ("tower_modes", "blade_modes"):
+            modes = getattr(self, name)
+            if len(modes) != 3 or min(modes) < 0 or sum(modes) < 1:
+                raise SimulationError(f"Fidelity.{name} is {modes}; three counts with at least one mode are needed")
+
+    def step_for(self, rated_speed):
+        """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
+        if self.time_step is not None:
+            return self.time_step
+        longest = math.radians(self.aero.azimuth_step_deg) / rated_speed
+        return self.step_base / math.ceil(self.step_base / longest - 1e-9)
+
+    def substeps_for(self, time_step):
+        """Number of structural steps in an aerodynamic step."""
+        return math.ceil(time_step / self.max_substep - 1e-9)
+
+
+FIDELITIES = {
+    "training": Fidelity("training", TRAINING),
+    "engineering": Fidelity(
+        "engineering", ENGINEERING, max_substep=0.025, coupling_iterations=3, blade_modes=(3, 2, 0)
+    ),
+    "reference": Fidelity(
+        "reference",
+        REFERENCE,
+        max_substep=0.01,
+        coupling_iterations=5,
+        coupling_tolerance=1e-5,
+        tower_modes=(2, 2, 1),
+        blade_modes=(4, 3, 1),
+    ),
+}
+
+
+def fidelity(choice):
+    """Fidelity from a name or a :class:`Fidelity`.
+
+    Raises
+    ------
+    SimulationError
+        For an unknown name.
+    """
+    if isinstance(choice, Fidelity):
+        return choice
+    if choice not in FIDELITIES:
+        raise SimulationError(f"fidelity {choice!r} is unknown; allowed: {', '.join(FIDELITIES)} or a Fidelity")
+    return FIDELITIES[choice]

@@ -1,0 +1,422 @@
+"""The coupled simulator: flexible multibody turbine and free-wake vortex lattice marched together in time."""
+
+import math
+
+import numpy as np
+
+from wt_gym.aerodynamics import VortexLattice
+from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.aerodynamics.tower_flow import tower_perturbation
+from wt_gym.errors import ActionError, SimulationError
+from wt_gym.multibody import tree_kernels
+from wt_gym.multibody.integrator_kernels import OK, SINGULAR, hamming_advance
+from wt_gym.multibody.system import HammingIntegrator
+from wt_gym.simulation import coupling_kernels
+from wt_gym.simulation.blade_lattice import blade_planform
+from wt_gym.simulation.channels import Signals
+from wt_gym.simulation.equilibrium import elastic_equilibrium
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.simulation.measurement import Measurement
+from wt_gym.simulation.state import SimulatorState
+from wt_gym.simulation.turbine_structure import build_structure
+from wt_gym.turbines import Turbine, load_turbine
+
+__all__ = ["Simulator"]
+
+MAX_DEFLECTION = 0.4
+"""Elastic tip displacement, in blade lengths, beyond which a linear elastic blade has lost its meaning."""
+MAX_OVERSPEED = 3.0
+"""Rotor speed, in rated speeds, at which a simulation is given up."""
+
+
+class Simulator:
+    """A wind turbine in the wind.
+
+    Parameters
+    ----------
+    turbine : str, path or Turbine
+        Name in the catalogue, path of a windIO v2 file, or a turbine.
+    inflow : Inflow
+        Undisturbed wind.
+    fidelity : str or Fidelity
+        "training", "engineering", "reference" or one of your own.
+
+    Attributes
+    ----------
+    time_step : float
+        Aerodynamic step [s]; ``advance`` takes whole numbers of it.
+    structure : TurbineStructure
+    lattice : VortexLattice
+
+    Examples
+    --------
+    >>> from wt_gym.wind import SteadyInflow
+    >>> sim = Simulator("nrel_5mw", inflow=SteadyInflow(8.0))
+    >>> signals = sim.reset(rotor_speed=0.96)
+    >>> signals = sim.advance(0.2, pitch=(0.0, 0.0, 0.0), yaw_rate=0.0, generator_torque=19.3e3)
+    """
+
+    def __init__(self, turbine="nrel_5mw", inflow=None, fidelity="training"):
+        if inflow is None:
+            raise SimulationError("Simulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
+        self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        self.inflow, self.fidelity = inflow, fidelity_of(fidelity)
+        self.time_step = self.fidelity.step_for(self.turbine.drivetrain.rated_rotor_speed)
+        self._build_models()
+        self._allocate()
+        self._started = False
+
+    # ---- construction ----
+
+    def _build_models(self):
+        """Everything that depends only on the meshes."""
+        turbine, fid = self.turbine, self.fidelity
+        planform = blade_planform(turbine, fid.aero)
+        self.structure = build_structure(turbine, fid, planform.nodes)
+        self.lattice = VortexLattice(planform, turbine.n_blades, fid.aero, turbine.air_density)
+        self._tower_base = np.array([0.0, 0.0, turbine.tower.base_height])
+        n_sub = fid.substeps_for(self.time_step)
+        self._n_sub, self._h = n_sub, self.time_step / n_sub
+        self._integrator = HammingIntegrator(self.structure.system, self._h, fid.corrections)
+        self._blades = np.array(self.structure.blades)
+
+    def _allocate(self):
+        """Arrays of the state and of the exchange between structure and air."""
+        n = self.turbine.n_blades
+        self._aero = self.lattice.new_state()
+        shape = self.lattice.nodes_shape
+        self._nodes, self._velocities = np.zeros(shape), np.zeros(shape)
+        flat = (n, shape[1] * shape[2], 3)
+        self._nodes_flat, self._velocities_flat = self._nodes.reshape(flat), self._velocities.reshape(flat)
+        self._saved = [np.zeros_like(a) for a in self._integrator.history]
+        self._previous_loads = np.zeros_like(self._integrator.inputs.body_loads[0])
+        self._command = np.zeros(n + 2)  # generator torque, yaw, pitch of each blade
+        self._measurement = Measurement(self.turbine, self.structure)
+        self._values = self._measurement.values
+        self._n_steps = 0
+
+    # ---- the public run ----
+
+    @property
+    def time(self):
+        """Simulated time [s]."""
+        return self._n_steps * self.time_step
+
+    @property
+    def signals(self):
+        """Signals at the current time, a fresh copy."""
+        self._require_start()
+        return Signals(self._values.copy(), self.turbine.n_blades)
+
+    def reset(self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None):
+        """Start at time zero near a steady state: developed wake, deflected structure.
+
+        Parameters
+        ----------
+        rotor_speed : float
+            [rad/s], not negative.
+        pitch : float or array (n_blades,)
+            [rad].
+        azimuth : float
+            Of blade 1 [rad].
+        yaw : float
+            Nacelle yaw [rad].
+        generator_torque : float, optional
+            High-speed shaft [N m]; by default what balances the torque of the air.
+
+        Returns
+        -------
+        Signals
+        """
+        pitch = self._pitch_vector(pitch)
+        self._check_finite(rotor_speed=rotor_speed, azimuth=azimuth, yaw=yaw)
+        limit = MAX_OVERSPEED * self.turbine.drivetrain.rated_rotor_speed
+        if not 0.0 <= rotor_speed < limit:
+            raise ActionError(f"rotor_speed is {rotor_speed} rad/s; allowed: 0 … {limit:.3f} rad/s")
+        if generator_torque is not None:
+            self._check_torque(generator_torque)
+        self._n_steps = 0
+        for array in self._integrator.inputs:
+            array[:] = 0.0
+        y = self._rigid_state(rotor_speed, pitch, azimuth, yaw)
+        torque = self._find_equilibrium(y, rotor_speed, generator_torque)
+        self._command[0], self._command[1], self._command[2:] = torque, yaw, pitch
+        self._set_inputs(0)
+        self._set_inputs(1)
+        self._previous_loads[:] = self._integrator.inputs.body_loads[0]
+        self._integrator.start(y)
+        self._started = True
+        self._measure()
+        return self.signals
+
+    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0):
+        """Simulate for a while with constant demands; the drives follow them within their limits.
+
+        Parameters
+        ----------
+        duration : float
+            A whole number of time steps [s].
+        pitch : float or array (n_blades,)
+            Demanded pitch [rad]; followed at no more than the pitch rate limit, within the pitch range.
+        yaw_rate : float
+            Demanded yaw rate [rad/s], limited to the yaw drive's rate.
+        generator_torque : float
+            Demanded torque on the high-speed shaft [N m]; rate-limited and kept between 0 and the generator's maximum.
+
+        Returns
+        -------
+        Signals
+            At the end.
+
+        Raises
+        ------
+        ActionError
+            For demands that are not finite or a duration that is no multiple of the time step.
+        SimulationError
+            When the simulation diverges; the simulator must then be reset.
+        """
+        self._require_start()
+        pitch = self._pitch_vector(pitch)
+        self._check_finite(yaw_rate=yaw_rate, generator_torque=generator_torque)
+        n = round(duration / self.time_step)
+        if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
+            raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
+        for _ in range(n):
+            self._move_commands(pitch, yaw_rate, generator_torque)
+            try:
+                self._step()
+            except (SimulationError, AerodynamicsError) as error:
+                self._started = False
+                raise SimulationError(f"simulation failed at {self.time:.3f} s: {error}") from error
+        self._measure()
+        return self.signals
+
+    # ---- snapshots and pictures ----
+
+    def state(self):
+        """Snapshot from which the simulation continues bit for bit.
+
+        Returns
+        -------
+        SimulatorState
+        """
+        self._require_start()
+        return SimulatorState.take(self._state_arrays(), self._n_steps)
+
+    def restore(self, state):
+        """Continue from a snapshot of a simulator with the same turbine and fidelity.
+
+        Raises
+        ------
+        SimulationError
+            When the snapshot does not fit.
+        """
+        state.put(self._state_arrays())
+        self._n_steps = state.n_steps
+        self._started = True
+
+    def _state_arrays(self):
+        """Every array that carries state, by name."""
+        arrays = {f"history_{k}": a for k, a in self._integrator.history._asdict().items()}
+        arrays |= {f"inputs_{k}": a for k, a in self._integrator.inputs._asdict().items()}
+        arrays |= {f"aero_{k}": a for k, a in self._aero.arrays._asdict().items()}
+        arrays |= {"previous_loads": self._previous_loads, "command": self._command, "values": self._values}
+        arrays |= {"nodes": self._nodes, "velocities": self._velocities}
+        return arrays
+
+    def geometry(self):
+        """Shapes for pictures, global coordinates [m].
+
+        Returns
+        -------
+        dict
+            "blades" (n_blades, n_chord + 1, n_span + 1, 3) ring nodes; "wake" (n_rows + 1, n_blades, n_span + 1, 3);
+            "wake_circulation" (n_rows, n_blades, n_span) [m²/s]; "tower" (n, 3) axis and "tower_radius" (n,);
+            "hub" (3,); "nacelle" (2, 3) ends of the shaft.
+        """
+        self._require_start()
+        s, tree, work = self.structure, self.structure.system.tree, self._integrator.work
+        y = self._integrator.state
+        coupling_kernels.rotor_motion(
+            y, tree, work, s.lattice_points, self._blades, self._nodes_flat, self._velocities_flat
+        )
+        tower, velocity = np.zeros_like(s.tower_points.position), np.zeros_like(s.tower_points.position)
+        tree_kernels.point_motion(s.tower, s.tower_points, y, tree, work, tower, velocity)
+        return {
+            "blades": self._nodes.copy(),
+            "wake": self._aero.wake_nodes.copy(),
+            "wake_circulation": self._aero.wake_circulation.copy(),
+            "tower": tower,
+            "tower_radius": s.tower_radius.copy(),
+            "hub": work.r[s.hub].copy(),
+            "nacelle": np.array([work.r[s.hub], work.r[s.generator]]),
+        }
+
+    # ---- commands ----
+
+    def _require_start(self):
+        if not self._started:
+            raise SimulationError("the simulator is not running: call reset() first, also after a failed simulation")
+
+    def _pitch_vector(self, pitch):
+        n = self.turbine.n_blades
+        vector = np.asarray(pitch, dtype=float)
+        if vector.shape not in ((), (n,)):
+            raise ActionError(f"pitch has shape {vector.shape}; allowed: one angle or {n} angles [rad]")
+        if not np.all(np.isfinite(vector)):
+            raise ActionError(f"pitch {pitch!r} is not finite")
+        return np.broadcast_to(vector, (n,)).copy()
+
+    @staticmethod
+    def _check_finite(**numbers):
+        for name, value in numbers.items():
+            if not math.isfinite(value):
+                raise ActionError(f"{name} is {value!r}; a finite number is needed")
+
+    def _check_torque(self, torque):
+        limit = self.turbine.drivetrain.max_generator_torque
+        if not 0.0 <= torque <= limit:
+            raise ActionError(f"generator_torque is {torque} N m; allowed: 0 … {limit} N m")
+
+    def _move_commands(self, pitch, yaw_rate, torque):
+        """Demands after one time step, within the rates and ranges of the drives."""
+        dt, drive, limits, c = self.time_step, self.turbine.drivetrain, self.turbine.pitch, self._command
+        reach = drive.max_torque_rate * dt
+        c[0] = min(max(torque, c[0] - reach, 0.0), c[0] + reach, drive.max_generator_torque)
+        fastest = self.turbine.nacelle.max_yaw_rate
+        c[1] += dt * min(max(yaw_rate, -fastest), fastest)
+        reach = limits.max_rate * dt
+        for i in range(len(pitch)):
+            wanted = min(max(pitch[i], limits.min_pitch), limits.max_pitch)
+            c[2 + i] += min(max(wanted - c[2 + i], -reach), reach)
+
+    def _set_inputs(self, end):
+        """Commands into the inputs at the start (0) or the end (1) of the step."""
+        inputs, drive = self._integrator.inputs, self.turbine.drivetrain
+        shaft = self._command[0] * drive.gear_ratio / drive.gearbox_efficiency
+        inputs.dof_force[end, self.structure.azimuth_u] = -shaft
+        inputs.servo_command[end] = self._command[1:]
+
+    # ---- the coupled step ----
+
+    def _step(self):
+        """One aerodynamic step: wake, then structure and loads iterated to agreement at its end."""
+        integrator, inputs, fid = self._integrator, self._integrator.inputs, self.fidelity
+        tree, work, history = self.structure.system.tree, integrator.work, integrator.history
+        dt, time = self.time_step, self.time
+        self.lattice.convect_wake(self._aero, self.inflow, time, dt)
+        for saved, array in zip(self._saved, history, strict=True):
+            saved[:] = array
+        self._set_inputs(1)
+        # the loads of the last two steps, continued in a straight line, are the first guess
+        first, last = inputs.body_loads
+        np.multiply(first, 2.0, out=last)
+        last -= self._previous_loads
+        wind = None
+        for iteration in range(fid.coupling_iterations):
+            if iteration:
+                for saved, array in zip(self._saved, history, strict=True):
+                    array[:] = saved
+            code = hamming_advance(history, inputs, tree, work, self._h, self._n_sub, integrator.n_corrections)
+            if code != OK:
+                raise SimulationError("singular mass matrix" if code == SINGULAR else "the structure diverged")
+            change, wind = self._exchange(history.y[3], dt, time + dt, wind)
+            if change < fid.coupling_tolerance:
+                break
+        self.lattice.accept(self._aero)
+        # the stored rate belongs to the stored state and the final loads
+        if not tree_kernels.rates(history.y[3], 1.0, inputs, tree, work, history.f[3]):
+            raise SimulationError("singular mass matrix")
+        self._previous_loads[:] = first
+        for array in inputs:
+            array[0] = array[1]
+        self._n_steps += 1
+        self._check_range(history.y[3])
+
+    def _exchange(self, y, dt, time, wind):
+        """Motion of the blades to the lattice, its forces back as loads at the end of the step."""
+        s, work, inputs = self.structure, self._integrator.work, self._integrator.inputs
+        tree = s.system.tree
+        coupling_kernels.rotor_motion(
+            y, tree, work, s.lattice_points, self._blades, self._nodes_flat, self._velocities_flat
+        )
+        if wind is None:
+            wind = self._wind_at_blades(time)
+        forces = self.lattice.solve(self._aero, self._nodes, self._velocities, wind, dt)
+        change = coupling_kernels.rotor_loads(
+            forces.reshape(self._nodes_flat.shape), y, tree, work, s.lattice_points, self._blades, inputs.body_loads[1]
+        )
+        return change, wind
+
+    def _wind_at_blades(self, time):
+        """Undisturbed wind at the lattice nodes, with the blocking of the tower."""
+        wind = self.inflow.velocity(self._nodes, time)
+        if self.fidelity.tower_shadow:
+            tower = self.turbine.tower
+            top = self._integrator.work.r[self.structure.nacelle]
+            wind += tower_perturbation(self._nodes, wind, self._tower_base, top, tower.diameter_station, tower.diameter)
+        return wind
+
+    def _check_range(self, y):
+        """Refuse states in which the model has no meaning."""
+        speed = y[self.structure.system.n_q + self.structure.azimuth_u]
+        limit = MAX_OVERSPEED * self.turbine.drivetrain.rated_rotor_speed
+        if not abs(speed) < limit:
+            raise SimulationError(f"rotor speed {speed:.2f} rad/s is beyond {limit:.2f} rad/s")
+        q = y[: self.structure.system.n_q]
+        tip = self.structure.tip_points.linear[0]
+        for b in self.structure.blades:
+            first = self.structure.system.index(b, "elastic_q")
+            deflection = tip @ q[first : first + tip.shape[1]]
+            if not deflection @ deflection < (MAX_DEFLECTION * self.turbine.blade.length) ** 2:
+                raise SimulationError(f"tip deflection {np.linalg.norm(deflection):.1f} m is beyond the elastic model")
+
+    # ---- start ----
+
+    def _rigid_state(self, rotor_speed, pitch, azimuth, yaw):
+        """Undeformed turbine turning steadily."""
+        system, s = self.structure.system, self.structure
+        y = system.initial_state()
+        y[s.azimuth_q] = azimuth
+        y[system.n_q + s.azimuth_u] = rotor_speed
+        n_y = system.n_q + system.n_u
+        y[n_y] = yaw
+        y[n_y + 1 : n_y + 1 + len(pitch)] = pitch
+        self._command[1], self._command[2:] = yaw, pitch
+        return y
+
+    def _find_equilibrium(self, y, rotor_speed, generator_torque, passes=3):
+        """Wake, loads and elastic state (y, in place) in balance with each other; returns the generator torque."""
+        s, inputs, drive = self.structure, self._integrator.inputs, self.turbine.drivetrain
+        tree, work = s.system.tree, self._integrator.work
+        for _ in range(passes):
+            coupling_kernels.rotor_motion(
+                y, tree, work, s.lattice_points, self._blades, self._nodes_flat, self._velocities_flat
+            )
+            axis = work.rot[s.hub, :, 0].copy()
+            wind = self._wind_at_blades(0.0)
+            self.lattice.initialise_helix(
+                self._aero, self._nodes, self._velocities, wind, work.r[s.hub], axis, rotor_speed, self.time_step
+            )
+            forces = self._aero.nodal_forces.reshape(self._nodes_flat.shape)
+            coupling_kernels.rotor_loads(forces, y, tree, work, s.lattice_points, self._blades, inputs.body_loads[1])
+            inputs.body_loads[0] = inputs.body_loads[1]
+            torque = generator_torque
+            if torque is None:
+                _, moment = coupling_kernels.rotor_resultant(self._nodes_flat, forces, work.r[s.hub], axis)
+                torque = min(max(moment / drive.gear_ratio, 0.0), drive.max_generator_torque)
+            self._command[0] = torque
+            self._set_inputs(0)
+            self._set_inputs(1)
+            elastic_equilibrium(s.system, y, inputs, work, s.azimuth_q, s.azimuth_u)
+        return torque
+
+    # ---- measurement ----
+
+    def _measure(self):
+        """Fill the channel values from the current state."""
+        integrator = self._integrator
+        self._measurement.take(
+            self.time, integrator.state, integrator.state_rate, integrator.inputs.body_loads[1], integrator.work,
+            self._nodes_flat, self._aero.nodal_forces.reshape(self._nodes_flat.shape), self._command, self.inflow,
+        )  # fmt: skip

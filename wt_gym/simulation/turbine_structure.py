@@ -1,0 +1,267 @@
+"""The turbine as a multibody system: tower, yawing nacelle, generator, hub and pitching blades.
+
+Every joint is written in the conventions of the project: global x downwind, z up; the shaft frame is the nacelle frame
+turned by the tilt about y; blade i hangs on the hub turned by 2πi/n about the shaft and by the cone about y; a positive
+pitch turns the blade about its z axis by minus the angle.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt_gym.errors import SimulationError
+from wt_gym.multibody.system import Joint, MultibodySystem, Points
+from wt_gym.structure.beam import Beam, BeamSections, skew
+from wt_gym.structure.flexible_body import FlexibleBody, offset_marker
+from wt_gym.structure.modes import clamped_modes, select_modes
+
+__all__ = ["TurbineStructure", "build_structure"]
+
+PITCH_SERVO = 4.0 * np.pi
+"""Natural frequency of the pitch drives, critically damped [rad/s]: a lag of 0.16 s, never faster than its command."""
+YAW_SERVO = 2.0 * np.pi
+"""Natural frequency of the yaw drive, critically damped [rad/s]."""
+
+
+@dataclass(frozen=True)
+class TurbineStructure:
+    """Multibody model of a turbine with what the coupling to the air needs.
+
+    Attributes
+    ----------
+    system : MultibodySystem
+    tower, nacelle, generator, hub : int
+        Body indices.
+    blades : tuple of int
+        Body indices.
+    lattice_points : Points
+        Material points of one blade, (n, 3) and their mode shapes.
+    tip_points : Points
+        The blade tip, one point.
+    tower_points : Points
+        Tower axis, for pictures.
+    tower_radius : array (n,)
+        At the tower points [m].
+    """
+
+    system: MultibodySystem
+    tower: int
+    nacelle: int
+    generator: int
+    hub: int
+    blades: tuple
+    lattice_points: Points
+    tip_points: Points
+    tower_points: Points
+    tower_radius: np.ndarray
+
+    @property
+    def azimuth_q(self):
+        """Index of the generator azimuth among the coordinates."""
+        return self.system.index(self.generator, "joint_q")
+
+    @property
+    def azimuth_u(self):
+        """Index of the generator speed among the velocities."""
+        return self.system.index(self.generator, "joint_u")
+
+
+def rotation_y(angle):
+    """Rotation matrix about y."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def rotation_x(angle):
+    """Rotation matrix about x."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def build_structure(turbine, fidelity, lattice_nodes):
+    """Assemble the multibody system of a turbine.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    fidelity : Fidelity
+    lattice_nodes : array (..., 3)
+        Points of the undeformed blade in the blade frame [m] that will carry aerodynamic loads.
+
+    Returns
+    -------
+    TurbineStructure
+    """
+    blade_beam, blade_basis, blade_body = _blade(turbine.blade, fidelity)
+    system = MultibodySystem()
+    tower_body, tower_points, tower_radius = _tower(turbine, fidelity, blade_body)
+    tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
+    nacelle = _add_nacelle(system, turbine, tower)
+    generator, hub = _add_drivetrain(system, turbine, nacelle)
+    blades = tuple(_add_blade(system, turbine, hub, blade_body, i) for i in range(turbine.n_blades))
+    length = turbine.blade.length
+    tip = np.asarray(turbine.blade.axis_at(length))
+    return TurbineStructure(
+        system=system.build(),
+        tower=tower,
+        nacelle=nacelle,
+        generator=generator,
+        hub=hub,
+        blades=blades,
+        lattice_points=body_points(blade_beam, blade_basis, np.reshape(lattice_nodes, (-1, 3))),
+        tip_points=body_points(blade_beam, blade_basis, tip[None]),
+        tower_points=tower_points,
+        tower_radius=tower_radius,
+    )
+
+
+def _blade(blade, fidelity):
+    """Finite-element model, modal basis and body of one blade (the same for all blades)."""
+    axis = _axis_at_stations(blade)
+    sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
+    beam = Beam(sections, fidelity.blade_elements)
+    flap, edge, torsion = fidelity.blade_modes
+    modes = clamped_modes(beam, min(beam.n_dof - 6, 40))
+    chosen = select_modes(modes, flap=flap, edge=edge, torsion=torsion)
+    names = [f"flap_{i + 1}" for i in range(flap)] + [f"edge_{i + 1}" for i in range(edge)]
+    names += [f"torsion_{i + 1}" for i in range(torsion)]
+    basis = modes.shape[:, chosen]
+    body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, modes.frequency[chosen], None, names)
+    return beam, basis, body
+
+
+def _axis_at_stations(blade):
+    """Reference axis at the structural stations (n, 3)."""
+    s = blade.structure.station
+    return np.column_stack([np.interp(s, blade.axis_station, blade.axis[:, k]) for k in range(3)])
+
+
+def rotor_nacelle_inertia(turbine, blade_inertia):
+    """Mass matrix (6, 6) of everything on the tower top about the yaw bearing, symmetric about the x–z plane.
+
+    Used only to shape the tower's modes: the blades enter by their rigid-body inertia averaged over the azimuth.
+    """
+    hub, nacelle, drive = turbine.hub, turbine.nacelle, turbine.drivetrain
+    n = turbine.n_blades
+    blade_mass = blade_inertia.mass
+    reach = hub.radius + blade_inertia.c0[2] / blade_mass
+    second = np.trace(blade_inertia.j0) / 2.0 + 2.0 * hub.radius * blade_inertia.c0[2] + blade_mass * hub.radius**2
+    rotor_mass = hub.mass + n * blade_mass
+    axial = hub.inertia_axial + n * second + drive.generator_inertia * drive.gear_ratio**2
+    across = hub.inertia_transverse + 0.5 * n * second
+    tilt = rotation_y(nacelle.tilt)
+    centre = np.array([0.0, 0.0, nacelle.tower_top_to_shaft]) + tilt @ [-nacelle.overhang, 0.0, 0.0]
+    centre = centre + tilt @ [-np.sin(hub.cone) * reach * n * blade_mass / rotor_mass, 0.0, 0.0]
+    total = np.zeros((6, 6))
+    parts = [
+        (rotor_mass, centre, tilt @ np.diag([axial, across, across]) @ tilt.T),
+        (nacelle.mass, nacelle.cm, nacelle.inertia),
+        (nacelle.yaw_bearing_mass, np.zeros(3), np.zeros((3, 3))),
+    ]
+    for mass, c, inertia in parts:
+        r = skew(c)
+        total[:3, :3] += mass * np.eye(3)
+        total[:3, 3:] -= mass * r
+        total[3:, :3] += mass * r
+        total[3:, 3:] += inertia - mass * r @ r
+    return total
+
+
+def _tower(turbine, fidelity, blade_body):
+    """Tower body in plane bending and torsion modes shaped by the tower-top mass."""
+    tower = turbine.tower
+    stations = tower.structure
+    axis = np.zeros((len(stations.station), 3))
+    axis[:, 2] = stations.station
+    beam = Beam(BeamSections(stations.station, stations.stiffness, stations.inertia, axis), fidelity.tower_elements)
+    top = rotor_nacelle_inertia(turbine, blade_body.inertia)
+    planes = {"fore_aft": (0, 4), "side_side": (1, 3), "torsion": (5,)}
+    basis, frequency, names = [], [], []
+    for (plane, dofs), wanted in zip(planes.items(), fidelity.tower_modes, strict=True):
+        if wanted == 0:
+            continue
+        modes = clamped_modes(beam, wanted, tip_mass=top, node_dofs=dofs)
+        basis.append(modes.shape)
+        frequency.append(modes.frequency)
+        names += [f"{plane}_{i + 1}" for i in range(wanted)]
+    basis, frequency = np.hstack(basis), np.concatenate(frequency)
+    body = FlexibleBody.from_beam("tower", beam, basis, tower.damping_ratio, frequency, None, names)
+    height = np.linspace(0.0, stations.station[-1], 13)
+    points = np.column_stack([0.0 * height, 0.0 * height, height])
+    return body, body_points(beam, basis, points), 0.5 * np.asarray(tower.diameter_at(height))
+
+
+def _add_nacelle(system, turbine, tower):
+    """Rigid nacelle with the yaw bearing, driven about the tower's z axis."""
+    nacelle = turbine.nacelle
+    mass = nacelle.mass + nacelle.yaw_bearing_mass
+    centre = nacelle.mass * nacelle.cm / mass
+    r, b = skew(nacelle.cm - centre), skew(-centre)
+    inertia = nacelle.inertia - nacelle.mass * r @ r - nacelle.yaw_bearing_mass * b @ b
+    body = FlexibleBody.rigid("nacelle", mass, centre, inertia)
+    joint = Joint("servo", (0.0, 0.0, 1.0), servo_frequency=YAW_SERVO, servo_damping=1.0, name="yaw")
+    return system.add(body, joint, tower, "tip")
+
+
+def _add_drivetrain(system, turbine, nacelle):
+    """Generator on the shaft axis and hub behind the shaft's torsion spring."""
+    drive, hub = turbine.drivetrain, turbine.hub
+    inertia = np.diag([drive.generator_inertia * drive.gear_ratio**2, 0.0, 0.0])
+    generator = FlexibleBody.rigid("generator", 0.0, np.zeros(3), inertia)
+    joint = Joint(
+        "revolute",
+        (1.0, 0.0, 0.0),
+        rotation=rotation_y(turbine.nacelle.tilt),
+        offset=(0.0, 0.0, turbine.nacelle.tower_top_to_shaft),
+        name="azimuth",
+    )
+    generator = system.add(generator, joint, nacelle)
+    if not drive.spring > 0.0:
+        raise SimulationError(f"turbine {turbine.name!r}: drivetrain spring is {drive.spring}; it must be positive")
+    body = FlexibleBody.rigid(
+        "hub",
+        hub.mass,
+        (hub.cm_offset_along_shaft, 0.0, 0.0),
+        np.diag([hub.inertia_axial, hub.inertia_transverse, hub.inertia_transverse]),
+    )
+    torsion = Joint(
+        "revolute",
+        (1.0, 0.0, 0.0),
+        offset=(-turbine.nacelle.overhang, 0.0, 0.0),
+        stiffness=drive.spring,
+        damping=drive.damper,
+        name="shaft_torsion",
+    )
+    return generator, system.add(body, torsion, generator)
+
+
+def _add_blade(system, turbine, hub, body, i):
+    """Blade i on its pitch bearing; the servo angle is the pitch (about minus z)."""
+    root = rotation_x(2.0 * np.pi * i / turbine.n_blades) @ rotation_y(-turbine.hub.cone)
+    joint = Joint(
+        "servo",
+        (0.0, 0.0, -1.0),
+        rotation=root,
+        offset=root @ [0.0, 0.0, turbine.hub.radius],
+        servo_frequency=PITCH_SERVO,
+        servo_damping=1.0,
+        name=f"pitch_{i + 1}",
+    )
+    names = tuple(f"blade_{i + 1}_{n}" for n in body.coordinate_names)
+    named = FlexibleBody(f"blade_{i + 1}", body.inertia, body.stiffness, body.damping, body.markers, names)
+    return system.add(named, joint, hub)
+
+
+def body_points(beam, basis, points):
+    """Shapes of points (n, 3) carried rigidly by the beam section at the same height z of the body frame."""
+    second = beam.second_order_field(basis)
+    axis_z = beam.sections.axis[:, 2]
+    markers = []
+    for p in points:
+        s = float(np.interp(p[2], axis_z, beam.sections.station))
+        markers.append(offset_marker(beam, basis, s, p - beam.sections.axis_at(s), second))
+    return Points(
+        np.array([m.position for m in markers]),
+        np.ascontiguousarray([m.linear for m in markers]),
+        np.ascontiguousarray([m.second for m in markers]),
+    )

@@ -1,0 +1,34 @@
+"""What a turbine is: windIO files turned into validated, frozen dataclasses.
+
+``load_turbine("nrel_5mw")`` or ``load_turbine("my_turbine.yaml")`` return a :class:`Turbine`; ``catalogue()`` lists
+the names.
+"""
+
+from wt_gym.turbines.catalogue import catalogue, load_turbine
+from wt_gym.turbines.model import (
+    Airfoil,
+    BeamStations,
+    Blade,
+    Drivetrain,
+    Hub,
+    Nacelle,
+    PitchSystem,
+    Polar,
+    Tower,
+    Turbine,
+)
+
+__all__ = [
+    "Airfoil",
+    "BeamStations",
+    "Blade",
+    "Drivetrain",
+    "Hub",
+    "Nacelle",
+    "PitchSystem",
+    "Polar",
+    "Tower",
+    "Turbine",
+    "catalogue",
+    "load_turbine",
+]

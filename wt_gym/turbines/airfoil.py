@@ -1,0 +1,239 @@
+"""Airfoil sections: contour, camber line and static polar, and their linear blends."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wt_gym.turbines.checks import ArrayRecord, check_array, check_ascending, check_number, fail
+
+__all__ = ["Airfoil", "Polar", "blend_airfoils", "blend_polars", "camber_line"]
+
+CAMBER_POINTS = 61
+"""Chordwise points of the camber line; cosine spacing puts a third of them into the first 15 % of the chord."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Polar(ArrayRecord):
+    """Static section coefficients over the full circle.
+
+    Attributes
+    ----------
+    alpha : ndarray (n,)
+        Angle of attack [rad], strictly ascending, from -pi to pi.
+    cl, cd, cm : ndarray (n,)
+        Lift, drag and moment coefficients; cm about the quarter chord, positive nose-up.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If lengths differ, the grid is not ascending or does not reach -pi and pi, or a value is not finite.
+    """
+
+    alpha: NDArray[np.float64]
+    cl: NDArray[np.float64]
+    cd: NDArray[np.float64]
+    cm: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Check the tables and make them read-only."""
+        alpha = check_array("Polar.alpha", self.alpha, (None,), low=-np.pi - 1e-6, high=np.pi + 1e-6)
+        check_ascending("Polar.alpha", alpha)
+        if alpha[0] > -np.pi + 1e-6 or alpha[-1] < np.pi - 1e-6:
+            raise fail("Polar.alpha", [float(alpha[0]), float(alpha[-1])], "a grid that reaches from -pi to pi")
+        n = alpha.size
+        self._set(
+            alpha=alpha,
+            cl=check_array("Polar.cl", self.cl, (n,), low=-10.0, high=10.0),
+            cd=check_array("Polar.cd", self.cd, (n,), low=-1.0, high=10.0),
+            cm=check_array("Polar.cm", self.cm, (n,), low=-10.0, high=10.0),
+        )
+
+    def coefficients(self, alpha: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return cl, cd and cm at angles of attack of any size.
+
+        Parameters
+        ----------
+        alpha : array_like
+            Angle of attack [rad]; wrapped into [-pi, pi).
+
+        Returns
+        -------
+        cl, cd, cm : ndarray
+            Linear interpolation in the table, shaped like ``alpha``.
+        """
+        angle = np.asarray(alpha, dtype=np.float64)
+        wrapped = np.where(np.abs(angle) <= np.pi, angle, np.mod(angle + np.pi, 2.0 * np.pi) - np.pi)
+        return (
+            np.interp(wrapped, self.alpha, self.cl),
+            np.interp(wrapped, self.alpha, self.cd),
+            np.interp(wrapped, self.alpha, self.cm),
+        )
+
+    def on_grid(self, alpha: NDArray[np.float64]) -> "Polar":
+        """Return the same polar tabulated at ``alpha`` (n,) [rad]; exact if the grid holds all points of the table."""
+        return Polar(alpha, *self.coefficients(alpha))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Airfoil(ArrayRecord):
+    """One airfoil section.
+
+    Attributes
+    ----------
+    name : str
+    relative_thickness : float
+        Largest thickness divided by chord, in (0, 1].
+    contour : ndarray (n, 2)
+        x/c and y/c from the trailing edge over the suction side to the leading edge and back along the pressure
+        side. x/c runs from 0 (leading edge) to 1; y/c is positive towards the suction side.
+    camber_x : ndarray (m,)
+        Chordwise stations x/c of the camber line, from 0 to 1.
+    camber : ndarray (m,)
+        Height of the camber line divided by chord, positive towards the suction side.
+    polar : Polar
+    """
+
+    name: str
+    relative_thickness: float
+    contour: NDArray[np.float64]
+    camber_x: NDArray[np.float64]
+    camber: NDArray[np.float64]
+    polar: Polar
+
+    def __post_init__(self) -> None:
+        """Check the fields and make the arrays read-only."""
+        where = f"Airfoil({self.name}).{{}}".format
+        camber_x = check_array(where("camber_x"), self.camber_x, (None,), low=0.0, high=1.0)
+        check_ascending(where("camber_x"), camber_x)
+        if not isinstance(self.polar, Polar):
+            raise fail(where("polar"), self.polar, "a Polar")
+        self._set(
+            relative_thickness=check_number(
+                where("relative_thickness"), self.relative_thickness, 0.0, 1.0, open_low=True
+            ),
+            contour=check_array(where("contour"), self.contour, (None, 2), low=-1.0, high=1.0),
+            camber_x=camber_x,
+            camber=check_array(where("camber"), self.camber, (camber_x.size,), low=-0.5, high=0.5),
+        )
+
+    def camber_at(self, x_c: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return height and slope of the camber line.
+
+        Parameters
+        ----------
+        x_c : array_like
+            Chordwise position x/c in [0, 1].
+
+        Returns
+        -------
+        camber, slope : ndarray
+            Height/chord and its derivative by x/c, shaped like ``x_c``: the height is piecewise linear, the slope is
+            interpolated between second-order differences at the tabulated points.
+        """
+        x = np.asarray(x_c, dtype=np.float64)
+        if np.any(~((x >= 0.0) & (x <= 1.0))):
+            raise fail("x_c", x_c, "chordwise positions in [0, 1]")
+        slope = np.gradient(self.camber, self.camber_x)
+        return np.interp(x, self.camber_x, self.camber), np.interp(x, self.camber_x, slope)
+
+
+def blend_polars(first: Polar, second: Polar, weight: float) -> Polar:
+    """Return ``(1 - weight) * first + weight * second`` on the union of both angle grids (exact at both ends)."""
+    if weight == 0.0 or first is second:
+        return first
+    if weight == 1.0:
+        return second
+    alpha = np.union1d(first.alpha, second.alpha)
+    # Grids written in degrees differ in the last digits after conversion; such twins must not make steps of zero width.
+    alpha = alpha[np.concatenate(([True], np.diff(alpha) > 1e-9))]
+    a, b = first.coefficients(alpha), second.coefficients(alpha)
+    return Polar(alpha, *((1.0 - weight) * p + weight * q for p, q in zip(a, b, strict=True)))
+
+
+def blend_airfoils(first: Airfoil, second: Airfoil, weight: float) -> Airfoil:
+    """Return the section between two airfoils: polar, camber and thickness linear in ``weight`` from 0 to 1.
+
+    The contour is blended surface by surface at common chordwise stations, as a loft between the two would give.
+    """
+    if weight == 0.0 or first is second:
+        return first
+    if weight == 1.0:
+        return second
+    x = cosine_grid(CAMBER_POINTS)
+    upper, lower = (
+        (1.0 - weight) * a + weight * b
+        for a, b in zip(surfaces(first.contour, x), surfaces(second.contour, x), strict=True)
+    )
+    contour = np.vstack((np.column_stack((x, upper))[::-1], np.column_stack((x, lower))[1:]))
+    return Airfoil(
+        name=f"{first.name} + {weight:.3f} ({second.name} - {first.name})",
+        relative_thickness=(1.0 - weight) * first.relative_thickness + weight * second.relative_thickness,
+        contour=contour,
+        camber_x=x,
+        camber=(1.0 - weight) * first.camber_at(x)[0] + weight * second.camber_at(x)[0],
+        polar=blend_polars(first.polar, second.polar, weight),
+    )
+
+
+def cosine_grid(n: int) -> NDArray[np.float64]:
+    """Return n points from 0 to 1, dense at both ends: x = (1 - cos t) / 2 with t uniform in [0, pi]."""
+    x = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, n)))
+    x[0], x[-1] = 0.0, 1.0
+    return x
+
+
+def surfaces(contour: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return y/c of the suction and the pressure side at chordwise stations.
+
+    Parameters
+    ----------
+    contour : ndarray (n, 2)
+        Trailing edge, suction side, leading edge, pressure side, trailing edge.
+    x : ndarray (m,)
+        Stations x/c in [0, 1].
+
+    Returns
+    -------
+    upper, lower : ndarray (m,)
+
+    Notes
+    -----
+    Interpolation is linear in the root of x/c: a round nose, y ~ sqrt(x/c), is a straight line in it, and a trailing
+    edge stays the wedge it is.
+    """
+    nose = int(np.argmin(contour[:, 0]))
+    root = np.sqrt(x)
+    return _height(contour[: nose + 1][::-1], root), _height(contour[nose:], root)
+
+
+def _height(branch: NDArray[np.float64], root: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Interpolate one surface, given from the nose to the trailing edge, at roots of x/c (m,)."""
+    # Contours may have two points at one x (a closed blunt trailing edge) or step back by a rounding error; the running
+    # maximum keeps the branch a function of x, and the first point at one x is the edge of the surface itself.
+    x = np.maximum.accumulate(branch[:, 0])
+    keep = np.insert(np.diff(x) > 0.0, 0, True)
+    return np.interp(root, np.sqrt(x[keep]), branch[keep, 1])
+
+
+def camber_line(
+    contour: NDArray[np.float64], n: int = CAMBER_POINTS
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return the camber line of a contour: the mean of both surfaces at equal x/c.
+
+    Parameters
+    ----------
+    contour : ndarray (k, 2)
+        Trailing edge, suction side, leading edge, pressure side, trailing edge; chord along x from 0 to 1.
+    n : int
+        Number of cosine-spaced stations.
+
+    Returns
+    -------
+    x, camber : ndarray (n,)
+    thickness : float
+        Largest distance between the surfaces divided by chord.
+    """
+    x = cosine_grid(n)
+    upper, lower = surfaces(contour, x)
+    return x, 0.5 * (upper + lower), float(np.max(upper - lower))

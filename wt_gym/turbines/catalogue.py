@@ -1,0 +1,177 @@
+"""Turbines by name or from a windIO file."""
+
+import hashlib
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines.checks import fail
+from wt_gym.turbines.model import Turbine
+from wt_gym.turbines.source import Node, read_windio
+from wt_gym.turbines.windio_blade import read_blade
+from wt_gym.turbines.windio_nacelle import read_drivetrain, read_hub, read_nacelle, read_pitch
+from wt_gym.turbines.windio_tower import read_tower
+
+__all__ = ["AIR_DENSITY", "catalogue", "load_turbine", "turbine_file"]
+
+AIR_DENSITY = 1.225
+"""At sea level in the standard atmosphere [kg/m^3]; windIO's turbine files carry none."""
+
+_CLASS_NUMBERS = {"1": "I", "2": "II", "3": "III", "4": "IV"}
+
+_loaded: dict[str, Turbine] = {}
+
+
+def _own_file(name: str) -> Path:
+    return Path(__file__).parent / "data" / name
+
+
+def _windio_example(name: str) -> Path:
+    # Found without importing windIO, which is slow and, for a file read before, not needed.
+    spec = importlib.util.find_spec("windIO")
+    if spec is None or spec.origin is None:
+        raise TurbineDefinitionError("the package windIO is not installed: pip install windIO")
+    return Path(spec.origin).parent / "examples" / "turbine" / name
+
+
+_FILES: dict[str, Callable[[], Path]] = {
+    "nrel_5mw": lambda: _own_file("nrel_5mw.yaml"),
+    "iea_15mw": lambda: _windio_example("IEA-15-240-RWT.yaml"),
+}
+
+
+def catalogue() -> tuple[str, ...]:
+    """Return the names that ``load_turbine`` knows."""
+    return tuple(_FILES)
+
+
+def load_turbine(name_or_path: str | Path) -> Turbine:
+    """Load a turbine of the catalogue or any windIO v2 file.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A name of ``catalogue()`` or the path of a YAML file.
+
+    Returns
+    -------
+    Turbine
+        Frozen; the same object for the same content of the file in one process. ``turbine.notes`` lists what had to be
+        assumed because the file does not say it.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the name or path is unknown, the file is no YAML, does not fit windIO's schema, lacks a number the simulator
+        needs or contradicts itself. The message names the file, the key path and what is allowed.
+
+    Examples
+    --------
+    >>> load_turbine("nrel_5mw").rotor_diameter
+    126.0
+    """
+    path = turbine_file(name_or_path)
+    content = path.read_bytes()
+    # Included files are not part of the content, so such a file is read anew each time.
+    key = "" if b"!include" in content else hashlib.sha256(content).hexdigest()
+    if key not in _loaded:
+        try:
+            turbine = _build(read_windio(path))
+        except TurbineDefinitionError as error:
+            raise TurbineDefinitionError(f"{path}: {error}") from error
+        if not key:
+            return turbine
+        _loaded[key] = turbine
+    return _loaded[key]
+
+
+def turbine_file(name_or_path: str | Path) -> Path:
+    """Return the path of the windIO file behind a name of the catalogue, or the given path if it is a file.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If it is neither.
+    """
+    if isinstance(name_or_path, str) and name_or_path in _FILES:
+        return _FILES[name_or_path]()
+    allowed = f"one of {', '.join(map(repr, _FILES))} or the path of a windIO v2 file"
+    if not isinstance(name_or_path, (str, Path)):
+        raise fail("turbine", name_or_path, allowed)
+    path = Path(name_or_path).expanduser()
+    if not path.is_file():
+        raise fail("turbine", str(name_or_path), f"{allowed} (there is no such file)")
+    return path
+
+
+def _build(root: Node) -> Turbine:
+    """Turn a validated file into a turbine."""
+    notes: list[str] = []
+    assembly = root.at("assembly")
+    control = root.at("control", "a mapping with rated_rotor_speed, max_gen_torque and the limits of the actuators")
+    power_node = assembly if "rated_power" in assembly else control
+    rated_power = power_node.number("rated_power", 1.0, 1e9)
+    n_blades = int(_default(assembly, "number_of_blades", 3, notes))
+    hub = read_hub(root, notes)
+    drivetrain = read_drivetrain(root, rated_power, notes)
+    blade = read_blade(root, hub.radius, drivetrain.rated_rotor_speed, notes)
+    tower = read_tower(root, notes)
+    nacelle = read_nacelle(root, blade, hub, n_blades, notes)
+    diameter = 2.0 * (hub.radius + blade.length) * float(np.cos(hub.cone))
+    height = tower.height + root.at("components.drivetrain.outer_shape").number("distance_tt_hub", 0.0, 20.0)
+    return Turbine(
+        name=root.text("name"),
+        n_blades=n_blades,
+        rotor_orientation=str(_default(assembly, "rotor_orientation", "upwind", notes)).lower(),
+        rotor_diameter=assembly.number("rotor_diameter", 1.0, 1000.0) if "rotor_diameter" in assembly else diameter,
+        hub_height=assembly.number("hub_height", 1.0, 1000.0) if "hub_height" in assembly else height,
+        rated_wind_speed=_rated_wind_speed(root, rated_power, 0.5 * diameter, drivetrain.rated_rotor_speed, notes),
+        cut_in=float(_default(assembly, "cut_in_wind_speed", 3.0, notes)),
+        cut_out=float(_default(assembly, "cut_out_wind_speed", 25.0, notes)),
+        air_density=AIR_DENSITY,
+        blade=blade,
+        tower=tower,
+        hub=hub,
+        nacelle=nacelle,
+        drivetrain=drivetrain,
+        pitch=read_pitch(root, notes),
+        iec_class=_iec_class(_default(assembly, "turbine_class", "I", notes)),
+        turbulence_class=str(_default(assembly, "turbulence_class", "B", notes)).upper(),
+        notes=tuple(notes),
+    )
+
+
+def _default(node: Node, key: str, default, notes: list[str]):
+    """Return an entry that the schema has checked, or the schema's default with a note."""
+    if key in node:
+        return node.data[key]
+    notes.append(f"{node.where(key)}: not in the file, {default} assumed")
+    return default
+
+
+def _iec_class(value: str | int) -> str:
+    text = str(value).upper()
+    return _CLASS_NUMBERS.get(text, text)
+
+
+def _rated_wind_speed(root: Node, power: float, radius: float, speed: float, notes: list[str]) -> float:
+    """Return the lowest wind of ``outputs.cases`` at rated power, else that of the optimal tip-speed ratio [m/s]."""
+    winds = []
+    if "outputs.cases" in root:
+        for case in root.at("outputs").items("cases"):
+            if "integrated.electrical_power" in case and "configuration.wind_speed" in case:
+                reached = case.at("integrated").number("electrical_power", -1e9, 1e9)
+                if reached >= 0.999 * power:
+                    winds.append(case.at("configuration").number("wind_speed", 0.0, 200.0))
+    if winds:
+        return min(winds)
+    if "control.optimal_tsr" not in root:
+        raise TurbineDefinitionError(
+            "control.optimal_tsr: missing, and outputs.cases has no case at rated power; one of them is needed"
+        )
+    wind = speed * radius / root.at("control").number("optimal_tsr", 0.1, 50.0)
+    notes.append(f"rated wind speed: not in the file, {wind:.2f} m/s is where rated speed has control.optimal_tsr")
+    return wind

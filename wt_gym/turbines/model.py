@@ -1,0 +1,376 @@
+"""What a turbine is: frozen, validated dataclasses in SI units and radians. No physics beyond interpolation.
+
+Frames
+------
+Global: x downwind, z up, y left looking downwind. Blade: z from root to tip, x to the suction (downwind) side, y to the
+trailing edge, origin in the middle of the blade root, pitch not included. A section frame is the blade frame turned by
+minus the twist about z: x_s normal to the chord to the suction side, y_s from leading to trailing edge. Positive twist
+and pitch feather, that is, they turn the leading edge upwind (to -x). OpenFAST's names are given where they exist.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wt_gym.turbines.airfoil import Airfoil, Polar
+from wt_gym.turbines.beam import BeamStations
+from wt_gym.turbines.blade import Blade
+from wt_gym.turbines.checks import (
+    ArrayRecord,
+    check_array,
+    check_ascending,
+    check_number,
+    check_span,
+    check_symmetric,
+    fail,
+)
+
+__all__ = [
+    "Airfoil",
+    "BeamStations",
+    "Blade",
+    "Drivetrain",
+    "Hub",
+    "Nacelle",
+    "PitchSystem",
+    "Polar",
+    "Tower",
+    "Turbine",
+]
+
+_BIG = 1e15
+"""Bound of masses, inertias, stiffnesses: far above any machine, far below overflow."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tower(ArrayRecord):
+    """Tower, clamped at its base.
+
+    Attributes
+    ----------
+    base_height, height : float
+        Elevation of the base and of the top (yaw bearing) above ground or mean sea level [m] (TowerBsHt, TowerHt).
+    diameter_station : ndarray (n,)
+        Distance from the base along the tower [m].
+    diameter : ndarray (n,)
+        Outer diameter [m].
+    structure : BeamStations
+        From the base (station 0) to the top.
+    damping_ratio : float
+        Structural damping of every tower mode, fraction of critical (TwrFADmp / 100).
+    drag_coefficient : float
+        Of the cross-section, based on the diameter (TwrCd).
+    """
+
+    base_height: float
+    height: float
+    diameter_station: NDArray[np.float64]
+    diameter: NDArray[np.float64]
+    structure: BeamStations
+    damping_ratio: float
+    drag_coefficient: float
+
+    def __post_init__(self) -> None:
+        """Check the fields and make the arrays read-only."""
+        base = check_number("Tower.base_height", self.base_height, -500.0, 500.0)
+        height = check_number("Tower.height", self.height, base, 500.0, open_low=True)
+        station = check_array("Tower.diameter_station", self.diameter_station, (None,), low=0.0)
+        check_ascending("Tower.diameter_station", station)
+        check_span("Tower.diameter_station", station, height - base)
+        if not isinstance(self.structure, BeamStations):
+            raise fail("Tower.structure", self.structure, "BeamStations")
+        check_span("Tower.structure.station", self.structure.station, height - base)
+        self._set(
+            base_height=base,
+            height=height,
+            diameter_station=station,
+            diameter=check_array("Tower.diameter", self.diameter, (station.size,), low=0.01, high=50.0),
+            damping_ratio=check_number("Tower.damping_ratio", self.damping_ratio, 0.0, 0.5),
+            drag_coefficient=check_number("Tower.drag_coefficient", self.drag_coefficient, 0.0, 5.0),
+        )
+
+    @property
+    def length(self) -> float:
+        """Length from base to top [m]."""
+        return self.height - self.base_height
+
+    def diameter_at(self, station: ArrayLike) -> NDArray[np.float64]:
+        """Return the outer diameter [m] at a distance from the base [m], linear between stations."""
+        s = np.asarray(station, dtype=np.float64)
+        if np.any(~((s >= 0.0) & (s <= self.length * (1.0 + 1e-9)))):
+            raise fail("station", station, f"distances from the tower base in [0, {self.length:g}] m")
+        return np.interp(s, self.diameter_station, self.diameter)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Hub(ArrayRecord):
+    """Hub with everything that turns but does not pitch.
+
+    Attributes
+    ----------
+    radius : float
+        From the apex to the blade roots [m] (HubRad).
+    cone : float
+        Precone [rad], positive = tips upwind (OpenFAST PreCone with the opposite sign).
+    mass : float
+        [kg] (HubMass).
+    inertia_axial, inertia_transverse : float
+        About the shaft and about axes through the centre of mass across it [kg m^2] (HubIner).
+    cm_offset_along_shaft : float
+        Centre of mass from the apex along the shaft, positive downwind [m] (HubCM).
+    """
+
+    radius: float
+    cone: float
+    mass: float
+    inertia_axial: float
+    inertia_transverse: float
+    cm_offset_along_shaft: float
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        self._set(
+            radius=check_number("Hub.radius", self.radius, 0.0, 50.0),
+            cone=check_number("Hub.cone", self.cone, -np.pi / 4, np.pi / 4),
+            mass=check_number("Hub.mass", self.mass, 0.0, _BIG),
+            inertia_axial=check_number("Hub.inertia_axial", self.inertia_axial, 0.0, _BIG),
+            inertia_transverse=check_number("Hub.inertia_transverse", self.inertia_transverse, 0.0, _BIG),
+            cm_offset_along_shaft=check_number("Hub.cm_offset_along_shaft", self.cm_offset_along_shaft, -50.0, 50.0),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Nacelle(ArrayRecord):
+    """Everything that yaws but does not turn with the rotor, and where the shaft lies in it.
+
+    Attributes
+    ----------
+    mass : float
+        [kg] (NacMass).
+    cm : ndarray (3,)
+        Centre of mass from the tower top in nacelle axes (x downwind, y left, z up) [m] (NacCMxn, NacCMyn, NacCMzn).
+    inertia : ndarray (3, 3)
+        About the nacelle's centre of mass, nacelle axes [kg m^2]. (OpenFAST's NacYIner is about the yaw axis.)
+    tilt : float
+        Shaft tilt [rad], positive raises the upwind end (OpenFAST ShftTilt with the opposite sign).
+    overhang : float
+        From the yaw axis to the apex along the shaft [m], positive for an upwind rotor (OverHang, opposite sign).
+    tower_top_to_shaft : float
+        Height of the shaft above the tower top, on the yaw axis [m] (Twr2Shft).
+    yaw_bearing_mass : float
+        At the tower top [kg] (YawBrMass).
+    yaw_spring, yaw_damper : float
+        Of the yaw actuator [N m/rad], [N m s/rad] (YawSpr, YawDamp).
+    max_yaw_rate : float
+        [rad/s] (YawManRat).
+    """
+
+    mass: float
+    cm: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+    tilt: float
+    overhang: float
+    tower_top_to_shaft: float
+    yaw_bearing_mass: float
+    yaw_spring: float
+    yaw_damper: float
+    max_yaw_rate: float
+
+    def __post_init__(self) -> None:
+        """Check the fields and make the arrays read-only."""
+        inertia = check_array("Nacelle.inertia", self.inertia, (3, 3))
+        check_symmetric("Nacelle.inertia", inertia[None])
+        least = float(np.linalg.eigvalsh(inertia)[0])
+        if least < -1e-9 * np.abs(inertia).max():
+            raise fail("Nacelle.inertia", f"least principal inertia {least:g} kg m^2", "principal inertias >= 0")
+        self._set(
+            mass=check_number("Nacelle.mass", self.mass, 0.0, _BIG),
+            cm=check_array("Nacelle.cm", self.cm, (3,), low=-100.0, high=100.0),
+            inertia=inertia,
+            tilt=check_number("Nacelle.tilt", self.tilt, -np.pi / 4, np.pi / 4),
+            overhang=check_number("Nacelle.overhang", self.overhang, -50.0, 50.0),
+            tower_top_to_shaft=check_number("Nacelle.tower_top_to_shaft", self.tower_top_to_shaft, -20.0, 50.0),
+            yaw_bearing_mass=check_number("Nacelle.yaw_bearing_mass", self.yaw_bearing_mass, 0.0, _BIG),
+            yaw_spring=check_number("Nacelle.yaw_spring", self.yaw_spring, 0.0, _BIG, open_low=True),
+            yaw_damper=check_number("Nacelle.yaw_damper", self.yaw_damper, 0.0, _BIG),
+            max_yaw_rate=check_number("Nacelle.max_yaw_rate", self.max_yaw_rate, 0.0, 1.0),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Drivetrain(ArrayRecord):
+    """Shaft, gearbox and generator with their limits.
+
+    Attributes
+    ----------
+    gear_ratio : float
+        Generator speed / rotor speed (GBRatio); 1 for a direct drive.
+    gearbox_efficiency, generator_efficiency : float
+        In (0, 1] (GBoxEff / 100, GenEff / 100).
+    generator_inertia : float
+        About the high-speed shaft [kg m^2] (GenIner).
+    spring, damper : float
+        Torsion of the drivetrain seen from the low-speed shaft [N m/rad], [N m s/rad] (DTTorSpr, DTTorDmp).
+    rated_power : float
+        Electrical [W].
+    rated_rotor_speed, min_rotor_speed : float
+        [rad/s].
+    max_generator_torque : float
+        High-speed shaft [N m] (VS_MaxTq).
+    max_torque_rate : float
+        High-speed shaft [N m/s] (VS_MaxRat).
+    """
+
+    gear_ratio: float
+    gearbox_efficiency: float
+    generator_efficiency: float
+    generator_inertia: float
+    spring: float
+    damper: float
+    rated_power: float
+    rated_rotor_speed: float
+    min_rotor_speed: float
+    max_generator_torque: float
+    max_torque_rate: float
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        ranges = {
+            "gear_ratio": (0.1, 1000.0),
+            "gearbox_efficiency": (0.0, 1.0),
+            "generator_efficiency": (0.0, 1.0),
+            "generator_inertia": (0.0, _BIG),
+            "spring": (0.0, _BIG),
+            "rated_power": (0.0, 1e9),
+            "rated_rotor_speed": (0.0, 100.0),
+            "max_generator_torque": (0.0, _BIG),
+            "max_torque_rate": (0.0, _BIG),
+        }
+        checked = {
+            name: check_number(f"Drivetrain.{name}", getattr(self, name), low, high, open_low=True)
+            for name, (low, high) in ranges.items()
+        }
+        checked["damper"] = check_number("Drivetrain.damper", self.damper, 0.0, _BIG)
+        checked["min_rotor_speed"] = check_number(
+            "Drivetrain.min_rotor_speed", self.min_rotor_speed, 0.0, checked["rated_rotor_speed"]
+        )
+        self._set(**checked)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PitchSystem(ArrayRecord):
+    """Limits of the pitch actuators.
+
+    Attributes
+    ----------
+    min_pitch, max_pitch : float
+        [rad] (PC_MinPit, PC_MaxPit).
+    max_rate : float
+        [rad/s] (PC_MaxRat).
+    """
+
+    min_pitch: float
+    max_pitch: float
+    max_rate: float
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        low = check_number("PitchSystem.min_pitch", self.min_pitch, -np.pi / 2, np.pi)
+        self._set(
+            min_pitch=low,
+            max_pitch=check_number("PitchSystem.max_pitch", self.max_pitch, low, np.pi, open_low=True),
+            max_rate=check_number("PitchSystem.max_rate", self.max_rate, 0.0, 10.0, open_low=True),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Turbine(ArrayRecord):
+    """A complete turbine.
+
+    Attributes
+    ----------
+    name : str
+    n_blades : int
+    rotor_orientation : str
+        ``"upwind"``.
+    rotor_diameter : float
+        [m].
+    hub_height : float
+        Of the apex above ground or mean sea level, undeformed [m].
+    rated_wind_speed, cut_in, cut_out : float
+        [m/s].
+    air_density : float
+        [kg/m^3].
+    blade : Blade
+    tower : Tower
+    hub : Hub
+    nacelle : Nacelle
+    drivetrain : Drivetrain
+    pitch : PitchSystem
+    iec_class : str
+        ``"I"`` to ``"IV"``.
+    turbulence_class : str
+        ``"A"`` to ``"D"``.
+    notes : tuple of str
+        What the reader had to assume because the file does not say it, in plain words.
+    """
+
+    name: str
+    n_blades: int
+    rotor_orientation: str
+    rotor_diameter: float
+    hub_height: float
+    rated_wind_speed: float
+    cut_in: float
+    cut_out: float
+    air_density: float
+    blade: Blade
+    tower: Tower
+    hub: Hub
+    nacelle: Nacelle
+    drivetrain: Drivetrain
+    pitch: PitchSystem
+    iec_class: str
+    turbulence_class: str
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the fields and that the parts fit together."""
+        if isinstance(self.n_blades, bool) or not isinstance(self.n_blades, int) or not 1 <= self.n_blades <= 10:
+            raise fail("Turbine.n_blades", self.n_blades, "an integer from 1 to 10")
+        for name, allowed in (
+            ("rotor_orientation", ("upwind",)),
+            ("iec_class", ("I", "II", "III", "IV")),
+            ("turbulence_class", ("A+", "A", "B", "C", "D")),
+        ):
+            if getattr(self, name) not in allowed:
+                raise fail(f"Turbine.{name}", getattr(self, name), " or ".join(map(repr, allowed)))
+        cut_in = check_number("Turbine.cut_in", self.cut_in, 0.0, 30.0)
+        rated = check_number("Turbine.rated_wind_speed", self.rated_wind_speed, cut_in, 40.0, open_low=True)
+        self._set(
+            rotor_diameter=check_number("Turbine.rotor_diameter", self.rotor_diameter, 0.1, 1000.0),
+            hub_height=check_number("Turbine.hub_height", self.hub_height, 0.1, 1000.0),
+            cut_in=cut_in,
+            rated_wind_speed=rated,
+            cut_out=check_number("Turbine.cut_out", self.cut_out, rated, 100.0),
+            air_density=check_number("Turbine.air_density", self.air_density, 0.1, 10.0),
+            notes=tuple(self.notes),
+        )
+        for name, given, geometry in (
+            ("rotor_diameter", self.rotor_diameter, self._geometric_diameter),
+            ("hub_height", self.hub_height, self._geometric_hub_height),
+        ):
+            if abs(given - geometry) > 0.01 * geometry:
+                raise fail(
+                    f"Turbine.{name}", given, f"{geometry:.2f} m +- 1 %, which blade, hub, nacelle and tower give"
+                )
+
+    @property
+    def _geometric_diameter(self) -> float:
+        return 2.0 * (self.hub.radius + self.blade.length) * float(np.cos(self.hub.cone))
+
+    @property
+    def _geometric_hub_height(self) -> float:
+        nacelle = self.nacelle
+        return self.tower.height + nacelle.tower_top_to_shaft + nacelle.overhang * float(np.sin(nacelle.tilt))

@@ -1,0 +1,179 @@
+"""Reading of windIO files: safe loading, schema validation and access by key path with clear errors."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines.checks import check_array, check_ascending, check_number, fail, short
+
+__all__ = ["Node", "read_windio", "within"]
+
+SCHEMA = "turbine/turbine_schema"
+_SCHEMA_ERROR = re.compile(r"Failed at instance path `(?P<path>[^`]*)` with error message: \"(?P<message>.*)\"$")
+_MISSING = re.compile(r"^'(?P<key>[^']*)' is a required property$")
+
+
+class Node:
+    """A mapping of the file together with its key path, so that every error can say where it happened.
+
+    Parameters
+    ----------
+    data : dict
+    path : str
+        Dotted key path of ``data`` in the file, empty for the top level.
+    """
+
+    def __init__(self, data: dict[str, Any], path: str = "") -> None:
+        self.data = data
+        self.path = path
+
+    def where(self, key: str) -> str:
+        """Return the full key path of an entry of this node."""
+        return f"{self.path}.{key}" if self.path else key
+
+    def __contains__(self, key: str) -> bool:
+        """Whether the dotted ``key`` is present and not empty."""
+        node: Any = self.data
+        for part in key.split("."):
+            if not isinstance(node, dict) or node.get(part) is None:
+                return False
+            node = node[part]
+        return True
+
+    def at(self, key: str, hint: str = "a mapping") -> "Node":
+        """Return the mapping under the dotted ``key``.
+
+        Raises
+        ------
+        TurbineDefinitionError
+            Naming the first key of the path that is missing and ``hint``, what is expected there.
+        """
+        node = self
+        for part in key.split("."):
+            value = node.data.get(part)
+            if value is None:
+                raise TurbineDefinitionError(f"{node.where(part)}: missing, expected is {hint}")
+            if not isinstance(value, dict):
+                raise fail(node.where(part), value, hint)
+            node = Node(value, node.where(part))
+        return node
+
+    def items(self, key: str) -> list["Node"]:
+        """Return the mappings of the list under ``key``."""
+        entries = self._get(key, "a list of mappings")
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise fail(self.where(key), entries, "a list of mappings")
+        return [Node(entry, f"{self.where(key)}[{i}]") for i, entry in enumerate(entries)]
+
+    def number(self, key: str, low: float, high: float, scale: float = 1.0, *, hint: str = "") -> float:
+        """Return a number of the file (range in file units) times ``scale``."""
+        allowed = f"a number in [{low:g}, {high:g}]"
+        return scale * check_number(self.where(key), self._get(key, f"{allowed}{hint}"), low, high)
+
+    def text(self, key: str) -> str:
+        """Return a string of the file."""
+        value = self._get(key, "a text")
+        if not isinstance(value, str):
+            raise fail(self.where(key), value, "a text")
+        return value
+
+    def array(self, key: str, size: int | None = None) -> NDArray[np.float64]:
+        """Return a list of finite numbers, of a given length unless ``size`` is None."""
+        return check_array(self.where(key), self._get(key, "a list of numbers"), (size,))
+
+    def grid(self, key: str = "grid") -> NDArray[np.float64]:
+        """Return a nondimensional grid that ascends from 0 (root, base) to 1 (tip, top)."""
+        grid = check_array(self.where(key), self._get(key, "a list of numbers from 0 to 1"), (None,), low=0.0, high=1.0)
+        check_ascending(self.where(key), grid)
+        if grid[0] > 1e-6 or grid[-1] < 1.0 - 1e-6:
+            raise fail(self.where(key), [float(grid[0]), float(grid[-1])], "a grid from 0 (root, base) to 1 (tip, top)")
+        grid = grid.copy()
+        grid[0], grid[-1] = 0.0, 1.0
+        return grid
+
+    def distribution(self, key: str, scale: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return grid (n,) and values (n,) times ``scale`` of a quantity distributed along the component."""
+        node = self.at(key, "a mapping with grid and values")
+        grid = node.grid()
+        return grid, scale * node.array("values", grid.size)
+
+    def _get(self, key: str, hint: str) -> Any:
+        value = self.data.get(key)
+        if value is None:
+            raise TurbineDefinitionError(f"{self.where(key)}: missing, expected is {hint}")
+        return value
+
+
+@contextmanager
+def within(path: str) -> Iterator[None]:
+    """Put the key path of the file in front of an error that does not name it yet (a dataclass about its own field)."""
+    try:
+        yield
+    except TurbineDefinitionError as error:
+        if str(error).startswith(path):
+            raise
+        raise TurbineDefinitionError(f"{path}: {error}") from error
+
+
+def read_windio(path: Path) -> Node:
+    """Load a windIO v2 turbine file with windIO's safe loader and validate it against windIO's schema.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Node
+        The top level of the file.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the file cannot be read, is no YAML, is not for windIO 2, or does not fit the schema. One error, naming the
+        key path; further violations are counted.
+    """
+    # windIO pulls in xarray and netCDF4, most of a second: only those who read a file pay for it.
+    import windIO
+    from jsonschema.exceptions import ValidationError
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        data = windIO.load_yaml(path)
+    except YAMLError as error:
+        raise TurbineDefinitionError(f"not a valid YAML file: {error}") from error
+    except (OSError, ValueError) as error:
+        raise TurbineDefinitionError(f"cannot be read: {error}") from error
+    if not isinstance(data, dict):
+        raise fail("top level", data, "a mapping with name, windIO_version, assembly and components")
+    version = str(data.get("windIO_version", "2"))
+    if version.split(".")[0] != "2":
+        raise fail("windIO_version", version, "2.x (windIO ships a converter from version 1)")
+    try:
+        windIO.validate(data, SCHEMA)
+    except ValidationError as error:
+        raise TurbineDefinitionError(_explain(error.message)) from error
+    return Node(data)
+
+
+def _explain(report: str) -> str:
+    """Turn windIO's multi-line report into one sentence with the key path of the first violation."""
+    found = [match for match in map(_SCHEMA_ERROR.search, report.splitlines()) if match]
+    if not found:
+        return f"does not fit the windIO schema: {short(report, 400)}"
+    path, message = found[0]["path"].removeprefix("$").lstrip("."), found[0]["message"]
+    missing = _MISSING.match(message)
+    if missing:
+        path = f"{path}.{missing['key']}" if path else missing["key"]
+        message = "missing, the windIO schema requires it"
+    elif len(message) > 300:
+        # The offending value comes first and may be a whole table; what is allowed stands at the end.
+        message = f"{message[:100]} ... {message[-180:]}"
+    more = f" (and {len(found) - 1} more violations of the schema)" if len(found) > 1 else ""
+    return f"{path or 'top level'}: {message}{more}"

@@ -1,0 +1,337 @@
+"""The blade of a windIO file: reference axis, planform, airfoils and section properties.
+
+windIO's blade frame is the one used here: z along the pitch axis to the tip, x to the suction side (prebend upwind is
+negative), y to the trailing edge. Its distributed data are tables over a grid from 0 (root) to 1 (tip).
+
+The section matrices of windIO belong to the frame turned by the twist. Its schema describes their x axis as pointing to
+the trailing edge, while the files that come with windIO, its converter and BeamDyn, where the matrices come from, have
+x to the suction side and y to the trailing edge (K44 edgewise, i_edge in the same place). Both are accepted: a blade is
+stiffer edgewise, so the larger of K44 and K55 over the outer blade tells which frame was meant.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines.airfoil import Airfoil, blend_airfoils
+from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
+from wt_gym.turbines.checks import check_number, fail
+from wt_gym.turbines.model import Blade
+from wt_gym.turbines.source import Node, within
+from wt_gym.turbines.windio_airfoils import AirfoilLibrary
+
+__all__ = ["DEFAULT_BLADE_DAMPING", "beam_tables", "damping_ratio", "read_blade"]
+
+DEFAULT_BLADE_DAMPING = 0.00477465
+"""3 % logarithmic decrement, the value of the NREL 5-MW and (rounded) of the IEA 15-MW blades."""
+
+_ROWS = [(i, j) for i in range(6) for j in range(i, 6)]
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """Reference axis as functions of windIO's grid."""
+
+    grid: NDArray[np.float64]
+    points: NDArray[np.float64]
+    station: NDArray[np.float64]
+
+    def z(self, grid: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance from the root along z [m]."""
+        return PchipInterpolator(self.grid, self.points[:, 2])(grid)
+
+    def s(self, grid: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance from the root along the axis [m]."""
+        return PchipInterpolator(self.grid, self.station)(grid)
+
+
+def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float, notes: list[str]) -> Blade:
+    """Build the blade.
+
+    Parameters
+    ----------
+    root : Node
+        Top level of the file.
+    hub_radius : float
+        Distance of the blade root from the apex [m].
+    rated_rotor_speed : float
+        [rad/s]; picks the polars with the nearest Reynolds number where a file has several.
+    notes : list of str
+        Receives a sentence for every assumption.
+
+    Returns
+    -------
+    Blade
+
+    Raises
+    ------
+    TurbineDefinitionError
+        Naming the key path that is missing, inconsistent or out of range.
+    """
+    node = root.at("components.blade")
+    axis = _read_axis(node.at("reference_axis"))
+    shape = node.at("outer_shape")
+    grid, chord, twist, le_offset, normal_offset = _read_planform(shape)
+    z = axis.z(grid)
+    radius = hub_radius + z
+    library = AirfoilLibrary(root)
+    airfoils, airfoil_z, airfoil_index = _read_airfoils(
+        shape, axis, library, lambda x: float(np.interp(x, grid, radius * chord)) * rated_rotor_speed
+    )
+    hint = "a table of section properties (they are not computed from composite layers)"
+    elastic = node.at("structure.elastic_properties", hint)
+    damping = damping_ratio(elastic, DEFAULT_BLADE_DAMPING, notes)
+    with within(elastic.path):
+        structure = _read_structure(elastic, axis, PchipInterpolator(grid, twist), notes)
+    with within(node.path):
+        return Blade(
+            length=float(axis.points[-1, 2]),
+            root_radius=hub_radius,
+            axis_station=axis.station,
+            axis=axis.points,
+            aero_station=z,
+            chord=chord,
+            twist=twist,
+            le_offset=le_offset,
+            airfoils=airfoils,
+            airfoil_station=airfoil_z,
+            airfoil_index=airfoil_index,
+            structure=structure,
+            damping_ratio=damping,
+            normal_offset=normal_offset,
+        )
+
+
+def _read_axis(node: Node) -> _Axis:
+    tables = [node.distribution(key) for key in ("x", "y", "z")]
+    grid = np.unique(np.concatenate([table[0] for table in tables]))
+    curves = [PchipInterpolator(*table) for table in tables]
+    points = np.column_stack([curve(grid) for curve in curves])
+    length = points[-1, 2]
+    if abs(points[0, 2]) > 1e-6 * abs(length):
+        raise fail(f"{node.path}.z.values[0]", float(points[0, 2]), "0 m (the blade root)")
+    points[0, 2] = 0.0
+    if np.any(np.diff(points[:, 2]) <= 0.0):
+        raise fail(f"{node.path}.z.values", points[:, 2].tolist(), "values that ascend from root to tip")
+    # Arc length by chords of a fine subdivision; 50 parts per segment leave an error of 1e-6 of the sag.
+    fine = np.unique(np.concatenate([np.linspace(a, b, 51) for a, b in pairwise(grid)]))
+    path = np.column_stack([curve(fine) for curve in curves])
+    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
+    return _Axis(grid, points, np.interp(grid, fine, arc))
+
+
+def _read_planform(shape: Node) -> tuple[NDArray[np.float64], ...]:
+    """Return grid, chord [m], twist [rad], leading-edge and normal offset [chords] on the union of their grids."""
+    tables = {
+        "chord": shape.distribution("chord"),
+        "twist": shape.distribution("twist", np.pi / 180.0),
+        "section_offset_y": shape.distribution("section_offset_y"),
+    }
+    if "section_offset_x" in shape:
+        tables["section_offset_x"] = shape.distribution("section_offset_x")
+    grid = np.unique(np.concatenate([table[0] for table in tables.values()]))
+    values = {key: PchipInterpolator(*table)(grid) for key, table in tables.items()}
+    chord = values["chord"]
+    for extreme in (float(chord.min()), float(chord.max())):
+        check_number(shape.where("chord.values"), extreme, 1e-3, 30.0)
+    normal = values.get("section_offset_x", np.zeros(grid.size))
+    return grid, chord, values["twist"], values["section_offset_y"] / chord, normal / chord
+
+
+def _read_airfoils(
+    shape: Node, axis: _Axis, library: AirfoilLibrary, speed_chord
+) -> tuple[tuple[Airfoil, ...], NDArray[np.float64], NDArray[np.int64]]:
+    """Return airfoils, their z [m] and index.
+
+    windIO lists pure airfoils along the span and a thickness distribution; where both are there the thickness decides.
+    So between two listed airfoils the weight follows the thickness, and a blended section is made at every point of the
+    thickness table; where neighbours are equally thick the weight follows the position.
+    """
+    entries = shape.items("airfoils")
+    if not entries:
+        raise fail(shape.where("airfoils"), [], "at least one airfoil")
+    grid_t, thickness = shape.distribution("rthick")
+    named = [library.thickness(entry) for entry in entries]
+    position = _positions(shape, entries, np.array(named), grid_t, thickness)
+    pure = [library.airfoil(entry, speed_chord(x)) for entry, x in zip(entries, position, strict=True)]
+    stations = np.unique(np.concatenate((position, grid_t)))
+    airfoils: list[Airfoil] = []
+    index = []
+    for x in stations:
+        j = int(np.searchsorted(position, x, side="right"))
+        first, second = pure[max(j - 1, 0)], pure[min(j, len(pure) - 1)]
+        lower, upper = position[max(j - 1, 0)], position[min(j, len(pure) - 1)]
+        t0, t1 = first.relative_thickness, second.relative_thickness
+        if x == lower or upper == lower:
+            weight = 0.0
+        elif abs(t1 - t0) > 1e-3:
+            # A thickness outside the range of both neighbours cannot be met by blending them: the nearer one is used.
+            weight = float(np.clip((np.interp(x, grid_t, thickness) - t0) / (t1 - t0), 0.0, 1.0))
+        else:
+            weight = float((x - lower) / (upper - lower))
+        section = blend_airfoils(first, second, weight)
+        if section not in airfoils:
+            airfoils.append(section)
+        index.append(airfoils.index(section))
+    return tuple(airfoils), axis.z(stations), np.array(index, dtype=np.int64)
+
+
+def _positions(
+    shape: Node,
+    entries: list[Node],
+    named: NDArray[np.float64],
+    grid: NDArray[np.float64],
+    thickness: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the spanwise positions of the listed airfoils, from the file or from where their thickness occurs."""
+    if all("spanwise_position" in entry for entry in entries):
+        position = np.array([entry.number("spanwise_position", 0.0, 1.0) for entry in entries])
+    else:
+        # The last place that is at least so thick; the thickness of a blade falls from root to tip.
+        fine = np.linspace(0.0, 1.0, 2001)
+        local = np.interp(fine, grid, thickness)
+        position = np.array([fine[np.flatnonzero(local >= t - 1e-9)[-1]] if local.max() >= t else 0.0 for t in named])
+    if np.any(np.diff(position) <= 0.0):
+        allowed = "spanwise_position (or, without it, rthick) such that the airfoils ascend from root to tip"
+        raise fail(shape.where("airfoils"), position.tolist(), allowed)
+    return position
+
+
+def beam_tables(
+    node: Node, needed: tuple[str, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Read windIO's elastic properties on the union of both of its grids.
+
+    Parameters
+    ----------
+    node : Node
+        ``elastic_properties`` of a blade or tower.
+    needed : tuple of str
+        Entries of either table that must be there; stiffnesses among them also positive.
+
+    Returns
+    -------
+    grid : ndarray (n,)
+    stiffness : ndarray (n, 6, 6)
+        In the frame of the file; entries the file leaves out are 0.
+    inertia : dict of ndarray (n,)
+        mass, cm_x, cm_y, i_edge, i_flap, i_plr, i_cp; those the file leaves out are 0.
+    """
+    k_node, m_node = node.at("stiffness_matrix"), node.at("inertia_matrix")
+    if "point_mass" in node and np.any(node.at("point_mass").array("mass") != 0.0):
+        raise fail(node.where("point_mass"), "masses", "no point masses (add them to inertia_matrix.mass)")
+    k_grid, m_grid = k_node.grid(), m_node.grid()
+    grid = np.union1d(k_grid, m_grid)
+    stiffness = np.zeros((grid.size, 6, 6))
+    for i, j in _ROWS:
+        key = f"K{i + 1}{j + 1}"
+        if key in needed or key in k_node:
+            values = k_node.array(key, k_grid.size)
+            if key in needed and np.any(values <= 0.0):
+                raise fail(k_node.where(key), float(values.min()), "stiffnesses above 0")
+            stiffness[:, i, j] = stiffness[:, j, i] = np.interp(grid, k_grid, values)
+    names = ("mass", "cm_x", "cm_y", "i_edge", "i_flap", "i_plr", "i_cp")
+    inertia = {
+        key: np.interp(grid, m_grid, m_node.array(key, m_grid.size))
+        if key == "mass" or key in needed or key in m_node
+        else grid * 0.0
+        for key in names
+    }
+    if np.any(inertia["mass"] <= 0.0):
+        raise fail(m_node.where("mass"), float(inertia["mass"].min()), "masses per length above 0 kg/m")
+    if not np.any(stiffness[:, [0, 1], [0, 1]]):
+        stiffness[:, 0, 0] = stiffness[:, 1, 1] = np.inf
+    return grid, stiffness, inertia
+
+
+def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator, notes: list[str]) -> BeamStations:
+    grid, stiffness, tables = beam_tables(node, ("K33", "K44", "K55", "K66", "i_edge", "i_flap"))
+    inertia = inertia_matrix(
+        tables["mass"],
+        tables["cm_x"],
+        tables["cm_y"],
+        tables["i_edge"],
+        tables["i_flap"],
+        tables["i_cp"],
+        tables["i_plr"] if np.any(tables["i_plr"]) else None,
+    )
+    if _chordwise_x(grid, stiffness):
+        stiffness, inertia = _swap_axes(grid, stiffness, tables)
+        notes.append(
+            f"{node.path}: K55 > K44 along the outer blade, so the matrices are read with x to the trailing edge and y "
+            "to the suction side, as windIO's schema describes them"
+        )
+    turn = rotation_about_z(-twist(grid))
+    return BeamStations(station=axis.s(grid), stiffness=_turn(turn, stiffness), inertia=_turn(turn, inertia))
+
+
+def _chordwise_x(grid: NDArray[np.float64], stiffness: NDArray[np.float64]) -> bool:
+    """Whether bending about x is the softer one over the outer 70 %, that is, whether x runs along the chord."""
+    outer = np.linspace(0.3, 1.0, 71)
+    about_x, about_y = (np.interp(outer, grid, stiffness[:, k, k]) for k in (3, 4))
+    return bool(np.mean(np.log(about_x / about_y)) < 0.0)
+
+
+def _swap_axes(
+    grid: NDArray[np.float64], stiffness: NDArray[np.float64], tables: dict[str, NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Exchange x and y of a section: a mirror image, under which forces swap and moments swap and change sign."""
+    swap = np.zeros((6, 6))
+    swap[[0, 1, 2], [1, 0, 2]] = 1.0
+    swap[[3, 4, 5], [4, 3, 5]] = -1.0
+    rigid = np.isinf(stiffness)
+    finite = np.where(rigid, 0.0, stiffness)
+    turned = swap @ finite @ swap.T
+    # i_edge and i_flap are named after the bending direction, not after an axis: they stay.
+    inertia = inertia_matrix(
+        tables["mass"],
+        tables["cm_y"],
+        tables["cm_x"],
+        tables["i_edge"],
+        tables["i_flap"],
+        tables["i_cp"],
+        tables["i_plr"] if np.any(tables["i_plr"]) else None,
+    )
+    return np.where(rigid, np.inf, turned), inertia
+
+
+def _turn(rotation: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return R M R^T; equal infinite shear stiffnesses stay as they are under a turn in their plane."""
+    rigid = np.isinf(matrices)
+    turned = rotation @ np.where(rigid, 0.0, matrices) @ np.swapaxes(rotation, -1, -2)
+    turned = 0.5 * (turned + np.swapaxes(turned, -1, -2))
+    return np.where(rigid, np.inf, turned)
+
+
+def damping_ratio(node: Node, default: float, notes: list[str]) -> float:
+    """Return ``structural_damping.damping_ratio`` (an addition to the schema) or the default.
+
+    windIO's own ``mu`` is a stiffness-proportional coefficient; its modal damping differs from mode to mode and needs
+    the frequencies, so it is not used.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the ratio is not in [0, 0.5].
+    """
+    damping = node.at("structural_damping")
+    if "damping_ratio" in damping:
+        return damping.number("damping_ratio", 0.0, 0.5)
+    notes.append(f"{damping.where('damping_ratio')}: not in the file, {100 * default:g} % of critical assumed")
+    return default
+
+
+def require_straight(node: Node, points: NDArray[np.float64], length: float) -> None:
+    """Require a vertical axis, from its x and y (n, 2) [m].
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the axis leaves the vertical by more than 1e-6 of its length.
+    """
+    if np.any(np.abs(points) > 1e-6 * length):
+        raise TurbineDefinitionError(f"{node.path}: x and y must be 0, only vertical towers can be computed")
