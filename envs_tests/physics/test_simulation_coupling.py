@@ -108,7 +108,7 @@ class TestParked:
     """Statics by hand."""
 
     def test_tower_base_carries_the_overhanging_weight(self, parked):
-        """M_y = −g Σ m x about the tower base, with all masses at their rest positions (blade deflections are small)."""
+        """M_y = g Σ m x about the tower base with all masses at rest positions; overhang gives a negative moment."""
         turbine = parked.turbine
         blade_mass, cone, tilt = 17740.0, turbine.hub.cone, turbine.nacelle.tilt
         apex = -turbine.nacelle.overhang * np.cos(tilt)
@@ -135,8 +135,9 @@ def test_signs_in_operation():
     sim.reset(rotor_speed=11.5 * RPM)
     for _ in range(50):
         s = sim.advance(0.2, pitch=0.0, generator_torque=38e3)
-    assert s.aero_thrust > 0 and s.aero_power > 0 and s.tower_top_fore_aft > 0.2
-    assert np.all(s.tip_out_of_plane > 3.0) and np.all(s.root_flap_moment > 0)
+    assert min(s.aero_thrust, s.aero_power, s.root_flap_moment.min()) > 0
+    assert s.tower_top_fore_aft > 0.2
+    assert s.tip_out_of_plane.min() > 3.0
     # the rotor drives the nacelle clockwise seen looking downwind: the tower top goes to the right (−y)
     assert s.tower_top_side_side < 0
     assert s.shaft_torque == pytest.approx(s.aero_torque, rel=0.1)

@@ -1,0 +1,187 @@
+"""Beam elements, modes and inertia integrals against beam theory and published blade frequencies."""
+
+import numpy as np
+import pytest
+
+from wt_gym.structure.beam import Beam, BeamSections, SecondOrderField, section_inertia, skew
+from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, particle_fields
+from wt_gym.structure.modes import clamped_modes, select_modes
+from wt_gym.turbines import load_turbine
+
+LENGTH = 12.0
+
+
+def solve_static(beam, load):
+    """Nodal displacements (n_dof,) of the beam clamped at its root under nodal loads (n_dof,)."""
+    u = np.zeros(beam.n_dof)
+    u[6:] = np.linalg.solve(beam.stiffness[6:, 6:], load[6:])
+    return u
+
+
+def uniform(n_elements=3, **changes):
+    properties = {"EA": 3e8, "EIx": 5e6, "EIy": 2e6, "GJ": 1e6, "mass": 20.0, "Ix": 0.4, "Iy": 0.9} | changes
+    return Beam(BeamSections.uniform(LENGTH, **properties), n_elements)
+
+
+@pytest.mark.parametrize("n_elements", [1, 4])
+def test_tip_loads_give_the_deflections_of_beam_theory(n_elements):
+    """P L³/3EI, M L/EI, N L/EA and T L/GJ, exact for any number of elements."""
+    beam = uniform(n_elements)
+    load = np.zeros(beam.n_dof)
+    load[-6:] = [100.0, 200.0, 300.0, 0.0, 0.0, 50.0]
+    tip = solve_static(beam, load)[-6:]
+    expected = [
+        100.0 * LENGTH**3 / (3 * 2e6),
+        200.0 * LENGTH**3 / (3 * 5e6),
+        300.0 * LENGTH / 3e8,
+        -200.0 * LENGTH**2 / (2 * 5e6),  # a push along +y turns the section about −x
+        100.0 * LENGTH**2 / (2 * 2e6),
+        50.0 * LENGTH / 1e6,
+    ]
+    np.testing.assert_allclose(tip, expected, rtol=1e-9)
+
+
+def test_tapered_beam_with_one_element_is_exact():
+    """EI linear from 2 EI₀ to EI₀: δ = P ∫ (L − s)²/EI(s) ds."""
+    s = np.array([0.0, LENGTH])
+    stiffness = np.array([np.diag([np.inf, np.inf, 1e9, 1e6 * k, 1e6 * k, 1e6]) for k in (2.0, 1.0)])
+    inertia = np.tile(section_inertia(1.0, (0.0, 0.0), 0.1, 0.1), (2, 1, 1))
+    beam = Beam(BeamSections(s, stiffness, inertia, np.column_stack([0 * s, 0 * s, s])), 1)
+    load = np.zeros(12)
+    load[6] = 1000.0
+    # ∫₀¹ (1−ξ)²/(2−ξ) dξ with u = 2−ξ: ∫₁² (u−1)²/u du = ½·3 − 2 + ln 2
+    expected = 1000.0 * LENGTH**3 / 1e6 * (1.5 - 2.0 + np.log(2.0))
+    assert solve_static(beam, load)[6] == pytest.approx(expected, rel=1e-8)
+
+
+def test_shear_flexible_section_adds_the_timoshenko_deflection():
+    s = np.array([0.0, LENGTH])
+    stiffness = np.tile(np.diag([4e5, 5e5, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
+    inertia = np.tile(section_inertia(1.0, (0.0, 0.0), 0.1, 0.1), (2, 1, 1))
+    beam = Beam(BeamSections(s, stiffness, inertia, np.column_stack([0 * s, 0 * s, s])), 2)
+    load = np.zeros(beam.n_dof)
+    load[-6] = 100.0
+    expected = 100.0 * LENGTH**3 / (3 * 2e6) + 100.0 * LENGTH / 4e5
+    assert solve_static(beam, load)[-6] == pytest.approx(expected, rel=1e-9)
+
+
+def test_bend_twist_coupling_of_a_full_section_matrix():
+    """A tip torque on a section with K₄₅ bends the beam: κ_y = C₄₅ T, δ = κ L²/2."""
+    s = np.array([0.0, LENGTH])
+    k = np.diag([1e8, 1e8, 1e9, 5e6, 2e6, 1e6])
+    k[4, 5] = k[5, 4] = 5e5
+    inertia = np.tile(section_inertia(1.0, (0.0, 0.0), 0.1, 0.1), (2, 1, 1))
+    beam = Beam(BeamSections(s, np.tile(k, (2, 1, 1)), inertia, np.column_stack([0 * s, 0 * s, s])), 3)
+    load = np.zeros(beam.n_dof)
+    load[-1] = 1000.0
+    curvature = np.linalg.inv(k)[4, 5] * 1000.0
+    assert solve_static(beam, load)[-6] == pytest.approx(curvature * LENGTH**2 / 2, rel=1e-9)
+
+
+def test_rigid_motions_strain_nothing_and_carry_the_right_mass():
+    angle = np.linspace(0.0, 0.4, 9)
+    s = 10.0 * angle
+    axis = np.column_stack([-10.0 * (1.0 - np.cos(angle)), 0.0 * s, 10.0 * np.sin(angle)])
+    stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (9, 1, 1))
+    inertia = np.tile(section_inertia(3.0, (0.1, 0.2), 0.1, 0.3), (9, 1, 1))
+    beam = Beam(BeamSections(s, stiffness, inertia, axis), 6)
+    rigid = np.zeros((beam.n_dof, 6))
+    for i, p in enumerate(beam.node_position):
+        rigid[6 * i : 6 * i + 6, :] = np.block([[np.eye(3), -skew(p)], [np.zeros((3, 3)), np.eye(3)]])
+    assert np.abs(beam.stiffness @ rigid).max() < 1e-6 * np.abs(beam.stiffness).max()
+    mass = rigid.T @ beam.mass @ rigid
+    centre = beam.particle_mass @ beam.particle_position / beam.particle_mass.sum()
+    np.testing.assert_allclose(mass[:3, :3], 12.0 * np.eye(3), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(mass[3:, :3], 12.0 * skew(centre), atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["flap", "edge"])
+def test_uniform_cantilever_frequencies(kind):
+    """β₁L … β₃L = 1.8751, 4.6941, 7.8548."""
+    beam = uniform(10, Ix=1e-6, Iy=1e-6)
+    modes = clamped_modes(beam, 12)
+    stiffness = {"flap": 2e6, "edge": 5e6}[kind]
+    beta = np.array([1.87510407, 4.69409113, 7.85475744])
+    expected = beta**2 * np.sqrt(stiffness / (20.0 * LENGTH**4)) / (2 * np.pi)
+    chosen = select_modes(modes, **{kind: 3})
+    np.testing.assert_allclose(modes.frequency[chosen], expected, rtol=5e-4)
+
+
+def test_torsion_frequency():
+    """A clamped–free shaft: √(GJ/I_p)/4L."""
+    modes = clamped_modes(uniform(12), 30)
+    frequency = modes.frequency[select_modes(modes, torsion=1)[0]]
+    assert frequency == pytest.approx(np.sqrt(1e6 / 1.3) / (4 * LENGTH), rel=2e-3)
+
+
+def test_modes_that_do_not_exist_are_refused():
+    with pytest.raises(ValueError, match="torsion"):
+        select_modes(clamped_modes(uniform(2), 3), torsion=5)
+
+
+class TestInertiaIntegrals:
+    """Integrals against direct sums over the displaced mass points, and foreshortening against beam theory."""
+
+    def test_displaced_mass_points(self):
+        beam = uniform(4, offset=(0.1, 0.3))
+        basis = clamped_modes(beam, 3).shape
+        fields = particle_fields(beam, basis)
+        inertia = BodyInertia.from_particles(beam.particle_mass, fields)
+        q = 1e-3 * np.array([0.5, -1.0, 0.7])
+        x = fields.position + fields.linear @ q + 0.5 * np.einsum("pijk,j,k->pi", fields.second, q, q)
+        m = beam.particle_mass
+        first = inertia.c0 + inertia.c1 @ q + 0.5 * np.einsum("ijk,j,k->i", inertia.c2, q, q)
+        np.testing.assert_allclose(first, m @ x, rtol=1e-12, atol=1e-9)
+        tensor = -np.einsum("p,pij,pjk->ik", m, skew(x), skew(x))
+        second = inertia.j0 + np.einsum("k,kij", q, inertia.j1) + 0.5 * np.einsum("k,l,klij", q, q, inertia.j2)
+        np.testing.assert_allclose(second, tensor, atol=1e-6 * np.abs(q).max() * tensor.max())
+        velocity = fields.linear + np.einsum("pijk,k->pij", fields.second, q)
+        coupling = np.einsum("p,pij,pjk->ki", m, skew(x), velocity)
+        np.testing.assert_allclose(
+            inertia.d0 + np.einsum("kji,j->ki", inertia.d1, q), coupling, atol=1e-5 * np.abs(coupling).max()
+        )
+
+    def test_foreshortening_of_a_bent_cantilever(self):
+        """Tip shortening ½ ∫ w'² dz = P² L⁵/(15 E²I²) for an end load P."""
+        beam = uniform(3)
+        load = np.zeros(beam.n_dof)
+        load[-6] = 500.0
+        shape = solve_static(beam, load)[:, None]
+        marker = offset_marker(beam, shape, LENGTH, np.zeros(3))
+        shortening = -0.5 * marker.second[2, 0, 0]
+        assert shortening == pytest.approx(500.0**2 * LENGTH**5 / (15 * 2e6**2), rel=1e-6)
+        assert isinstance(beam.second_order_field(shape), SecondOrderField)
+
+    def test_euler_buckling_of_a_body_under_its_tip_weight(self):
+        """A massless column under a tip weight loses its stiffness at P = π²EI/4L²."""
+        from wt_gym.multibody.system import Joint, MultibodySystem
+
+        critical = np.pi**2 * 2e6 / (4 * LENGTH**2)
+        beam = uniform(8, mass=1e-3, Ix=1e-6, Iy=1e-6, EIx=1e9)
+        basis = clamped_modes(beam, 4, node_dofs=(0, 4)).shape
+        signs = []
+        for factor in (0.98, 1.02):
+            system = MultibodySystem()
+            tower = system.add(FlexibleBody.from_beam("tower", beam, basis), Joint("fixed"))
+            top = FlexibleBody.rigid("top", factor * critical / 9.81, np.zeros(3), np.zeros((3, 3)))
+            system.add(top, Joint("fixed"), tower, "tip")
+            system.build()
+            n, y = system.n_q, system.initial_state()
+            columns = [system.rates(y + 1e-6 * unit)[n:] / 1e-6 for unit in np.eye(2 * n)[:n]]
+            signs.append(np.linalg.eigvals(np.array(columns).T).real.max())
+        assert signs[0] < 0 < signs[1], "restoring below the critical load, buckling above it"
+
+
+BLADE = [(0.0, "flap", 1, 0.677), (0.0, "edge", 1, 1.086), (0.0, "flap", 2, 1.952), (12.1, "flap", 1, 0.729)]
+
+
+@pytest.mark.parametrize(("rpm", "kind", "number", "frequency"), BLADE)
+def test_nrel_5mw_blade_frequencies(rpm, kind, number, frequency):
+    """Isolated blade, computed elsewhere with 80 rotating Euler–Bernoulli elements (mass factor 1.04536)."""
+    blade = load_turbine("nrel_5mw").blade
+    axis = np.column_stack([0 * blade.structure.station, 0 * blade.structure.station, blade.structure.station])
+    sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
+    beam = Beam(sections, 24)
+    modes = clamped_modes(beam, 8, spin=rpm * np.pi / 30, centre=[0.0, 0.0, -blade.root_radius])
+    obtained = modes.frequency[select_modes(modes, **{kind: number})[-1]]
+    assert obtained == pytest.approx(frequency, rel=0.03)

@@ -1,0 +1,231 @@
+#!/usr/bin/env python3
+"""Measure speed and memory: real-time factors, kernels, start-up.
+
+    scripts/bench.py                                # everything for the training and engineering fidelities
+    scripts/bench.py --fidelity training --json
+
+Every measurement runs in a process of its own on one thread, after compilation; the machine should be otherwise idle.
+The real-time factor is simulated seconds by wall seconds of the whole simulator (NREL 5-MW, turbulent wind at 12 m/s,
+baseline controller).
+"""
+
+import argparse
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+
+SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+def parse_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fidelity", nargs="+", default=["training", "engineering"], help="fidelities to measure")
+    parser.add_argument("--seconds", type=float, default=20.0, help="wall time of a measurement (default: %(default)s)")
+    parser.add_argument("--no-cold", action="store_true", help="skip the start with an empty compilation cache")
+    parser.add_argument("--json", action="store_true", help="print all figures as JSON at the end")
+    parser.add_argument("--worker", nargs=2, metavar=("WHAT", "FIDELITY"), help=argparse.SUPPRESS)
+    return parser.parse_args()
+
+
+# ---- measurements, each in its own process ----
+
+
+def measure_simulator(fidelity: str, wall: float) -> dict:
+    """Real-time factor and memory of the simulator under the baseline controller."""
+    import numpy as np
+
+    from agents.baseline import BaselineController
+    from wt_gym.simulation import Simulator
+    from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+
+    box = TurbulenceBox.kaimal(12.0, 90.0, 126.0, "B", seed=1)
+    simulator = Simulator("nrel_5mw", TurbulentInflow(box, SteadyInflow(12.0, shear_exponent=0.2)), fidelity)
+    signals = simulator.reset(rotor_speed=1.267, pitch=np.radians(3.8))
+    controller = BaselineController()
+    controller.start(signals.generator_speed, signals.pitch, signals.generator_torque)
+    dt = 0.2
+
+    def run(seconds):
+        nonlocal signals
+        steps, start = 0, time.perf_counter()
+        while time.perf_counter() - start < seconds:
+            pitch, torque = controller.step(signals.generator_speed, dt)
+            signals = simulator.advance(dt, pitch=pitch, generator_torque=torque)
+            steps += 1
+        return steps * dt / (time.perf_counter() - start)
+
+    run(min(2.0, 0.2 * wall))
+    factors = [run(wall / 4) for _ in range(4)]
+    return {
+        "real_time_factor": max(factors),
+        "real_time_factor_median": float(np.median(factors)),
+        "aero_step_s": simulator.time_step,
+        "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def measure_environment(fidelity: str, wall: float) -> dict:
+    """Steps of the environment per second with random actions, and the time of a reset."""
+    import gymnasium
+
+    import wt_gym  # noqa: F401 - registers the environments
+
+    env = gymnasium.make("wt_gym/NREL5MW-Turbulent-v0", fidelity=fidelity, disable_env_checker=True)
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    steps = resets = 0
+    reset_time, start = 0.0, time.perf_counter()
+    while time.perf_counter() - start < wall / 2:
+        *_, terminated, truncated, _ = env.step(0.2 * env.action_space.sample())
+        steps += 1
+        if terminated or truncated:
+            before = time.perf_counter()
+            env.reset()
+            reset_time += time.perf_counter() - before
+            resets += 1
+    before = time.perf_counter()
+    env.reset()
+    reset_time += time.perf_counter() - before
+    elapsed = time.perf_counter() - start - reset_time
+    return {
+        "env_steps_per_s": steps / elapsed,
+        "env_reset_s": reset_time / (resets + 1),
+        "env_peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def measure_start(fidelity: str, wall: float) -> dict:
+    """Time to import, to build the simulator and to take the first step."""
+    start = time.perf_counter()
+    import wt_gym  # noqa: F401
+
+    imported = time.perf_counter()
+    from wt_gym.simulation import Simulator
+    from wt_gym.wind import SteadyInflow
+
+    simulator = Simulator("nrel_5mw", SteadyInflow(12.0), fidelity)
+    simulator.reset(rotor_speed=1.267)
+    simulator.advance(0.2, pitch=0.07, generator_torque=43e3)
+    return {"import_s": imported - start, "first_step_s": time.perf_counter() - imported}
+
+
+def measure_kernels(fidelity: str, wall: float) -> dict:
+    """Segment interactions per second and structural right-hand sides."""
+    import numpy as np
+
+    from wt_gym.aerodynamics import induction_kernels
+    from wt_gym.multibody.system import HammingIntegrator
+    from wt_gym.simulation import Simulator
+    from wt_gym.wind import SteadyInflow
+
+    rng = np.random.default_rng(0)
+    n_row, n_node, n_target = 100, 13, 64 * induction_kernels.MAX_LANES
+    sheet = rng.standard_normal((n_row, 3, n_node, 7)).astype(np.float32) ** 2
+    targets = rng.standard_normal((3, n_target)).astype(np.float32)
+    velocity = np.zeros((3, n_target), dtype=np.float32)
+    scratch = np.zeros((4 * n_node + 10) * induction_kernels.MAX_LANES, dtype=np.float32)
+    induction = best_of(
+        lambda: induction_kernels.sheet_induction(sheet, 0, n_row, targets, velocity, scratch), wall / 4
+    )
+    segments = (n_row - 1) * 3 * n_node + n_row * 3 * (n_node - 1)
+
+    simulator = Simulator("nrel_5mw", SteadyInflow(12.0), fidelity)
+    simulator.reset(rotor_speed=1.267, pitch=0.07)
+    integrator = HammingIntegrator(simulator.structure.system, 0.01)
+    integrator.start(simulator._integrator.state.copy())
+    integrator.advance(10)
+    n = 50
+    structure = best_of(lambda: integrator.advance(n), wall / 4)
+    return {
+        "segment_interactions_per_s": segments * n_target / induction,
+        "structural_rhs_us": structure / (n * (integrator.n_corrections + 1)) * 1e6,
+        "structural_dof": simulator.structure.system.n_u,
+    }
+
+
+def best_of(call, wall: float) -> float:
+    """Shortest time of a call within a wall time [s]."""
+    call()
+    best, start = float("inf"), time.perf_counter()
+    while time.perf_counter() - start < wall:
+        before = time.perf_counter()
+        call()
+        best = min(best, time.perf_counter() - before)
+    return best
+
+
+WORKERS = {
+    "simulator": measure_simulator,
+    "environment": measure_environment,
+    "start": measure_start,
+    "kernels": measure_kernels,
+}
+
+
+# ---- the parent ----
+
+
+def in_process(what: str, fidelity: str, wall: float, **environment) -> dict:
+    """Run one measurement in a fresh interpreter."""
+    command = [sys.executable, __file__, "--worker", what, fidelity, "--seconds", str(wall)]
+    done = subprocess.run(
+        command, env=os.environ | SINGLE_THREAD | environment, stdout=subprocess.PIPE, text=True, check=True
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def processor() -> str:
+    """Name of the processor."""
+    try:
+        with open("/proc/cpuinfo") as info:
+            return next(line.split(":", 1)[1].strip() for line in info if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments()
+    if arguments.worker:
+        what, fidelity = arguments.worker
+        print(json.dumps(WORKERS[what](fidelity, arguments.seconds)))
+        return
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+    figures = {"processor": processor(), "python": platform.python_version(), "load_at_start": load}
+    print(f"{figures['processor']}, {os.cpu_count()} cores, load {load:.2f}, Python {figures['python']}, one thread")
+    wall = arguments.seconds
+    if not arguments.no_cold:
+        with tempfile.TemporaryDirectory() as empty:
+            figures["cold"] = in_process("start", "training", wall, NUMBA_CACHE_DIR=empty)
+        print(f"first step, cold compilation cache: {figures['cold']['first_step_s']:6.1f} s")
+    in_process("start", "training", wall)
+    figures["warm"] = in_process("start", "training", wall)
+    print(f"first step, warm compilation cache: {figures['warm']['first_step_s']:6.1f} s")
+    print(f"import of wt_gym:                   {figures['warm']['import_s']:6.2f} s")
+    figures["kernels"] = in_process("kernels", "training", wall)
+    k = figures["kernels"]
+    print(
+        f"induction kernel:                   {k['segment_interactions_per_s'] / 1e9:6.2f} e9 interactions/s (float32)"
+    )
+    print(f"structural right-hand side:         {k['structural_rhs_us']:6.2f} us for {k['structural_dof']} dof")
+    for fidelity in arguments.fidelity:
+        figures[fidelity] = in_process("simulator", fidelity, wall) | in_process("environment", fidelity, wall)
+        f = figures[fidelity]
+        print(
+            f"{fidelity + ':':12s} {f['real_time_factor']:7.1f} x real time "
+            f"(median {f['real_time_factor_median']:.1f}), "
+            f"{f['env_steps_per_s']:6.0f} env steps/s, reset {f['env_reset_s']:.2f} s, "
+            f"{f['peak_memory_mib']:.0f} MiB simulator, {f['env_peak_memory_mib']:.0f} MiB env"
+        )
+    if arguments.json:
+        print(json.dumps(figures))
+
+
+if __name__ == "__main__":
+    main()

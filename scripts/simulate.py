@@ -1,0 +1,128 @@
+#!/usr/bin/env python3
+"""Simulate a turbine under the baseline controller and print its operating points.
+
+    scripts/simulate.py --wind-speed 8 15
+    scripts/simulate.py --turbine iea_15mw --wind-speed 9 --fidelity engineering --out runs/iea.nc
+    scripts/simulate.py --turbulent --seed 3 --wind-speed 12 --duration 600 --out runs/turbulent.nc
+
+The means are taken over the last part of each run; for a turbine with a shaft tilt they are means over whole turns only
+approximately. A NetCDF file holds every signal of the run (one file a wind speed).
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+
+def parse_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
+    parser.add_argument("--wind-speed", type=float, nargs="+", default=[8.0, 15.0], metavar="M_S", help="at the hub")
+    parser.add_argument("--duration", type=float, default=300.0, help="simulated time [s] (default: %(default)s)")
+    parser.add_argument("--average", type=float, default=60.0, help="last part averaged [s] (default: %(default)s)")
+    parser.add_argument("--fidelity", default="training", help="training, engineering or reference")
+    parser.add_argument("--shear", type=float, default=0.0, help="power-law exponent (default: %(default)s)")
+    parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
+    parser.add_argument("--turbulent", action="store_true", help="Kaimal turbulence of the turbine's class")
+    parser.add_argument("--seed", type=int, default=1, help="turbulence seed (default: %(default)s)")
+    parser.add_argument("--out", type=Path, help="NetCDF file; the wind speed is added to its name for several speeds")
+    parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
+    return parser.parse_args()
+
+
+COLUMNS = (
+    ("wind_m_s", "wind", "m/s", 6, 2),
+    ("rotor_speed_rpm", "rotor", "rpm", 7, 2),
+    ("pitch_deg", "pitch", "deg", 6, 2),
+    ("generator_power_kw", "power", "kW", 8, 1),
+    ("aero_thrust_kn", "thrust", "kN", 7, 1),
+    ("tip_out_of_plane_m", "tip", "m", 6, 2),
+    ("tip_in_plane_m", "in plane", "m", 9, 2),
+    ("tower_top_fore_aft_m", "tower fa", "m", 9, 3),
+    ("tower_top_side_side_m", "tower ss", "m", 9, 3),
+    ("root_flap_moment_kn_m", "flap", "kN m", 8, 0),
+    ("tower_base_fore_aft_moment_kn_m", "base fa", "kN m", 9, 0),
+)
+
+
+def main() -> None:
+    """Simulate each wind speed and print the table."""
+    arguments = parse_arguments()
+    import numpy as np
+
+    from agents.closed_loop import run_baseline
+    from wt_gym.errors import WtGymError
+    from wt_gym.simulation import Simulator
+    from wt_gym.turbines import load_turbine
+    from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+
+    def inflow(turbine, speed):
+        steady = SteadyInflow(
+            speed,
+            hub_height=turbine.hub_height,
+            shear_exponent=arguments.shear,
+            yaw_misalignment=np.radians(arguments.yaw_misalignment),
+        )
+        if not arguments.turbulent:
+            return steady
+        box = TurbulenceBox.kaimal(
+            speed, turbine.hub_height, turbine.rotor_diameter, turbine.turbulence_class, seed=arguments.seed
+        )
+        return TurbulentInflow(box, steady)
+
+    def means(data):
+        last = data.sel(time=slice(float(data.time[-1]) - arguments.average, None))
+
+        def blades(name):
+            return float(np.mean([last[f"{name}_{i + 1}"].mean() for i in range(turbine.n_blades)]))
+
+        return {
+            "wind_m_s": speed,
+            "rotor_speed_rpm": float(last.rotor_speed.mean()) * 30.0 / np.pi,
+            "pitch_deg": np.degrees(blades("pitch")),
+            "generator_power_kw": float(last.generator_power.mean()) / 1e3,
+            "aero_thrust_kn": float(last.aero_thrust.mean()) / 1e3,
+            "tip_out_of_plane_m": blades("tip_out_of_plane"),
+            "tip_in_plane_m": blades("tip_in_plane"),
+            "tower_top_fore_aft_m": float(last.tower_top_fore_aft.mean()),
+            "tower_top_side_side_m": float(last.tower_top_side_side.mean()),
+            "root_flap_moment_kn_m": blades("root_flap_moment") / 1e3,
+            "tower_base_fore_aft_moment_kn_m": float(last.tower_base_fore_aft_moment.mean()) / 1e3,
+        }
+
+    def progress(signals):
+        if sys.stderr.isatty() and signals.time % 10.0 < simulator.time_step:
+            print(f"\r{speed:g} m/s: {signals.time:5.0f} of {arguments.duration:g} s", end="", file=sys.stderr)
+
+    try:
+        turbine = load_turbine(arguments.turbine)
+        rows = []
+        print(f"{turbine.name}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
+        print("  ".join(f"{title:>{width}}" for _, title, _, width, _ in COLUMNS) + "   x real time")
+        print("  ".join(f"{unit:>{width}}" for _, _, unit, width, _ in COLUMNS))
+        for speed in arguments.wind_speed:
+            simulator = Simulator(turbine, inflow=inflow(turbine, speed), fidelity=arguments.fidelity)
+            start = time.perf_counter()
+            recorder = run_baseline(simulator, arguments.duration, on_step=progress)
+            wall = time.perf_counter() - start
+            data = recorder.to_dataset()
+            rows.append(means(data))
+            line = "  ".join(f"{rows[-1][key]:{width}.{digits}f}" for key, _, _, width, digits in COLUMNS)
+            print(("\r" if sys.stderr.isatty() else "") + line + f"   {arguments.duration / wall:.0f}", flush=True)
+            if arguments.out:
+                several = len(arguments.wind_speed) > 1
+                path = arguments.out.with_stem(f"{arguments.out.stem}_{speed:g}") if several else arguments.out
+                path.parent.mkdir(parents=True, exist_ok=True)
+                recorder.save(path)
+                print(f"signals: {path}")
+    except WtGymError as error:
+        sys.exit(f"error: {error}")
+    if arguments.json:
+        print(json.dumps({"turbine": turbine.name, "fidelity": arguments.fidelity, "points": rows}))
+
+
+if __name__ == "__main__":
+    main()
