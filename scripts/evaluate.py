@@ -38,6 +38,8 @@ def parse_arguments() -> argparse.Namespace:
 def main() -> None:
     """Evaluate."""
     arguments = parse_arguments()
+    import gymnasium as gym
+
     import wt_gym  # noqa: F401 - registers the environments
     from agents.evaluation import EvaluationConfig, default_names, evaluate
     from wt_gym.analysis.report import write_report
@@ -45,8 +47,8 @@ def main() -> None:
     from wt_gym.analysis.summary import summarise
     from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 
-    steady = "-Steady-" in arguments.env
-    seeds = [None] if steady else arguments.wind_seeds or EVALUATION_WIND_SEEDS[:2]
+    turbulent = gym.spec(arguments.env).kwargs["inflow"] == "turbulent"
+    seeds = [None] if not turbulent else arguments.wind_seeds or EVALUATION_WIND_SEEDS[:2]
     kwargs = dict(arguments.env_kwargs)
     if arguments.fidelity:
         kwargs["fidelity"] = arguments.fidelity

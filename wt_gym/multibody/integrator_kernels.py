@@ -7,13 +7,11 @@ and the loads of the air need accelerations that belong to the stored state.
 """
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.tree_kernels import FREE, SPHERICAL, rates
-
-OK, SINGULAR, DIVERGED = 0, 1, 2
+from wt_gym.multibody.tree_kernels import DIVERGED, FREE, OK, SPHERICAL, rates
 
 
 @kernel
-def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections):
+def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, constrained=None):
     """Advance the state by n_steps of length h while the inputs run linearly from their start to their end.
 
     Parameters
@@ -25,11 +23,13 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections):
     h : float
         Step [s].
     n_steps, n_corrections : int
+    constrained : None or int
+        See :func:`wt_gym.multibody.tree_kernels.rates`.
 
     Returns
     -------
     int
-        0, or 1 for a mass matrix that is not positive definite, or 2 for a state that is not finite.
+        OK, SINGULAR_MASS, SINGULAR_CONSTRAINTS or DIVERGED (the state is not finite).
     """
     y, f, e = history.y, history.f, history.error
     p, c, fn = work.predictor, work.corrector, work.rate
@@ -50,9 +50,12 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections):
             else:
                 p[i] = y[3, i] + h * f[3, i]
                 c[i] = p[i]
-        for _ in range(n_corrections):
-            if not rates(c, tau, inputs, tree, work, fn):
-                return SINGULAR
+        for k in range(n_corrections + 1):
+            code = rates(c, tau, inputs, tree, work, fn, constrained)
+            if code != OK:
+                return code
+            if k == n_corrections:
+                break
             for i in range(n):
                 if filled >= 3:
                     c[i] = 0.125 * (9.0 * y[3, i] - y[1, i] + 3.0 * h * (fn[i] + 2.0 * f[3, i] - f[2, i]))
@@ -62,17 +65,15 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections):
                     c[i] = y[3, i] + h / 12.0 * (5.0 * fn[i] + 8.0 * f[3, i] - f[2, i])
                 else:
                     c[i] = y[3, i] + h / 2.0 * (fn[i] + f[3, i])
-        if filled >= 2:
-            for i in range(n):
-                e[i] = 9.0 / 121.0 * (c[i] - p[i])
-                if filled >= 3:
-                    c[i] -= e[i]
-        for i in range(n):
-            if not abs(c[i]) < 1e12:
-                return DIVERGED
-        normalise_quaternions(c, tree)
-        if not rates(c, tau, inputs, tree, work, fn):
-            return SINGULAR
+            if k == n_corrections - 1:
+                for i in range(n):
+                    if filled >= 2:
+                        e[i] = 9.0 / 121.0 * (c[i] - p[i])
+                    if filled >= 3:
+                        c[i] -= e[i]
+                    if not abs(c[i]) < 1e12:
+                        return DIVERGED
+                normalise_quaternions(c, tree.kind, tree.joint_q)
         for i in range(n):
             y[0, i], y[1, i], y[2, i], y[3, i] = y[1, i], y[2, i], y[3, i], c[i]
             f[0, i], f[1, i], f[2, i], f[3, i] = f[1, i], f[2, i], f[3, i], fn[i]
@@ -82,11 +83,11 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections):
 
 
 @kernel
-def normalise_quaternions(y, tree):
+def normalise_quaternions(y, kinds, joint_q):
     """Scale the quaternions of spherical and free joints to unit length."""
-    for b in range(tree.parent.shape[0]):
-        if tree.kind[b] == SPHERICAL or tree.kind[b] == FREE:
-            q = tree.joint_q[b] + (0 if tree.kind[b] == SPHERICAL else 3)
+    for b in range(kinds.shape[0]):
+        if kinds[b] == SPHERICAL or kinds[b] == FREE:
+            q = joint_q[b] + (0 if kinds[b] == SPHERICAL else 3)
             n = 0.0
             for i in range(4):
                 n += y[q + i] * y[q + i]

@@ -8,26 +8,32 @@ from collections import namedtuple
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from wt_gym.multibody import integrator_kernels, tree_kernels
 from wt_gym.structure.flexible_body import FlexibleBody, Marker
 
-__all__ = ["HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]
+__all__ = ["Constraint", "HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]
 
 from wt_gym.errors import WtGymError
 
 _KINDS = {"fixed": 0, "revolute": 1, "prismatic": 2, "spherical": 3, "free": 4, "servo": 5}
+_CONSTRAINTS = {"weld": 0, "hinge": 1, "ball": 2}
+_N_ROWS = (6, 5, 3)
 _N_POSITION = (0, 1, 1, 4, 7, 0)
 _N_VELOCITY = (0, 1, 1, 3, 6, 0)
 
 TREE_FIELDS = (
     "parent kind axis joint_rotation joint_offset marker_position marker_linear marker_second marker_rotation "
     "n_elastic joint_q joint_u elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 m0 m1 stiffness damping "
-    "cols n_col dof_stiffness dof_damping dof_q servo_frequency servo_damping gravity n_q n_u n_servo"
+    "cols n_col dof_stiffness dof_damping dof_q servo_frequency servo_damping gravity n_q n_u n_servo load_parent "
+    "constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation"
 )
 WORK_FIELDS = (
     "rot r v omega vl va bias_lin bias_ang nl na nb_lin nb_ang nv wn wb x xd xb th thd lever rn ti rj rb s_eff mc jj "
-    "jd cc dk cd dd h a al c1 c2 mass force loads servo_acceleration predictor corrector rate"
+    "jd cc dk cd dd h a al c1 c2 mass force loads servo_acceleration predictor corrector rate "
+    "frame_r frame_v frame_w frame_bl frame_ba frame_rot frame_jl frame_ja jacobian half_jacobian gamma residual "
+    "residual_rate multipliers weight schur"
 )
 Tree = namedtuple("Tree", TREE_FIELDS)
 Work = namedtuple("Work", WORK_FIELDS)
@@ -84,13 +90,51 @@ class Joint:
             raise MultibodyError(f"joint {self.name!r}: axis {tuple(self.axis)} is not a unit vector")
 
 
+@dataclass(frozen=True)
+class Constraint:
+    """Equations that tie a frame of one body to a frame of another.
+
+    Attributes
+    ----------
+    kind : str
+        "weld" (six equations), "hinge" (five, free rotation about ``axis``) or "ball" (three).
+    rotation, second_rotation : array (3, 3)
+        Orientation of the frames relative to their markers.
+    offset, second_offset : array (3,)
+        Origins of the frames relative to their markers [m].
+    axis : array (3,)
+        Hinge axis, or axis of the servo, in the first frame.
+    servo_frequency, servo_damping : float
+        A positive frequency [rad/s] turns the first frame by a servo about ``axis`` (a commanded pitch bearing).
+    name : str
+    """
+
+    kind: str = "weld"
+    rotation: np.ndarray | None = None
+    offset: tuple = (0.0, 0.0, 0.0)
+    second_rotation: np.ndarray | None = None
+    second_offset: tuple = (0.0, 0.0, 0.0)
+    axis: tuple = (0.0, 0.0, 1.0)
+    servo_frequency: float = 0.0
+    servo_damping: float = 1.0
+    name: str = ""
+
+    def __post_init__(self):
+        if self.kind not in _CONSTRAINTS:
+            raise MultibodyError(f"constraint kind {self.kind!r} is unknown; allowed: {', '.join(_CONSTRAINTS)}")
+        if not np.isclose(np.linalg.norm(self.axis), 1.0, atol=1e-9):
+            raise MultibodyError(f"constraint {self.name!r}: axis {tuple(self.axis)} is not a unit vector")
+
+
 class MultibodySystem:
-    """A tree of rigid and flexible bodies.
+    """A tree of rigid and flexible bodies, and constraint equations between them.
 
     Parameters
     ----------
     gravity : array (3,)
         [m/s²], default (0, 0, −9.81).
+    stabilisation : float
+        Baumgarte's α = β [1/s]: constraint errors decay like exp(−α t). Explicit schemes need α h < 1.29.
 
     Examples
     --------
@@ -102,12 +146,14 @@ class MultibodySystem:
     1
     """
 
-    def __init__(self, gravity=(0.0, 0.0, -9.81)):
-        self.gravity = np.asarray(gravity, dtype=float)
+    def __init__(self, gravity=(0.0, 0.0, -9.81), stabilisation=10.0):
+        self.gravity, self.stabilisation = np.asarray(gravity, dtype=float), float(stabilisation)
         self.bodies: list[FlexibleBody] = []
         self.joints: list[Joint] = []
         self.parents: list[int] = []
         self._markers: list[Marker | None] = []
+        self.constraints: list[Constraint] = []
+        self._tied: list[tuple] = []
         self.tree = None
 
     def add(self, body, joint, parent=None, marker="origin"):
@@ -143,6 +189,42 @@ class MultibodySystem:
         self.parents.append(-1 if parent is None else parent)
         return len(self.bodies) - 1
 
+    def add_constraint(self, constraint, first, second, marker="origin", second_marker="origin"):
+        """Tie two bodies; returns the index of the constraint.
+
+        Parameters
+        ----------
+        constraint : Constraint
+        first, second : int or None
+            Bodies; None is the ground. The multipliers are the forces (and moments) on the second body, in the axes of
+            the first frame. A free second body that hangs on the ground counts as carried by the first.
+        marker, second_marker : str
+            Markers of the bodies.
+
+        Raises
+        ------
+        MultibodyError
+            For unknown bodies or markers.
+        """
+        ends = []
+        for body, name in ((first, marker), (second, second_marker)):
+            if body is None:
+                ends.append(None)
+                continue
+            if not 0 <= body < len(self.bodies):
+                raise MultibodyError(
+                    f"constraint {constraint.name!r}: body {body} is not one of {len(self.bodies)} bodies"
+                )
+            if name not in self.bodies[body].markers:
+                raise MultibodyError(
+                    f"constraint {constraint.name!r}: {self.bodies[body].name!r} has no marker {name!r}, only "
+                    f"{sorted(self.bodies[body].markers)}"
+                )
+            ends.append(self.bodies[body].markers[name])
+        self.constraints.append(constraint)
+        self._tied.append((-1 if first is None else first, -1 if second is None else second, *ends))
+        return len(self.constraints) - 1
+
     def build(self):
         """Pack everything into arrays; returns self."""
         if not self.bodies:
@@ -171,7 +253,13 @@ class MultibodySystem:
             self.velocity_names += body.coordinate_names
             n_q, n_u = n_q + body.n_elastic, n_u + body.n_elastic
             self._index.append(entry)
+        self._constraint_servo = []
+        for constraint in self.constraints:
+            driven = constraint.servo_frequency > 0.0
+            self._constraint_servo.append(n_servo if driven else -1)
+            n_servo += driven
         self.n_q, self.n_u, self.n_servo = n_q, n_u, n_servo
+        self.n_constraints = sum(_N_ROWS[_CONSTRAINTS[c.kind]] for c in self.constraints)
         if n_u == 0:
             raise MultibodyError("the system has no degree of freedom")
 
@@ -183,9 +271,25 @@ class MultibodySystem:
     @property
     def state_names(self):
         """Names of the entries of the state vector."""
-        servo = [j.name or f"servo_{i}" for i, j in enumerate(self.joints) if j.kind == "servo"]
+        servo = [drive.name or f"servo_{i}" for i, drive in enumerate(self._servos)]
         rate = [f"{n}_rate" for n in self.velocity_names]
         return [*self.coordinate_names, *rate, *servo, *(f"{n}_rate" for n in servo)]
+
+    @property
+    def constrained(self):
+        """What the kernels take for ``constrained``: None without constraint equations."""
+        return 1 if self.constraints else None
+
+    @property
+    def _servos(self):
+        """Joints and constraints with a servo, in the order of their states."""
+        return [j for j in self.joints if j.kind == "servo"] + [c for c in self.constraints if c.servo_frequency > 0.0]
+
+    def multiplier_rows(self, constraint):
+        """Slice of ``work.multipliers`` that belongs to a constraint."""
+        rows = [_N_ROWS[_CONSTRAINTS[c.kind]] for c in self.constraints]
+        start = sum(rows[:constraint])
+        return slice(start, start + rows[constraint])
 
     def index(self, body, what):
         """Index of the first "joint_q", "joint_u", "elastic_q", "elastic_u" or "servo" entry of a body."""
@@ -229,41 +333,71 @@ class MultibodySystem:
             "n_servo": self.n_servo,
             "gravity": self.gravity,
             **index,
+            **self._constraint_arrays(),
         }
 
+    def _constraint_arrays(self):
+        """Constraint equations, and the body that carries each body's loads."""
+        carrier = list(self.parents)
+        turn = np.zeros((len(self.constraints), 3, 3))
+        for c, (constraint, (first, second, _, _)) in enumerate(zip(self.constraints, self._tied, strict=True)):
+            if second >= 0 and self.joints[second].kind == "free" and carrier[second] < 0:
+                if first >= second:
+                    raise MultibodyError(f"constraint {constraint.name!r}: the carrying body must be added before")
+                carrier[second] = first
+            turn[c] = np.eye(3)
+            if constraint.kind == "hinge":
+                turn[c, :2] = _across(np.asarray(constraint.axis, dtype=float))
+        return {
+            "load_parent": np.array(carrier),
+            "constraint_kind": np.array([_CONSTRAINTS[c.kind] for c in self.constraints], dtype=np.int64),
+            "constraint_body": np.array([t[:2] for t in self._tied], dtype=np.int64).reshape(-1, 2),
+            "constraint_axis": np.array([c.axis for c in self.constraints], dtype=float).reshape(-1, 3),
+            "constraint_turn": turn,
+            "constraint_servo": np.array(self._constraint_servo, dtype=np.int64),
+            "stabilisation": self.stabilisation,
+        }
+
+    def _frames(self):
+        """Markers, orientations and offsets of all joints, then of both ends of every constraint."""
+        frames = [(m, j.rotation, j.offset) for m, j in zip(self._markers, self.joints, strict=True)]
+        for constraint, (_, _, first, second) in zip(self.constraints, self._tied, strict=True):
+            frames.append((first, constraint.rotation, constraint.offset))
+            frames.append((second, constraint.second_rotation, constraint.second_offset))
+        return frames
+
     def _joint_arrays(self):
-        n_b = len(self.bodies)
-        nf = self._max_elastic
+        frames, nf, servos = self._frames(), self._max_elastic, self._servos
+        n = len(frames)
         out = {
             "axis": np.array([j.axis for j in self.joints], dtype=float),
-            "joint_rotation": np.array(
-                [np.eye(3) if j.rotation is None else j.rotation for j in self.joints], dtype=float
-            ),
-            "joint_offset": np.array([j.offset for j in self.joints], dtype=float),
-            "marker_position": np.zeros((n_b, 3)),
-            "marker_linear": np.zeros((n_b, 3, nf)),
-            "marker_second": np.zeros((n_b, 3, nf, nf)),
-            "marker_rotation": np.zeros((n_b, 3, nf)),
+            "joint_rotation": np.array([np.eye(3) if r is None else r for _, r, _ in frames], dtype=float),
+            "joint_offset": np.array([o for _, _, o in frames], dtype=float),
+            "marker_position": np.zeros((n, 3)),
+            "marker_linear": np.zeros((n, 3, nf)),
+            "marker_second": np.zeros((n, 3, nf, nf)),
+            "marker_rotation": np.zeros((n, 3, nf)),
             "dof_stiffness": np.zeros(self.n_u),
             "dof_damping": np.zeros(self.n_u),
             "dof_q": np.full(self.n_u, -1),
-            "servo_frequency": np.array([j.servo_frequency for j in self.joints if j.kind == "servo"], dtype=float),
-            "servo_damping": np.array([j.servo_damping for j in self.joints if j.kind == "servo"], dtype=float),
+            "servo_frequency": np.array([d.servo_frequency for d in servos], dtype=float),
+            "servo_damping": np.array([d.servo_damping for d in servos], dtype=float),
         }
-        for b, (marker, joint, entry) in enumerate(zip(self._markers, self.joints, self._index, strict=True)):
+        for k, (marker, _, _) in enumerate(frames):
             if marker is not None:
-                n = marker.linear.shape[1]
-                out["marker_position"][b] = marker.position
-                out["marker_linear"][b, :, :n] = marker.linear
-                out["marker_second"][b, :, :n, :n] = marker.second
-                out["marker_rotation"][b, :, :n] = marker.rotation
+                m = marker.linear.shape[1]
+                out["marker_position"][k] = marker.position
+                out["marker_linear"][k, :, :m] = marker.linear
+                out["marker_second"][k, :, :m, :m] = marker.second
+                out["marker_rotation"][k, :, :m] = marker.rotation
+        for body, joint, entry in zip(self.bodies, self.joints, self._index, strict=True):
             u, q = entry["joint_u"], entry["joint_q"]
             n_slide = {"revolute": 1, "prismatic": 1, "free": 3}.get(joint.kind, 0)
             out["dof_q"][u : u + n_slide] = np.arange(q, q + n_slide)
             if joint.kind in ("revolute", "prismatic"):
                 out["dof_stiffness"][u], out["dof_damping"][u] = joint.stiffness, joint.damping
-            n = self.bodies[b].n_elastic
-            out["dof_q"][entry["elastic_u"] : entry["elastic_u"] + n] = entry["elastic_q"] + np.arange(n)
+            first = entry["elastic_u"]
+            out["dof_q"][first : first + body.n_elastic] = entry["elastic_q"] + np.arange(body.n_elastic)
         return out
 
     @property
@@ -307,6 +441,11 @@ class MultibodySystem:
         shapes |= dict.fromkeys(("cc", "dk"), (n_b, 3, nf))
         shapes |= dict.fromkeys(("h", "loads"), (n_b, 6 + nf))
         shapes |= dict.fromkeys(("predictor", "corrector", "rate"), (self.n_state,))
+        n_c = self.n_constraints
+        shapes |= dict.fromkeys(("frame_r", "frame_v", "frame_w", "frame_bl", "frame_ba"), (2, 3))
+        shapes |= {"frame_rot": (2, 3, 3), "frame_jl": (2, 3, n_u), "frame_ja": (2, 3, n_u), "schur": (n_c, n_c)}
+        shapes |= dict.fromkeys(("jacobian", "half_jacobian"), (n_c, n_u))
+        shapes |= dict.fromkeys(("gamma", "residual", "residual_rate", "multipliers", "weight"), (n_c,))
         shapes |= {"s_eff": (3, nf), "mass": (n_u, n_u), "force": (n_u,), "servo_acceleration": (self.n_servo,)}
         return Work(**{key: np.zeros(shapes[key]) for key in WORK_FIELDS.split()})
 
@@ -324,16 +463,68 @@ class MultibodySystem:
         Raises
         ------
         MultibodyError
-            When the mass matrix is not positive definite.
+            When the mass matrix is singular or constraints depend on each other.
         """
         y, dy = np.ascontiguousarray(y, dtype=float), np.zeros(self.n_state)
-        if not tree_kernels.rates(y, 0.0, inputs or self.new_inputs(), self.tree, work or self.new_work(), dy):
-            raise MultibodyError("the mass matrix is not positive definite: a coordinate moves no mass")
+        code = tree_kernels.rates(
+            y, 0.0, inputs or self.new_inputs(), self.tree, work or self.new_work(), dy, self.constrained
+        )
+        if code != tree_kernels.OK:
+            raise MultibodyError(FAILURES[code])
         return dy
+
+    def constraint_residuals(self, y):
+        """Residuals φ and φ̇ (n_constraints,) of the constraint equations for a state [m, rad; 1/s]."""
+        work = self.new_work()
+        self.rates(y, work=work)
+        return work.residual, work.residual_rate
+
+    def place_free_bodies(self, y):
+        """Put every free body that a weld ties to an earlier one in its place, with its velocity; y changes in place.
+
+        Needs the other coordinates and the servo states of y. Bodies are placed in the order of their constraints.
+        """
+        for c, (constraint, (_, second, _, marker)) in enumerate(zip(self.constraints, self._tied, strict=True)):
+            if constraint.kind != "weld" or second < 0 or self.joints[second].kind != "free":
+                continue
+            moved = np.abs(marker.linear).max(initial=0.0) + np.abs(marker.rotation).max(initial=0.0)
+            if moved > 0.0 or constraint.second_rotation is not None or np.any(constraint.second_offset):
+                raise MultibodyError(f"constraint {constraint.name!r}: only a body tied at its own frame can be placed")
+            work = self.new_work()
+            self.rates(y, work=work)
+            yd = y[self.n_q : self.n_q + self.n_u]
+            tree_kernels.constraint_frame(c, 0, y, yd, self.tree, work)
+            if self._constraint_servo[c] >= 0:
+                tree_kernels.turn_by_servo(c, y, self.tree, work)
+            q, u = self._index[second]["joint_q"], self.n_q + self._index[second]["joint_u"]
+            rotation = work.frame_rot[0]
+            y[q : q + 3] = work.frame_r[0] - rotation @ marker.position
+            y[q + 3 : q + 7] = _quaternion(rotation)
+            y[u + 3 : u + 6] = rotation.T @ work.frame_w[0]
+            y[u : u + 3] = work.frame_v[0] - np.cross(work.frame_w[0], rotation @ marker.position)
 
     def energy(self, y):
         """Kinetic, elastic and gravitational energy [J]."""
         return tree_kernels.energies(np.ascontiguousarray(y, dtype=float), self.tree, self.new_work())
+
+
+FAILURES = {
+    tree_kernels.SINGULAR_MASS: "the mass matrix is not positive definite: a coordinate moves no mass",
+    tree_kernels.SINGULAR_CONSTRAINTS: "the constraint equations depend on each other: a motion is locked twice",
+    tree_kernels.DIVERGED: "the integration diverged; the step may exceed the stability limit",
+}
+
+
+def _quaternion(rotation):
+    """Scalar-first unit quaternion of a rotation matrix."""
+    return Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]]
+
+
+def _across(axis):
+    """Two unit vectors (2, 3) across an axis and each other."""
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(axis, first)])
 
 
 def _joint_names(name, count):
@@ -386,9 +577,10 @@ class HammingIntegrator:
             When the mass matrix is singular or the state diverges.
         """
         code = integrator_kernels.hamming_advance(
-            self.history, self.inputs, self.system.tree, self.work, self.step, int(n_steps), self.n_corrections
-        )
-        if code == integrator_kernels.SINGULAR:
-            raise MultibodyError("the mass matrix is not positive definite: a coordinate moves no mass")
-        if code == integrator_kernels.DIVERGED:
-            raise MultibodyError(f"the integration diverged; the step {self.step} s may exceed the stability limit")
+            self.history, self.inputs, self.system.tree, self.work, self.step, int(n_steps), self.n_corrections,
+            self.system.constrained,
+        )  # fmt: skip
+        if code == tree_kernels.DIVERGED:
+            raise MultibodyError(f"{FAILURES[code]} (step {self.step} s)")
+        if code != tree_kernels.OK:
+            raise MultibodyError(FAILURES[code])

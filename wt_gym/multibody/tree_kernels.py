@@ -13,7 +13,11 @@ Newton–Euler–Lagrange equations of the body, from the kinetic energy second 
         + (m1_klj − ½ m1_ljk) q̇_l q̇_j + K q + D q̇                           = Q
 
 Gravity enters as a − g. The velocity transformation Vᵀ(·) of all bodies gives the equations in the joint and elastic
-velocities u; constraint forces do not appear.
+velocities u; constraint forces do not appear. Bodies may be tied by constraint equations as well (closed loops, or a
+blade held to its hub as in Gebhardt et al. 2012, eqs. 6–11); these keep their Lagrange multipliers:
+
+    [M  −Bᵀ] [u̇]   [f                     ]
+    [B   0 ] [λ ] = [−γ − 2 α φ̇ − α² φ    ]      (Baumgarte 1972, critically damped)
 """
 
 import math
@@ -21,6 +25,8 @@ import math
 from wt_gym.compiled import kernel
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, SERVO = range(6)
+WELD, HINGE, BALL = range(3)
+OK, SINGULAR_MASS, SINGULAR_CONSTRAINTS, DIVERGED = range(4)
 
 
 @kernel
@@ -102,7 +108,7 @@ def cross_add(a, b, out):
 
 @kernel
 def attachment(b, p, y, yd, tree, work):
-    """Position, rotation and rates of the parent's marker that carries body b, in parent components.
+    """Position, rotation and rates of marker b on body p, in components of p.
 
     Fills work.x (position), work.rn (rotation), work.ti (tangent), work.s_eff (S + H q) and, relative to the parent
     frame, work.xd (velocity), work.xb (acceleration bias), work.wn (angular velocity), work.wb (angular bias).
@@ -141,86 +147,96 @@ def kinematics(y, tree, work):
     yd = y[n_q : n_q + tree.n_u]
     for b in range(tree.parent.shape[0]):
         p = tree.parent[b]
-        kind = tree.kind[b]
-        n_in = 0
-        lever, wn, nb_lin, nb_ang, nv = work.lever, work.wn, work.nb_lin, work.nb_ang, work.nv
-        if p >= 0:
-            attachment(b, p, y, yd, tree, work)
-            for i in range(3):
-                lever[i] = (
-                    work.rn[i, 0] * tree.joint_offset[b, 0]
-                    + work.rn[i, 1] * tree.joint_offset[b, 1]
-                    + work.rn[i, 2] * tree.joint_offset[b, 2]
-                )
-            # relative position, velocity and bias of the joint origin in the parent frame
-            for i in range(3):
-                work.x[i] += lever[i]
-                work.c1[i] = 0.0
-                work.c2[i] = 0.0
-            cross_add(wn, lever, work.c1)  # w × lever
-            cross_add(wn, work.c1, work.c2)
-            cross_add(work.wb, lever, work.c2)
-            wp, vp = work.omega[p], work.v[p]
-            for i in range(3):
-                work.xd[i] += work.c1[i]
-                work.xb[i] += work.c2[i]
-                work.c1[i] = 0.0
-                work.c2[i] = 0.0
-                nb_lin[i] = work.bias_lin[p, i] + work.xb[i]
-                nb_ang[i] = work.bias_ang[p, i] + work.wb[i]
-                nv[i] = vp[i] + work.xd[i]
-            cross_add(wp, work.x, work.c1)
-            for i in range(3):
-                nv[i] += work.c1[i]
-                work.c2[i] = work.c1[i] + 2.0 * work.xd[i]
-            cross_add(wp, work.c2, nb_lin)
-            cross_add(work.bias_ang[p], work.x, nb_lin)
-            cross_add(wp, wn, nb_ang)
-            for i in range(3):
-                wn[i] += wp[i]
-            # columns: those of the parent, then the parent's elastic coordinates
-            x = work.x
-            n_parent = tree.n_col[p]
-            for c in range(n_parent):
-                va0, va1, va2 = work.va[p, 0, c], work.va[p, 1, c], work.va[p, 2, c]
-                work.na[0, c], work.na[1, c], work.na[2, c] = va0, va1, va2
-                work.nl[0, c] = work.vl[p, 0, c] + va1 * x[2] - va2 * x[1]
-                work.nl[1, c] = work.vl[p, 1, c] + va2 * x[0] - va0 * x[2]
-                work.nl[2, c] = work.vl[p, 2, c] + va0 * x[1] - va1 * x[0]
-            n_in = n_parent
-            for k in range(tree.n_elastic[p]):
-                for i in range(3):
-                    work.na[i, n_in] = (
-                        work.ti[i, 0] * tree.marker_rotation[b, 0, k]
-                        + work.ti[i, 1] * tree.marker_rotation[b, 1, k]
-                        + work.ti[i, 2] * tree.marker_rotation[b, 2, k]
-                    )
-                va0, va1, va2 = work.na[0, n_in], work.na[1, n_in], work.na[2, n_in]
-                work.nl[0, n_in] = work.s_eff[0, k] + va1 * lever[2] - va2 * lever[1]
-                work.nl[1, n_in] = work.s_eff[1, k] + va2 * lever[0] - va0 * lever[2]
-                work.nl[2, n_in] = work.s_eff[2, k] + va0 * lever[1] - va1 * lever[0]
-                n_in += 1
-            # orientation of the joint frame in the parent, and global position
-            for i in range(3):
+        n_in = joint_frame(b, p, y, yd, tree, work)
+        for i in range(3):
+            work.r[b, i] = work.x[i]
+            if p >= 0:
+                work.r[b, i] = work.r[p, i]
                 for j in range(3):
-                    work.rj[i, j] = (
-                        work.rn[i, 0] * tree.joint_rotation[b, 0, j]
-                        + work.rn[i, 1] * tree.joint_rotation[b, 1, j]
-                        + work.rn[i, 2] * tree.joint_rotation[b, 2, j]
-                    )
-                work.r[b, i] = (
-                    work.r[p, i] + work.rot[p, i, 0] * x[0] + work.rot[p, i, 1] * x[1] + work.rot[p, i, 2] * x[2]
-                )
-        else:
-            for i in range(3):
-                work.r[b, i] = tree.joint_offset[b, i]
-                wn[i] = 0.0
-                nb_lin[i] = 0.0
-                nb_ang[i] = 0.0
-                nv[i] = 0.0
-                for j in range(3):
-                    work.rj[i, j] = tree.joint_rotation[b, i, j]
-        joint_motion(b, p, kind, n_in, y, yd, tree, work)
+                    work.r[b, i] += work.rot[p, i, j] * work.x[j]
+        joint_motion(b, p, tree.kind[b], n_in, y, yd, tree, work)
+
+
+@kernel
+def joint_frame(k, p, y, yd, tree, work):
+    """Motion of the frame that marker k carries on body p (the ground for p = −1), in components of p.
+
+    Fills work.x (position in p), work.rj (orientation in p), work.wn and work.nv (absolute angular and linear
+    velocity), work.nb_ang and work.nb_lin (acceleration bias) and the columns work.na and work.nl, which belong to the
+    velocities ``cols[p]`` followed by the elastic ones of p. Returns the number of columns.
+    """
+    lever, wn, nb_lin, nb_ang, nv = work.lever, work.wn, work.nb_lin, work.nb_ang, work.nv
+    if p < 0:
+        for i in range(3):
+            work.x[i] = tree.joint_offset[k, i]
+            wn[i] = 0.0
+            nb_lin[i] = 0.0
+            nb_ang[i] = 0.0
+            nv[i] = 0.0
+            for j in range(3):
+                work.rj[i, j] = tree.joint_rotation[k, i, j]
+        return 0
+    attachment(k, p, y, yd, tree, work)
+    for i in range(3):
+        lever[i] = (
+            work.rn[i, 0] * tree.joint_offset[k, 0]
+            + work.rn[i, 1] * tree.joint_offset[k, 1]
+            + work.rn[i, 2] * tree.joint_offset[k, 2]
+        )
+        for j in range(3):
+            work.rj[i, j] = (
+                work.rn[i, 0] * tree.joint_rotation[k, 0, j]
+                + work.rn[i, 1] * tree.joint_rotation[k, 1, j]
+                + work.rn[i, 2] * tree.joint_rotation[k, 2, j]
+            )
+    # relative position, velocity and bias of the joint origin in the parent frame
+    for i in range(3):
+        work.x[i] += lever[i]
+        work.c1[i] = 0.0
+        work.c2[i] = 0.0
+    cross_add(wn, lever, work.c1)  # w × lever
+    cross_add(wn, work.c1, work.c2)
+    cross_add(work.wb, lever, work.c2)
+    wp, vp = work.omega[p], work.v[p]
+    for i in range(3):
+        work.xd[i] += work.c1[i]
+        work.xb[i] += work.c2[i]
+        work.c1[i] = 0.0
+        work.c2[i] = 0.0
+        nb_lin[i] = work.bias_lin[p, i] + work.xb[i]
+        nb_ang[i] = work.bias_ang[p, i] + work.wb[i]
+        nv[i] = vp[i] + work.xd[i]
+    cross_add(wp, work.x, work.c1)
+    for i in range(3):
+        nv[i] += work.c1[i]
+        work.c2[i] = work.c1[i] + 2.0 * work.xd[i]
+    cross_add(wp, work.c2, nb_lin)
+    cross_add(work.bias_ang[p], work.x, nb_lin)
+    cross_add(wp, wn, nb_ang)
+    for i in range(3):
+        wn[i] += wp[i]
+    # columns: those of the parent, then the parent's elastic coordinates
+    x = work.x
+    n_in = tree.n_col[p]
+    for c in range(n_in):
+        va0, va1, va2 = work.va[p, 0, c], work.va[p, 1, c], work.va[p, 2, c]
+        work.na[0, c], work.na[1, c], work.na[2, c] = va0, va1, va2
+        work.nl[0, c] = work.vl[p, 0, c] + va1 * x[2] - va2 * x[1]
+        work.nl[1, c] = work.vl[p, 1, c] + va2 * x[0] - va0 * x[2]
+        work.nl[2, c] = work.vl[p, 2, c] + va0 * x[1] - va1 * x[0]
+    for e in range(tree.n_elastic[p]):
+        for i in range(3):
+            work.na[i, n_in] = (
+                work.ti[i, 0] * tree.marker_rotation[k, 0, e]
+                + work.ti[i, 1] * tree.marker_rotation[k, 1, e]
+                + work.ti[i, 2] * tree.marker_rotation[k, 2, e]
+            )
+        va0, va1, va2 = work.na[0, n_in], work.na[1, n_in], work.na[2, n_in]
+        work.nl[0, n_in] = work.s_eff[0, e] + va1 * lever[2] - va2 * lever[1]
+        work.nl[1, n_in] = work.s_eff[1, e] + va2 * lever[0] - va0 * lever[2]
+        work.nl[2, n_in] = work.s_eff[2, e] + va0 * lever[1] - va1 * lever[0]
+        n_in += 1
+    return n_in
 
 
 @kernel
@@ -483,14 +499,15 @@ def assemble(y, loads, tree, work):
 
 
 @kernel
-def cholesky_solve(a, b):
-    """Solve a x = b in place (lower triangle of a, overwritten); False if a is not positive definite."""
-    n = b.shape[0]
+def cholesky(a):
+    """Factor a = L Lᵀ in place (lower triangle); False if a is not positive definite."""
+    n = a.shape[0]
     for j in range(n):
         s = a[j, j]
+        full = s
         for k in range(j):
             s -= a[j, k] * a[j, k]
-        if not s > 0.0:
+        if not s > 1e-14 * full:
             return False
         root = math.sqrt(s)
         a[j, j] = root
@@ -500,27 +517,232 @@ def cholesky_solve(a, b):
             for k in range(j):
                 s -= a[i, k] * a[j, k]
             a[i, j] = s * inverse
-    for i in range(n):
+    return True
+
+
+@kernel
+def solve_lower(a, b):
+    """Replace b by L⁻¹ b."""
+    for i in range(b.shape[0]):
         s = b[i]
         for k in range(i):
             s -= a[i, k] * b[k]
         b[i] = s / a[i, i]
+
+
+@kernel
+def solve_upper(a, b):
+    """Replace b by L⁻ᵀ b."""
+    n = b.shape[0]
     for i in range(n - 1, -1, -1):
         s = b[i]
         for k in range(i + 1, n):
             s -= a[k, i] * b[k]
         b[i] = s / a[i, i]
-    return True
 
 
 @kernel
-def rates(y, tau, inputs, tree, work, dy):
+def constraint_frame(c, side, y, yd, tree, work):
+    """Global motion of the frame of constraint c on its first (0) or second (1) body, with dense Jacobians."""
+    k = tree.parent.shape[0] + 2 * c + side
+    p = tree.constraint_body[c, side]
+    n_in = joint_frame(k, p, y, yd, tree, work)
+    jl, ja = work.frame_jl[side], work.frame_ja[side]
+    jl[:, :] = 0.0
+    ja[:, :] = 0.0
+    if p < 0:
+        for i in range(3):
+            work.frame_r[side, i] = work.x[i]
+            work.frame_v[side, i] = 0.0
+            work.frame_w[side, i] = 0.0
+            work.frame_bl[side, i] = 0.0
+            work.frame_ba[side, i] = 0.0
+            for j in range(3):
+                work.frame_rot[side, i, j] = work.rj[i, j]
+        return
+    rot = work.rot[p]
+    n_parent = tree.n_col[p]
+    for i in range(3):
+        work.frame_r[side, i] = work.r[p, i]
+        work.frame_v[side, i] = 0.0
+        work.frame_w[side, i] = 0.0
+        work.frame_bl[side, i] = 0.0
+        work.frame_ba[side, i] = 0.0
+        for m in range(3):
+            work.frame_r[side, i] += rot[i, m] * work.x[m]
+            work.frame_v[side, i] += rot[i, m] * work.nv[m]
+            work.frame_w[side, i] += rot[i, m] * work.wn[m]
+            work.frame_bl[side, i] += rot[i, m] * work.nb_lin[m]
+            work.frame_ba[side, i] += rot[i, m] * work.nb_ang[m]
+        for j in range(3):
+            work.frame_rot[side, i, j] = (
+                rot[i, 0] * work.rj[0, j] + rot[i, 1] * work.rj[1, j] + rot[i, 2] * work.rj[2, j]
+            )
+        for col in range(n_in):
+            u = tree.cols[p, col] if col < n_parent else tree.elastic_u[p] + col - n_parent
+            jl[i, u] = rot[i, 0] * work.nl[0, col] + rot[i, 1] * work.nl[1, col] + rot[i, 2] * work.nl[2, col]
+            ja[i, u] = rot[i, 0] * work.na[0, col] + rot[i, 1] * work.na[1, col] + rot[i, 2] * work.na[2, col]
+
+
+@kernel
+def turn_by_servo(c, y, tree, work):
+    """Turn the first frame of constraint c by its servo angle about the constraint's axis."""
+    s = tree.constraint_servo[c]
+    n_y = tree.n_q + tree.n_u
+    angle, rate, accel = y[n_y + s], y[n_y + tree.n_servo + s], work.servo_acceleration[s]
+    axis, rot = tree.constraint_axis[c], work.frame_rot[0]
+    for i in range(3):
+        work.th[i] = axis[i] * angle
+        work.thd[i] = rot[i, 0] * axis[0] + rot[i, 1] * axis[1] + rot[i, 2] * axis[2]
+    rotation_exp(work.th, work.rn, work.ti)
+    for i in range(3):
+        r0, r1, r2 = rot[i, 0], rot[i, 1], rot[i, 2]
+        for j in range(3):
+            rot[i, j] = r0 * work.rn[0, j] + r1 * work.rn[1, j] + r2 * work.rn[2, j]
+        work.frame_ba[0, i] += work.thd[i] * accel
+        work.c1[i] = work.thd[i] * rate
+    cross_add(work.frame_w[0], work.c1, work.frame_ba[0])
+    for i in range(3):
+        work.frame_w[0, i] += work.c1[i]
+
+
+@kernel
+def constraint_rows(y, tree, work):
+    """Jacobian B, acceleration bias γ and residuals φ, φ̇ of all constraints, in axes of their first frames.
+
+    Rows of constraint c: the position of the second frame in the first (three), then its rotation against the first
+    (three for a weld, two for a revolute, none for a ball). φ̈ = B u̇ + γ.
+    """
+    yd = y[tree.n_q : tree.n_q + tree.n_u]
+    n_u = tree.n_u
+    row = 0
+    for c in range(tree.constraint_kind.shape[0]):
+        constraint_frame(c, 0, y, yd, tree, work)
+        if tree.constraint_servo[c] >= 0:
+            turn_by_servo(c, y, tree, work)
+        constraint_frame(c, 1, y, yd, tree, work)
+        rc, rd, wc, wd = work.frame_rot[0], work.frame_rot[1], work.frame_w[0], work.frame_w[1]
+        delta, rate, bias, spin = work.c1, work.c2, work.th, work.thd
+        for i in range(3):
+            delta[i] = work.frame_r[1, i] - work.frame_r[0, i]
+            rate[i] = work.frame_v[1, i] - work.frame_v[0, i]
+            bias[i] = work.frame_bl[1, i] - work.frame_bl[0, i]
+            spin[i] = work.frame_ba[1, i] - work.frame_ba[0, i]
+            work.x[i] = 0.0
+            work.xd[i] = 0.0
+        cross_add(delta, wc, rate)  # ḋ seen from the first frame
+        cross_add(wc, delta, work.x)
+        for i in range(3):
+            work.x[i] += 2.0 * rate[i]
+        cross_add(work.x, wc, bias)
+        cross_add(delta, work.frame_ba[0], bias)
+        cross_add(wd, wc, spin)
+        jl, ja = work.frame_jl, work.frame_ja
+        for e in range(3):
+            r0, r1, r2 = rc[0, e], rc[1, e], rc[2, e]
+            work.residual[row] = r0 * delta[0] + r1 * delta[1] + r2 * delta[2]
+            work.residual_rate[row] = r0 * rate[0] + r1 * rate[1] + r2 * rate[2]
+            work.gamma[row] = r0 * bias[0] + r1 * bias[1] + r2 * bias[2]
+            for u in range(n_u):
+                a0, a1, a2 = ja[0, 0, u], ja[0, 1, u], ja[0, 2, u]
+                work.jacobian[row, u] = (
+                    r0 * (jl[1, 0, u] - jl[0, 0, u] - a1 * delta[2] + a2 * delta[1])
+                    + r1 * (jl[1, 1, u] - jl[0, 1, u] - a2 * delta[0] + a0 * delta[2])
+                    + r2 * (jl[1, 2, u] - jl[0, 2, u] - a0 * delta[1] + a1 * delta[0])
+                )
+            row += 1
+        kind = tree.constraint_kind[c]
+        n_turn = 3 if kind == WELD else (2 if kind == HINGE else 0)
+        if n_turn == 0:
+            continue
+        # rotation of the second frame against the first: small angle, or tilt of the hinge axes against each other
+        for i in range(3):
+            work.x[i] = 0.0
+            if kind == WELD:
+                j, k = (i + 1) % 3, (i + 2) % 3
+                for m in range(3):
+                    work.x[i] += 0.5 * (rc[m, k] * rd[m, j] - rc[m, j] * rd[m, k])
+            else:
+                for m in range(3):
+                    for n in range(3):
+                        work.xd[i] += rc[m, i] * rd[m, n] * tree.constraint_axis[c, n]
+        if kind == HINGE:
+            cross_add(tree.constraint_axis[c], work.xd, work.x)
+        for t in range(n_turn):
+            e = tree.constraint_turn[c, t]
+            work.residual[row] = e[0] * work.x[0] + e[1] * work.x[1] + e[2] * work.x[2]
+            d0 = rc[0, 0] * e[0] + rc[0, 1] * e[1] + rc[0, 2] * e[2]
+            d1 = rc[1, 0] * e[0] + rc[1, 1] * e[1] + rc[1, 2] * e[2]
+            d2 = rc[2, 0] * e[0] + rc[2, 1] * e[1] + rc[2, 2] * e[2]
+            work.residual_rate[row] = d0 * (wd[0] - wc[0]) + d1 * (wd[1] - wc[1]) + d2 * (wd[2] - wc[2])
+            work.gamma[row] = d0 * spin[0] + d1 * spin[1] + d2 * spin[2]
+            for u in range(n_u):
+                work.jacobian[row, u] = (
+                    d0 * (ja[1, 0, u] - ja[0, 0, u])
+                    + d1 * (ja[1, 1, u] - ja[0, 1, u])
+                    + d2 * (ja[1, 2, u] - ja[0, 2, u])
+                )
+            row += 1
+
+
+@kernel
+def solve_constrained(tree, work):
+    """Accelerations (in work.force) and multipliers of [M −Bᵀ; B 0] [u̇ λ] = [f, r], r = −γ − 2 α φ̇ − α² φ.
+
+    Range-space method on the augmented matrix M + Bᵀ W B = L Lᵀ with the right-hand side f + Bᵀ W r, which has the same
+    solution and multipliers but needs M positive definite only for motions that the constraints allow (the mass matrix
+    of a free body in clamped modes is almost singular): X = L⁻¹ Bᵀ, (XᵀX) λ = r − Xᵀ L⁻¹ f.
+    Returns OK, SINGULAR_MASS or SINGULAR_CONSTRAINTS (rows that depend on each other).
+    """
+    n_c, n_u, alpha = work.jacobian.shape[0], tree.n_u, tree.stabilisation
+    x, s, lam, force, mass = work.half_jacobian, work.schur, work.multipliers, work.force, work.mass
+    for i in range(n_c):
+        compliance = 1e-300
+        for u in range(n_u):
+            compliance += work.jacobian[i, u] ** 2 / mass[u, u]
+        work.weight[i] = 1.0 / compliance
+        lam[i] = -work.gamma[i] - 2.0 * alpha * work.residual_rate[i] - alpha * alpha * work.residual[i]
+    for i in range(n_c):
+        for u in range(n_u):
+            pull = work.weight[i] * work.jacobian[i, u]
+            force[u] += pull * lam[i]
+            for v in range(u + 1):
+                mass[u, v] += pull * work.jacobian[i, v]
+    if not cholesky(mass):
+        return SINGULAR_MASS
+    solve_lower(mass, force)
+    for i in range(n_c):
+        for u in range(n_u):
+            x[i, u] = work.jacobian[i, u]
+        solve_lower(mass, x[i])
+        for u in range(n_u):
+            lam[i] -= x[i, u] * force[u]
+        for j in range(i + 1):
+            value = 0.0
+            for u in range(n_u):
+                value += x[i, u] * x[j, u]
+            s[i, j] = value
+    if not cholesky(s):
+        return SINGULAR_CONSTRAINTS
+    solve_lower(s, lam)
+    solve_upper(s, lam)
+    for i in range(n_c):
+        for u in range(n_u):
+            force[u] += x[i, u] * lam[i]
+    solve_upper(mass, force)
+    return OK
+
+
+@kernel
+def rates(y, tau, inputs, tree, work, dy, constrained=None):
     """dy/dt for the state y = [q, u, servo angles, servo rates] at the fraction tau of the input interval.
 
     inputs holds the loads at both ends of the interval: body_loads (2, n_b, 6 + n_f), dof_force (2, n_u),
     reference (2, n_u), reference_rate (2, n_u), servo_command (2, n_servo); linear in between.
 
-    Returns False when the mass matrix is not positive definite.
+    ``constrained`` is None for a system without constraint equations, which then cost neither time nor compilation.
+    Returns OK, SINGULAR_MASS or SINGULAR_CONSTRAINTS. The accelerations are also left in work.force, the constraint
+    forces on the second bodies in work.multipliers.
     """
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
     n_y = n_q + n_u
@@ -546,25 +768,33 @@ def rates(y, tau, inputs, tree, work, dy):
             ref = inputs.reference[0, i] + tau * (inputs.reference[1, i] - inputs.reference[0, i])
             ref_rate = inputs.reference_rate[0, i] + tau * (inputs.reference_rate[1, i] - inputs.reference_rate[0, i])
             force[i] += k * (ref - y[tree.dof_q[i]]) + c * (ref_rate - yd[i])
-    if not cholesky_solve(work.mass, force):
-        return False
+    if constrained is None:
+        if not cholesky(work.mass):
+            return SINGULAR_MASS
+        solve_lower(work.mass, force)
+        solve_upper(work.mass, force)
+    else:
+        constraint_rows(y, tree, work)
+        code = solve_constrained(tree, work)
+        if code != OK:
+            return code
     for i in range(n_u):
         dy[n_q + i] = force[i]
-    position_rates(y, yd, tree, dy)
-    return True
+    position_rates(y, yd, tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, dy)
+    return OK
 
 
 @kernel
-def position_rates(y, yd, tree, dy):
+def position_rates(y, yd, dof_q, kinds, joint_q, joint_u, dy):
     """q̇ from u: equal for joint angles, slides and elastic coordinates, ½ q ∘ (0, ω) for quaternions."""
-    for i in range(tree.n_u):
-        if tree.dof_q[i] >= 0:
-            dy[tree.dof_q[i]] = yd[i]
-    for b in range(tree.parent.shape[0]):
-        kind = tree.kind[b]
+    for i in range(dof_q.shape[0]):
+        if dof_q[i] >= 0:
+            dy[dof_q[i]] = yd[i]
+    for b in range(kinds.shape[0]):
+        kind = kinds[b]
         if kind == SPHERICAL or kind == FREE:
             shift = 0 if kind == SPHERICAL else 3
-            q, u = tree.joint_q[b] + shift, tree.joint_u[b] + shift
+            q, u = joint_q[b] + shift, joint_u[b] + shift
             a, x, yy, z = y[q], y[q + 1], y[q + 2], y[q + 3]
             w0, w1, w2 = yd[u], yd[u + 1], yd[u + 2]
             dy[q] = -0.5 * (x * w0 + yy * w1 + z * w2)
@@ -613,7 +843,8 @@ def energies(y, tree, work):
 def joint_wrenches(y, acceleration, loads, tree, work, wrench):
     """Force and moment that each joint exerts on its body, at the body frame origin in body components.
 
-    Inertia minus applied loads of the body plus what its children take through their joints (tip to root). Needs
+    Inertia minus applied loads of the body plus what its children take through their joints (tip to root); a free body
+    that a weld ties to another one counts as its child. Needs
     kinematics of the state y and servo accelerations up to date; ``acceleration`` is u̇ (n_u,), ``wrench`` (n_b, 6).
     """
     n_q = tree.n_q
@@ -648,7 +879,7 @@ def joint_wrenches(y, acceleration, loads, tree, work, wrench):
         for i in range(3):
             wrench[b, i] += f[i]
             wrench[b, 3 + i] += t[i]
-        p = tree.parent[b]
+        p = tree.load_parent[b]
         if p >= 0:
             # into parent components: global difference of origins gives the lever
             pr = work.rot[p]
@@ -668,55 +899,69 @@ def joint_wrenches(y, acceleration, loads, tree, work, wrench):
 
 
 @kernel
-def point_motion(b, points, y, tree, work, position, velocity):
-    """Global position and velocity of points that move with body b (kinematics up to date).
+def point_motion(rot, r, v, w, q, rate, points, position, velocity):
+    """Global position and velocity of points that move with a body.
 
-    points: arrays position (n, 3), linear (n, 3, n_f), second (n, 3, n_f, n_f).
+    Parameters
+    ----------
+    rot, r, v, w : (3, 3), (3,), (3,), (3,)
+        Frame of the body: orientation and origin (global), velocity and angular velocity (body components).
+    q, rate : (n_f,)
+        Elastic coordinates and their rates.
+    points : Points
+        position (n, 3), linear (n, 3, n_f), second (n, 3, n_f, n_f).
+    position, velocity : (n, 3)
+        Filled.
     """
-    nf, q0 = tree.n_elastic[b], tree.elastic_q[b]
-    u0 = tree.n_q + tree.elastic_u[b]
-    rot, r, v, w = work.rot[b], work.r[b], work.v[b], work.omega[b]
-    x, xd = work.x, work.xd
+    nf = q.shape[0]
     for n in range(position.shape[0]):
+        x0, x1, x2 = points.position[n, 0], points.position[n, 1], points.position[n, 2]
+        v0, v1, v2 = v[0], v[1], v[2]
+        for k in range(nf):
+            s0, s1, s2 = points.linear[n, 0, k], points.linear[n, 1, k], points.linear[n, 2, k]
+            h0, h1, h2 = 0.0, 0.0, 0.0
+            for j in range(nf):
+                h0 += points.second[n, 0, k, j] * q[j]
+                h1 += points.second[n, 1, k, j] * q[j]
+                h2 += points.second[n, 2, k, j] * q[j]
+            x0 += (s0 + 0.5 * h0) * q[k]
+            x1 += (s1 + 0.5 * h1) * q[k]
+            x2 += (s2 + 0.5 * h2) * q[k]
+            v0 += (s0 + h0) * rate[k]
+            v1 += (s1 + h1) * rate[k]
+            v2 += (s2 + h2) * rate[k]
+        v0 += w[1] * x2 - w[2] * x1
+        v1 += w[2] * x0 - w[0] * x2
+        v2 += w[0] * x1 - w[1] * x0
         for i in range(3):
-            x[i], xd[i] = points.position[n, i], v[i]
-            for k in range(nf):
-                s, full = points.linear[n, i, k], points.linear[n, i, k]
-                for j in range(nf):
-                    h = points.second[n, i, k, j] * y[q0 + j]
-                    s += 0.5 * h
-                    full += h
-                x[i] += s * y[q0 + k]
-                xd[i] += full * y[u0 + k]
-        cross_add(w, x, xd)
-        for i in range(3):
-            position[n, i] = r[i] + rot[i, 0] * x[0] + rot[i, 1] * x[1] + rot[i, 2] * x[2]
-            velocity[n, i] = rot[i, 0] * xd[0] + rot[i, 1] * xd[1] + rot[i, 2] * xd[2]
+            position[n, i] = r[i] + rot[i, 0] * x0 + rot[i, 1] * x1 + rot[i, 2] * x2
+            velocity[n, i] = rot[i, 0] * v0 + rot[i, 1] * v1 + rot[i, 2] * v2
 
 
 @kernel
-def point_loads(b, points, force, y, tree, work, loads):
-    """Add global point forces (n, 3) to the loads (6 + n_f,) of body b by virtual work, body components."""
-    nf, q0 = tree.n_elastic[b], tree.elastic_q[b]
-    rot = work.rot[b]
-    x, f, t = work.x, work.xd, work.th
+def point_loads(rot, q, points, force, loads):
+    """Add global point forces (n, 3) to the loads (6 + n_f,) of a body by virtual work, body components."""
+    nf = q.shape[0]
     for n in range(force.shape[0]):
-        for i in range(3):
-            f[i] = rot[0, i] * force[n, 0] + rot[1, i] * force[n, 1] + rot[2, i] * force[n, 2]
-            t[i] = 0.0
-            x[i] = points.position[n, i]
+        x0, x1, x2 = points.position[n, 0], points.position[n, 1], points.position[n, 2]
+        g0, g1, g2 = force[n, 0], force[n, 1], force[n, 2]
+        f0 = rot[0, 0] * g0 + rot[1, 0] * g1 + rot[2, 0] * g2
+        f1 = rot[0, 1] * g0 + rot[1, 1] * g1 + rot[2, 1] * g2
+        f2 = rot[0, 2] * g0 + rot[1, 2] * g1 + rot[2, 2] * g2
         for k in range(nf):
-            work_k = 0.0
-            for i in range(3):
-                s, full = points.linear[n, i, k], points.linear[n, i, k]
-                for j in range(nf):
-                    h = points.second[n, i, k, j] * y[q0 + j]
-                    s += 0.5 * h
-                    full += h
-                x[i] += s * y[q0 + k]
-                work_k += full * f[i]
-            loads[6 + k] += work_k
-        cross_add(x, f, t)
-        for i in range(3):
-            loads[i] += f[i]
-            loads[3 + i] += t[i]
+            s0, s1, s2 = points.linear[n, 0, k], points.linear[n, 1, k], points.linear[n, 2, k]
+            h0, h1, h2 = 0.0, 0.0, 0.0
+            for j in range(nf):
+                h0 += points.second[n, 0, k, j] * q[j]
+                h1 += points.second[n, 1, k, j] * q[j]
+                h2 += points.second[n, 2, k, j] * q[j]
+            x0 += (s0 + 0.5 * h0) * q[k]
+            x1 += (s1 + 0.5 * h1) * q[k]
+            x2 += (s2 + 0.5 * h2) * q[k]
+            loads[6 + k] += (s0 + h0) * f0 + (s1 + h1) * f1 + (s2 + h2) * f2
+        loads[0] += f0
+        loads[1] += f1
+        loads[2] += f2
+        loads[3] += x1 * f2 - x2 * f1
+        loads[4] += x2 * f0 - x0 * f2
+        loads[5] += x0 * f1 - x1 * f0

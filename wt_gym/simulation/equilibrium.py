@@ -1,11 +1,12 @@
-"""Static balance of the elastic coordinates under given loads and a given steady rotation."""
+"""Static balance of the elastic coordinates, and the highest frequency of the structure."""
 
 import numpy as np
 
 from wt_gym.errors import SimulationError
 from wt_gym.multibody import tree_kernels
+from wt_gym.multibody.system import FAILURES
 
-__all__ = ["elastic_equilibrium"]
+__all__ = ["elastic_equilibrium", "highest_frequency"]
 
 
 def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iterations=12, tolerance=1e-9):
@@ -31,8 +32,9 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
     dy, step = np.zeros(system.n_state), 1e-4
 
     def residual(state):
-        if not tree_kernels.rates(state, 0.0, inputs, system.tree, work, dy):
-            raise SimulationError("no static balance: singular mass matrix")
+        code = tree_kernels.rates(state, 0.0, inputs, system.tree, work, dy, system.constrained)
+        if code != tree_kernels.OK:
+            raise SimulationError(f"no static balance: {FAILURES[code]}")
         return dy[u].copy()
 
     jacobian = np.zeros((len(u), len(q)))
@@ -49,3 +51,20 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
             return
     if np.abs(change).max() > 1e-3 * max(1.0, np.abs(y[q]).max()):
         raise SimulationError("no static balance of the structure was found for the given start")
+
+
+def highest_frequency(system, step=1e-5):
+    """Highest natural frequency of a system at rest without loads [rad/s]: root of the largest |eigenvalue| of −∂u̇/∂q.
+
+    Only for systems whose positions are joint angles, slides and elastic coordinates.
+    """
+    origin = system.initial_state()
+    accelerations = slice(system.n_q, system.n_q + system.n_u)
+    columns = []
+    for i in range(system.n_q):
+        y = origin.copy()
+        y[i] += step
+        columns.append(system.rates(y)[accelerations])
+    base = system.rates(origin)[accelerations]
+    jacobian = (np.array(columns) - base).T / step
+    return float(np.sqrt(np.abs(np.linalg.eigvals(jacobian)).max()))

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from wt_gym.multibody import tree_kernels
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
@@ -36,7 +37,7 @@ class Measurement:
         self._base = np.array([0.0, 0.0, turbine.tower.base_height])
         self._tower_z = np.ascontiguousarray(structure.tower_points.position[:, 2])
         self._tips, self._tip_velocity, self._deflection = np.zeros((n, 3)), np.zeros((1, 3)), np.zeros((n, 3))
-        self._clearance, self._acceleration = np.zeros(n), np.zeros(3)
+        self._clearance = np.zeros(n)
         self._wrench = np.zeros((len(structure.system.bodies), 6))
 
     def take(self, time, y, dy, body_loads, work, nodes, forces, command, inflow):
@@ -63,7 +64,8 @@ class Measurement:
         n_y = system.n_q + system.n_u
         work.servo_acceleration[:] = dy[n_y + system.n_servo :]
         rates = dy[system.n_q : n_y]
-        coupling_kernels.interface_loads(y, rates, body_loads, system.tree, work, self._wrench)
+        tree_kernels.kinematics(y, system.tree, work)
+        tree_kernels.joint_wrenches(y, rates, body_loads, system.tree, work, self._wrench)
         v[0] = time
         self._rotor(y, work, nodes, forces, command)
         self._wind_and_yaw(y, n_y, inflow.velocity(work.r[s.hub], time))
@@ -73,12 +75,14 @@ class Measurement:
     def _rotor(self, y, work, nodes, forces, command):
         """Speeds, torques and powers."""
         s, v, at, drive = self.structure, self.values, self._at, self.turbine.drivetrain
-        torsion_q, torsion_u = s.system.index(s.hub, "joint_q"), s.system.index(s.hub, "joint_u")
-        generator_speed = y[s.system.n_q + s.azimuth_u]
-        speed = generator_speed + y[s.system.n_q + torsion_u]
+        generator_speed = speed = y[s.system.n_q + s.azimuth_u]
+        azimuth = y[s.azimuth_q]
+        if s.shaft_flexible:
+            azimuth += y[s.system.index(s.hub, "joint_q")]
+            speed += y[s.system.n_q + s.system.index(s.hub, "joint_u")]
         thrust, torque = coupling_kernels.rotor_resultant(nodes, forces, work.r[s.hub], work.rot[s.hub, :, 0])
         v[at["rotor_speed"]] = speed
-        v[at["azimuth"]] = (y[s.azimuth_q] + y[torsion_q]) % (2.0 * math.pi)
+        v[at["azimuth"]] = azimuth % (2.0 * math.pi)
         v[at["generator_speed"]], v[at["generator_torque"]] = generator_speed * drive.gear_ratio, command[0]
         v[at["generator_power"]] = generator_speed * drive.gear_ratio * command[0] * drive.generator_efficiency
         v[at["aero_power"]], v[at["aero_torque"]], v[at["aero_thrust"]] = torque * speed, torque, thrust
@@ -98,23 +102,29 @@ class Measurement:
         base = self._wrench[s.tower]
         v[at["tower_base_fore_aft_moment"]], v[at["tower_base_side_side_moment"]] = -base[4], -base[3]
         v[at["tower_base_torsion"]] = -base[5]
-        coupling_kernels.origin_acceleration(s.nacelle, rates, s.system.tree, work, self._acceleration)
-        v[at["nacelle_acceleration_fore_aft"]] = self._acceleration[0]
-        v[at["nacelle_acceleration_side_side"]] = self._acceleration[1]
+        n = s.system.tree.n_col[s.nacelle]
+        columns = s.system.tree.cols[s.nacelle, :n]
+        acceleration = work.bias_lin[s.nacelle] + work.vl[s.nacelle, :, :n] @ rates[columns]
+        v[at["nacelle_acceleration_fore_aft"]] = acceleration[0]
+        v[at["nacelle_acceleration_side_side"]] = acceleration[1]
 
     def _blade_signals(self, y, n_y, work, command):
         """Pitch, tip deflections, root moments and clearances."""
         s, v, at, n = self.structure, self.values, self._at, self.turbine.n_blades
-        coupling_kernels.tip_positions(
-            y, s.system.tree, work, s.tip_points, self._blades, s.hub, self._root_rotation, self._tips,
-            self._tip_velocity, self._deflection,
-        )  # fmt: skip
+        # the yaw drive is the first servo, the pitch drives follow
+        pitch = y[n_y + 1 : n_y + 1 + n]
+        hub = work.rot[s.hub]
+        for i, b in enumerate(s.blades):
+            frame = work.rot[b], work.r[b], work.v[b], work.omega[b]
+            tree_kernels.point_motion(*frame, *s.elastic(b, y), s.tip_points, self._tips[i : i + 1], self._tip_velocity)
+            x, cos, sin = s.tip_points.position[0], math.cos(pitch[i]), math.sin(pitch[i])
+            rest = (cos * x[0] + sin * x[1], cos * x[1] - sin * x[0], x[2])
+            self._deflection[i] = (self._tips[i] - work.r[b]) @ hub @ self._root_rotation[i] - rest
         coupling_kernels.tower_clearance(
             self._tips, self._base, work.r[s.nacelle], self._tower_z, s.tower_radius, self._clearance
         )
-        # the yaw drive is the first servo, the pitch drives follow
         rate = n_y + s.system.n_servo
-        v[at["pitch"]], v[at["pitch_rate"]] = y[n_y + 1 : n_y + 1 + n], y[rate + 1 : rate + 1 + n]
+        v[at["pitch"]], v[at["pitch_rate"]] = pitch, y[rate + 1 : rate + 1 + n]
         v[at["pitch_command"]] = command[2:]
         v[at["tip_out_of_plane"]], v[at["tip_in_plane"]] = self._deflection[:, 0], self._deflection[:, 1]
         roots = self._wrench[self._blades]

@@ -1,6 +1,7 @@
 """The coupled simulator: flexible multibody turbine and free-wake vortex lattice marched together in time."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,12 +10,12 @@ from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.tower_flow import tower_perturbation
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody import tree_kernels
-from wt_gym.multibody.integrator_kernels import OK, SINGULAR, hamming_advance
-from wt_gym.multibody.system import HammingIntegrator
+from wt_gym.multibody.integrator_kernels import hamming_advance
+from wt_gym.multibody.system import FAILURES, HammingIntegrator
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.blade_lattice import blade_planform
 from wt_gym.simulation.channels import Signals
-from wt_gym.simulation.equilibrium import elastic_equilibrium
+from wt_gym.simulation.equilibrium import elastic_equilibrium, highest_frequency
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.measurement import Measurement
 from wt_gym.simulation.state import SimulatorState
@@ -75,7 +76,11 @@ class Simulator:
         self.structure = build_structure(turbine, fid, planform.nodes)
         self.lattice = VortexLattice(planform, turbine.n_blades, fid.aero, turbine.air_density)
         self._tower_base = np.array([0.0, 0.0, turbine.tower.base_height])
-        n_sub = fid.substeps_for(self.time_step)
+        # constraint equations leave the motion, and so its frequencies, as they are
+        jointed = self.structure
+        if fid.formulation != "embedded":
+            jointed = build_structure(turbine, replace(fid, formulation="embedded"), planform.nodes)
+        n_sub = fid.substeps_for(self.time_step, highest_frequency(jointed.system))
         self._n_sub, self._h = n_sub, self.time_step / n_sub
         self._integrator = HammingIntegrator(self.structure.system, self._h, fid.corrections)
         self._blades = np.array(self.structure.blades)
@@ -89,6 +94,12 @@ class Simulator:
         flat = (n, shape[1] * shape[2], 3)
         self._nodes_flat, self._velocities_flat = self._nodes.reshape(flat), self._velocities.reshape(flat)
         self._saved = [np.zeros_like(a) for a in self._integrator.history]
+        first = [self.structure.system.index(b, "elastic_q") for b in self.structure.blades]
+        shift = [self.structure.system.index(b, "elastic_u") for b in self.structure.blades]
+        each = np.arange(self.structure.lattice_points.linear.shape[2])
+        self._elastic_q = np.add.outer(first, each)
+        self._elastic_q_rate = np.add.outer(shift, each) + self.structure.system.n_q
+        self._elastic, self._elastic_rate = np.zeros(self._elastic_q.shape), np.zeros(self._elastic_q.shape)
         self._previous_loads = np.zeros_like(self._integrator.inputs.body_loads[0])
         self._command = np.zeros(n + 2)  # generator torque, yaw, pitch of each blade
         self._measurement = Measurement(self.turbine, self.structure)
@@ -136,6 +147,8 @@ class Simulator:
         if generator_torque is not None:
             self._check_torque(generator_torque)
         self._n_steps = 0
+        if self.fidelity.formulation != "embedded":
+            return self._start_from_embedded(rotor_speed, pitch, azimuth, yaw, generator_torque)
         for array in self._integrator.inputs:
             array[:] = 0.0
         y = self._rigid_state(rotor_speed, pitch, azimuth, yaw)
@@ -146,6 +159,7 @@ class Simulator:
         self._previous_loads[:] = self._integrator.inputs.body_loads[0]
         self._integrator.start(y)
         self._started = True
+        self._move_lattice(y)
         self._measure()
         return self.signals
 
@@ -235,13 +249,13 @@ class Simulator:
             "hub" (3,); "nacelle" (2, 3) ends of the shaft.
         """
         self._require_start()
-        s, tree, work = self.structure, self.structure.system.tree, self._integrator.work
+        s, work = self.structure, self._integrator.work
         y = self._integrator.state
-        coupling_kernels.rotor_motion(
-            y, tree, work, s.lattice_points, self._blades, self._nodes_flat, self._velocities_flat
-        )
+        self._move_lattice(y)
         tower, velocity = np.zeros_like(s.tower_points.position), np.zeros_like(s.tower_points.position)
-        tree_kernels.point_motion(s.tower, s.tower_points, y, tree, work, tower, velocity)
+        q, rate = s.elastic(s.tower, y)
+        frame = work.rot[s.tower], work.r[s.tower], work.v[s.tower], work.omega[s.tower]
+        tree_kernels.point_motion(*frame, q, rate, s.tower_points, tower, velocity)
         return {
             "blades": self._nodes.copy(),
             "wake": self._aero.wake_nodes.copy(),
@@ -303,7 +317,7 @@ class Simulator:
         """One aerodynamic step: wake, then structure and loads iterated to agreement at its end."""
         integrator, inputs, fid = self._integrator, self._integrator.inputs, self.fidelity
         tree, work, history = self.structure.system.tree, integrator.work, integrator.history
-        dt, time = self.time_step, self.time
+        dt, time, constrained = self.time_step, self.time, self.structure.system.constrained
         self.lattice.convect_wake(self._aero, self.inflow, time, dt)
         for saved, array in zip(self._saved, history, strict=True):
             saved[:] = array
@@ -317,16 +331,19 @@ class Simulator:
             if iteration:
                 for saved, array in zip(self._saved, history, strict=True):
                     array[:] = saved
-            code = hamming_advance(history, inputs, tree, work, self._h, self._n_sub, integrator.n_corrections)
-            if code != OK:
-                raise SimulationError("singular mass matrix" if code == SINGULAR else "the structure diverged")
+            code = hamming_advance(
+                history, inputs, tree, work, self._h, self._n_sub, integrator.n_corrections, constrained
+            )
+            if code != tree_kernels.OK:
+                raise SimulationError(FAILURES[code])
             change, wind = self._exchange(history.y[3], dt, time + dt, wind)
             if change < fid.coupling_tolerance:
                 break
         self.lattice.accept(self._aero)
         # the stored rate belongs to the stored state and the final loads
-        if not tree_kernels.rates(history.y[3], 1.0, inputs, tree, work, history.f[3]):
-            raise SimulationError("singular mass matrix")
+        code = tree_kernels.rates(history.y[3], 1.0, inputs, tree, work, history.f[3], constrained)
+        if code != tree_kernels.OK:
+            raise SimulationError(FAILURES[code])
         self._previous_loads[:] = first
         for array in inputs:
             array[0] = array[1]
@@ -336,17 +353,26 @@ class Simulator:
     def _exchange(self, y, dt, time, wind):
         """Motion of the blades to the lattice, its forces back as loads at the end of the step."""
         s, work, inputs = self.structure, self._integrator.work, self._integrator.inputs
-        tree = s.system.tree
-        coupling_kernels.rotor_motion(
-            y, tree, work, s.lattice_points, self._blades, self._nodes_flat, self._velocities_flat
-        )
+        self._move_lattice(y)
         if wind is None:
             wind = self._wind_at_blades(time)
         forces = self.lattice.solve(self._aero, self._nodes, self._velocities, wind, dt)
         change = coupling_kernels.rotor_loads(
-            forces.reshape(self._nodes_flat.shape), y, tree, work, s.lattice_points, self._blades, inputs.body_loads[1]
-        )
+            forces.reshape(self._nodes_flat.shape), work.rot, self._elastic, s.lattice_points, self._blades,
+            inputs.body_loads[1],
+        )  # fmt: skip
         return change, wind
+
+    def _move_lattice(self, y):
+        """Lattice nodes and their velocities for the state y; the kinematics are then up to date."""
+        s, work = self.structure, self._integrator.work
+        tree_kernels.kinematics(y, s.system.tree, work)
+        np.take(y, self._elastic_q, out=self._elastic)
+        np.take(y, self._elastic_q_rate, out=self._elastic_rate)
+        coupling_kernels.rotor_motion(
+            work.rot, work.r, work.v, work.omega, self._elastic, self._elastic_rate, s.lattice_points, self._blades,
+            self._nodes_flat, self._velocities_flat,
+        )  # fmt: skip
 
     def _wind_at_blades(self, time):
         """Undisturbed wind at the lattice nodes, with the blocking of the tower."""
@@ -373,6 +399,23 @@ class Simulator:
 
     # ---- start ----
 
+    def _start_from_embedded(self, rotor_speed, pitch, azimuth, yaw, generator_torque):
+        """Balance the turbine in the embedded form and take over its motion."""
+        embedded = replace(self.fidelity, formulation="embedded")
+        starter = Simulator(self.turbine, self.inflow, embedded)
+        starter.reset(rotor_speed, pitch, azimuth, yaw, generator_torque)
+        self._aero.assign(starter._aero)
+        self._command[:] = starter._command
+        self._integrator.inputs.body_loads[:] = starter._integrator.inputs.body_loads
+        for end in (0, 1):
+            self._set_inputs(end)
+        self._previous_loads[:] = starter._previous_loads
+        self._integrator.start(self.structure.adopt(starter.structure, starter._integrator.state))
+        self._started = True
+        self._move_lattice(self._integrator.state)
+        self._measure()
+        return self.signals
+
     def _rigid_state(self, rotor_speed, pitch, azimuth, yaw):
         """Undeformed turbine turning steadily."""
         system, s = self.structure.system, self.structure
@@ -388,18 +431,18 @@ class Simulator:
     def _find_equilibrium(self, y, rotor_speed, generator_torque, passes=3):
         """Wake, loads and elastic state (y, in place) in balance with each other; returns the generator torque."""
         s, inputs, drive = self.structure, self._integrator.inputs, self.turbine.drivetrain
-        tree, work = s.system.tree, self._integrator.work
+        work = self._integrator.work
         for _ in range(passes):
-            coupling_kernels.rotor_motion(
-                y, tree, work, s.lattice_points, self._blades, self._nodes_flat, self._velocities_flat
-            )
+            self._move_lattice(y)
             axis = work.rot[s.hub, :, 0].copy()
             wind = self._wind_at_blades(0.0)
             self.lattice.initialise_helix(
                 self._aero, self._nodes, self._velocities, wind, work.r[s.hub], axis, rotor_speed, self.time_step
             )
             forces = self._aero.nodal_forces.reshape(self._nodes_flat.shape)
-            coupling_kernels.rotor_loads(forces, y, tree, work, s.lattice_points, self._blades, inputs.body_loads[1])
+            coupling_kernels.rotor_loads(
+                forces, work.rot, self._elastic, s.lattice_points, self._blades, inputs.body_loads[1]
+            )
             inputs.body_loads[0] = inputs.body_loads[1]
             torque = generator_torque
             if torque is None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wt_gym.errors import SimulationError
-from wt_gym.multibody.system import Joint, MultibodySystem, Points
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.flexible_body import FlexibleBody, offset_marker
 from wt_gym.structure.modes import clamped_modes, select_modes
@@ -55,10 +55,45 @@ class TurbineStructure:
     tower_points: Points
     tower_radius: np.ndarray
 
+    def elastic(self, body, y):
+        """Elastic coordinates and rates (n_f,) of a body in a state, views."""
+        q, u = self.system.index(body, "elastic_q"), self.system.n_q + self.system.index(body, "elastic_u")
+        n = self.system.bodies[body].n_elastic
+        return y[q : q + n], y[u : u + n]
+
+    def adopt(self, other, y):
+        """State of this structure for the same motion as the state y of another formulation of the same turbine.
+
+        Parameters
+        ----------
+        other : TurbineStructure
+        y : array (other.system.n_state,)
+
+        Returns
+        -------
+        array (n_state,)
+        """
+        mine, theirs = self.system, other.system
+        z = mine.initial_state()
+        for body in range(len(mine.bodies)):
+            for own, given in zip(self.elastic(body, z), other.elastic(body, y), strict=True):
+                own[:] = given
+            if mine.joints[body].kind == "revolute":
+                z[mine.index(body, "joint_q")] = y[theirs.index(body, "joint_q")]
+                z[mine.n_q + mine.index(body, "joint_u")] = y[theirs.n_q + theirs.index(body, "joint_u")]
+        z[mine.n_q + mine.n_u :] = y[theirs.n_q + theirs.n_u :]
+        mine.place_free_bodies(z)
+        return z
+
     @property
     def azimuth_q(self):
         """Index of the generator azimuth among the coordinates."""
         return self.system.index(self.generator, "joint_q")
+
+    @property
+    def shaft_flexible(self):
+        """Whether the shaft has a torsion coordinate."""
+        return self.system.joints[self.hub].kind == "revolute"
 
     @property
     def azimuth_u(self):
@@ -97,8 +132,10 @@ def build_structure(turbine, fidelity, lattice_nodes):
     tower_body, tower_points, tower_radius = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
     nacelle = _add_nacelle(system, turbine, tower)
-    generator, hub = _add_drivetrain(system, turbine, nacelle)
-    blades = tuple(_add_blade(system, turbine, hub, blade_body, i) for i in range(turbine.n_blades))
+    generator, hub = _add_drivetrain(system, turbine, nacelle, blade_body.inertia, fidelity.stiffest_shaft)
+    blades = tuple(
+        _add_blade(system, turbine, hub, blade_body, i, fidelity.formulation) for i in range(turbine.n_blades)
+    )
     length = turbine.blade.length
     tip = np.asarray(turbine.blade.axis_at(length))
     return TurbineStructure(
@@ -145,10 +182,10 @@ def rotor_nacelle_inertia(turbine, blade_inertia):
     n = turbine.n_blades
     blade_mass = blade_inertia.mass
     reach = hub.radius + blade_inertia.c0[2] / blade_mass
-    second = np.trace(blade_inertia.j0) / 2.0 + 2.0 * hub.radius * blade_inertia.c0[2] + blade_mass * hub.radius**2
+    rotor_inertia = rotor_axial_inertia(turbine, blade_inertia)
     rotor_mass = hub.mass + n * blade_mass
-    axial = hub.inertia_axial + n * second + drive.generator_inertia * drive.gear_ratio**2
-    across = hub.inertia_transverse + 0.5 * n * second
+    axial = rotor_inertia + drive.generator_inertia * drive.gear_ratio**2
+    across = hub.inertia_transverse + 0.5 * (rotor_inertia - hub.inertia_axial)
     tilt = rotation_y(nacelle.tilt)
     centre = np.array([0.0, 0.0, nacelle.tower_top_to_shaft]) + tilt @ [-nacelle.overhang, 0.0, 0.0]
     centre = centre + tilt @ [-np.sin(hub.cone) * reach * n * blade_mass / rotor_mass, 0.0, 0.0]
@@ -203,8 +240,15 @@ def _add_nacelle(system, turbine, tower):
     return system.add(body, joint, tower, "tip")
 
 
-def _add_drivetrain(system, turbine, nacelle):
-    """Generator on the shaft axis and hub behind the shaft's torsion spring."""
+def rotor_axial_inertia(turbine, blade_inertia):
+    """Inertia of hub and undeformed blades about the shaft [kg m²], cone neglected."""
+    radius, mass = turbine.hub.radius, blade_inertia.mass
+    second = 0.5 * np.trace(blade_inertia.j0) + 2.0 * radius * blade_inertia.c0[2] + mass * radius**2
+    return turbine.hub.inertia_axial + turbine.n_blades * second
+
+
+def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest):
+    """Generator on the shaft axis and hub behind the shaft's torsion spring, which may be too stiff to resolve."""
     drive, hub = turbine.drivetrain, turbine.hub
     inertia = np.diag([drive.generator_inertia * drive.gear_ratio**2, 0.0, 0.0])
     generator = FlexibleBody.rigid("generator", 0.0, np.zeros(3), inertia)
@@ -224,32 +268,33 @@ def _add_drivetrain(system, turbine, nacelle):
         (hub.cm_offset_along_shaft, 0.0, 0.0),
         np.diag([hub.inertia_axial, hub.inertia_transverse, hub.inertia_transverse]),
     )
-    torsion = Joint(
-        "revolute",
-        (1.0, 0.0, 0.0),
-        offset=(-turbine.nacelle.overhang, 0.0, 0.0),
-        stiffness=drive.spring,
-        damping=drive.damper,
-        name="shaft_torsion",
-    )
+    offset = (-turbine.nacelle.overhang, 0.0, 0.0)
+    compliance = 1.0 / inertia[0, 0] + 1.0 / rotor_axial_inertia(turbine, blade_inertia)
+    if np.sqrt(drive.spring * compliance) > 2.0 * np.pi * stiffest:
+        torsion = Joint("fixed", offset=offset, name="shaft")
+    else:
+        torsion = Joint("revolute", (1.0, 0.0, 0.0), None, offset, drive.spring, drive.damper, name="shaft_torsion")
     return generator, system.add(body, torsion, generator)
 
 
-def _add_blade(system, turbine, hub, body, i):
-    """Blade i on its pitch bearing; the servo angle is the pitch (about minus z)."""
+def _add_blade(system, turbine, hub, body, i, formulation):
+    """Blade i on its pitch bearing, a joint or six equations; the servo angle is the pitch (about minus z)."""
     root = rotation_x(2.0 * np.pi * i / turbine.n_blades) @ rotation_y(-turbine.hub.cone)
-    joint = Joint(
-        "servo",
-        (0.0, 0.0, -1.0),
-        rotation=root,
-        offset=root @ [0.0, 0.0, turbine.hub.radius],
-        servo_frequency=PITCH_SERVO,
-        servo_damping=1.0,
-        name=f"pitch_{i + 1}",
-    )
+    bearing = {
+        "axis": (0.0, 0.0, -1.0),
+        "rotation": root,
+        "offset": root @ [0.0, 0.0, turbine.hub.radius],
+        "servo_frequency": PITCH_SERVO,
+        "servo_damping": 1.0,
+        "name": f"pitch_{i + 1}",
+    }
     names = tuple(f"blade_{i + 1}_{n}" for n in body.coordinate_names)
     named = FlexibleBody(f"blade_{i + 1}", body.inertia, body.stiffness, body.damping, body.markers, names)
-    return system.add(named, joint, hub)
+    if formulation == "embedded":
+        return system.add(named, Joint("servo", **bearing), hub)
+    blade = system.add(named, Joint("free", name=f"blade_{i + 1}_frame"))
+    system.add_constraint(Constraint("weld", **bearing), hub, blade, second_marker="root")
+    return blade
 
 
 def body_points(beam, basis, points):

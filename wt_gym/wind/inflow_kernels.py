@@ -6,13 +6,13 @@ first point that is not finite, or -1.
 
 import math
 
-from numba import njit
+from wt_gym.compiled import kernel
 
 # No nnan, ninf or reassoc: each lets the optimiser drop a check for NaN (isfinite(x) is x - x == 0 to the compiler).
 _FASTMATH = {"contract", "afn", "arcp", "nsz"}
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FASTMATH)
+@kernel(fastmath=_FASTMATH)
 def _mean_speed(z, speed, hub_height, shear_exponent, roughness_length):
     if roughness_length > 0.0:
         if z <= roughness_length:
@@ -25,7 +25,7 @@ def _mean_speed(z, speed, hub_height, shear_exponent, roughness_length):
     return speed
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FASTMATH)
+@kernel(fastmath=_FASTMATH)
 def mean_velocity(
     points,
     speed,
@@ -72,7 +72,7 @@ def mean_velocity(
     return -1
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FASTMATH)
+@kernel(fastmath=_FASTMATH)
 def turbulent_velocity(
     points,
     time,

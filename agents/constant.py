@@ -1,0 +1,40 @@
+"""An agent that always does the same: the yardstick below every controller."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from wt_gym.envs.layout import EnvLayout
+
+__all__ = ["ConstantAgent"]
+
+
+class ConstantAgent:
+    """Gives one action whatever it sees; by default the middle of the range, which holds all demands in rate mode.
+
+    Parameters
+    ----------
+    layout : EnvLayout
+        Layout of observation and action, ``env.unwrapped.layout``.
+    action : array_like, shape (n_act,), optional
+        Within [-1, 1].
+
+    Raises
+    ------
+    wt_gym.errors.ActionError
+        If the action does not fit the environment.
+    """
+
+    def __init__(self, layout: EnvLayout, action=None):
+        values = np.zeros(layout.action.size) if action is None else action
+        self._action = layout.action.validate(values).astype(np.float32)
+
+    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+        """Return the constant action for each observation, and the state as it came."""
+        observation = np.asarray(observation)
+        if observation.ndim == 1:
+            return self._action.copy(), state
+        return np.tile(self._action, (observation.shape[0], 1)), state

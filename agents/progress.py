@@ -1,0 +1,43 @@
+"""One line that tells how far a long job is, on standard error."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+__all__ = ["ProgressLine", "clock"]
+
+
+def clock(seconds: float) -> str:
+    """Minutes and seconds, as ``3:05``."""
+    minutes, rest = divmod(int(seconds), 60)
+    return f"{minutes}:{rest:02d}"
+
+
+class ProgressLine:
+    """Shows a line now and then: rewritten in place on a terminal, one under the other elsewhere.
+
+    Parameters
+    ----------
+    shown : bool
+        False keeps it silent.
+    interval : float
+        Least time between two lines [s]; on a terminal a tenth of it.
+    """
+
+    def __init__(self, shown: bool = True, interval: float = 5.0):
+        self._shown, self._terminal = shown, sys.stderr.isatty()
+        self._interval = 0.1 * interval if self._terminal else interval
+        self._last, self._width = -1e9, 0
+
+    def show(self, text: str, *, final: bool = False) -> None:
+        """Show a text if it is time to, and in any case if it is the final one."""
+        now = time.monotonic()
+        if not self._shown or (now - self._last < self._interval and not final):
+            return
+        self._last = now
+        if self._terminal:
+            print("\r" + text.ljust(self._width), end="\n" if final else "", file=sys.stderr, flush=True)
+            self._width = 0 if final else len(text)
+        else:
+            print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,110 @@
+"""Policies trained with stable-baselines3, together with the statistics their observations are normalised with."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from stable_baselines3 import A2C, DDPG, DQN, PPO, SAC, TD3
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from wt_gym.envs.layout import EnvLayout
+
+__all__ = ["MODEL_FILE", "NORMALISATION_FILE", "RECORD_FILE", "TrainedAgent"]
+
+MODEL_FILE, NORMALISATION_FILE, RECORD_FILE = "model.zip", "vecnormalize.pkl", "training.json"
+
+_ALGORITHMS = {cls.__name__: cls for cls in (PPO, A2C, SAC, TD3, DDPG, DQN)}
+
+
+class TrainedAgent:
+    """A stable-baselines3 model that takes the environment's own observations.
+
+    Parameters
+    ----------
+    model : BaseAlgorithm
+    normalisation : VecNormalize, optional
+        Statistics of the training; None if the model was trained on plain observations.
+    record : dict, optional
+        How it was trained, as written by `agents.train.train`.
+    """
+
+    def __init__(
+        self, model: BaseAlgorithm, normalisation: VecNormalize | None = None, record: dict[str, Any] | None = None
+    ):
+        self.model, self.normalisation, self.record = model, normalisation, record
+
+    @classmethod
+    def load(cls, path: str | Path, algorithm: str | None = None) -> TrainedAgent:
+        """Load a model from its zip file or from the folder that training wrote.
+
+        The files hold pickled Python objects: load only what you trust.
+
+        Parameters
+        ----------
+        path : str or path
+            Folder with ``model.zip``, or a model file. ``vecnormalize.pkl`` and ``training.json`` beside it are used if
+            they exist.
+        algorithm : str, optional
+            Class of the model; default: that of the training record, else PPO.
+
+        Returns
+        -------
+        TrainedAgent
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no model.
+        ValueError
+            If the algorithm is unknown.
+        """
+        path = Path(path)
+        model_file = path / MODEL_FILE if path.is_dir() else path
+        if not model_file.is_file():
+            raise FileNotFoundError(f"no trained model at {model_file}")
+        record_file, statistics_file = (model_file.parent / name for name in (RECORD_FILE, NORMALISATION_FILE))
+        record = json.loads(record_file.read_text(encoding="utf-8")) if record_file.is_file() else None
+        name = algorithm or (record or {}).get("algorithm", "PPO")
+        if name not in _ALGORITHMS:
+            raise ValueError(f"algorithm must be one of {tuple(_ALGORITHMS)}, got {name!r}")
+        normalisation = None
+        if statistics_file.is_file():
+            with statistics_file.open("rb") as file:
+                normalisation = pickle.load(file)
+        return cls(_ALGORITHMS[name].load(model_file, device="cpu"), normalisation, record)
+
+    def check_fits(self, layout: EnvLayout) -> None:
+        """Refuse an environment whose observation or action the model was not made for.
+
+        Raises
+        ------
+        ValueError
+            With the shapes of both.
+        """
+        wanted = (self.model.observation_space.shape, self.model.action_space.shape)
+        offered = ((len(layout.observation),), (layout.action.size,))
+        if wanted != offered:
+            raise ValueError(
+                f"the model takes observations and actions of shapes {wanted}, the environment has {offered}"
+            )
+
+    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+        """Action for an observation of the environment, not normalised yet.
+
+        Returns
+        -------
+        action : numpy.ndarray, float32
+        state
+            As the model gives it (None for policies without memory).
+        """
+        observation = np.asarray(observation)
+        if self.normalisation is not None:
+            observation = self.normalisation.normalize_obs(observation)
+        return self.model.predict(observation, state, episode_start, deterministic)

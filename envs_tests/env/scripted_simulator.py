@@ -1,0 +1,76 @@
+"""A stand-in for the simulator whose signals are set by the test: for the logic of the environment, not for physics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wt_gym.errors import SimulationError
+
+
+class ScriptedSignals:
+    """Signals by name."""
+
+    def __init__(self, values: dict[str, float]):
+        self._values = values
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    @property
+    def values(self) -> np.ndarray:
+        """All values, shape (n,)."""
+        return np.array(list(self._values.values()))
+
+
+class ScriptedSimulator:
+    """Holds the demands it gets as if the actuators were ideal; everything else is constant or scripted.
+
+    ``script`` maps a time [s] to signals that change then; ``break_at`` is the time at which `advance` fails.
+    """
+
+    script: dict[float, dict[str, float]] = {}  # noqa: RUF012 - replaced by tests
+    break_at: float | None = None
+
+    def __init__(self, turbine, inflow, fidelity="training"):
+        self.turbine, self.inflow, self.fidelity = turbine, inflow, fidelity
+        self.time = 0.0
+
+    def reset(self, rotor_speed, pitch, azimuth=0.0, yaw=0.0, generator_torque=0.0):
+        """Start at the given state."""
+        self.time = 0.0
+        self._values = {
+            "time": 0.0, "azimuth": azimuth, "yaw": yaw, "yaw_rate": 0.0, "yaw_error": 0.0,
+            "wind_x": self.inflow.mean_speed, "wind_y": 0.0, "wind_z": 0.0,
+            "generator_torque": generator_torque,
+            "tower_base_fore_aft_moment": 4e7, "tower_base_side_side_moment": 1e6,
+            "tower_top_fore_aft": 0.3, "tower_top_side_side": -0.03,
+            "nacelle_acceleration_fore_aft": 0.1, "nacelle_acceleration_side_side": 0.0,
+        }  # fmt: skip
+        for blade in range(1, self.turbine.n_blades + 1):
+            self._values |= {
+                f"pitch_{blade}": pitch, f"pitch_rate_{blade}": 0.0, f"tip_out_of_plane_{blade}": 3.0,
+                f"tip_in_plane_{blade}": -0.3, f"root_flap_moment_{blade}": 8e6, f"root_edge_moment_{blade}": 1e6,
+                f"tip_clearance_{blade}": 12.0,
+            }  # fmt: skip
+        self._set_speed(rotor_speed)
+        return ScriptedSignals(dict(self._values))
+
+    def advance(self, duration, pitch, yaw_rate, generator_torque):
+        """Take over the demands and the scripted values."""
+        self.time = round(self.time + duration, 9)
+        if self.break_at is not None and self.time >= self.break_at:
+            raise SimulationError(f"scripted failure at {self.time} s")
+        for blade, angle in enumerate(pitch, start=1):
+            self._values[f"pitch_rate_{blade}"] = (angle - self._values[f"pitch_{blade}"]) / duration
+            self._values[f"pitch_{blade}"] = float(angle)
+        self._values |= {"time": self.time, "yaw_rate": yaw_rate, "generator_torque": generator_torque}
+        scripted = self.script.get(self.time, {})
+        self._values |= scripted
+        self._set_speed(self._values["rotor_speed"])
+        return ScriptedSignals(dict(self._values))
+
+    def _set_speed(self, rotor_speed: float) -> None:
+        drivetrain = self.turbine.drivetrain
+        speed = rotor_speed * drivetrain.gear_ratio
+        power = self._values["generator_torque"] * speed * drivetrain.generator_efficiency
+        self._values |= {"rotor_speed": rotor_speed, "generator_speed": speed, "generator_power": power}

@@ -1,0 +1,273 @@
+"""Agents on the real environment: predict(), training with its files, reproducible evaluation and the report."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+import wt_gym  # noqa: F401 - registers the environments
+from agents.baseline import BaselineAgent, BaselineController
+from agents.constant import ConstantAgent
+from agents.evaluation import BASELINE, EvaluationConfig, default_names, evaluate, load_agent
+from agents.train import TrainingConfig, train
+from agents.trained import TrainedAgent
+from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.report import write_report
+from wt_gym.analysis.results import Evaluation, Wind
+from wt_gym.errors import ActionError
+
+TURBULENT = "wt_gym/NREL5MW-Turbulent-v0"
+STEADY = "wt_gym/NREL5MW-Steady-v0"
+
+
+def demands(env, agent, steps=25, **options):
+    """Demands of pitch and torque over an episode under an agent."""
+    observation, _ = env.reset(seed=1, options={"azimuth": 0.0, **options})
+    rows = []
+    for _ in range(steps):
+        action, _ = agent.predict(observation)
+        observation, *_ = env.step(action)
+        rows.append([*env.unwrapped.demand.pitch, env.unwrapped.demand.generator_torque])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("mode", ["rate", "absolute"])
+@pytest.mark.parametrize("pitch", ["collective", "individual"])
+def test_baseline_demands_what_its_controller_commands(mode, pitch):
+    env = gym.make(TURBULENT, wind_speed=13.0, action_mode=mode, pitch=pitch)
+    agent, controller = BaselineAgent.from_env(env), BaselineController()
+    observation, _ = env.reset(seed=1)
+    raw = env.unwrapped
+    controller.start(raw.signals["generator_speed"], raw.demand.pitch, raw.demand.generator_torque)
+    for _ in range(40):
+        expected_pitch, expected_torque = controller.step(raw.signals["generator_speed"], raw.control_dt)
+        action, _ = agent.predict(observation)
+        observation, *_ = env.step(action)
+        np.testing.assert_allclose(raw.demand.pitch, expected_pitch, atol=2e-5)
+        assert raw.demand.generator_torque == pytest.approx(expected_torque, rel=2e-5)
+
+
+def test_baseline_memory_travels_as_state_or_inside():
+    env = gym.make(TURBULENT, wind_speed=13.0)
+    inside, outside = BaselineAgent.from_env(env), BaselineAgent.from_env(env)
+    observation, _ = env.reset(seed=2)
+    state, start = None, np.ones(1, dtype=bool)
+    for _ in range(10):
+        action, _ = inside.predict(observation)
+        outside.reset()  # whatever it remembers itself must not matter
+        other, state = outside.predict(observation, state, start)
+        start = np.zeros(1, dtype=bool)
+        assert np.array_equal(action, other)
+        assert action.dtype == np.float32
+        observation, *_ = env.step(action)
+
+
+def test_baseline_starts_afresh_in_a_new_episode():
+    env = gym.make(TURBULENT)
+    agent = BaselineAgent.from_env(env)
+    demands(env, agent, wind_speed=16.0)
+    again = demands(env, agent, wind_speed=9.0)
+    fresh = demands(env, BaselineAgent.from_env(env), wind_speed=9.0)
+    np.testing.assert_allclose(again, fresh)
+
+
+def test_baseline_serves_vector_environments():
+    vec = gym.make_vec(TURBULENT, num_envs=2, vectorization_mode="sync", wind_speed=13.0)
+    agent = BaselineAgent.from_env(vec)
+    observations, _ = vec.reset(seed=[1, 2])
+    single = gym.make(TURBULENT, wind_speed=13.0)
+    one = BaselineAgent.from_env(single)
+    observation, _ = single.reset(seed=1)
+    for _ in range(5):
+        actions, _ = agent.predict(observations)
+        assert actions.shape == (2, 3)
+        action, _ = one.predict(observation)
+        np.testing.assert_array_equal(actions[0], action)
+        observations, *_ = vec.step(actions)
+        observation, *_ = single.step(action)
+
+
+def test_stable_baselines_can_evaluate_the_baseline():
+    vec = DummyVecEnv([lambda: gym.make(STEADY, wind_speed=11.0, episode_length=10.0)])
+    mean, _ = evaluate_policy(BaselineAgent.from_env(vec), vec, n_eval_episodes=1, warn=False)
+    # 10 s of nearly full power.
+    assert 7.0 < mean < 10.0
+
+
+@pytest.mark.parametrize("observation", [("rotor", "pitch"), ("power", "pitch"), ("rotor", "power")])
+def test_baseline_needs_its_measurements(observation):
+    env = gym.make(STEADY, observation=observation)
+    with pytest.raises(KeyError, match="the observation has no channel"):
+        BaselineAgent.from_env(env)
+
+
+def test_baseline_holds_rated_speed_above_rated_wind():
+    env = gym.make(STEADY, wind_speed=16.0, episode_length=60.0)
+    agent = BaselineAgent.from_env(env)
+    observation, _ = env.reset(seed=0)
+    truncated = False
+    while not truncated:
+        observation, _, terminated, truncated, _ = env.step(agent.predict(observation)[0])
+        assert not terminated
+    signals = env.unwrapped.signals
+    assert signals["rotor_speed"] * 30 / math.pi == pytest.approx(12.1, abs=0.15)
+    assert signals["generator_power"] == pytest.approx(5e6, rel=0.02)
+
+
+def test_constant_agent():
+    env = gym.make(STEADY)
+    layout = env.unwrapped.layout
+    agent = ConstantAgent(layout, [0.0, 0.5, -1.0])
+    np.testing.assert_array_equal(agent.predict(np.zeros(31))[0], np.float32([0.0, 0.5, -1.0]))
+    assert agent.predict(np.zeros((4, 31)))[0].shape == (4, 3)
+    with pytest.raises(ActionError):
+        ConstantAgent(layout, [0.0, 2.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ppo")
+    config = TrainingConfig(
+        env_id=STEADY,
+        env_kwargs={"wind_speed": (10.0, 14.0), "episode_length": 10.0},
+        total_steps=256,
+        n_steps=64,
+        batch_size=32,
+        n_epochs=2,
+        checkpoint_steps=128,
+    )
+    return folder, train(config, folder, progress=False)
+
+
+def test_training_leaves_model_statistics_record_and_checkpoints(trained):
+    folder, record = trained
+    assert record["steps"] == 256
+    assert record == json.loads((folder / "training.json").read_text()) | {"config": record["config"]}
+    assert len(record["curve"]["steps"]) >= 4
+    names = {path.name for path in (folder / "checkpoints").iterdir()}
+    assert {"ppo_128_steps.zip", "ppo_vecnormalize_128_steps.pkl"} <= names
+    agent = TrainedAgent.load(folder)
+    assert agent.record["algorithm"] == "PPO"
+    assert agent.normalisation.obs_rms.count > 250
+
+
+def test_trained_agent_normalises_the_observation(trained):
+    folder, _ = trained
+    agent = TrainedAgent.load(folder / "model.zip")
+    env = gym.make(STEADY, wind_speed=12.0)
+    observation, _ = env.reset(seed=0)
+    statistics = agent.normalisation.obs_rms
+    scaled = np.clip((observation - statistics.mean) / np.sqrt(statistics.var + 1e-8), -10, 10)
+    expected, _ = agent.model.predict(scaled.astype(np.float32), deterministic=True)
+    np.testing.assert_allclose(agent.predict(observation)[0], expected, atol=1e-6)
+    assert env.action_space.contains(agent.predict(observation)[0])
+
+
+def test_a_model_for_another_environment_is_refused(trained):
+    env = gym.make(STEADY, pitch="individual")
+    with pytest.raises(ValueError, match="shapes"):
+        load_agent(str(trained[0]), env.unwrapped.layout)
+    with pytest.raises(FileNotFoundError, match="no trained model"):
+        TrainedAgent.load(trained[0] / "nothing")
+
+
+def test_time_limit_ends_the_training(tmp_path):
+    config = TrainingConfig(
+        env_id=STEADY, env_kwargs={"wind_speed": 12.0}, total_steps=10**7, max_seconds=1.0, n_steps=32, batch_size=32
+    )
+    record = train(config, tmp_path, progress=False)
+    assert record["wall_seconds"] < 20.0
+    assert record["steps"] < 10**5
+
+
+@pytest.fixture(scope="module")
+def evaluation(trained):
+    config = EvaluationConfig(winds=(Wind(12.0, 1001), Wind(16.0, 1002)), duration=15.0, skip=5.0)
+    return config, evaluate({BASELINE: "baseline", "PPO": str(trained[0])}, config, progress=False)
+
+
+def test_evaluation_covers_agents_and_winds(evaluation):
+    _, result = evaluation
+    assert result.agents == [BASELINE, "PPO"]
+    assert len(result.runs) == 4
+    for run in result.runs:
+        assert set(run.data.data_vars) >= {"generator_power", "root_flap_moment_1", "tower_base_fore_aft_moment"}
+        assert run.data["generator_power"].attrs["units"] == "W"
+        assert run.episode_return == pytest.approx(sum(run.reward_terms.values()))
+    base = result.run(BASELINE, Wind(16.0, 1002))
+    assert base.complete
+    assert base.data.sizes["time"] == 75
+    assert set(base.metrics) == set(METRICS)
+    assert result.geometry["blades"].shape[0] == 3
+
+
+def test_agents_meet_the_same_wind_from_the_same_start(evaluation):
+    _, result = evaluation
+    first, second = (result.run(agent, Wind(12.0, 1001)).data for agent in result.agents)
+    n = min(first.sizes["time"], second.sizes["time"])
+    np.testing.assert_allclose(first["wind_x"][:n], second["wind_x"][:n], rtol=0.02)
+    np.testing.assert_allclose(first["rotor_speed"][0], second["rotor_speed"][0], rtol=1e-3)
+
+
+def test_evaluation_repeats_itself(evaluation):
+    config, result = evaluation
+    again = evaluate({BASELINE: "baseline"}, config, progress=False)
+    for wind in config.winds:
+        one, two = result.run(BASELINE, wind), again.run(BASELINE, wind)
+        assert one.metrics == two.metrics
+        assert one.data.equals(two.data)
+
+
+def test_evaluation_is_saved_and_read_back(evaluation, tmp_path):
+    _, result = evaluation
+    table = json.loads(result.save(tmp_path).read_text())
+    assert table["mean"][BASELINE] == result.mean_metrics(BASELINE)
+    loaded = Evaluation.load(tmp_path)
+    assert loaded.to_json() == result.to_json()
+    assert loaded.runs[0].data.equals(result.runs[0].data)
+    np.testing.assert_array_equal(loaded.geometry["wake"], result.geometry["wake"])
+
+
+def test_report_is_one_file_that_needs_no_network(evaluation, tmp_path):
+    _, result = evaluation
+    page = write_report(result, tmp_path / "report.html", "A test").read_text(encoding="utf-8")
+    assert page.count("A test") == 2
+    assert page.count("data-figure=") == 2 + len(result.winds) + 1
+    assert 'src="http' not in page
+    assert "<!--" not in page.split("<script>")[0]
+    for agent in result.agents:
+        assert agent in page
+
+
+def test_names_on_the_command_line(trained):
+    folder = str(trained[0])
+    assert default_names(["baseline", folder]) == {BASELINE: "baseline", "PPO": folder}
+    assert default_names(["a=baseline", f"b={folder}"]) == {"a": "baseline", "b": folder}
+    with pytest.raises(ValueError, match="two agents"):
+        default_names([folder, folder])
+
+
+@pytest.mark.parametrize("script", ["train.py", "evaluate.py"])
+def test_scripts_explain_themselves(script):
+    path = Path(__file__).parents[2] / "scripts" / script
+    done = subprocess.run([sys.executable, path, "--help"], capture_output=True, text=True, check=True)
+    assert "--json" in done.stdout
+
+
+def test_evaluation_script_prints_json_and_writes_a_report(tmp_path):
+    path = Path(__file__).parents[2] / "scripts" / "evaluate.py"
+    arguments = ["baseline", "constant", "--env", STEADY, "--wind-speed", "9", "--duration", "8", "--skip", "4"]
+    done = subprocess.run(
+        [sys.executable, path, *arguments, "--out", tmp_path, "--json"], capture_output=True, text=True, check=True
+    )
+    table = json.loads(done.stdout.splitlines()[-1])
+    assert set(table["mean"]) == {BASELINE, "Constant action"}
+    assert (tmp_path / "report.html").stat().st_size > 4e6
+    assert "evaluating Baseline PI" in done.stderr

@@ -1,0 +1,181 @@
+"""Terminations, truncation, penalties and failures of the environment, with a scripted simulator."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from scripted_simulator import ScriptedSimulator
+
+from wt_gym.envs import turbine_env
+from wt_gym.envs.turbine_env import WindTurbineEnv
+
+HOLD = np.zeros(3, dtype=np.float32)
+RATED = 12.1 * np.pi / 30
+
+
+@pytest.fixture
+def make_env(monkeypatch):
+    def make(script=None, break_at=None, **kwargs):
+        simulator = type("Scripted", (ScriptedSimulator,), {"script": script or {}, "break_at": break_at})
+        monkeypatch.setattr(turbine_env, "Simulator", simulator)
+        return WindTurbineEnv(wind_speed=12.0, **kwargs)
+
+    return make
+
+
+def run(env, steps=1000):
+    """Hold the demands until the episode ends."""
+    env.reset(seed=0)
+    for k in range(1, steps + 1):
+        result = env.step(HOLD)
+        if result[2] or result[3]:
+            return k, result
+    raise AssertionError("the episode did not end")
+
+
+def test_truncation_is_only_the_time(make_env):
+    steps, (_, _, terminated, truncated, info) = run(make_env(episode_length=10.0))
+    assert (steps, terminated, truncated) == (50, False, True)
+    assert "termination" not in info
+    assert "termination" not in info["reward_terms"]
+
+
+@pytest.mark.parametrize(
+    ("script", "reason"),
+    [
+        ({1.0: {"rotor_speed": 1.26 * RATED}}, "overspeed"),
+        ({1.0: {"rotor_speed": 0.19 * RATED}}, "standstill"),
+        ({1.0: {"tip_clearance_2": -0.01}}, "tower_strike"),
+    ],
+)
+def test_terminations(make_env, script, reason):
+    env = make_env(script)
+    steps, (_, reward, terminated, truncated, info) = run(env)
+    assert (steps, terminated, truncated, info["termination"]) == (5, True, False, reason)
+    assert info["reward_terms"]["termination"] == -50.0
+    assert reward == pytest.approx(sum(info["reward_terms"].values()))
+    assert reward < -45.0
+    with pytest.raises(ResetNeeded):
+        env.step(HOLD)
+    env.reset()
+    env.step(HOLD)
+
+
+def test_termination_at_the_time_limit_is_no_truncation(make_env):
+    _, (_, _, terminated, truncated, _) = run(make_env({2.0: {"rotor_speed": 2.0}}, episode_length=2.0))
+    assert (terminated, truncated) == (True, False)
+
+
+def test_limits_are_adjustable(make_env):
+    steps, _ = run(make_env({1.0: {"rotor_speed": 1.26 * RATED}}, overspeed_limit=1.3, episode_length=4.0))
+    assert steps == 20
+    env = make_env({1.0: {"rotor_speed": 0.0}, 2.0: {"rotor_speed": -0.01}}, standstill_limit=0.0)
+    steps, (*_, info) = run(env)
+    assert (steps, info["termination"]) == (10, "standstill")
+
+
+@pytest.mark.parametrize("broken", [{"break_at": 1.0}, {"script": {1.0: {"tower_top_fore_aft": np.nan}}}])
+def test_failed_simulation_terminates_with_the_last_good_observation(make_env, broken):
+    env = make_env(**broken)
+    observation, _ = env.reset(seed=0)
+    for _ in range(4):
+        observation, *_ = env.step(HOLD)
+    last, reward, terminated, truncated, info = env.step(HOLD)
+    assert (terminated, truncated, info["termination"]) == (True, False, "failure")
+    assert "1.0 s" in info["failure"]
+    assert np.array_equal(last, observation)
+    assert reward == sum(info["reward_terms"].values()) == -50.0
+    env.reset()
+    env.step(HOLD)
+
+
+def test_reward_is_the_sum_of_its_terms(make_env):
+    env = make_env()
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        _, reward, _, _, info = env.step(rng.uniform(-1, 1, 3).astype(np.float32))
+        assert reward == pytest.approx(sum(info["reward_terms"].values()), abs=1e-12)
+        assert list(info["reward_terms"]) == ["power", "tip_deflection", "tower_load", "actuator_use", "overspeed"]
+
+
+def test_weights_and_penalty_can_be_chosen(make_env):
+    env = make_env({0.4: {"rotor_speed": 3.0}}, reward={"power": 2.0, "tower_load": 0.0}, termination_penalty=7.0)
+    env.reset(seed=0)
+    *_, info = env.step(HOLD)
+    assert "tower_load" not in info["reward_terms"]
+    assert info["reward_terms"]["power"] == pytest.approx(2.0 * 0.2, rel=1e-6)
+    *_, info = env.step(HOLD)
+    assert info["reward_terms"]["termination"] == -7.0
+
+
+def test_sensors_stay_at_the_end_of_their_range_and_say_so(make_env):
+    env = make_env({0.2: {"nacelle_acceleration_fore_aft": 35.0}})
+    env.reset(seed=0)
+    observation, *_, info = env.step(HOLD)
+    assert info["saturated"] == ("nacelle_acceleration_fore_aft",)
+    assert env.layout.observation.value(observation, "nacelle_acceleration_fore_aft") == 20.0
+
+
+def test_observation_shows_the_physical_values(make_env):
+    env = make_env()
+    observation, _ = env.reset(seed=0)
+    for name in ("rotor_speed", "generator_speed", "generator_torque", "tip_in_plane_3", "root_flap_moment_1"):
+        expected = env.signals[name]
+        assert env.layout.observation.value(observation, name) == pytest.approx(expected, rel=1e-6), name
+    observation, *_ = env.step(np.array([0.5, -0.25, 1.0], dtype=np.float32))
+    value = env.layout.observation.value
+    assert value(observation, "previous_yaw_rate") == -0.25
+    assert value(observation, "pitch_demand") == pytest.approx(env.demand.pitch[0], rel=1e-6)
+    with pytest.raises(KeyError, match="no channel 'power'"):
+        value(observation, "power")
+
+
+def test_observation_groups_and_individual_pitch(make_env):
+    env = make_env(pitch="individual", observation=("power", "rotor", "pitch"))
+    names = env.layout.observation.names
+    assert names[:2] == ("rotor_speed", "generator_speed")
+    assert names[-9:] == tuple(f"pitch{kind}_{b}" for kind in ("", "_rate", "_demand") for b in (1, 2, 3))
+    assert env.observation_space.shape == (14,)
+    assert env.action_space.shape == (5,)
+
+
+def test_noise_comes_from_the_seed(make_env):
+    env = make_env(sensor_noise=1.0)
+    first, second = env.reset(seed=3)[0], env.reset(seed=3)[0]
+    assert np.array_equal(first, second)
+    clean = make_env().reset(seed=3)[0]
+    difference = np.abs(first - clean)
+    assert difference.max() > 0
+    index = env.layout.observation.index
+    assert difference[index("pitch_demand")] == difference[index("azimuth_sin")] == 0
+
+
+@pytest.mark.parametrize(
+    "kwargs",
+    [
+        {"render_mode": "human"},
+        {"overspeed_limit": 1.0},
+        {"standstill_limit": 1.0},
+        {"termination_penalty": -1.0},
+        {"episode_length": 0.3},
+        {"observation": ("rotor", "weather")},
+        {"observation": ()},
+        {"sensor_noise": -1.0},
+        {"action_mode": "torque"},
+        {"reward": {"money": 1.0}},
+        {"reward": {"power": -1.0}},
+    ],
+)
+def test_wrong_arguments_are_refused(make_env, kwargs):
+    with pytest.raises(ValueError, match=r"must|has no"):
+        make_env(**kwargs)
+
+
+def test_step_needs_reset(make_env):
+    with pytest.raises(ResetNeeded):
+        make_env().step(HOLD)
+
+
+def test_registered_spec_makes_this_class():
+    assert gym.spec("wt_gym/NREL5MW-Steady-v0").entry_point == "wt_gym.envs.turbine_env:WindTurbineEnv"

@@ -1,0 +1,141 @@
+"""Induction kernels, far-wake cylinder and tower flow against closed forms and a plain float64 sum."""
+
+import numpy as np
+import pytest
+
+from wt_gym.aerodynamics import AerodynamicsError, tower_perturbation
+from wt_gym.aerodynamics.far_wake import cylinder_table, ring_velocity
+from wt_gym.aerodynamics.far_wake_kernels import HEADER, PER_CYLINDER, far_wake_velocity
+from wt_gym.aerodynamics.induction_kernels import MAX_LANES, lane_count, sheet_induction
+
+
+def segment_sum(starts, ends, strengths, points, core2=0.0):
+    """Smooth-core Biot-Savart law in float64, (n_points, 3)."""
+    r1, r2 = points[:, None] - starts, points[:, None] - ends
+    a, b = np.linalg.norm(r1, axis=-1), np.linalg.norm(r2, axis=-1)
+    soft = core2 * np.sum((ends - starts) ** 2, axis=-1)
+    k = strengths / (4 * np.pi) * (a + b) / (a * b * (a * b + np.einsum("pni,pni->pn", r1, r2)) + soft)
+    return np.einsum("pn,pni->pi", k, np.cross(r1, r2))
+
+
+def run_kernel(sheet, points):
+    n = len(points)
+    lanes = lane_count(n)
+    padded = -(-n // lanes) * lanes
+    targets = np.full((3, padded), 1e3, dtype=np.float32)
+    targets[:, :n] = points.T
+    velocity = np.zeros_like(targets)
+    scratch = np.zeros((4 * sheet.shape[2] + 10) * MAX_LANES, dtype=np.float32)
+    sheet_induction(sheet, targets, velocity, scratch)
+    return velocity[:, :n].T
+
+
+def line_sheet(line, core2=1e-12):
+    """One polyline with unit circulation as a sheet of one column."""
+    sheet = np.zeros((len(line), 1, 1, 7), dtype=np.float32)
+    sheet[:, 0, 0, :3] = line
+    sheet[1:, 0, 0, 3] = 1 / (4 * np.pi)
+    sheet[..., 4] = sheet[..., 6] = core2
+    return sheet
+
+
+def helix_sheet(rng, n_row=60, n_node=9):
+    k, j = np.arange(n_row)[:, None, None], np.arange(n_node)
+    angle = 0.17 * k + 2 * np.pi / 3 * np.arange(3)[:, None]
+    radius = 5 + 7 * j
+    nodes = np.stack(np.broadcast_arrays(1.3 * k, radius * np.cos(angle), radius * np.sin(angle)), -1)
+    sheet = np.zeros((*nodes.shape[:3], 7), dtype=np.float32)
+    sheet[..., :3] = nodes
+    trail, span = np.zeros(nodes.shape[:3]), np.zeros(nodes.shape[:3])
+    trail[1:], span[:, :, 1:] = rng.normal(size=(2, *nodes.shape[:3]))[0, 1:], rng.normal(size=span[:, :, 1:].shape)
+    lengths = np.ones(nodes.shape[:3])
+    lengths[1:] = np.linalg.norm(np.diff(nodes, axis=0), axis=-1)
+    sheet[..., 3], sheet[..., 4] = trail / (4 * np.pi), (0.4 * lengths) ** 2
+    widths = np.ones(nodes.shape[:3])
+    widths[:, :, 1:] = np.linalg.norm(np.diff(nodes, axis=2), axis=-1)
+    sheet[..., 5], sheet[..., 6] = span / (4 * np.pi), (0.4 * widths) ** 2
+    starts = np.concatenate([nodes[:-1].reshape(-1, 3), nodes[:, :, :-1].reshape(-1, 3)])
+    ends = np.concatenate([nodes[1:].reshape(-1, 3), nodes[:, :, 1:].reshape(-1, 3)])
+    return sheet, nodes, starts, ends, np.concatenate([trail[1:].ravel(), span[:, :, 1:].ravel()])
+
+
+@pytest.mark.parametrize("n", [1, 16, 100, 161, 700])
+def test_blocks_hold_all_targets(n):
+    lanes = lane_count(n)
+    padded = -(-n // lanes) * lanes
+    assert lanes % 16 == 0
+    assert lanes <= MAX_LANES
+    assert lane_count(padded) == lanes
+
+
+def test_float32_kernel_agrees_with_float64_sum():
+    rng = np.random.default_rng(1)
+    sheet, nodes, starts, ends, strengths = helix_sheet(rng)
+    points = np.concatenate([nodes.reshape(-1, 3)[::7], rng.uniform(-60, 60, (200, 3))])
+    exact = segment_sum(starts, ends, strengths, points, 0.4**2)
+    error = run_kernel(sheet, points) - exact
+    assert np.sqrt(np.mean(error**2) / np.mean(exact**2)) < 1e-5
+
+
+def test_straight_infinite_and_semi_infinite_vortex():
+    points = np.array([[0.3, 0.4, 0.0], [2.0, 0.0, 0.0]])
+    distance = np.array([0.5, 2.0])
+    long = run_kernel(line_sheet(np.array([[0, 0, -4e3], [0, 0, -30.0], [0, 0, 30.0], [0, 0, 4e3]])), points)
+    half = run_kernel(line_sheet(np.array([[0, 0, 0], [0, 0, 30.0], [0, 0, 4e3]])), points)
+    np.testing.assert_allclose(np.linalg.norm(long, axis=1), 1 / (2 * np.pi * distance), rtol=2e-4)
+    np.testing.assert_allclose(np.linalg.norm(half, axis=1), 1 / (4 * np.pi * distance), rtol=1e-3)
+    assert long[1, 1] > 0  # right-handed about its direction
+
+
+def test_ring_on_its_axis():
+    angle = np.linspace(0, 2 * np.pi, 721)
+    ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
+    z = np.array([0.0, 0.5, 2.0])
+    velocity = run_kernel(line_sheet(ring), np.stack([0 * z, 0 * z, z], -1))
+    np.testing.assert_allclose(velocity[:, 2], 0.5 / (1 + z**2) ** 1.5, rtol=1e-4)
+    np.testing.assert_allclose(ring_velocity(z, 0 * z, 0.0)[0], 0.5 / (1 + z**2) ** 1.5, rtol=1e-12)
+    off = np.array([[0.6, 0.0, 0.4]])
+    u, v = ring_velocity(np.array([0.4]), np.array([0.6]), 0.0)
+    np.testing.assert_allclose(run_kernel(line_sheet(ring), off)[0, [2, 0]], [u[0], v[0]], rtol=1e-4)
+
+
+def cylinder(points, ring=1.0, line=0.0, radius=1.0):
+    far = np.zeros(HEADER + PER_CYLINDER)
+    far[[0, 6, HEADER + 1, HEADER + 2, HEADER + 3]] = 1.0, 1.0, radius, ring, line
+    targets, velocity = np.ascontiguousarray(points.T, dtype=np.float32), np.zeros((3, len(points)), dtype=np.float32)
+    far_wake_velocity(far, cylinder_table(), targets, velocity, len(points))
+    return velocity.T
+
+
+def test_vortex_cylinder_on_its_axis_and_far_away():
+    z = np.array([-20.0, -6.0, -2.0, -0.5, 0.0, 0.5, 3.0])
+    axis = cylinder(np.stack([0 * z, 0 * z, 2 * z], -1), radius=2.0)[:, 2]
+    np.testing.assert_allclose(axis, 0.5 * (1 + z / np.sqrt(1 + z**2)), atol=3e-3)  # the core takes 0.25 %
+    far = cylinder(np.array([[6.0, 0.0, -8.0]]))[0]
+    np.testing.assert_allclose(far, -0.25 * np.array([6.0, 0, -8.0]) / 1000.0, atol=5e-5)  # a sink of strength pi
+
+
+def test_vortex_cylinder_is_the_sum_of_its_rings():
+    points = np.array([[0.5, 0.0, -0.7], [0.0, 0.8, 0.3], [1.5, 0.0, 0.4], [0.0, 2.5, -1.0]])
+    edges = np.concatenate([np.linspace(0, 4, 1001), np.geomspace(4.02, 2000, 500)])
+    middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+    r = np.hypot(points[:, 0], points[:, 1])
+    u, v = ring_velocity(points[:, 2:] - middle, r[:, None], 0.05)
+    velocity = cylinder(points)
+    np.testing.assert_allclose(velocity[:, 2], u @ width, atol=3e-3)
+    np.testing.assert_allclose(np.einsum("pi,pi->p", velocity[:, :2], points[:, :2]) / r, v @ width, atol=3e-3)
+
+
+def test_axial_lines_turn_the_flow_outside_only():
+    velocity = cylinder(np.array([[0.2, 0.0, 30.0], [4.0, 0.0, 60.0]]), ring=0.0, line=5.0)
+    np.testing.assert_allclose(velocity[1, 1], 5.0 / (2 * np.pi * 4.0), rtol=2e-3)
+    assert abs(velocity[0, 1]) < 1e-3
+
+
+def test_tower_flow_vanishes_into_stagnation_and_doubles_beside():
+    points = np.array([[-3.0, 0, 50], [0, 3.0, 50], [-30.0, 0, 50], [-3.0, 0, 200]])
+    wind = np.tile([10.0, 0, 0], (4, 1))
+    velocity = tower_perturbation(points, wind, (0, 0, 0), (0, 0, 80), [0, 80], [6.0, 6.0])
+    np.testing.assert_allclose(velocity[:, 0], [-10, 10, -0.1, 0], atol=1e-9)
+    with pytest.raises(AerodynamicsError, match="positive"):
+        tower_perturbation(points, wind, (0, 0, 0), (0, 0, 80), [0, 80], [6.0, 0.0])

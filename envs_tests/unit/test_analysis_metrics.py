@@ -1,0 +1,116 @@
+"""Load metrics against exact results."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from wt_gym.analysis.metrics import METRICS, damage_equivalent_load, run_metrics
+from wt_gym.analysis.spectra import power_spectral_density
+from wt_gym.turbines import load_turbine
+
+
+def sine(amplitude, frequency, duration, step):
+    time = np.arange(0.0, duration + step / 2, step)
+    # From crest to crest: whole cycles, every extreme a sample.
+    return amplitude * np.cos(2 * np.pi * frequency * time)
+
+
+@pytest.mark.parametrize("exponent", [4.0, 10.0])
+@pytest.mark.parametrize("frequency", [0.25, 1.0])
+def test_del_of_a_sine(exponent, frequency):
+    # f T cycles of range 2 A over T seconds: DEL = 2 A f^(1/m).
+    load = damage_equivalent_load(5.0 + sine(3.0, frequency, 600.0, 0.05), 600.0, exponent)
+    assert load == pytest.approx(6.0 * frequency ** (1 / exponent), rel=1e-6)
+
+
+def test_del_of_two_known_cycle_sizes():
+    # ASTM E1049-85, figure 6: -2 1 -3 5 -1 3 -4 4 -2 gives ranges 3 (0.5), 4 (1.5), 6 (0.5), 8 (1.0), 9 (0.5).
+    history = np.array([-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0])
+    damage = 0.5 * 3**4 + 1.5 * 4**4 + 0.5 * 6**4 + 1.0 * 8**4 + 0.5 * 9**4
+    assert damage_equivalent_load(history, 10.0, 4.0) == pytest.approx((damage / 10.0) ** 0.25)
+
+
+def test_del_scales_with_the_load_and_ignores_its_mean():
+    rng = np.random.default_rng(0)
+    load = rng.standard_normal(500)
+    one = damage_equivalent_load(load, 50.0, 10.0)
+    assert damage_equivalent_load(1e8 * load + 3e8, 50.0, 10.0) == pytest.approx(1e8 * one, rel=1e-6)
+    assert damage_equivalent_load(np.full(10, 3.0), 1.0, 10.0) == 0.0
+
+
+def test_bad_histories_are_refused():
+    with pytest.raises(ValueError, match="finite"):
+        damage_equivalent_load(np.array([0.0, np.nan]), 1.0, 4.0)
+    with pytest.raises(ValueError, match="positive"):
+        damage_equivalent_load(np.arange(3.0), 0.0, 4.0)
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel_5mw")
+
+
+@pytest.fixture
+def run(turbine):
+    step, n = 0.1, 1000
+    time = step * np.arange(1, n + 1)
+    ones = np.ones(n)
+    triangle = np.tile([0.0, 1.0], n // 2)  # fastest load cycle the sampling allows: 5 Hz
+    channels = {
+        "generator_power": 2e6 * ones,
+        "generator_torque": 20e3 + 100.0 * np.arange(n),
+        "rotor_speed": turbine.drivetrain.rated_rotor_speed * np.where((time % 20) > 15, 1.15, 1.0),
+        "tower_base_fore_aft_moment": 30e6 + 40e6 * triangle,
+        "tower_base_side_side_moment": 0.0 * ones,
+        "yaw_rate": 0.001 * ones,
+    }
+    for b in (1, 2, 3):
+        channels[f"root_flap_moment_{b}"] = b * 1e6 * triangle
+        channels[f"root_edge_moment_{b}"] = 1e6 * ones
+        channels[f"tip_out_of_plane_{b}"] = float(b) * ones
+        channels[f"tip_clearance_{b}"] = 10.0 - b * triangle
+        channels[f"pitch_rate_{b}"] = np.tile([0.02, -0.02], n // 2)
+    return xr.Dataset({name: ("time", values) for name, values in channels.items()}, coords={"time": time})
+
+
+def test_metrics_of_a_made_up_run(run, turbine):
+    metrics = run_metrics(run, turbine)
+    assert set(metrics) == set(METRICS)
+    assert metrics["mean_power"] == 2e6
+    assert metrics["energy"] == pytest.approx(2e6 * 100.0)
+    assert metrics["power_std"] == 0.0
+    assert metrics["torque_rate"] == pytest.approx(1000.0)
+    assert metrics["overspeed_count"] == 5
+    assert metrics["rotor_speed_max"] == pytest.approx(1.15 * turbine.drivetrain.rated_rotor_speed)
+    # 999 half cycles in 100 s.
+    assert metrics["blade_flap_del"] == pytest.approx(3e6 * (499.5 / 100.0) ** 0.1)
+    assert metrics["tower_fore_aft_del"] == pytest.approx(40e6 * (499.5 / 100.0) ** 0.25)
+    assert metrics["blade_edge_del"] == 0.0
+    assert (metrics["tip_deflection_max"], metrics["tip_clearance_min"]) == (3.0, 7.0)
+    assert metrics["tower_base_max"] == 70e6
+    assert metrics["pitch_duty_cycle"] == pytest.approx(0.02 / turbine.pitch.max_rate)
+    assert metrics["pitch_travel"] == pytest.approx(2.0)
+    assert metrics["yaw_travel"] == pytest.approx(0.1)
+
+
+def test_skipped_start_does_not_count(run, turbine):
+    run["generator_power"][:100] = 0.0
+    assert run_metrics(run, turbine, skip=10.0)["mean_power"] == 2e6
+    assert run_metrics(run, turbine)["mean_power"] == pytest.approx(1.8e6)
+
+
+def test_uneven_or_empty_runs_are_refused(run, turbine):
+    with pytest.raises(ValueError, match="at least two samples"):
+        run_metrics(run, turbine, skip=200.0)
+    with pytest.raises(ValueError, match="evenly"):
+        run_metrics(run.isel(time=[0, 1, 5]), turbine)
+
+
+def test_spectrum_holds_the_variance_at_the_right_frequency():
+    step, amplitude, frequency = 0.05, 3.0, 0.5
+    time = np.arange(0.0, 600.0, step)
+    f, density = power_spectral_density(2.0 + amplitude * np.sin(2 * np.pi * frequency * time), step)
+    assert f[np.argmax(density)] == pytest.approx(frequency)
+    assert np.trapezoid(density, f) == pytest.approx(amplitude**2 / 2, rel=1e-3)
+    with pytest.raises(ValueError, match="at least 8 samples"):
+        power_spectral_density(np.zeros(4), step)

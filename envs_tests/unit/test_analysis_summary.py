@@ -1,0 +1,170 @@
+"""The words of the report follow from the numbers."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.plots import spectra_figure, time_series_figure
+from wt_gym.analysis.report import write_report
+from wt_gym.analysis.results import Evaluation, Run, Wind
+from wt_gym.analysis.scene import scene_figure, trailing_strength
+from wt_gym.analysis.summary import (
+    difference,
+    difference_class,
+    format_difference,
+    format_value,
+    headline,
+    summarise,
+    unseen,
+)
+
+WINDS = (Wind(12.0, 1001), Wind(12.0, 1002))
+TIME = np.arange(1, 401) * 0.2
+MEAN = {key: 1.0 / metric.factor for key, metric in METRICS.items()} | {"overspeed_count": 0.0}
+
+
+def run(agent, wind, ending="time", **changes):
+    wave = np.sin(2 * np.pi * 0.2 * TIME)
+    names = ("wind_x", "generator_power", "rotor_speed", "generator_torque", "pitch_1", "tip_out_of_plane_1",
+             "tower_base_fore_aft_moment", "tower_base_side_side_moment", "root_flap_moment_1",
+             "root_edge_moment_1")  # fmt: skip
+    data = xr.Dataset({name: ("time", 5.0 + wave) for name in names}, {"time": TIME})
+    duration = 80.0
+    if ending != "time":
+        data, duration = data.isel(time=slice(0, 200)), 40.0
+    return Run(agent, wind, data, MEAN | changes, 10.0, {"power": 10.0}, 80.0, duration, ending)
+
+
+def evaluation(training=None, endings=("time", "time"), **changes):
+    runs = [run("Baseline", wind) for wind in WINDS]
+    runs += [run("PPO", wind, ending, **changes) for wind, ending in zip(WINDS, endings, strict=True)]
+    settings = {"skip": 10.0, "fidelity": "training", "control_dt": 0.2}
+    return Evaluation("Turbine", settings, runs, "Baseline", {"rated_power": 5e6}, training or {})
+
+
+def record(**changes):
+    curve = {"steps": [10, 20], "episode_return": [1.0, 2.0], "episode_length": [10.0, 20.0]}
+    return {"steps": 36_000, "wall_seconds": 180.0, "control_dt": 0.2, "wind_seeds": [1, 2], "curve": curve} | changes
+
+
+def test_values_are_shown_in_their_unit():
+    assert format_value("mean_power", 4.2346e6) == "4.235"
+    assert format_value("pitch_duty_cycle", 0.0345) == "3.45"
+    assert format_value("mean_power", -1e6) == "\u22121.000"
+
+
+def test_differences():
+    assert difference("mean_power", 4.5e6, 5e6) == (pytest.approx(-0.1), True)
+    assert format_difference("mean_power", 4.5e6, 5e6) == "\u221210.0 %"
+    assert format_difference("overspeed_count", 3.0, 1.0) == "+2.0"
+    assert format_difference("pitch_travel", np.radians(5.0), 0.0) == "+5.0"
+    assert format_difference("yaw_travel", 0.0, 0.0) == "="
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "reference", "expected"),
+    [
+        ("mean_power", 5.2e6, 5e6, "better"),
+        ("mean_power", 4.8e6, 5e6, "worse"),
+        ("mean_power", 5.02e6, 5e6, "equal"),
+        ("tower_fore_aft_del", 4e6, 5e6, "better"),
+        ("tip_clearance_min", 4.0, 5.0, "worse"),
+        ("rotor_speed_mean", 1.0, 2.0, "none"),
+        ("overspeed_count", 1.0, 0.0, "worse"),
+    ],
+)
+def test_what_a_difference_means(key, value, reference, expected):
+    assert difference_class(key, value, reference) == expected
+
+
+def agent_text(result):
+    return summarise(result)[1]
+
+
+def test_lost_power_is_not_called_a_trade():
+    text = agent_text(evaluation(mean_power=0.4e6, tower_fore_aft_del=0.5e6))
+    assert "\u221260.0 %" in text
+    assert "does not reach Baseline" in text
+
+
+def test_less_load_for_a_little_power_is_a_trade():
+    assert "That is a trade" in agent_text(evaluation(mean_power=0.97e6, tower_fore_aft_del=0.5e6))
+
+
+def test_more_power_without_more_load_is_ahead():
+    text = agent_text(evaluation(mean_power=1.05e6))
+    assert "PPO is ahead of Baseline" in text
+    assert "ahead" not in agent_text(evaluation(mean_power=1.05e6, blade_flap_del=1.2e6))
+
+
+def test_equal_is_equal():
+    assert "do equally well" in agent_text(evaluation(mean_power=1.001e6))
+
+
+def test_an_early_end_is_told_and_not_compared(tmp_path):
+    result = evaluation(endings=("time", "overspeed"), mean_power=2e6)
+    text = agent_text(result)
+    assert "lost the turbine in one of two winds (overspeed after 40 s at 12 m/s, seed 1002)" in text
+    assert "produced 75 % of the energy" in text
+    assert "cannot replace Baseline" in text
+    assert "ahead" not in text
+    page = write_report(result, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "1 of 2" in page
+    assert "\u2020" in page
+
+
+def test_short_training_is_named_as_such():
+    result = evaluation(training={"PPO": record()})
+    assert agent_text(result).startswith("PPO was trained for 3.0 min on 36\u202f000 control steps (2.0 h")
+    assert "the short training here" in summarise(result)[-1]
+    long = evaluation(training={"PPO": record(steps=2_000_000)})
+    assert "short training" not in summarise(long)[-1]
+
+
+def test_unseen_winds_are_only_those():
+    assert unseen(evaluation(training={"PPO": record()}))
+    assert headline(evaluation(training={"PPO": record()})) == "PPO against Baseline in two unseen winds"
+    seen = evaluation(training={"PPO": record(wind_seeds=[5, 1002])})
+    assert not unseen(seen)
+    assert headline(seen) == "PPO against Baseline in two winds"
+
+
+def test_baseline_alone():
+    runs = [run("Baseline", wind) for wind in WINDS]
+    alone = Evaluation("Turbine", {}, runs, "Baseline")
+    assert headline(alone) == "Baseline in two winds"
+    assert summarise(alone)[0].startswith("Baseline kept the turbine running in both winds.")
+
+
+def test_figures_hold_every_agent():
+    result = evaluation(endings=("time", "standstill"))
+    series = time_series_figure(result, WINDS[1])
+    assert {trace.name for trace in series.data} == {"wind", "Baseline", "PPO"}
+    assert len(series.data) == 1 + 2 * 6
+    spectra = spectra_figure(result, skip=10.0)
+    assert len(spectra.data) == 2 * 4
+    peak = spectra.data[0].x[np.argmax(spectra.data[0].y)]
+    assert peak == pytest.approx(0.2, abs=0.02)
+
+
+def test_trailing_filaments_carry_the_difference_of_their_neighbours():
+    circulation = np.array([[[1.0, 4.0, 2.0]]])
+    np.testing.assert_array_equal(trailing_strength(circulation), [[[1.0, 3.0, 2.0, 2.0]]])
+
+
+def test_scene_draws_rotor_wake_and_tower():
+    rng, up = np.random.default_rng(0), np.array([0.0, 0.0, 90.0])
+    geometry = {
+        "blades": rng.normal(size=(3, 2, 5, 3)) + up,
+        "wake": rng.normal(size=(7, 3, 5, 3)) + up,
+        "wake_circulation": rng.uniform(10, 20, (6, 3, 4)),
+        "tower": np.column_stack([np.zeros(4), np.zeros(4), np.linspace(0, 87, 4)]),
+        "tower_radius": np.linspace(3, 2, 4),
+        "hub": np.array([-5.0, 0.0, 90.0]),
+    }
+    figure = scene_figure(geometry)
+    kinds = [trace.type for trace in figure.data]
+    assert kinds.count("surface") == 3 + 3
+    lines = [trace for trace in figure.data if trace.type == "scatter3d" and trace.line.cmax is not None]
+    assert sum(np.isfinite(trace.x).sum() for trace in lines) == 7 * 3 * 5

@@ -1,0 +1,35 @@
+"""A Gymnasium environment for learning to control a wind turbine on a full aeroelastic simulator.
+
+Importing this package registers the environments and loads nothing heavy; the simulator is imported when the first
+environment is made.
+
+===================================  ==============================================================
+id                                   turbine and wind
+===================================  ==============================================================
+``wt_gym/NREL5MW-Steady-v0``         NREL 5-MW, steady sheared wind
+``wt_gym/NREL5MW-Turbulent-v0``      NREL 5-MW, IEC Kaimal turbulence
+``wt_gym/IEA15MW-Steady-v0``         IEA 15-MW (240 m rotor), steady sheared wind
+``wt_gym/IEA15MW-Turbulent-v0``      IEA 15-MW, IEC Kaimal turbulence
+===================================  ==============================================================
+
+Examples
+--------
+>>> import gymnasium as gym, wt_gym
+>>> env = gym.make("wt_gym/NREL5MW-Turbulent-v0", wind_speed=12.0)
+"""
+
+from gymnasium.envs.registration import register
+
+__all__ = ["__version__"]
+__version__ = "0.1.0"
+
+_TURBINES = {"NREL5MW": "nrel_5mw", "IEA15MW": "iea_15mw"}
+_INFLOWS = {"Steady": "steady", "Turbulent": "turbulent"}
+
+for _turbine_label, _turbine_name in _TURBINES.items():
+    for _inflow_label, _inflow_kind in _INFLOWS.items():
+        register(
+            id=f"wt_gym/{_turbine_label}-{_inflow_label}-v0",
+            entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
+            kwargs={"turbine": _turbine_name, "inflow": _inflow_kind},
+        )

@@ -1,0 +1,22 @@
+"""Unsteady vortex lattice with free wake: from moving lattice nodes and wind to circulation and nodal forces."""
+
+from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.aerodynamics.lattice import LatticePlanform, build_planform, span_distribution
+from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
+from wt_gym.aerodynamics.state import AeroState
+from wt_gym.aerodynamics.tower_flow import tower_perturbation
+from wt_gym.aerodynamics.vortex_lattice import VortexLattice
+
+__all__ = [
+    "ENGINEERING",
+    "REFERENCE",
+    "TRAINING",
+    "AeroOptions",
+    "AeroState",
+    "AerodynamicsError",
+    "LatticePlanform",
+    "VortexLattice",
+    "build_planform",
+    "span_distribution",
+    "tower_perturbation",
+]

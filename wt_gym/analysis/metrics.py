@@ -1,0 +1,182 @@
+"""Performance and loads of a run, as a wind engineer reads them.
+
+Damage-equivalent loads follow the linear damage rule (Palmgren-Miner) with rainflow cycles by ASTM E1049; see IEC
+61400-1, annex G, and Hayman, MLife Theory Manual, NREL (2012).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rainflow
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from wt_gym.turbines import Turbine
+
+__all__ = ["BLADE_EXPONENT", "METRICS", "TOWER_EXPONENT", "Metric", "damage_equivalent_load", "run_metrics"]
+
+BLADE_EXPONENT = 10.0
+"""Woehler exponent of the composite blade root."""
+
+TOWER_EXPONENT = 4.0
+"""Woehler exponent of the welded steel tower base."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """What a figure of merit is called and how it is shown.
+
+    Attributes
+    ----------
+    label, unit : str
+        Unit as shown.
+    factor : float
+        From SI to the shown unit.
+    better : int
+        +1 if more is better, -1 if less is, 0 if neither.
+    digits : int
+        Decimals to show.
+    """
+
+    label: str
+    unit: str
+    factor: float
+    better: int
+    digits: int
+
+
+METRICS: dict[str, Metric] = {
+    "mean_power": Metric("Mean power", "MW", 1e-6, +1, 3),
+    "energy": Metric("Energy", "MWh", 1 / 3.6e9, +1, 3),
+    "power_std": Metric("Power, standard deviation", "MW", 1e-6, -1, 3),
+    "rotor_speed_mean": Metric("Rotor speed, mean", "rpm", 30 / np.pi, 0, 2),
+    "rotor_speed_std": Metric("Rotor speed, standard deviation", "rpm", 30 / np.pi, -1, 3),
+    "rotor_speed_max": Metric("Rotor speed, maximum", "rpm", 30 / np.pi, -1, 2),
+    "overspeed_count": Metric("Overspeed events (> 110 % rated)", "-", 1.0, -1, 1),
+    "blade_flap_del": Metric("Blade root flapwise DEL (m = 10)", "MN m", 1e-6, -1, 2),
+    "blade_edge_del": Metric("Blade root edgewise DEL (m = 10)", "MN m", 1e-6, -1, 2),
+    "blade_flap_max": Metric("Blade root flapwise moment, largest", "MN m", 1e-6, -1, 2),
+    "tip_deflection_max": Metric("Tip deflection downwind, largest", "m", 1.0, -1, 2),
+    "tip_clearance_min": Metric("Tip clearance to the tower, smallest", "m", 1.0, +1, 2),
+    "tower_fore_aft_del": Metric("Tower base fore-aft DEL (m = 4)", "MN m", 1e-6, -1, 2),
+    "tower_side_side_del": Metric("Tower base side-side DEL (m = 4)", "MN m", 1e-6, -1, 2),
+    "tower_base_max": Metric("Tower base moment, largest", "MN m", 1e-6, -1, 1),
+    "pitch_duty_cycle": Metric("Pitch actuator duty cycle", "%", 100.0, -1, 2),
+    "pitch_travel": Metric("Pitch travel, mean of the blades", "deg", 180 / np.pi, -1, 1),
+    "yaw_travel": Metric("Yaw travel", "deg", 180 / np.pi, -1, 2),
+    "torque_rate": Metric("Generator torque rate, root mean square", "kN m/s", 1e-3, -1, 2),
+}
+
+
+def damage_equivalent_load(signal: np.ndarray, duration: float, exponent: float) -> float:
+    """Range of the constant-amplitude load at 1 Hz that does the damage of a signal.
+
+    ``DEL = (sum n_i S_i^m / N_eq)^(1/m)`` over rainflow cycles of range S_i and count n_i (1, or 0.5 for what is left
+    open), with N_eq = duration in seconds.
+
+    Parameters
+    ----------
+    signal : numpy.ndarray, shape (n,)
+        Load history, evenly sampled, finite.
+    duration : float
+        Time it spans [s].
+    exponent : float
+        Woehler exponent m [-].
+
+    Returns
+    -------
+    float
+        Peak-to-peak load in the unit of the signal; zero for a constant one.
+
+    Raises
+    ------
+    ValueError
+        If the signal is not one-dimensional and finite, or duration or exponent is not positive.
+    """
+    signal = np.asarray(signal, dtype=np.float64)
+    if signal.ndim != 1 or not np.isfinite(signal).all():
+        raise ValueError(f"a load history must be one-dimensional and finite, got shape {signal.shape}")
+    if not (duration > 0 and exponent > 0):
+        raise ValueError(f"duration and exponent must be positive, got {duration!r} s and {exponent!r}")
+    cycles = np.array([(span, count) for span, _, count, _, _ in rainflow.extract_cycles(signal)]).reshape(-1, 2)
+    largest = cycles[:, 0].max(initial=0.0)
+    if largest == 0.0:
+        return 0.0
+    # Relative to the largest range: 1e8 to the tenth power would waste the digits of a float.
+    damage = np.sum(cycles[:, 1] * (cycles[:, 0] / largest) ** exponent) / duration
+    return float(largest * damage ** (1.0 / exponent))
+
+
+def _count_events(above: np.ndarray) -> int:
+    """Number of times a condition becomes true."""
+    return int(above[0]) + int(np.count_nonzero(above[1:] & ~above[:-1]))
+
+
+def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[str, float]:
+    """Figures of merit of a recorded run.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        Channels over the coordinate ``time`` [s], SI units, evenly sampled.
+    turbine : Turbine
+        For rated values and limits.
+    skip : float
+        Length of the start to leave out [s], in which the wake still forms.
+
+    Returns
+    -------
+    dict
+        Keys of `METRICS`, SI units. Blade loads are those of the worst blade.
+
+    Raises
+    ------
+    ValueError
+        If less than two samples are left or the sampling is uneven.
+    """
+    run = run.isel(time=run["time"].values >= run["time"].values[0] + skip - 1e-9)
+    time = run["time"].values
+    if time.size < 2:
+        raise ValueError(f"metrics need at least two samples after the first {skip} s, got {time.size}")
+    step = float(np.diff(time).mean())
+    if not np.allclose(np.diff(time), step, rtol=1e-3):
+        raise ValueError("metrics need evenly sampled signals")
+    # Each sample stands for one step, so that n samples last n steps.
+    duration = time.size * step
+    blades = range(1, turbine.n_blades + 1)
+
+    def channel(name: str) -> np.ndarray:
+        return run[name].values.astype(np.float64)
+
+    def worst_del(name: str) -> float:
+        return max(damage_equivalent_load(channel(f"{name}_{b}"), duration, BLADE_EXPONENT) for b in blades)
+
+    power, speed = channel("generator_power"), channel("rotor_speed")
+    fore_aft, side_side = channel("tower_base_fore_aft_moment"), channel("tower_base_side_side_moment")
+    pitch_rate = np.mean([np.abs(channel(f"pitch_rate_{b}")) for b in blades], axis=0)
+    torque_rate = np.diff(channel("generator_torque")) / step
+    return {
+        "mean_power": float(power.mean()),
+        "energy": float(power.mean() * duration),
+        "power_std": float(power.std()),
+        "rotor_speed_mean": float(speed.mean()),
+        "rotor_speed_std": float(speed.std()),
+        "rotor_speed_max": float(speed.max()),
+        "overspeed_count": float(_count_events(speed > 1.1 * turbine.drivetrain.rated_rotor_speed)),
+        "blade_flap_del": worst_del("root_flap_moment"),
+        "blade_edge_del": worst_del("root_edge_moment"),
+        "blade_flap_max": max(float(np.abs(channel(f"root_flap_moment_{b}")).max()) for b in blades),
+        "tip_deflection_max": max(float(channel(f"tip_out_of_plane_{b}").max()) for b in blades),
+        "tip_clearance_min": min(float(channel(f"tip_clearance_{b}").min()) for b in blades),
+        "tower_fore_aft_del": damage_equivalent_load(fore_aft, duration, TOWER_EXPONENT),
+        "tower_side_side_del": damage_equivalent_load(side_side, duration, TOWER_EXPONENT),
+        "tower_base_max": float(np.hypot(fore_aft, side_side).max()),
+        "pitch_duty_cycle": float(pitch_rate.mean() / turbine.pitch.max_rate),
+        "pitch_travel": float(pitch_rate.sum() * step),
+        "yaw_travel": float(np.abs(channel("yaw_rate")).sum() * step),
+        "torque_rate": float(np.sqrt(np.mean(torque_rate**2))),
+    }

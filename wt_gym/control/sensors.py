@@ -1,0 +1,108 @@
+"""What a controller can measure: channels with range, scale and noise, and filters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Channel", "LowPass", "NacelleAnemometer"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One measured quantity.
+
+    Attributes
+    ----------
+    name, unit : str
+    offset, scale : float
+        The normalised value is ``(value - offset) / scale``.
+    low, high : float
+        Range of the sensor in physical units: what lies outside reads as the end of the range.
+    noise : float
+        Standard deviation of white measurement noise at noise level 1, in physical units.
+    description : str
+    """
+
+    name: str
+    unit: str
+    offset: float
+    scale: float
+    low: float
+    high: float
+    noise: float
+    description: str
+
+    def __post_init__(self):
+        if not (self.scale > 0 and self.low < self.high and self.noise >= 0):
+            raise ValueError(f"channel {self.name!r} needs scale > 0, low < high and noise >= 0, got {self}")
+
+
+class LowPass:
+    """First-order low-pass filter, exact for a signal held over a step: ``y = a y + (1 - a) u``, ``a = exp(-dt/tau)``.
+
+    Parameters
+    ----------
+    time_constant : float
+        tau [s]; zero passes the signal through.
+    """
+
+    def __init__(self, time_constant: float):
+        if not time_constant >= 0:
+            raise ValueError(f"a filter's time constant must not be negative, got {time_constant!r} s")
+        self.time_constant = time_constant
+        self.value = math.nan
+
+    def reset(self, value: float) -> float:
+        """Start in steady state at a value."""
+        self.value = float(value)
+        return self.value
+
+    def update(self, value: float, dt: float) -> float:
+        """Take the value of a step of length ``dt`` [s] and return the filtered one."""
+        memory = math.exp(-dt / self.time_constant) if self.time_constant > 0 else 0.0
+        self.value = memory * self.value + (1.0 - memory) * float(value)
+        return self.value
+
+
+class NacelleAnemometer:
+    """Cup anemometer and wind vane: horizontal wind speed and direction at the hub, low-pass filtered.
+
+    The reading is that of a calibrated instrument: the undisturbed wind at the hub, without the rotor's induction.
+
+    Parameters
+    ----------
+    speed_time_constant, direction_time_constant : float
+        Of the cup anemometer and of the vane with its averaging [s].
+    """
+
+    def __init__(self, speed_time_constant: float = 1.0, direction_time_constant: float = 5.0):
+        self._speed = LowPass(speed_time_constant)
+        self._direction = LowPass(direction_time_constant)
+
+    def reset(self, wind_x: float, wind_y: float, yaw_error: float) -> tuple[float, float]:
+        """Start in steady state; arguments and result as `update`."""
+        return self._speed.reset(np.hypot(wind_x, wind_y)), self._direction.reset(yaw_error)
+
+    def update(self, wind_x: float, wind_y: float, yaw_error: float, dt: float) -> tuple[float, float]:
+        """Measure once.
+
+        Parameters
+        ----------
+        wind_x, wind_y : float
+            Horizontal wind at the hub [m/s].
+        yaw_error : float
+            Wind direction minus nacelle direction [rad].
+        dt : float
+            Time since the last measurement [s].
+
+        Returns
+        -------
+        wind_speed : float
+            [m/s]
+        yaw_error : float
+            [rad]
+        """
+        return self._speed.update(np.hypot(wind_x, wind_y), dt), self._direction.update(yaw_error, dt)

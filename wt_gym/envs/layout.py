@@ -1,0 +1,152 @@
+"""Which number of an observation or action is which: for controllers, wrappers, reports and documentation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from wt_gym.control import ActionMap, Channel
+    from wt_gym.turbines import Turbine
+
+__all__ = ["EnvLayout", "ObservationLayout", "layout_of"]
+
+
+class ObservationLayout:
+    """Order, scales and ranges of an observation vector.
+
+    Parameters
+    ----------
+    channels : sequence of Channel
+        One a component, in order.
+
+    Attributes
+    ----------
+    channels : tuple of Channel
+    names : tuple of str
+    low, high : numpy.ndarray, float32, shape (n,)
+        Bounds of the normalised values.
+    noise : numpy.ndarray, shape (n,)
+        Standard deviations of the measurement noise in physical units.
+    """
+
+    def __init__(self, channels):
+        self.channels: tuple[Channel, ...] = tuple(channels)
+        self.names = tuple(channel.name for channel in self.channels)
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f"channel names must differ, got {self.names}")
+        self._index = {name: i for i, name in enumerate(self.names)}
+        self._offset, self._scale, self._low, self._high, self.noise = (
+            np.array([getattr(channel, key) for channel in self.channels], dtype=np.float64)
+            for key in ("offset", "scale", "low", "high", "noise")
+        )
+        self.low, self.high = (
+            ((end - self._offset) / self._scale).astype(np.float32) for end in (self._low, self._high)
+        )
+
+    def __len__(self) -> int:
+        return len(self.channels)
+
+    def index(self, name: str) -> int:
+        """Position of a channel.
+
+        Raises
+        ------
+        KeyError
+            If the observation has no such channel; the message lists those it has.
+        """
+        try:
+            return self._index[name]
+        except KeyError:
+            raise KeyError(f"the observation has no channel {name!r}; it has {', '.join(self.names)}") from None
+
+    def value(self, observation: np.ndarray, name: str):
+        """Physical value of a channel.
+
+        Parameters
+        ----------
+        observation : numpy.ndarray, shape (..., n)
+            As given by the environment, not scaled any further by a wrapper.
+        name : str
+
+        Returns
+        -------
+        float or numpy.ndarray, shape (...)
+        """
+        i = self.index(name)
+        return observation[..., i] * self._scale[i] + self._offset[i]
+
+    def normalise(self, values: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+        """Observation from physical values.
+
+        Parameters
+        ----------
+        values : numpy.ndarray, shape (n,)
+            Physical values in the order of the channels.
+
+        Returns
+        -------
+        observation : numpy.ndarray, float32, shape (n,)
+            Within the bounds: a sensor at the end of its range stays there.
+        saturated : tuple of str
+            Channels whose value lies outside the range of the sensor.
+        """
+        outside = np.flatnonzero((values < self._low) | (values > self._high))
+        normalised = (np.clip(values, self._low, self._high) - self._offset) / self._scale
+        # Rounding to float32 must not leave the bounds, which were rounded too.
+        observation = np.clip(normalised.astype(np.float32), self.low, self.high)
+        return observation, tuple(self.names[i] for i in outside)
+
+    def table(self) -> list[dict]:
+        """Rows (name, unit, offset, scale, min, max, description) for documentation and reports."""
+        return [
+            {"name": c.name, "unit": c.unit, "offset": c.offset, "scale": c.scale, "min": c.low, "max": c.high,
+             "description": c.description}
+            for c in self.channels
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EnvLayout:
+    """Everything a controller must know of an environment to read its observation and write its action.
+
+    Attributes
+    ----------
+    turbine : Turbine
+    observation : ObservationLayout
+    action : ActionMap
+    control_dt : float
+        [s]
+    """
+
+    turbine: Turbine
+    observation: ObservationLayout
+    action: ActionMap
+    control_dt: float
+
+
+def layout_of(env) -> EnvLayout:
+    """Layout of an environment behind any wrappers.
+
+    Parameters
+    ----------
+    env : gymnasium.Env, gymnasium.vector.VectorEnv or stable_baselines3 VecEnv
+        Observations must not be scaled by a wrapper (as VecNormalize does) where the layout is used to read them.
+
+    Returns
+    -------
+    EnvLayout
+
+    Raises
+    ------
+    TypeError
+        If the environment is none of wt_gym's.
+    """
+    if hasattr(env, "num_envs"):
+        return env.unwrapped.get_attr("layout")[0]
+    layout = getattr(env.unwrapped, "layout", None)
+    if not isinstance(layout, EnvLayout):
+        raise TypeError(f"{env} is not a wt_gym environment: it has no layout")
+    return layout

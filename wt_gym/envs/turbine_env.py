@@ -1,0 +1,401 @@
+"""The Gymnasium environment."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+
+from wt_gym.control import ActionMap, Demand, operating_point
+from wt_gym.envs import rewards
+from wt_gym.envs.layout import EnvLayout
+from wt_gym.envs.observations import OBSERVATION_GROUPS, Observer
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
+from wt_gym.errors import SimulationError
+from wt_gym.simulation import Simulator
+from wt_gym.turbines import Turbine, load_turbine
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from wt_gym.envs.rewards import RewardTerm
+    from wt_gym.simulation import Fidelity, Signals
+    from wt_gym.wind import Inflow
+
+__all__ = ["WindTurbineEnv"]
+
+_RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitch", "azimuth")
+
+
+class WindTurbineEnv(gym.Env):
+    """A wind turbine in the wind, to be controlled by blade pitch, nacelle yaw and generator torque.
+
+    Behind every step runs a full aeroelastic simulation: flexible blades and tower in a multibody system, loaded by an
+    unsteady vortex lattice with a free wake. The task is to make power and spare the structure.
+
+    ## Action space
+
+    ``Box(-1, 1, (3,), float32)``, held over a control step of ``control_dt``. With ``action_mode="rate"`` (default) an
+    action moves the demands on the actuators; numbers for the NREL 5-MW:
+
+    | # | action                          | at -1       | at +1      | unit   |
+    |---|---------------------------------|-------------|------------|--------|
+    | 0 | collective pitch rate           | -8          | 8          | deg/s  |
+    | 1 | yaw rate                        | -0.3        | 0.3        | deg/s  |
+    | 2 | generator torque rate (HSS)     | -15         | 15         | kN m/s |
+
+    With ``action_mode="absolute"`` components 0 and 2 are the demands themselves, from the lower to the upper limit of
+    the turbine (0 to 90 deg, 0 to 47.4 kN m); yaw remains a rate. With ``pitch="individual"`` component 0 becomes one a
+    blade, blade 1 first. Positive pitch feathers; positive yaw is counter-clockwise seen from above. Demands stop at
+    the limits of the turbine; servos, with their own dynamics and greatest rates, follow the demands. An action that is
+    not finite, of another shape or beyond [-1, 1] by more than rounding raises `wt_gym.errors.ActionError`, leaves the
+    state as it was, and the episode can go on.
+
+    ## Observation space
+
+    ``Box(float32)``, ``(value - offset) / scale`` of each measured quantity; a sensor at the end of its range stays
+    there, and is then named in ``info["saturated"]``. Numbers for the NREL 5-MW and the default arguments, 31 channels:
+
+    | group           | quantity                                   | offset | scale  | min    | max    | unit    |
+    |-----------------|--------------------------------------------|--------|--------|--------|--------|---------|
+    | rotor           | rotor speed                                | 12.1   | 1.21   | 0      | 24.2   | rpm     |
+    | rotor           | generator speed                            | 1173.7 | 117.4  | 0      | 2347   | rpm     |
+    | power           | electrical power                           | 0      | 5      | -5     | 10     | MW      |
+    | power           | generator torque                           | 0      | 43.5   | -47.4  | 94.8   | kN m    |
+    | power           | generator torque demand                    | 0      | 43.5   | 0      | 47.4   | kN m    |
+    | pitch           | pitch, mean of the blades                  | 0      | 11.5   | -5.7   | 95.7   | deg     |
+    | pitch           | pitch rate, mean of the blades             | 0      | 8      | -16    | 16     | deg/s   |
+    | pitch           | pitch demand                               | 0      | 11.5   | 0      | 90     | deg     |
+    | wind            | nacelle anemometer (1 s filter)            | 12     | 6      | 0      | 60     | m/s     |
+    | wind            | yaw error, wind vane (5 s filter)          | 0      | 11.5   | -180   | 180    | deg     |
+    | blades          | tip deflection out of plane, 3 blades      | 0      | 6.15   | -61.5  | 61.5   | m       |
+    | blades          | tip deflection in plane, 3 blades          | 0      | 6.15   | -61.5  | 61.5   | m       |
+    | blades          | flapwise root moment, 3 blades             | 0      | 12.4   | -124   | 124    | MN m    |
+    | blades          | edgewise root moment, 3 blades             | 0      | 3.56   | -71    | 71     | MN m    |
+    | tower           | tower-top displacement fore-aft, side-side | 0      | 0.45   | -9     | 9      | m       |
+    | tower           | nacelle acceleration fore-aft, side-side   | 0      | 1      | -20    | 20     | m/s^2   |
+    | azimuth         | sine and cosine of the azimuth             | 0      | 1      | -1     | 1      | -       |
+    | previous_action | last action, 3 components                  | 0      | 1      | -1     | 1      | -       |
+
+    Individual pitch observes pitch, rate and demand of each blade. ``env.unwrapped.layout`` holds names, units, scales
+    and ranges for every turbine and choice of arguments; `wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
+
+    ## Reward
+
+    The sum of rates times ``control_dt``, so an episode's return is an integral over time that does not depend on the
+    control step; each term of a step stands in ``info["reward_terms"]``. Penalties are ``-w x^2 / (1 + x^2)``, hence
+    bounded. With P the electrical power, R the rated one:
+
+    | term           | weight | rate [1/s]                                                                     |
+    |----------------|--------|--------------------------------------------------------------------------------|
+    | power          | 1      | w P/R up to rated, w (1 - 2 (P/R - 1)) above it, at least -w                   |
+    | tip_deflection | 0.1    | x = downwind tip deflection / (0.15 blade length), mean over the blades        |
+    | tower_load     | 0.2    | x = rate of the tower-base moment / (0.25 M/s), M = Betz thrust x hub height   |
+    | actuator_use   | 0.1    | -w mean of abs(rate)/greatest rate of pitch, yaw and torque                    |
+    | overspeed      | 0.6    | x = (rotor speed / rated - 1.02) / 0.1 where positive                          |
+
+    A terminated episode gets the further term ``termination`` = ``-termination_penalty`` (default 50). An early end
+    never pays: the worst operation costs 2 per second, which is 40 altogether at a discount of 0.99 per 0.2 s, less
+    than the penalty; and without a discount an idling turbine, feathered and without torque, earns about 0 per second.
+
+    ## Starting state
+
+    The turbine runs in the drawn wind near its steady operating point
+    (`wt_gym.control.operating_point.operating_point`): rotor speed, pitch and generator torque of the mean wind speed,
+    azimuth drawn uniformly, nacelle facing the mean wind, structure and wake as ``Simulator.reset`` leaves them.
+    ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
+    [rad/s], ``pitch`` [rad] and ``azimuth`` [rad].
+
+    ## Episode end
+
+    Terminated (``info["termination"]`` says why):
+
+    - ``"overspeed"``: rotor speed above ``overspeed_limit`` times rated;
+    - ``"standstill"``: rotor speed below ``standstill_limit`` times rated, the rotor has stalled or was braked;
+    - ``"tower_strike"``: a blade tip touches the tower;
+    - ``"failure"``: the simulation left the range in which it has meaning; ``info["failure"]`` holds the message, and
+      the observation is the last good one.
+
+    Truncated: ``episode_length`` is over. Either way the environment can be reset and used on.
+
+    ## Info
+
+    ``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
+    ``rotor_speed`` [rad/s], ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names).
+    ``env.unwrapped.signals`` has every signal of the simulator.
+
+    ## Arguments
+
+    Parameters
+    ----------
+    turbine : str, path or Turbine
+        Name in the catalogue, a windIO v2 file, or a turbine.
+    inflow : {"steady", "turbulent"} or Inflow
+        Steady sheared wind, IEC Kaimal turbulence, or an inflow of one's own.
+    wind_speed : float or (float, float)
+        Mean wind speed at hub height, or the range it is drawn from at each reset [m/s].
+    shear_exponent : float
+        Of the power-law profile.
+    turbulence_class : {"A+", "A", "B", "C"}, optional
+        Default: that of the turbine.
+    wind_seeds : sequence of int
+        Turbulence seeds to draw from, by default `TRAINING_WIND_SEEDS`; `EVALUATION_WIND_SEEDS` are disjoint from them.
+    fidelity : str or Fidelity
+        Of the simulator: ``"training"``, ``"engineering"``, ``"reference"`` or one's own.
+    control_dt : float
+        Control step [s], a multiple of the simulator's step.
+    episode_length : float
+        Time after which an episode is truncated [s].
+    action_mode : {"rate", "absolute"}
+    pitch : {"collective", "individual"}
+    reward : mapping or iterable of RewardTerm, optional
+        Weights by name, or terms of one's own; see `wt_gym.envs.rewards.compose`.
+    termination_penalty : float
+        Subtracted from the reward when an episode is terminated.
+    overspeed_limit : float
+        Highest rotor speed over rated rotor speed.
+    standstill_limit : float
+        Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards.
+    observation : sequence of str
+        Groups to observe.
+    sensor_noise : float
+        Level of white measurement noise; 0 none, 1 typical instruments.
+    render_mode : {"rgb_array"}, optional
+        Picture of turbine and wake with the recent course of the key signals.
+
+    Notes
+    -----
+    Compiled kernels are cached on disk; the first episode ever compiles them. Make one environment before starting
+    worker processes, and start those by spawn or forkserver, not fork.
+
+    ## Version history
+
+    v0: first version.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 5}  # noqa: RUF012 - Gymnasium's attribute
+
+    def __init__(
+        self,
+        turbine: str | Turbine = "nrel_5mw",
+        inflow: str | Inflow = "steady",
+        wind_speed: float | tuple[float, float] = (6.0, 18.0),
+        shear_exponent: float = 0.2,
+        turbulence_class: str | None = None,
+        wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
+        fidelity: str | Fidelity = "training",
+        control_dt: float = 0.2,
+        episode_length: float = 120.0,
+        action_mode: str = "rate",
+        pitch: str = "collective",
+        reward: Mapping[str, float] | Iterable[RewardTerm] | None = None,
+        termination_penalty: float = 50.0,
+        overspeed_limit: float = 1.25,
+        standstill_limit: float = 0.2,
+        observation: Sequence[str] = OBSERVATION_GROUPS,
+        sensor_noise: float = 0.0,
+        render_mode: str | None = None,
+    ):
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
+        if not overspeed_limit > 1.0:
+            raise ValueError(f"overspeed_limit must be above 1, got {overspeed_limit!r}")
+        if not 0.0 <= standstill_limit < 1.0:
+            raise ValueError(f"standstill_limit must be at least 0 and below 1, got {standstill_limit!r}")
+        if not 0.0 <= termination_penalty < math.inf:
+            raise ValueError(f"termination_penalty must be finite and not negative, got {termination_penalty!r}")
+        self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        self.wind = WindSampler(self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds)
+        self.reward_terms = rewards.compose(reward)
+        self.termination_penalty = float(termination_penalty)
+        self.overspeed_limit, self.standstill_limit = float(overspeed_limit), float(standstill_limit)
+        self.control_dt, self.fidelity = float(control_dt), fidelity
+        action = ActionMap(self.turbine, control_dt, action_mode, pitch)
+        self._max_steps = round(episode_length / control_dt)
+        if not (self._max_steps >= 1 and math.isclose(self._max_steps * control_dt, episode_length, rel_tol=1e-9)):
+            raise ValueError(
+                f"episode_length must be a positive multiple of control_dt = {control_dt} s, got {episode_length!r} s"
+            )
+        self._observer = Observer(self.turbine, action, observation, sensor_noise)
+        self.layout = EnvLayout(self.turbine, self._observer.layout, action, self.control_dt)
+        self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
+        self.observation_space = spaces.Box(self._observer.layout.low, self._observer.layout.high, dtype=np.float32)
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
+        self.simulator: Simulator | None = None
+        self.signals: Signals | None = None
+        self._renderer = self._make_renderer()
+        self._running = False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Start an episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+        options : dict, optional
+            See "Starting state" in the class documentation.
+
+        Returns
+        -------
+        observation : numpy.ndarray, float32
+        info : dict
+
+        Raises
+        ------
+        ValueError
+            If an option is unknown.
+        wt_gym.errors.InflowError
+            If a wind is asked for that cannot be had.
+        """
+        super().reset(seed=seed)
+        options = dict(options or {})
+        unknown = [name for name in options if name not in _RESET_OPTIONS]
+        if unknown:
+            raise ValueError(f"reset has no options {unknown}; there are {_RESET_OPTIONS}")
+        wind_options = {name: options[name] for name in ("wind_speed", "wind_seed", "time_offset") if name in options}
+        self.episode_wind = self.wind.sample(self.np_random, **wind_options)
+        azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
+
+        start = operating_point(self.turbine, self.episode_wind.wind_speed)
+        pitch = float(options.get("pitch", start.pitch))
+        self._place_simulator()
+        self.signals = self.simulator.reset(
+            rotor_speed=float(options.get("rotor_speed", start.rotor_speed)),
+            pitch=pitch,
+            azimuth=float(options.get("azimuth", azimuth)),
+            yaw=0.0,
+            generator_torque=start.generator_torque,
+        )
+        self.demand = Demand(np.full(self.turbine.n_blades, pitch), 0.0, start.generator_torque)
+        self._action = np.zeros(self.layout.action.size)
+        self._steps, self._running = 0, True
+        self._observer.reset(self.signals)
+        observation, saturated = self._observe()
+        if self._renderer is not None:
+            self._renderer.reset()
+            self._renderer.record(self.signals)
+        return observation, self._info(saturated)
+
+    def step(self, action):
+        """Advance by one control step.
+
+        Parameters
+        ----------
+        action : array_like, shape (n_act,)
+
+        Returns
+        -------
+        observation : numpy.ndarray, float32
+        reward : float
+        terminated, truncated : bool
+        info : dict
+
+        Raises
+        ------
+        wt_gym.errors.ActionError
+            If the action is refused; the state is unchanged.
+        gymnasium.error.ResetNeeded
+            If no episode is running.
+        """
+        if not self._running:
+            raise ResetNeeded("the episode is over, or none was started: call reset() before step()")
+        values = self.layout.action.validate(action)
+        demand = self.layout.action.decode(values, self.demand)
+        before = self.signals
+        try:
+            after = self.simulator.advance(
+                self.control_dt, pitch=demand.pitch, yaw_rate=demand.yaw_rate, generator_torque=demand.generator_torque
+            )
+            self._check_finite(after)
+        except SimulationError as error:
+            return self._fail(error)
+        self.signals, self.demand, self._action = after, demand, values
+        self._steps += 1
+        self._observer.advance(after, self.control_dt)
+        if self._renderer is not None:
+            self._renderer.record(after)
+
+        transition = rewards.Transition(self.turbine, before, after, self.control_dt)
+        reward, terms = rewards.total(self.reward_terms, transition)
+        ending = self._ending()
+        if ending is not None:
+            reward, terms = self._punish(reward, terms)
+        observation, saturated = self._observe()
+        truncated = ending is None and self._steps >= self._max_steps
+        self._running = ending is None and not truncated
+        info = self._info(saturated) | {"reward_terms": terms}
+        if ending is not None:
+            info["termination"] = ending
+        return observation, reward, ending is not None, truncated, info
+
+    def render(self):
+        """Return a picture of the turbine and its wake, uint8 array of shape (height, width, 3), or None."""
+        if self._renderer is None:
+            gym.logger.warn("render() was called without a render_mode; make the environment with 'rgb_array'")
+            return None
+        if self.signals is None:
+            raise ResetNeeded("render() needs a started episode: call reset() first")
+        return self._renderer.draw(self.simulator.geometry())
+
+    def close(self) -> None:
+        """Release the simulator and the renderer."""
+        self.simulator, self._renderer, self._running = None, None, False
+
+    def _make_renderer(self):
+        if self.render_mode is None:
+            return None
+        from wt_gym.envs.rendering import Renderer  # matplotlib takes half a second to import
+
+        return Renderer(self.turbine)
+
+    def _place_simulator(self) -> None:
+        """Put the simulator into the wind of the episode."""
+        if self.simulator is None:
+            self.simulator = Simulator(self.turbine, inflow=self.episode_wind.inflow, fidelity=self.fidelity)
+        else:
+            self.simulator.inflow = self.episode_wind.inflow
+
+    def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
+        return self._observer.observe(self.signals, self.demand, self._action, self.np_random)
+
+    def _info(self, saturated: tuple[str, ...]) -> dict[str, Any]:
+        return {
+            "time": float(self.signals["time"]),
+            "wind_speed": float(self.episode_wind.wind_speed),
+            "wind_seed": int(self.episode_wind.wind_seed),
+            "generator_power": float(self.signals["generator_power"]),
+            "rotor_speed": float(self.signals["rotor_speed"]),
+            "saturated": saturated,
+        }
+
+    def _ending(self) -> str | None:
+        """Why the episode is terminated, if it is."""
+        speed = self.signals["rotor_speed"] / self.turbine.drivetrain.rated_rotor_speed
+        if speed > self.overspeed_limit:
+            return "overspeed"
+        if speed < self.standstill_limit:
+            return "standstill"
+        if min(self.signals[f"tip_clearance_{b + 1}"] for b in range(self.turbine.n_blades)) <= 0.0:
+            return "tower_strike"
+        return None
+
+    def _punish(self, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
+        """Reward and terms of a terminated episode's last step."""
+        return reward - self.termination_penalty, {**terms, "termination": -self.termination_penalty}
+
+    def _check_finite(self, signals: Signals) -> None:
+        if not np.isfinite(signals.values).all():
+            raise SimulationError(f"the simulator returned values that are not finite at {signals['time']!r} s")
+
+    def _fail(self, error: SimulationError):
+        """Result of a step that the simulation did not survive: the last good observation and the penalty."""
+        self._running = False
+        observation, saturated = self._observe()
+        reward, terms = self._punish(0.0, {term.name: 0.0 for term in self.reward_terms})
+        info = self._info(saturated) | {"reward_terms": terms, "termination": "failure", "failure": str(error)}
+        return observation, reward, True, False, info
