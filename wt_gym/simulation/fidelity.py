@@ -115,6 +115,17 @@ FIDELITIES = {
         tower_modes=(2, 2, 1),
         blade_modes=(4, 3, 1),
     ),
+    # the 13 degrees of freedom of Gebhardt et al. 2012: three of the tower, the rotor, three of each blade
+    "gebhardt": Fidelity(
+        "gebhardt",
+        TRAINING,
+        tower_modes=(1, 1, 1),
+        blade_modes=(2, 1, 0),
+        blade_elements=21,
+        stiffest_shaft=0.0,
+        coupling_iterations=5,
+        formulation="constrained",
+    ),
 }
 
 
