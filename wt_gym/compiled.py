@@ -33,7 +33,8 @@ def kernel(function=None, **options):
     ----------
     function : callable
     **options
-        Further options of ``numba.njit``.
+        Further options of ``numba.njit``. ``inline="always"`` suits a kernel with a single caller: it is then compiled
+        once, not on its own and again within its caller.
     """
     if function is None:
         return lambda f: kernel(f, **options)

@@ -79,7 +79,7 @@ def geometry(nodes, points, normal, area):
                 k += 1
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def relative_wind(nodes, velocities, wind, flow):
     """Wind minus motion at all points (3, n_point), from node values."""
     n_blade, n_row, n_node, _ = nodes.shape
@@ -179,7 +179,7 @@ def invert(matrix, inverse):
                     inverse[r, m] -= factor * inverse[k, m]
 
 
-@kernel(fastmath=False, _nrt=True)
+@kernel(fastmath=False, _nrt=True, inline="always")
 def invert_boundary_condition(influence, normal, n_blade, n_chord, n_span, inverse, response):
     """Inverse of the normal-velocity matrix and the strips' response to decambering.
 
@@ -232,7 +232,7 @@ def polar_at(table, alpha):
     return cl, cd, cm, slope
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def strip_axes(nodes, fore_aft, normal, width):
     """Unit chord direction and normal of the section planes (n_strip, 3), and strip width along the span (n_strip,)."""
     n_blade, n_row, n_node, _ = nodes.shape
@@ -275,7 +275,7 @@ def section_state(across, along, tilt, polar, alpha0, chord, kappa):
     return alpha, speed, across - 0.5 * speed * chord * cl / kappa, 1.0 - gradient / kappa
 
 
-@kernel(fastmath=False, _nrt=True)
+@kernel(fastmath=False, _nrt=True, inline="always")
 def decambering(potential, along, response, previous, first, dt, lag, chord, kappa, tilt, alpha0, polars, n_blade,
                 tolerance, max_iterations, source):  # fmt: skip
     """Decambering velocities of all strips such that circulation and polar agree; returns the residual [m/s].
@@ -338,7 +338,7 @@ def _push(forces, b, i, j, fx, fy, fz):
     forces[b, i, j, 2] += fz
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def potential_loads(nodes, gamma, rate, flow, normal, area, density, forces):
     """Joukowski force of every bound segment and the force of the changing circulation, at the nodes.
 
@@ -386,7 +386,7 @@ def potential_loads(nodes, gamma, rate, flow, normal, area, density, forces):
                 k += 1
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def viscous_loads(nodes, fore_aft, normal, width, alpha, speed, slope_angle, chord, moment0, polars, density, forces):
     """Drag at the quarter chord and pitching moment as a couple of the first and last node row, from the polars.
 

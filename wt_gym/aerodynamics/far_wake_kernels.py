@@ -14,7 +14,7 @@ PER_CYLINDER = 4  # start, radius, ring vorticity, axial circulation
 MOST_INDUCTION = 1.6
 
 
-@kernel(fastmath=False, _nrt=True)
+@kernel(fastmath=False, _nrt=True, inline="always")
 def measure_far_wake(wake, wake_gamma, age, n_rows, n_tail, origin, edge, dt, far):
     """Cylinders from the geometry and circulation of the last ``n_tail`` rows.
 

@@ -175,7 +175,7 @@ def build_sheet(bound, gamma, wake, wake_gamma, n_rows, age, edge_chord, wake_co
                 sheet[k, s, j, 6] = max(span_core, 1e-12)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def open_newest_ring(sheet, n_chord, n_rows, wake_gamma):
     """Take the ring between trailing edge and first wake row out of a sheet, for it belongs to the unknowns.
 

@@ -5,7 +5,7 @@ from wt_gym.aerodynamics.induction_kernels import lane_count, sheet_induction
 from wt_gym.compiled import kernel
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def convect(wake, induced, history, wind, n_rows, dt, ratio):
     """Move rows 0..n_rows from t to t + dt with the second-order Adams-Bashforth scheme, in place.
 
@@ -23,7 +23,7 @@ def convect(wake, induced, history, wind, n_rows, dt, ratio):
                     history[k, b, j, c] = velocity
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def age_rows(wake, induced, history, wake_gamma, age, shed, n_rows, dt, full_rows, stride, step, shed_fraction):
     """Make room for a new row behind the trailing edge: every row becomes one older; returns the number of rows.
 
@@ -127,7 +127,7 @@ def induced_at(sheet, n_target, targets, velocity, scratch, origin, ground, has_
             velocity[0, 2, i] -= velocity[1, 2, i]
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def refresh_induced(sheet, n_chord, n_rows, wake, induced, shed, step, fresh_rows, stride, rows, targets, velocity,
                     scratch, origin, ground, has_ground, far, table):  # fmt: skip
     """Compute the induced velocity of the wake rows whose turn it is; returns how many rows that were."""

@@ -64,8 +64,9 @@ footer { max-width: 1200px; margin: 0 auto; padding: 0 24px 40px; color: var(--m
 
 _SCRIPT = """
 (function () {
-  const options = {responsive: true, displaylogo: false, modeBarButtonsToRemove: ['select2d', 'lasso2d']};
-  const waiting = Array.from(document.querySelectorAll('.plot'));
+  const narrow = window.innerWidth < 640;
+  const options = {responsive: true, displaylogo: false, displayModeBar: !narrow, modeBarButtonsToRemove: ['select2d',
+  'lasso2d']}; const waiting = Array.from(document.querySelectorAll('.plot'));
   function drawNext() {
     const element = waiting.shift();
     if (!element) return;

@@ -78,6 +78,7 @@ def scene_figure(geometry: Mapping[str, np.ndarray]) -> go.Figure:
         showlegend=False,
         modebar={"bgcolor": "rgba(0,0,0,0)", "color": "#8a96a3", "activecolor": INK},
         scene={
+            "domain": {"x": [0.0, 1.0], "y": [0.1, 1.0]},
             "xaxis": {**plain, "title": {"text": "downwind [m]"}},
             "yaxis": {**plain, "title": {"text": "left [m]"}},
             "zaxis": {**plain, "title": {"text": "height [m]"}},
@@ -109,9 +110,10 @@ def _wake(geometry: Mapping[str, np.ndarray]) -> list[go.Scatter3d]:
         gap = np.full((1, *points.shape[1:]), np.nan)
         line = np.concatenate([points, gap]).swapaxes(0, 1).reshape(-1, 3).astype(np.float32)
         colour = np.concatenate([colours, np.zeros((1, colours.shape[1]))]).T.reshape(-1).astype(np.float32)
+        title = {"text": "Circulation of trailing filaments [m²/s]", "font": {"color": INK, "size": 12}, "side": "top"}
         bar = {
-            "title": {"text": "Circulation<br>of trailing<br>filaments<br>[m²/s]", "font": {"color": INK, "size": 12}},
-            "thickness": 12, "len": 0.55, "x": 1.0, "xanchor": "right", "tickfont": {"color": INK, "size": 11},
+            "title": title, "orientation": "h", "thickness": 10, "len": 0.7, "x": 0.5, "y": 0.0, "yanchor": "bottom",
+            "tickfont": {"color": INK, "size": 11},
         }  # fmt: skip
         traces.append(
             go.Scatter3d(

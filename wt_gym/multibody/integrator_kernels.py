@@ -21,8 +21,10 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
     inputs : Inputs
     tree, work : arrays of the system
     h : float
-        Step [s].
-    n_steps, n_corrections : int
+        Step [s]; without steps the fraction of the interval at which the inputs are taken.
+    n_steps : int
+        0 only evaluates the rate of the newest state, into the newest f.
+    n_corrections : int
     constrained : None or int
         See :func:`wt_gym.multibody.tree_kernels.rates`.
 
@@ -34,11 +36,13 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
     y, f, e = history.y, history.f, history.error
     p, c, fn = work.predictor, work.corrector, work.rate
     n = p.shape[0]
-    for step in range(n_steps):
-        tau = (step + 1.0) / n_steps
+    for step in range(max(n_steps, 1)):
+        tau = (step + 1.0) / n_steps if n_steps else h
         filled = history.filled[0]
         for i in range(n):
-            if filled >= 3:
+            if n_steps == 0:
+                c[i] = y[3, i]
+            elif filled >= 3:
                 p[i] = y[0, i] + 4.0 * h / 3.0 * (2.0 * f[3, i] - f[2, i] + 2.0 * f[1, i])
                 c[i] = p[i] + 112.0 / 9.0 * e[i]
             elif filled == 2:
@@ -50,10 +54,14 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
             else:
                 p[i] = y[3, i] + h * f[3, i]
                 c[i] = p[i]
-        for k in range(n_corrections + 1):
+        for k in range(n_corrections + 1 if n_steps else 1):
             code = rates(c, tau, inputs, tree, work, fn, constrained)
             if code != OK:
                 return code
+            if n_steps == 0:
+                for i in range(n):
+                    f[3, i] = fn[i]
+                return OK
             if k == n_corrections:
                 break
             for i in range(n):

@@ -458,20 +458,21 @@ class MultibodySystem:
     # ---- evaluation (convenience around the kernels, one state at a time) ------------------------------------------
 
     def rates(self, y, inputs=None, work=None):
-        """dy/dt (n_state,) for a state and constant inputs.
+        """dy/dt (n_state,) for a state and the inputs at the start of their interval.
 
         Raises
         ------
         MultibodyError
             When the mass matrix is singular or constraints depend on each other.
         """
-        y, dy = np.ascontiguousarray(y, dtype=float), np.zeros(self.n_state)
-        code = tree_kernels.rates(
-            y, 0.0, inputs or self.new_inputs(), self.tree, work or self.new_work(), dy, self.constrained
+        history = new_history(self.n_state)
+        history.y[3] = y
+        code = integrator_kernels.hamming_advance(
+            history, inputs or self.new_inputs(), self.tree, work or self.new_work(), 0.0, 0, 0, self.constrained
         )
         if code != tree_kernels.OK:
             raise MultibodyError(FAILURES[code])
-        return dy
+        return history.f[3].copy()
 
     def constraint_residuals(self, y):
         """Residuals φ and φ̇ (n_constraints,) of the constraint equations for a state [m, rad; 1/s]."""
@@ -531,6 +532,11 @@ def _joint_names(name, count):
     return [name] if count == 1 else [f"{name}_{i}" for i in range(count)]
 
 
+def new_history(n):
+    """Empty history of the Hamming scheme for a state of length n."""
+    return HammingHistory(np.zeros((4, n)), np.zeros((4, n)), np.zeros(n), np.zeros(1, dtype=np.int64))
+
+
 class HammingIntegrator:
     """The modified Hamming scheme on a system, with its history.
 
@@ -548,8 +554,7 @@ class HammingIntegrator:
             raise MultibodyError(f"integration step must be positive, got {step}")
         self.system, self.step, self.n_corrections = system, float(step), int(n_corrections)
         self.work, self.inputs = system.new_work(), system.new_inputs()
-        n = system.n_state
-        self.history = HammingHistory(np.zeros((4, n)), np.zeros((4, n)), np.zeros(n), np.zeros(1, dtype=np.int64))
+        self.history = new_history(system.n_state)
 
     def start(self, y):
         """Begin at the state y; the starters run again."""

@@ -106,7 +106,7 @@ def cross_add(a, b, out):
     out[2] += a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@kernel(inline="always")
 def attachment(b, p, y, yd, tree, work):
     """Position, rotation and rates of marker b on body p, in components of p.
 
@@ -157,7 +157,7 @@ def kinematics(y, tree, work):
         joint_motion(b, p, tree.kind[b], n_in, y, yd, tree, work)
 
 
-@kernel
+@kernel(inline="always")
 def joint_frame(k, p, y, yd, tree, work):
     """Motion of the frame that marker k carries on body p (the ground for p = −1), in components of p.
 
@@ -239,7 +239,7 @@ def joint_frame(k, p, y, yd, tree, work):
     return n_in
 
 
-@kernel
+@kernel(inline="always")
 def joint_motion(b, p, kind, n_in, y, yd, tree, work):
     """Carry the joint-frame kinematics (parent components) through the joint of body b."""
     q0, u0 = tree.joint_q[b], tree.joint_u[b]
@@ -314,7 +314,7 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
                 work.vl[b, j, n_in + i] = 0.0
 
 
-@kernel
+@kernel(inline="always")
 def slide_joint(b, p, kind, n_in, y, yd, tree, work):
     """Translation of a prismatic or free joint, along axes fixed in the joint frame (parent components).
 
@@ -428,7 +428,7 @@ def body_terms(b, y, yd, tree, work):
     cross_add(w, work.c2, h[3:6])
 
 
-@kernel
+@kernel(inline="always")
 def assemble(y, loads, tree, work):
     """Mass matrix and right-hand side of M u̇ = f from all bodies; kinematics must be up to date."""
     n_q, n_u = tree.n_q, tree.n_u
@@ -733,7 +733,7 @@ def solve_constrained(tree, work):
     return OK
 
 
-@kernel
+@kernel(inline="always")
 def rates(y, tau, inputs, tree, work, dy, constrained=None):
     """dy/dt for the state y = [q, u, servo angles, servo rates] at the fraction tau of the input interval.
 

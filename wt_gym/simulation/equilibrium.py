@@ -3,8 +3,6 @@
 import numpy as np
 
 from wt_gym.errors import SimulationError
-from wt_gym.multibody import tree_kernels
-from wt_gym.multibody.system import FAILURES
 
 __all__ = ["elastic_equilibrium", "highest_frequency"]
 
@@ -26,16 +24,15 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
     ------
     SimulationError
         When no balance is found.
+    MultibodyError
+        When the mass matrix is singular.
     """
     q = np.array([i for i in range(system.n_q) if i != azimuth_q])
     u = np.array([i for i in range(system.n_u) if i != azimuth_u]) + system.n_q
-    dy, step = np.zeros(system.n_state), 1e-4
+    step = 1e-4
 
     def residual(state):
-        code = tree_kernels.rates(state, 0.0, inputs, system.tree, work, dy, system.constrained)
-        if code != tree_kernels.OK:
-            raise SimulationError(f"no static balance: {FAILURES[code]}")
-        return dy[u].copy()
+        return system.rates(state, inputs, work)[u]
 
     jacobian = np.zeros((len(u), len(q)))
     for _ in range(iterations):

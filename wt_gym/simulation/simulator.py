@@ -26,6 +26,8 @@ __all__ = ["Simulator"]
 
 MAX_DEFLECTION = 0.4
 """Elastic tip displacement, in blade lengths, beyond which a linear elastic blade has lost its meaning."""
+FULL_TORQUE_SPEED = 0.05
+"""Speed, in rated speeds, below which the available torque falls to zero: a generator brakes, it never drives."""
 MAX_OVERSPEED = 3.0
 """Rotor speed, in rated speeds, at which a simulation is given up."""
 
@@ -175,7 +177,8 @@ class Simulator:
         yaw_rate : float
             Demanded yaw rate [rad/s], limited to the yaw drive's rate.
         generator_torque : float
-            Demanded torque on the high-speed shaft [N m]; rate-limited and kept between 0 and the generator's maximum.
+            Demanded torque on the high-speed shaft [N m]; rate-limited and kept between 0 and the generator's maximum,
+            which falls to zero as the rotor stops.
 
         Returns
         -------
@@ -238,6 +241,18 @@ class Simulator:
         arrays |= {"nodes": self._nodes, "velocities": self._velocities}
         return arrays
 
+    def linearize(self, operating_point=None, **options):
+        """Linear model about a steady operating point; see :func:`wt_gym.simulation.linearization.linearize`.
+
+        Returns
+        -------
+        LinearModel
+            A, B, C, D with named states, inputs and outputs.
+        """
+        from wt_gym.simulation.linearization import linearize  # it builds on simulators
+
+        return linearize(self, operating_point, **options)
+
     def geometry(self):
         """Shapes for pictures, global coordinates [m].
 
@@ -296,7 +311,9 @@ class Simulator:
         """Demands after one time step, within the rates and ranges of the drives."""
         dt, drive, limits, c = self.time_step, self.turbine.drivetrain, self.turbine.pitch, self._command
         reach = drive.max_torque_rate * dt
-        c[0] = min(max(torque, c[0] - reach, 0.0), c[0] + reach, drive.max_generator_torque)
+        turning = self._integrator.state[self.structure.system.n_q + self.structure.azimuth_u] / drive.rated_rotor_speed
+        strongest = drive.max_generator_torque * min(max(turning / FULL_TORQUE_SPEED, 0.0), 1.0)
+        c[0] = min(max(torque, c[0] - reach, 0.0), c[0] + reach, strongest)
         fastest = self.turbine.nacelle.max_yaw_rate
         c[1] += dt * min(max(yaw_rate, -fastest), fastest)
         reach = limits.max_rate * dt
@@ -341,7 +358,7 @@ class Simulator:
                 break
         self.lattice.accept(self._aero)
         # the stored rate belongs to the stored state and the final loads
-        code = tree_kernels.rates(history.y[3], 1.0, inputs, tree, work, history.f[3], constrained)
+        code = hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained)
         if code != tree_kernels.OK:
             raise SimulationError(FAILURES[code])
         self._previous_loads[:] = first

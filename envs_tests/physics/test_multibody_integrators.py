@@ -1,0 +1,243 @@
+"""The family of time integrators: stability, order, energy, rotations, drives, errors."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wt_gym.multibody.integrators import INTEGRATORS, make_integrator
+from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
+from wt_gym.structure.flexible_body import FlexibleBody
+from wt_gym.validation.integrators import (
+    HAMMING_TABLE,
+    amplification,
+    hamming_amplification,
+    oscillator,
+    pendulum,
+    pendulum_error,
+    pendulum_state,
+    spectral_radius,
+)
+
+IMPLICIT = [("newmark", {}), ("generalized-alpha", {"rho_inf": 0.8}), ("generalized-alpha", {"rho_inf": 0.0})]
+EVERY = [("hamming", {}), *IMPLICIT]
+
+
+@pytest.mark.parametrize(("passes", "final", "real", "undamped", "damped"), [row for row in HAMMING_TABLE if row[1]])
+def test_hamming_stability_limits(passes, final, real, undamped, damped):
+    """The compiled scheme is stable just below and unstable just above the limits of the table."""
+    systems = oscillator(0.0, 1.0), oscillator(1.0, 0.0), oscillator(1.0, 0.02)
+    for system, limit in zip(systems, (real, undamped, damped), strict=True):
+        integrator = make_integrator("hamming", system, 1.0, n_corrections=passes or 100)
+        assert spectral_radius(amplification(integrator, 0.985 * limit)) < 1.0 + 1e-7
+        assert spectral_radius(amplification(integrator, 1.015 * limit)) > 1.0 + 1e-7
+
+
+def test_hamming_matches_its_formulas():
+    """The compiled step has the roots of the written scheme with f evaluated again at the final state."""
+    for h in (0.3, 0.9):
+        integrator = make_integrator("hamming", oscillator(), h)
+        expected = spectral_radius(hamming_amplification(1j * h, 3))
+        assert spectral_radius(amplification(integrator, h)) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.3, 0.8, 1.0])
+def test_generalized_alpha_spectral_radius(rho):
+    """Never above one, and rho at the highest frequencies."""
+    integrator = make_integrator("generalized-alpha", oscillator(), 1.0, rho_inf=rho, tolerance=1e-6)
+    radii = [spectral_radius(amplification(integrator, h)) for h in (0.1, 1.0, 3.0, 10.0, 100.0)]
+    assert max(radii) < 1.0 + 1e-9
+    assert spectral_radius(amplification(integrator, 1e4)) == pytest.approx(rho, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "order", "n"),
+    [
+        ("hamming", {"exact_history": True}, 5.0, 400),
+        ("hamming", {}, 3.0, 1600),
+        ("newmark", {}, 2.0, 400),
+        ("generalized-alpha", {"rho_inf": 0.8}, 2.0, 400),
+        ("generalized-alpha", {"rho_inf": 0.0}, 2.0, 400),
+    ],
+)
+def test_order_of_accuracy(name, options, order, n):
+    errors = [pendulum_error(name, k, **options) for k in (n, 2 * n)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
+
+
+def test_newmark_keeps_energy_and_has_its_phase():
+    """Average acceleration on a linear oscillator: no loss in 1000 periods, phase 2 atan(ω h/2) a step."""
+    integrator = make_integrator("newmark", oscillator(), 0.2, tolerance=1e-12)
+    integrator.start(np.array([1.0, 0.0]))
+    integrator.advance(314)
+    assert integrator.state[0] == pytest.approx(np.cos(314 * 2.0 * np.arctan(0.1)), abs=1e-6)
+    integrator.advance(31416 - 314)
+    assert np.sum(np.square(integrator.state)) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_high_frequencies_die_with_generalized_alpha_only():
+    """ω h = 30: the mode that the step cannot resolve stays with ρ∞ = 1 and is gone after ten steps with ρ∞ = 0."""
+    left = {}
+    for rho in (1.0, 0.0):
+        integrator = make_integrator("generalized-alpha", oscillator(900.0), 1.0, rho_inf=rho)
+        integrator.start(np.array([1.0, 0.0]))
+        integrator.advance(10)
+        left[rho] = np.hypot(integrator.state[0], integrator.state[1] / 30.0)
+    assert left[1.0] == pytest.approx(1.0, rel=1e-6)
+    assert left[0.0] < 1e-6
+
+
+def test_pendulum_energy_stays_bounded():
+    system = pendulum()
+    for name, bound in (("hamming", 5e-5), ("newmark", 2e-3)):
+        integrator = make_integrator(name, system, 0.01)
+        integrator.start(pendulum_state(0.0))
+        start = sum(system.energy(integrator.state))
+        for _ in range(400):
+            integrator.advance(10)
+            assert abs(sum(system.energy(integrator.state)) - start) < bound
+
+
+def spinning_top(theta=0.4, spin=40.0):
+    """Heavy top in steady precession: system, state, precession rate (root of A Ω² cos θ − C s Ω + m g l = 0)."""
+    mass, length, axial, transverse = 2.0, 0.5, 0.3, 0.8
+    precession = np.roots([(transverse - axial) * np.cos(theta), -axial * spin, mass * 9.81 * length]).min()
+    about_centre = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
+    system = MultibodySystem()
+    system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), about_centre), Joint("spherical"))
+    system.build()
+    y = system.initial_state()
+    orientation = Rotation.from_euler("y", theta)
+    y[:4] = orientation.as_quat()[[3, 0, 1, 2]]
+    y[4:7] = orientation.inv().apply([0.0, 0.0, precession]) + np.array([0.0, 0.0, spin])
+    return system, y, precession
+
+
+@pytest.mark.parametrize(("name", "options"), IMPLICIT[:2])
+def test_rotations_by_increments(name, options):
+    """Second order on the heavy top, with a unit quaternion at every step."""
+    system, y, precession = spinning_top()
+    errors = []
+    for n in (500, 1000):
+        integrator = make_integrator(name, system, 1.0 / n, **options)
+        integrator.start(y)
+        integrator.advance(n)
+        assert np.linalg.norm(integrator.state[:4]) == pytest.approx(1.0, abs=1e-14)
+        axis = Rotation.from_quat(integrator.state[[1, 2, 3, 0]]).apply([0.0, 0.0, 1.0])
+        exact = [np.sin(0.4) * np.cos(precession), np.sin(0.4) * np.sin(precession), np.cos(0.4)]
+        errors.append(np.linalg.norm(axis - exact))
+    assert errors[1] < 1e-3
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
+
+
+def test_free_fall_of_a_spinning_body():
+    """A free joint: parabola of the mass centre, constant spin about a principal axis."""
+    system = MultibodySystem()
+    system.add(FlexibleBody.rigid("box", 2.0, np.zeros(3), np.diag([1.0, 2.0, 3.0])), Joint("free"))
+    system.build()
+    y = system.initial_state()
+    y[7:13] = [1.0, 0.0, 2.0, 0.0, 0.0, 3.0]
+    integrator = make_integrator("newmark", system, 0.01)
+    integrator.start(y)
+    integrator.advance(100)
+    np.testing.assert_allclose(integrator.state[:3], [1.0, 0.0, 2.0 - 0.5 * 9.81], atol=1e-9)
+    np.testing.assert_allclose(integrator.state[3:7], [np.cos(1.5), 0.0, 0.0, np.sin(1.5)], atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "options"), EVERY)
+def test_servo_follows_its_command(name, options):
+    """Critically damped step response 1 − (1 + ω t) e^(−ω t)."""
+    system = MultibodySystem()
+    system.add(FlexibleBody.rigid("wheel", 1.0, np.zeros(3), np.eye(3)), Joint("servo", servo_frequency=5.0))
+    ball = FlexibleBody.rigid("ball", 1.0, np.zeros(3), np.eye(3))
+    system.add(ball, Joint("revolute", stiffness=1.0), 0)
+    system.build()
+    integrator = make_integrator(name, system, 0.002, **options)
+    integrator.inputs.servo_command[:] = 0.3
+    integrator.start(system.initial_state())
+    integrator.advance(250)
+    expected = 0.3 * (1.0 - (1.0 + 2.5) * np.exp(-2.5))
+    assert integrator.state[2] == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize(("name", "options"), EVERY)
+def test_inputs_run_linearly_through_the_steps(name, options):
+    """A force that grows linearly gives a velocity t²/2: exact for every scheme of second order."""
+    system = oscillator(0.0)
+    integrator = make_integrator(name, system, 0.1, **options)
+    integrator.inputs.dof_force[1] = 2.0
+    integrator.start(np.zeros(2))
+    integrator.advance(20)
+    # schemes with αf average the force of a step's ends with the step before
+    assert integrator.state[1] == pytest.approx(2.0, abs=0.06 if "rho_inf" in options else 1e-9)
+    assert integrator.state_rate[1] == pytest.approx(2.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("name", "options"), EVERY)
+def test_history_continues_bit_for_bit(name, options):
+    integrator = make_integrator(name, pendulum(), 0.02, **options)
+    integrator.start(pendulum_state(0.0))
+    integrator.advance(10)
+    saved = [a.copy() for a in integrator.history]
+    integrator.advance(20)
+    first = integrator.state.copy()
+    for array, values in zip(integrator.history, saved, strict=True):
+        array[...] = values
+    integrator.advance(20)
+    assert np.array_equal(first, integrator.state)
+
+
+def test_stored_rate_belongs_to_the_stored_state():
+    system = pendulum()
+    for name in INTEGRATORS:
+        integrator = make_integrator(name, system, 0.01)
+        integrator.start(pendulum_state(0.0))
+        integrator.advance(7)
+        np.testing.assert_allclose(integrator.state_rate, system.rates(integrator.state), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", list(INTEGRATORS))
+@pytest.mark.parametrize("step", [0.0, -0.1, np.nan])
+def test_step_must_be_positive(name, step):
+    with pytest.raises(MultibodyError, match="step must be positive"):
+        make_integrator(name, pendulum(), step)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("euler", {}, "unknown; allowed: hamming, newmark, generalized-alpha"),
+        ("newmark", {"rho_inf": 0.5}, "does not take"),
+        ("newmark", {"gamma": 0.4}, "gamma >= 1/2"),
+        ("newmark", {"beta": -0.1}, "beta >= 0"),
+        ("generalized-alpha", {"rho_inf": 1.2}, "0 … 1"),
+        ("newmark", {"tolerance": 0.0}, "tolerance must be positive"),
+        ("newmark", {"max_iterations": 0}, "max_iterations"),
+    ],
+)
+def test_options_without_meaning_are_refused(name, options, message):
+    with pytest.raises(MultibodyError, match=message):
+        make_integrator(name, pendulum(), 0.01, **options)
+
+
+def test_newton_that_does_not_converge_says_so():
+    integrator = make_integrator("newmark", pendulum(), 0.3, max_iterations=2)
+    integrator.start(pendulum_state(0.0))
+    with pytest.raises(MultibodyError, match="did not converge in 2 iterations"):
+        integrator.advance(50)
+
+
+@pytest.mark.parametrize(("name", "options", "step"), [("hamming", {}, 1.2), ("newmark", {"beta": 0.0}, 2.1)])
+def test_step_beyond_the_stability_limit_is_named(name, options, step):
+    integrator = make_integrator(name, oscillator(), step, **options)
+    integrator.start(np.array([1.0, 0.0]))
+    with pytest.raises(MultibodyError, match="stability limit"):
+        integrator.advance(5000)
+
+
+def test_singular_mass_is_named():
+    system = MultibodySystem()
+    system.add(FlexibleBody.rigid("nothing", 0.0, np.zeros(3), np.zeros((3, 3))), Joint("revolute", (1.0, 0.0, 0.0)))
+    system.build()
+    for name in INTEGRATORS:
+        with pytest.raises(MultibodyError, match="mass matrix"):
+            make_integrator(name, system, 0.01).start(system.initial_state())

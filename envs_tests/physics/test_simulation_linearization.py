@@ -1,0 +1,250 @@
+"""Linear models of the turbine: exact properties, forecast of the simulation, modes, doors."""
+
+import csv
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wt_gym.errors import SimulationError
+from wt_gym.simulation import Simulator
+from wt_gym.simulation.campbell import campbell
+from wt_gym.simulation.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
+from wt_gym.simulation.linearization import linearize
+from wt_gym.turbines import load_turbine
+from wt_gym.validation.linearization import (
+    TOLERANCES,
+    free_vibration,
+    rigid_support,
+    step_responses,
+    weightless_simulator,
+    whirl_frequencies,
+)
+from wt_gym.validation.tree_tools import mass_matrix, rate_jacobian
+from wt_gym.wind import SteadyInflow, TransientInflow
+
+RPM = np.pi / 30.0
+RATED = 12.1 * RPM
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    return Simulator("nrel_5mw", inflow=SteadyInflow(18.0))
+
+
+@pytest.fixture(scope="module")
+def weightless():
+    return weightless_simulator()
+
+
+@pytest.fixture(scope="module")
+def operating(simulator):
+    """Linear model at 18 m/s in multi-blade coordinates."""
+    return linearize(simulator, rotor_speed=RATED, pitch=np.radians(14.92), multiblade=True)
+
+
+def test_coleman_transformation_and_its_derivatives():
+    psi, h = 0.7, 1e-5
+    t, t1, t2 = coleman(psi)
+    up, down = coleman(psi + h), coleman(psi - h)
+    np.testing.assert_allclose((up[0] - down[0]) / (2 * h), t1, atol=1e-9)
+    np.testing.assert_allclose((up[1] - down[1]) / (2 * h), t2, atol=1e-9)
+    np.testing.assert_allclose(t @ [2.0, 0.0, 0.0], 2.0)
+    assert t[0] @ [0.0, 1.0, 0.0] == pytest.approx(np.cos(psi))
+
+
+def test_rotating_oscillators_split_by_the_rotor_speed():
+    """Three equal oscillators of frequency ω: eigenvalues ω, ω − Ω, ω + Ω in multi-blade coordinates."""
+    names = tuple(f"blade_{i}_flap_1{s}" for s in ("", "_rate") for i in (1, 2, 3))
+    a = np.block([[np.zeros((3, 3)), np.eye(3)], [-25.0 * np.eye(3), np.zeros((3, 3))]])
+    none = np.zeros((6, 0)), np.zeros((0, 6)), np.zeros((0, 0))
+    model = multiblade_model(LinearModel(a, *none, names, (), ()), 0.3, 1.2)
+    frequency = {mode.name: 2.0 * np.pi * mode.frequency for mode in model.modes()}
+    assert frequency == pytest.approx({"flap_1 regressive": 3.8, "flap_1 collective": 5.0, "flap_1 progressive": 6.2})
+
+
+def test_isotropic_rotor_has_one_matrix_in_multiblade_coordinates(weightless):
+    """Without gravity and air nothing depends on the azimuth (rows relative to their largest entry)."""
+    models = [
+        linearize(weightless, rotor_speed=RATED, azimuth=a, n_azimuths=1, aerodynamics="none", multiblade=True)
+        for a in (0.0, 0.4, 1.9)
+    ]
+    for key in "AB":
+        first = getattr(models[0], key)
+        size = np.abs(first).max(axis=1, keepdims=True) + 1e-12
+        for model in models[1:]:
+            assert (np.abs(getattr(model, key) - first) / size).max() < 1e-6
+
+
+def test_parked_frequencies_are_those_of_the_mass_and_stiffness_matrices(simulator):
+    """Generator locked: eigenvalues of A without the damping of modes and shaft against the generalised problem."""
+    model = linearize(simulator, rotor_speed=0.0, aerodynamics="none", generator="locked", multiblade=True)
+    system, y = simulator.structure.system, model.operating_point.states[0]
+    mass, n = mass_matrix(system, y), system.n_u
+    stiffness = -(mass @ rate_jacobian(system, y, step=1e-5)[:, :n])
+    free = [i for i in range(n) if i != simulator.structure.azimuth_u]
+    at = np.ix_(free, free)
+    exact = np.sort(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass[at], stiffness[at])).real)) / (2.0 * np.pi)
+    # the damping is not proportional; of the drive train's counter-phase mode it is 4 %
+    obtained = np.sort([mode.natural_frequency for mode in model.modes()])
+    np.testing.assert_allclose(obtained[:-1], exact[:-1], rtol=2e-4)
+    assert obtained[-1] == pytest.approx(exact[-1], rel=1e-2)
+    assert {mode.name for mode in model.modes()} >= {"flap_1 yaw", "flap_1 tilt", "fore_aft_1", "shaft_torsion"}
+
+
+@pytest.mark.parametrize("speed", [0.0, RATED])
+def test_linear_model_reproduces_small_free_vibrations(simulator, weightless, speed):
+    exact, linear = free_vibration(weightless if speed else simulator, speed, amplitude=1e-4, duration=2.0)
+    n = simulator.structure.system.n_u
+    error = np.abs(exact - linear)[:, :n].max(axis=0) / np.abs(exact)[:, :n].max(axis=0)
+    assert error.max() < 1e-4
+
+
+def test_whirl_on_a_rigid_support():
+    """Regressive and progressive lie one rotor speed from the collective mode, which stiffens with the speed."""
+    rotor = weightless_simulator(rigid_support(load_turbine("nrel_5mw")))
+    still, turning = (whirl_frequencies(rotor, speed) for speed in (0.0, RATED))
+    shift = RATED / (2.0 * np.pi)
+    for base in ("flap_1", "edge_1"):
+        assert turning[f"{base} regressive"] == pytest.approx(turning[f"{base} collective"] - shift, rel=1e-4)
+        assert turning[f"{base} progressive"] == pytest.approx(turning[f"{base} collective"] + shift, rel=1e-4)
+    # Southwell: f² = f0² + c (Ω/2π)², 1.5 < c < 2 for the first flap mode of a tapered blade clamped near the axis
+    southwell = (turning["flap_1 collective"] ** 2 - still["flap_1 collective"] ** 2) / shift**2
+    assert 1.5 < southwell < 2.0
+
+
+def test_modes_of_the_turbine_in_operation(operating):
+    """Aerodynamic damping by its kind: flapwise large, tower fore-aft some percent, edgewise and side-side little."""
+    damping = {mode.name: mode.damping for mode in operating.modes()}
+    assert damping["flap_1 collective"] > 0.3
+    assert 0.03 < damping["fore_aft_1"] < 0.12
+    assert damping["fore_aft_1"] > 3.0 * damping["side_side_1"]
+    for name in ("edge_1 regressive", "edge_1 progressive", "side_side_1"):
+        assert 0.0 < damping[name] < 0.03
+    for mode in operating.modes():
+        assert sum(mode.participation.values()) == pytest.approx(1.0)
+
+
+def test_static_gains_have_their_signs(operating):
+    """First accelerations and aerodynamic loads after a change: feathering unloads, wind loads, torque brakes."""
+    d = {(o, i): operating.D[operating.output_names.index(o), operating.input_names.index(i)]
+         for o in operating.output_names for i in operating.input_names}  # fmt: skip
+    rate = operating.B[operating.state_names.index("azimuth_rate"), operating.input_names.index("generator_torque")]
+    # the nacelle gives way to the reaction: the relative speed changes faster than with the generator's inertia alone
+    assert -2.0 < rate * 534.116 * 97.0 < -1.0
+    assert d["aero_thrust", "wind_speed"] > 0.0
+    assert d["aero_torque", "wind_speed"] > 0.0
+    assert d["wind_x", "wind_speed"] == pytest.approx(1.0)
+    c = operating.C[operating.output_names.index("aero_thrust"), operating.state_names.index("pitch_collective")]
+    assert c < 0.0
+
+
+def test_trim_is_the_operating_point_of_the_simulation(operating, simulator):
+    """Mean signals against a settled run of the coupled simulation with its free wake."""
+    point = operating.operating_point
+    simulator.reset(rotor_speed=RATED, pitch=np.radians(14.92))
+    torque, means = point.generator_torque, []
+    for k in range(250):
+        s = simulator.advance(0.2, pitch=np.radians(14.92), generator_torque=torque)
+        torque += 2e4 * (s.rotor_speed - RATED)
+        if k >= 200:
+            means.append([s.aero_thrust, s.generator_torque, s.tip_out_of_plane.mean(), s.tower_top_fore_aft])
+    p = point.signals
+    trimmed = [p.aero_thrust, p.generator_torque, p.tip_out_of_plane.mean(), p.tower_top_fore_aft]
+    np.testing.assert_allclose(trimmed, np.mean(means, axis=0), rtol=0.05)
+
+
+def test_linear_model_forecasts_small_steps():
+    """Steps of pitch, torque and wind at 18 m/s over 6 s; tolerances as for the validation case."""
+    for label, _, pairs in step_responses(settle=40.0):
+        for name, (exact, linear) in pairs.items():
+            error = np.abs(exact - linear).max() / np.abs(exact).max()
+            assert error < TOLERANCES[name], (label, name)
+
+
+def test_present_state_can_be_linearised_and_stays(simulator):
+    simulator.reset(rotor_speed=RATED, pitch=np.radians(14.92), azimuth=0.5)
+    simulator.advance(1.0, pitch=np.radians(14.92), generator_torque=38e3)
+    before = simulator.state()
+    model = linearize(simulator, outputs=("rotor_speed", "root_flap_moment"))
+    assert simulator.state() == before
+    assert model.output_names == ("rotor_speed", *(f"root_flap_moment_{i}" for i in (1, 2, 3)))
+    assert "blade_1_flap_1" in model.state_names
+    y = before.arrays["history_y"][-1]
+    np.testing.assert_array_equal(model.operating_point.states[0], y)
+
+
+def test_multiblade_transform_keeps_rates_consistent():
+    """L(ψ) maps multi-blade positions and rates so that the rates are the time derivatives of the positions."""
+    names = tuple(f"blade_{i}_flap_1{s}" for s in ("", "_rate") for i in (1, 2, 3))
+    z, zdot, speed, h = np.array([1.0, 0.5, -0.3]), np.array([0.2, -0.1, 0.4]), 1.3, 1e-6
+    rates = (multiblade_transform(names, 0.4, speed)[0] @ np.concatenate([z, zdot]))[3:]
+    ahead = coleman(0.4 + speed * h)[0] @ (z + h * zdot)
+    np.testing.assert_allclose((ahead - coleman(0.4)[0] @ z) / h, rates, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"rotor_speed": 1.0, "aerodynamics": "magic"}, "aerodynamics 'magic'"),
+        ({"rotor_speed": 1.0, "generator": "broken"}, "generator 'broken'"),
+        ({"rotor_speed": -1.0}, "rotor_speed is -1"),
+        ({"rotor_speed": 1.0, "n_azimuths": 0}, "n_azimuths"),
+        ({"rotor_speed": 0.0, "aerodynamics": "none", "outputs": ("thrust",)}, "output 'thrust' is unknown"),
+    ],
+)
+def test_arguments_without_meaning_are_refused(simulator, arguments, message):
+    with pytest.raises(SimulationError, match=message):
+        linearize(simulator, **arguments)
+
+
+def test_unsteady_wind_needs_a_speed():
+    simulator = Simulator("nrel_5mw", inflow=TransientInflow.eog(10.0, 90.0, 126.0))
+    with pytest.raises(SimulationError, match="give wind_speed"):
+        linearize(simulator, rotor_speed=1.0)
+
+
+def test_selection_and_response(operating):
+    model = operating.select(inputs=("generator_torque",), outputs=("rotor_speed",))
+    assert model.B.shape[1] == model.C.shape[0] == 1
+    time = np.arange(0.0, 2.0, 0.01)
+    out = model.response(time, {"generator_torque": 1000.0})
+    assert out.shape == (200, 1)
+    # the rotor answers a torque like one inertia of 43.8e6 kg m², somewhat held by the air
+    undamped = -97.0 * 1000.0 * 1.99 / 43_784_725.0
+    assert 0.6 < out[-1, 0] / undamped < 1.0
+    with pytest.raises(SimulationError, match="input 'wind'"):
+        model.response(time, {"wind": 1.0})
+    with pytest.raises(SimulationError, match="equally spaced"):
+        model.response(np.array([0.0, 1.0, 3.0]))
+
+
+def test_campbell_diagram(simulator, tmp_path):
+    diagram = campbell(simulator, rotor_speeds=np.array([0.0, 6.0, 12.1]) * RPM)
+    row = {name: frequency for name, frequency in zip(diagram.names, diagram.frequency, strict=True)}
+    assert np.isfinite(diagram.frequency).all()
+    assert np.all(np.diff(row["flap_1 progressive"]) > 0.0)
+    assert np.all(np.diff(row["flap_1 regressive"]) < 0.0)
+    # the support is soft: about one rotor speed either side of the blade's own frequency of 0.73 Hz
+    shift = 12.1 / 60.0
+    assert row["flap_1 progressive"][-1] - shift == pytest.approx(0.729, rel=0.05)
+    assert row["flap_1 regressive"][-1] + shift == pytest.approx(0.729, rel=0.05)
+    diagram.to_csv(tmp_path / "table.csv")
+    with open(tmp_path / "table.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(diagram.rows()) == 3 * len(diagram.names)
+    diagram.figure().savefig(tmp_path / "figure.png")
+    assert (tmp_path / "figure.png").stat().st_size > 10_000
+
+
+def test_campbell_over_wind_follows_the_schedule(simulator):
+    schedule = {8.0: SimpleNamespace(rotor_speed=9.16 * RPM, pitch=0.0),
+                18.0: SimpleNamespace(rotor_speed=RATED, pitch=np.radians(14.92))}  # fmt: skip
+    diagram = campbell(simulator, wind_speeds=[8.0, 18.0], schedule=schedule.get, n_azimuths=3)
+    np.testing.assert_allclose(diagram.pitch, [0.0, np.radians(14.92)])
+    assert diagram.abscissa == "wind_speed"
+    assert np.nanmax(diagram.damping) > 0.3
+    with pytest.raises(SimulationError, match="schedule"):
+        campbell(simulator, wind_speeds=[8.0])
+    with pytest.raises(SimulationError, match="either"):
+        campbell(simulator)

@@ -1,0 +1,95 @@
+#!/usr/bin/env python3
+"""Campbell diagram: frequencies and damping of a turbine's modes against rotor speed or wind speed.
+
+    scripts/campbell.py                                    # structure without air, 0 ... 1.1 times rated speed
+    scripts/campbell.py --wind-speed 4 8 12 16 20 24       # in operation, with quasi-steady aerodynamics
+    scripts/campbell.py --turbine iea_15mw --out runs/campbell.png --csv runs/campbell.csv
+
+In operation rotor speed and pitch follow the baseline controller's steady schedule. The generator turns at constant
+speed unless --free-generator is given.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+
+def parse_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
+    parser.add_argument("--fidelity", default="training", help="training, engineering or reference")
+    parser.add_argument("--rotor-speed", type=float, nargs="+", metavar="RPM", help="rotor speeds [rpm]")
+    parser.add_argument("--wind-speed", type=float, nargs="+", metavar="M_S", help="wind speeds [m/s]")
+    parser.add_argument(
+        "--pitch", type=float, default=0.0, metavar="DEG", help="with rotor speeds (default: %(default)s)"
+    )
+    parser.add_argument("--aerodynamics", choices=("none", "frozen_wake", "quasi_steady"), help="default: see above")
+    parser.add_argument("--free-generator", action="store_true", help="constant torque instead of constant speed")
+    parser.add_argument("--azimuths", type=int, default=6, help="over which models are averaged (default: %(default)s)")
+    parser.add_argument("--out", type=Path, help="figure (format by its ending: png, svg, pdf)")
+    parser.add_argument("--csv", type=Path, help="tidy table")
+    parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
+    arguments = parser.parse_args()
+    if arguments.rotor_speed and arguments.wind_speed:
+        parser.error("give --rotor-speed or --wind-speed, not both")
+    return arguments
+
+
+def main() -> None:
+    """Compute, print and draw the diagram."""
+    arguments = parse_arguments()
+    import numpy as np
+
+    from wt_gym.control.operating_point import operating_point
+    from wt_gym.errors import WtGymError
+    from wt_gym.simulation import Simulator
+    from wt_gym.simulation.campbell import campbell
+    from wt_gym.turbines import load_turbine
+    from wt_gym.wind import SteadyInflow
+
+    def progress(done, count):
+        if sys.stderr.isatty():
+            print(f"\r{done} of {count} operating points", end="\n" if done == count else "", file=sys.stderr)
+
+    try:
+        turbine = load_turbine(arguments.turbine)
+        inflow = SteadyInflow(turbine.rated_wind_speed, hub_height=turbine.hub_height)
+        simulator = Simulator(turbine, inflow=inflow, fidelity=arguments.fidelity)
+        speeds = arguments.rotor_speed
+        if speeds is None and arguments.wind_speed is None:
+            speeds = np.linspace(0.0, 1.1, 6) * turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi
+        diagram = campbell(
+            simulator,
+            rotor_speeds=None if arguments.wind_speed else np.asarray(speeds) * np.pi / 30.0,
+            wind_speeds=arguments.wind_speed,
+            schedule=lambda wind: operating_point(turbine, wind),
+            pitch=np.radians(arguments.pitch),
+            aerodynamics=arguments.aerodynamics,
+            generator="free" if arguments.free_generator else "locked",
+            n_azimuths=arguments.azimuths,
+            on_point=progress,
+        )
+    except WtGymError as error:
+        sys.exit(f"error: {error}")
+    print(f"{turbine.name}: {diagram.description}; damped frequency [Hz] and damping ratio [%]")
+    print(f"{'wind [m/s]':>24}  " + "".join(f"{v:15.2f}" for v in diagram.wind_speed))
+    print(f"{'rotor [rpm]':>24}  " + "".join(f"{v * 30 / np.pi:15.2f}" for v in diagram.rotor_speed))
+    for name, frequency, damping in zip(diagram.names, diagram.frequency, diagram.damping, strict=True):
+        cells = "".join(f"{f:8.3f} {100 * d:6.2f}" for f, d in zip(frequency, damping, strict=True))
+        print(f"{name.replace('_', ' '):>24}  {cells}")
+    for path, write in (
+        (arguments.csv, diagram.to_csv),
+        (arguments.out, lambda p: diagram.figure().savefig(p, dpi=150)),
+    ):
+        if path:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write(path)
+            print(f"written: {path}")
+    if arguments.json:
+        print(json.dumps({"turbine": turbine.name, "abscissa": diagram.abscissa, "rows": diagram.rows()}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,232 @@
+"""Campbell diagrams: frequencies and damping of the modes against rotor speed or wind speed."""
+
+import csv
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from wt_gym.errors import SimulationError
+from wt_gym.simulation.linearization import linearize
+
+__all__ = ["CampbellDiagram", "campbell"]
+
+RPM = np.pi / 30.0
+
+
+@dataclass(frozen=True)
+class CampbellDiagram:
+    """Modes of a turbine over a series of operating points.
+
+    Attributes
+    ----------
+    abscissa : str
+        "rotor_speed" or "wind_speed".
+    wind_speed, rotor_speed, pitch : arrays (n_points,)
+        [m/s], [rad/s], collective pitch [rad].
+    names : tuple of str
+        Modes, by their mean frequency.
+    frequency, damping : arrays (n_modes, n_points)
+        Damped frequency [Hz] and damping ratio [-]; NaN where a mode does not oscillate.
+    turbine, description : str
+        For titles.
+    """
+
+    abscissa: str
+    wind_speed: np.ndarray
+    rotor_speed: np.ndarray
+    pitch: np.ndarray
+    names: tuple
+    frequency: np.ndarray
+    damping: np.ndarray
+    turbine: str = ""
+    description: str = ""
+
+    def rows(self):
+        """Tidy table: one dict for each mode at each point.
+
+        Returns
+        -------
+        list of dict
+            Keys wind_speed [m/s], rotor_speed_rpm, pitch_deg, mode, frequency_hz, damping_ratio.
+        """
+        return [
+            {
+                "wind_speed": float(self.wind_speed[i]),
+                "rotor_speed_rpm": float(self.rotor_speed[i] / RPM),
+                "pitch_deg": float(np.degrees(self.pitch[i])),
+                "mode": name,
+                "frequency_hz": float(self.frequency[k, i]),
+                "damping_ratio": float(self.damping[k, i]),
+            }
+            for i in range(len(self.rotor_speed))
+            for k, name in enumerate(self.names)
+            if np.isfinite(self.frequency[k, i])
+        ]
+
+    def to_csv(self, path):
+        """Write the tidy table."""
+        rows = self.rows()
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+
+    def figure(self):
+        """Frequencies with the rotor's harmonics, and damping below.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from matplotlib import colormaps
+        from matplotlib.figure import Figure
+
+        by_rotor = self.abscissa == "rotor_speed"
+        x = self.rotor_speed / RPM if by_rotor else self.wind_speed
+        figure = Figure(figsize=(10, 9), layout="constrained")
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        highest = 1.05 * np.nanmax(self.frequency)
+        for n in (1, 3, 6, 9):
+            line = n * self.rotor_speed / (2.0 * np.pi)
+            top.plot(x, line, color="0.75", linewidth=1.0, zorder=0)
+            if line[-1] < highest:
+                top.annotate(f"{n}P", (x[-1], line[-1]), color="0.5", xytext=(4, 0), textcoords="offset points")
+        colors, styles = colormaps["tab10"].colors, ("-", "--", ":")
+        marks = {"regressive": "v", "progressive": "^", "collective": "o"}
+        for k, name in enumerate(self.names):
+            style = {
+                "color": colors[k % len(colors)],
+                "linestyle": styles[k // len(colors) % len(styles)],
+                "marker": marks.get(name.rpartition(" ")[2], "s"),
+                "markersize": 4,
+            }
+            top.plot(x, self.frequency[k], label=name.replace("_", " "), **style)
+            bottom.plot(x, 100.0 * self.damping[k], **style)
+        top.set_ylim(0.0, highest)
+        top.set_ylabel("damped frequency [Hz]")
+        top.set_title(f"{self.turbine}: {self.description}")
+        top.legend(loc="center left", bbox_to_anchor=(1.02, 0.3), fontsize=8, frameon=False)
+        bottom.set_ylabel("damping ratio [%]")
+        bottom.axhline(0.0, color="0.5", linewidth=0.8)
+        bottom.set_xlabel("rotor speed [rpm]" if by_rotor else "wind speed [m/s]")
+        for axes in (top, bottom):
+            axes.grid(alpha=0.25)
+            axes.margins(x=0.02)
+        return figure
+
+
+def campbell(simulator, *, rotor_speeds=None, wind_speeds=None, schedule=None, pitch=0.0, aerodynamics=None,
+             generator="locked", n_azimuths=6, on_point=None):  # fmt: skip
+    """Modes over rotor speed (structure alone) or over wind speed (in operation).
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Three-bladed turbine.
+    rotor_speeds : sequence of float, optional
+        [rad/s]; the structure turns at the given pitch, without air unless ``aerodynamics`` says otherwise.
+    wind_speeds : sequence of float, optional
+        [m/s], with ``schedule``; quasi-steady aerodynamics unless ``aerodynamics`` says otherwise.
+    schedule : callable, optional
+        Wind speed [m/s] → object with ``rotor_speed`` [rad/s] and ``pitch`` [rad], for example
+        ``wt_gym.control.operating_point`` for a turbine.
+    pitch : float
+        [rad], with ``rotor_speeds``.
+    aerodynamics, generator, n_azimuths
+        As for :func:`wt_gym.simulation.linearization.linearize`. "locked": the generator turns at constant speed.
+    on_point : callable, optional
+        Called with (number of points done, number of points).
+
+    Returns
+    -------
+    CampbellDiagram
+
+    Raises
+    ------
+    SimulationError
+        Unless exactly one of ``rotor_speeds`` and ``wind_speeds`` is given, the latter with a schedule.
+    """
+    if (rotor_speeds is None) == (wind_speeds is None):
+        raise SimulationError("a Campbell diagram needs either rotor_speeds or wind_speeds")
+    if wind_speeds is not None and schedule is None:
+        raise SimulationError(
+            "a Campbell diagram over wind speed needs a schedule: wind speed -> rotor speed and pitch"
+        )
+    values = rotor_speeds if wind_speeds is None else wind_speeds
+    if aerodynamics is None:
+        aerodynamics = "none" if wind_speeds is None else "quasi_steady"
+    points, tables = [], []
+    for k, value in enumerate(values):
+        speed, angle, wind = value, pitch, None
+        if wind_speeds is not None:
+            place = schedule(value)
+            speed, angle, wind = place.rotor_speed, place.pitch, float(value)
+        model = linearize(
+            simulator, wind_speed=wind, rotor_speed=float(speed), pitch=angle, aerodynamics=aerodynamics,
+            generator=generator, multiblade=True, n_azimuths=n_azimuths, outputs=("rotor_speed",),
+        )  # fmt: skip
+        points.append(model.operating_point)
+        tables.append(_whirl_names(model.modes()))
+        if on_point is not None:
+            on_point(k + 1, len(values))
+    return _assemble(simulator, "rotor_speed" if wind_speeds is None else "wind_speed", points, tables, aerodynamics)
+
+
+def _whirl_names(modes):
+    """Modes by name; the tilt and yaw modes at standstill begin the branches: the lower one the regressive."""
+    table = {mode.name: mode for mode in modes}
+    for name in [n for n in table if n.endswith(" tilt")]:
+        base = name.removesuffix(" tilt")
+        pair = [table.pop(n) for n in (name, f"{base} yaw") if n in table]
+        for branch, mode in zip(("regressive", "progressive"), sorted(pair, key=lambda m: m.frequency), strict=False):
+            table[f"{base} {branch}"] = mode
+    return table
+
+
+def _branches(tables):
+    """Continue each mode of the last point towards the first; returns {branch name: [mode or None per point]}.
+
+    Two modes of neighbouring points belong together when each has no part in the other modes of its neighbour,
+    |w₁·v₂| |w₂·v₁| = 1 with the dual vectors w; an equal name counts too, for a rotor at standstill mixes the modes.
+    """
+    branches = {name: [mode] for name, mode in tables[-1].items()}
+    for table in reversed(tables[:-1]):
+        old, new = list(branches), list(table)
+        score = np.zeros((len(old), len(new)))
+        for r, branch in enumerate(old):
+            known = branches[branch][0]
+            for c, name in enumerate(new):
+                if known is not None:
+                    mode = table[name]
+                    score[r, c] = abs(known.dual @ mode.shape) * abs(mode.dual @ known.shape) + 0.3 * (branch == name)
+        taken = dict(zip(*linear_sum_assignment(-score), strict=True))
+        length = len(branches[old[0]]) if old else 0
+        for r, branch in enumerate(old):
+            fits = r in taken and score[r, taken[r]] > 0.3
+            branches[branch].insert(0, table[new[taken[r]]] if fits else None)
+        continued = {new[c] for r, c in taken.items() if score[r, c] > 0.3}
+        for name in set(new) - continued:
+            label = name if name not in branches else f"{name} (2)"
+            branches[label] = [table[name]] + [None] * length
+    return branches
+
+
+def _assemble(simulator, abscissa, points, tables, aerodynamics):
+    branches = _branches(tables)
+    names, nothing = list(branches), float("nan")
+    frequency = np.array([[m.frequency if m else nothing for m in branches[name]] for name in names])
+    damping = np.array([[m.damping if m else nothing for m in branches[name]] for name in names])
+    order = np.argsort(np.nanmean(frequency, axis=1))
+    words = {"none": "structure without air", "frozen_wake": "in operation, whole wake frozen"}
+    return CampbellDiagram(
+        abscissa,
+        np.array([p.wind_speed for p in points]),
+        np.array([p.rotor_speed for p in points]),
+        np.array([np.mean(p.pitch) for p in points]),
+        tuple(names[k] for k in order),
+        frequency[order],
+        damping[order],
+        simulator.turbine.name,
+        words.get(aerodynamics, "in operation, quasi-steady aerodynamics"),
+    )

@@ -1,0 +1,336 @@
+"""Structure and air of a turbine as one function of state and inputs, with the wake frozen."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wt_gym.aerodynamics import AeroState
+from wt_gym.aerodynamics.tower_flow import tower_perturbation
+from wt_gym.errors import SimulationError
+from wt_gym.multibody import tree_kernels
+from wt_gym.simulation import coupling_kernels
+from wt_gym.simulation.measurement import Measurement
+
+__all__ = ["AERODYNAMICS", "FrozenPlant", "Wake"]
+
+AERODYNAMICS = ("quasi_steady", "frozen_wake", "none")
+NEAR_WAKE = 0.5
+"""Age up to which the wake follows the circulation of the blades in quasi-steady aerodynamics [s].
+
+Between 0.25 and 2 s the response of the NREL 5-MW to steps of pitch, torque and wind changes by less than 3 %.
+"""
+_ROWS, _LEVELS = 0, 2
+"""Entries of ``AeroArrays.count``: rows of the wake, and stored levels of circulation; with one level a solution at
+dt = 0 is steady."""
+
+
+@dataclass(frozen=True)
+class Wake:
+    """A lattice whose wake stands still, and the rotor's position for which it was made.
+
+    Attributes
+    ----------
+    aero : AeroState
+    source : array (n_strip,)
+        Decambering of the reference, where each solution starts, so that the loads are a smooth function.
+    angle : float
+        Rotor azimuth [rad].
+    centre, axis : array (3,)
+        Hub [m] and shaft direction.
+    """
+
+    aero: AeroState
+    source: np.ndarray
+    angle: float
+    centre: np.ndarray
+    axis: np.ndarray
+
+
+class _Gust:
+    """A steady inflow with a uniform change."""
+
+    def __init__(self, inflow):
+        self.inflow, self.change = inflow, np.zeros(3)
+
+    def velocity(self, points, time):
+        return self.inflow.velocity(points, time) + self.change
+
+
+class FrozenPlant:
+    """Rates and channels of a turbine as functions of the state of its structure.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Its models are used, its state is left alone.
+    inflow : SteadyInflow
+    aerodynamics : str
+        "quasi_steady", "frozen_wake" or "none".
+    hold_speed : bool
+        A reaction on the generator keeps its speed exactly; the reaction is found with each evaluation.
+
+    Attributes
+    ----------
+    elastic : array of int
+        Velocities of all coordinates but the generator azimuth; for this structure also the indices of the coordinates.
+    blade_elastic : list of list of int
+        Those of each blade.
+    reach : array (n_u,)
+        Largest speed of a point of the rotor for a unit rate of each coordinate.
+    torque, reaction : float
+        Commanded generator torque and the torque that held the speed in the last evaluation [N m, high-speed shaft].
+    wake : Wake or None
+        To be set before evaluations with air.
+    """
+
+    def __init__(self, simulator, inflow, aerodynamics="quasi_steady", hold_speed=False):
+        if aerodynamics not in AERODYNAMICS:
+            raise SimulationError(f"aerodynamics {aerodynamics!r} is unknown; allowed: {', '.join(AERODYNAMICS)}")
+        self.turbine, self.lattice, self.structure = simulator.turbine, simulator.lattice, simulator.structure
+        self.fidelity, self.time_step = simulator.fidelity, simulator.time_step
+        self.system, self.n_blades = self.structure.system, self.turbine.n_blades
+        system = self.system
+        if system.n_q != system.n_u or system.n_constraints:
+            raise SimulationError("only a structure in embedded form without quaternions can be linearised")
+        self.inflow, self._wind = inflow, _Gust(inflow)
+        self.with_air, self.hold_speed = aerodynamics != "none", hold_speed
+        self._near_wake = NEAR_WAKE if aerodynamics == "quasi_steady" else 0.0
+        self._allocate()
+        s, n_q = self.structure, system.n_q
+        self.elastic = np.array([i for i in range(system.n_u) if i != s.azimuth_u])
+        self.blade_elastic = [
+            list(range(system.index(b, "elastic_u"), system.index(b, "elastic_u") + system.bodies[b].n_elastic))
+            for b in s.blades
+        ]
+        rates = [self._reach_of(n_q + i) for i in range(system.n_u)]
+        self.reach = np.array(rates)
+        self._servo_reach = np.array(
+            [self._reach_of(n_q + system.n_u + system.n_servo + i) for i in range(system.n_servo)]
+        )
+
+    def _allocate(self):
+        """Arrays of the exchange between structure and air."""
+        n, shape = self.n_blades, self.lattice.nodes_shape
+        self.work, self.inputs = self.system.new_work(), self.system.new_inputs()
+        self._nodes, self._velocities, self._forces = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        flat = (n, shape[1] * shape[2], 3)
+        self._flat = tuple(a.reshape(flat) for a in (self._nodes, self._velocities, self._forces))
+        self._blades = np.array(self.structure.blades)
+        self._tower_base = np.array([0.0, 0.0, self.turbine.tower.base_height])
+        self._measurement = Measurement(self.turbine, self.structure)
+        self._base = np.zeros(2 + n + 3)  # torque, yaw, pitch of each blade, change of the wind
+        self._command = self._base.copy()
+        self.wake, self.reaction = None, 0.0
+
+    def _move(self, y):
+        """Kinematics and lattice points of the state y."""
+        s, work = self.structure, self.work
+        tree_kernels.kinematics(y, self.system.tree, work)
+        self._elastic = [np.array(part) for part in zip(*(s.elastic(b, y) for b in s.blades), strict=True)]
+        coupling_kernels.rotor_motion(
+            work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._blades, *self._flat[:2]
+        )
+
+    def _reach_of(self, i):
+        y = self.system.initial_state()
+        y[i] = 1.0
+        self._move(y)
+        return float(np.linalg.norm(self._velocities, axis=-1).max())
+
+    # ---- inputs ------------------------------------------------------------------------------------------------------
+
+    @property
+    def torque(self):
+        """Commanded generator torque, high-speed shaft [N m]."""
+        return float(self._base[0])
+
+    def set_commands(self, torque, yaw, pitch):
+        """Commands of the operating point: torque [N m], yaw [rad] and pitch (n_blades,) [rad]."""
+        self._base[0], self._base[1], self._base[2:-3] = torque, yaw, pitch
+        self.change_inputs(np.zeros_like(self._base))
+
+    def change_inputs(self, change):
+        """Inputs that differ from the operating point by ``change``: torque, yaw, pitch of each blade, wind (3)."""
+        self._command = self._base + change
+        self._wind.change = self._command[-3:]
+        self._set_torque(self._command[0])
+        self.inputs.servo_command[:] = self._command[1:-3]
+
+    def _set_torque(self, torque):
+        drive = self.turbine.drivetrain
+        self.inputs.dof_force[:, self.structure.azimuth_u] = -torque * drive.gear_ratio / drive.gearbox_efficiency
+
+    def inputs_of(self, motion, speed, torque):
+        """Changes of the inputs by name, and by how much the named quantity changes.
+
+        Parameters
+        ----------
+        motion, speed, torque : float
+            Displacement [m] and velocity [m/s] of the rotor's points, and torque [N m].
+
+        Returns
+        -------
+        dict of str to (array, float)
+        """
+        unit = np.eye(len(self._base))
+        yaw, pitch = motion / self._servo_reach[0], motion / self._servo_reach[1]
+        out = {f"pitch_{i + 1}": (pitch * unit[2 + i], pitch) for i in range(self.n_blades)}
+        out["pitch_collective"] = (pitch * unit[2:-3].sum(axis=0), pitch)
+        out["yaw"] = (yaw * unit[1], yaw)
+        if not self.hold_speed:
+            out["generator_torque"] = (torque * unit[0], torque)
+        hub = np.array([[0.0, 0.0, self.turbine.hub_height]])
+        wind = self.inflow.velocity(hub, 0.0)[0]
+        size = np.linalg.norm(wind)
+        along = wind / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
+        out["wind_speed"] = (speed * along @ unit[-3:], speed)
+        for k, axis in enumerate("xyz"):
+            out[f"wind_{axis}"] = (speed * unit[-3 + k], speed)
+        return out
+
+    def step_of(self, i, motion, speed):
+        """Change of the state's entry i that moves points of the rotor by ``motion`` [m] or ``speed`` [m/s]."""
+        n_u, n_s = self.system.n_u, self.system.n_servo
+        if i < n_u:
+            return motion / self.reach[i]
+        if i < 2 * n_u:
+            return speed / self.reach[i - n_u]
+        if i < 2 * n_u + n_s:
+            return motion / self._servo_reach[i - 2 * n_u]
+        return speed / self._servo_reach[i - 2 * n_u - n_s]
+
+    def steady_state(self, azimuth, rotor_speed, q, u):
+        """State with the drives at rest at their commands and elastic coordinates q and rates u (n_elastic,)."""
+        y, n = self.system.initial_state(), self.system.n_u
+        y[self.elastic], y[n + self.elastic] = q, u
+        y[self.structure.azimuth_q], y[n + self.structure.azimuth_u] = azimuth, rotor_speed
+        y[2 * n : 2 * n + self.system.n_servo] = self._base[1:-3]
+        return y
+
+    # ---- wake --------------------------------------------------------------------------------------------------------
+
+    def new_wake(self, y, rotor_speed):
+        """Helical wake in momentum balance with the rotor in the state y (None without air)."""
+        if not self.with_air:
+            return None
+        self._move(y)
+        centre, axis = self._shaft()
+        aero = self.lattice.new_state()
+        self.lattice.initialise_helix(
+            aero, self._nodes, self._velocities, self._wind_at_blades(), centre, axis, rotor_speed, self.time_step
+        )
+        return self._frozen(aero, self._angle(y), centre, axis)
+
+    def present_wake(self, aero, y):
+        """The wake of a running simulation in the state y, frozen (None without air)."""
+        if not self.with_air:
+            return None
+        self._move(y)
+        aero = aero.copy()
+        aero.arrays.count[_LEVELS] = 1
+        return self._frozen(aero, self._angle(y), *self._shaft())
+
+    def _frozen(self, aero, angle, centre, axis):
+        """Freeze the wake of a lattice that belongs to the present nodes; its youngest rings follow the blades.
+
+        A ring of the near wake takes the circulation of its strip at the trailing edge, like the newest ring: its
+        influence joins that of the strip's last bound ring, and what it induced goes out of the frozen velocity.
+        """
+        a, n_span = aero.arrays, self.lattice.planform.n_span
+        wind = self._wind_at_blades()
+        self.lattice._solve(aero, self._nodes, self._velocities, wind, 0.0, first=True)
+        near = np.flatnonzero(a.age[1 : aero.n_rows] < self._near_wake) + 1
+        if len(near):
+            points, probe = self.lattice._points.copy(), aero.copy()
+            for array in (probe.arrays.gamma, probe.arrays.wake_gamma, probe.arrays.far):
+                array[...] = 0.0
+            probe.arrays.count[_ROWS] = near[-1] + 1
+            n_chord = a.gamma.shape[1]
+            for b in range(self.n_blades):
+                for j in range(n_span):
+                    probe.arrays.wake_gamma[near, b, j] = 1.0
+                    velocity = self.lattice.induced_velocity(probe, points.T).T
+                    probe.arrays.wake_gamma[near, b, j] = 0.0
+                    a.influence[(b * n_chord + n_chord - 1) * n_span + j] += velocity
+                    a.wake_flow[:] -= a.gamma[b, -1, j] * velocity
+            self._invert(a)
+            self.lattice._solve(aero, self._nodes, self._velocities, wind, 0.0, first=True)
+        return Wake(aero, a.source.copy(), angle, centre, axis)
+
+    def _invert(self, a):
+        """Solution of the boundary condition for a changed influence of the rings."""
+        n_blade, n_chord, n_span = a.gamma.shape
+        chord = a.nodes[:, 1:] - a.nodes[:, :-1]
+        span = a.nodes[:, :, 1:] - a.nodes[:, :, :-1]
+        normal = np.cross(chord[:, :, 1:] + chord[:, :, :-1], span[:, 1:] + span[:, :-1]).reshape(-1, 3)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        a.inverse[:] = np.linalg.inv(np.einsum("scr,rc->rs", a.influence[:, :, : len(normal)], normal))
+        by_strip = a.inverse.reshape(n_blade, n_chord, n_span, n_blade, n_chord, n_span)[:, -1].sum(axis=3)
+        a.response[:] = by_strip.reshape(a.response.shape)
+
+    def _shaft(self):
+        hub = self.structure.hub
+        return self.work.r[hub].copy(), self.work.rot[hub, :, 0].copy()
+
+    def _angle(self, y):
+        return y[self.structure.azimuth_q] + y[self.system.index(self.structure.hub, "joint_q")]
+
+    def _wind_at_blades(self):
+        """Undisturbed wind at the lattice nodes, with the blocking of the tower."""
+        wind = self._wind.velocity(self._nodes, 0.0)
+        if self.fidelity.tower_shadow:
+            tower, top = self.turbine.tower, self.work.r[self.structure.nacelle]
+            wind += tower_perturbation(self._nodes, wind, self._tower_base, top, tower.diameter_station, tower.diameter)
+        return wind
+
+    # ---- evaluation --------------------------------------------------------------------------------------------------
+
+    def _load(self, y):
+        """Loads of the air for the state y into the inputs; kinematics are up to date."""
+        self._move(y)
+        if not self.with_air:
+            return
+        wake = self.wake
+        # the wake turns with the rotor: the lattice is solved where the rotor stood
+        turn = Rotation.from_rotvec((self._angle(y) - wake.angle) * wake.axis).as_matrix()
+        nodes = wake.centre + (self._nodes - wake.centre) @ turn
+        wake.aero.arrays.source[:] = wake.source
+        forces = self.lattice._solve(
+            wake.aero, nodes, self._velocities @ turn, self._wind_at_blades() @ turn, 0.0, first=True
+        )
+        self._forces[:] = forces @ turn.T
+        loads = self.inputs.body_loads
+        coupling_kernels.rotor_loads(
+            self._flat[2], self.work.rot, self._elastic[0], self.structure.lattice_points, self._blades, loads[1]
+        )
+        loads[0] = loads[1]
+
+    def rates(self, y):
+        """dy/dt (n_state,) of the structure in the state y."""
+        self._load(y)
+        dy = self.system.rates(y, self.inputs, self.work)
+        if not self.hold_speed:
+            return dy
+        k, torque = self.system.n_q + self.structure.azimuth_u, self._command[0]
+        # accelerations are linear in the torque: a second evaluation tells which one stops the generator's
+        other = torque + self.turbine.drivetrain.max_generator_torque
+        self._set_torque(other)
+        slope = (self.system.rates(y, self.inputs, self.work) - dy) / (other - torque)
+        self._set_torque(torque)
+        self.reaction = torque - dy[k] / slope[k]
+        return dy + (self.reaction - torque) * slope
+
+    def acceleration(self, y):
+        """u̇ (n_u,) in the state y."""
+        return self.rates(y)[self.system.n_q : self.system.n_q + self.system.n_u]
+
+    def outputs(self, y, dy):
+        """All channels (n_channels,) for the state y whose rates dy were just computed."""
+        command = self._command[:-3].copy()
+        if self.hold_speed:
+            command[0] = self.reaction
+        self._measurement.take(
+            0.0, y, dy, self.inputs.body_loads[1], self.work, self._flat[0], self._flat[2], command, self._wind
+        )
+        return self._measurement.values.copy()
