@@ -1,0 +1,155 @@
+"""Checks, the registry of cases, the command line and the report."""
+
+import importlib.util
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wt_gym.structure.beam import Beam
+from wt_gym.structure.coordinates import body_from_beam, circular_sections
+from wt_gym.validation import case as module
+from wt_gym.validation.case import Case, CaseResult, Check, Curve, Figure, case, load_cases, run_case
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "validate.py"
+
+
+def load_script():
+    """The command line as a module; scripts are no package."""
+    spec = importlib.util.spec_from_file_location("validate_script", SCRIPT)
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
+
+
+validate = load_script()
+
+
+class TestCheck:
+    def test_relative_and_absolute(self):
+        assert Check("a", 2.0, 2.1, 0.051).passed
+        assert not Check("a", 2.0, 2.1, 0.049).passed
+        assert Check("a", -2.0, -2.1, 0.11, relative=False).error == pytest.approx(0.1)
+        assert Check("zero", 0.0, 1e-3, 1e-2).passed
+        assert not Check("zero", 0.0, 1e-3, 1e-2).is_relative
+
+    @pytest.mark.parametrize(
+        ("bound", "good", "bad"), [("<= 1.5", 1.5, 1.6), (">= 2", 3.0, 1.9), ("in [-1, 2]", 0.0, 2.5)]
+    )
+    def test_bounds(self, bound, good, bad):
+        assert Check("b", bound, good, 0.0).passed
+        assert not Check("b", bound, bad, 0.0).passed
+        assert Check("b", bound, bad, 1.0).passed
+
+    @pytest.mark.parametrize("expected", [1.0, "<= 1"])
+    def test_not_a_number_never_passes(self, expected):
+        assert not Check("n", expected, math.nan, 1e9).passed
+
+    def test_unreadable_bound(self):
+        with pytest.raises(ValueError, match="no bound"):
+            _ = Check("b", "about 3", 3.0, 0.0).error
+
+
+class TestRegistry:
+    def test_names_are_unique_and_told(self):
+        known = load_cases()
+        assert {"bathe-bend", "roll-up", "spin-up", "parked-nrel-5mw", "mixed-coordinates"} <= set(known)
+        assert all(c.title and c.source for c in known.values())
+        with pytest.raises(ValueError, match="already defined"):
+
+            @case("roll-up", "another", "nowhere")
+            def another():
+                return []
+
+    def test_a_case_without_checks_fails(self):
+        result = run_case(Case("empty", "empty", "none", list))
+        assert not result.passed
+        assert result.wall_time >= 0.0
+
+
+@pytest.fixture
+def two_cases(monkeypatch):
+    """Registry of one passing and one failing, slow case."""
+
+    def good():
+        figure = Figure((Curve([0, 1], [0, 1], "line"),), "x", "y")
+        return CaseResult([Check("one <&>", 1.0, 1.0, 0.1)], {"a line": figure, "pair": ([0, 1], [1, 0])}, "a note")
+
+    def bad():
+        raise ValueError("no solution")
+
+    cases = {"bad": Case("bad", "Bad", "source", bad, slow=True), "good": Case("good", "Good", "source", good)}
+    monkeypatch.setattr(module, "_CASES", cases)
+    monkeypatch.setattr(validate, "load_cases", lambda: cases)
+    monkeypatch.setattr(validate, "all_cases", lambda: tuple(cases.values()))
+
+
+@pytest.mark.usefixtures("two_cases")
+class TestCommand:
+    def test_exit_status(self, capsys):
+        assert validate.main(["run", "good"]) == 0
+        assert validate.main(["run", "all"]) == 1
+        assert "no solution" in capsys.readouterr().out
+        assert validate.main(["run", "all", "--fast"]) == 0
+
+    def test_unknown_case(self, capsys):
+        with pytest.raises(SystemExit, match="2"):
+            validate.main(["run", "nothing"])
+        assert "unknown case nothing" in capsys.readouterr().err
+
+    def test_json_is_one_object(self, capsys):
+        assert validate.main(["run", "all", "--json"]) == 1
+        data = json.loads(capsys.readouterr().out)
+        assert data["passed"] is False
+        assert [c["passed"] for c in data["cases"]] == [False, True]
+
+    def test_list(self, capsys):
+        assert validate.main(["list", "--json"]) == 0
+        assert [c["name"] for c in json.loads(capsys.readouterr().out)] == ["bad", "good"]
+
+    def test_report_is_one_page(self, tmp_path):
+        validate.main(["run", "good", "--report", str(tmp_path)])
+        page = (tmp_path / "validation.html").read_text(encoding="utf-8")
+        assert page.count("data:image/png;base64,") == 2
+        assert "one &lt;&amp;&gt;" in page
+        assert 'src="http' not in page
+
+
+class TestCoordinates:
+    """One body in nodal, modal and rigid coordinates."""
+
+    @staticmethod
+    def beam():
+        tube = circular_sections(
+            2.0, 0.05, youngs_modulus=7e10, shear_modulus=2.7e10, density=2700.0, inner_diameter=0.04
+        )
+        return Beam(tube, 4)
+
+    def test_rigid_body_keeps_mass_centre_and_inertia(self):
+        flexible, rigid = (body_from_beam("tube", self.beam(), kind) for kind in ("nodal", "rigid"))
+        assert rigid.n_elastic == 0
+        assert rigid.inertia.mass == pytest.approx(flexible.inertia.mass)
+        assert rigid.inertia.mass == pytest.approx(2700.0 * 2.0 * np.pi / 4.0 * (0.05**2 - 0.04**2))
+        np.testing.assert_allclose(rigid.inertia.c0, flexible.inertia.c0, atol=1e-12)
+        np.testing.assert_allclose(rigid.inertia.j0, flexible.inertia.j0, atol=1e-12)
+        np.testing.assert_allclose(rigid.markers["tip"].position, [0.0, 0.0, 2.0])
+
+    def test_modal_stiffness_is_diagonal_and_damping_the_ratio(self):
+        body = body_from_beam("tube", self.beam(), "modal", n_modes=5, damping_ratio=0.02)
+        omega = np.sqrt(np.diag(body.stiffness))
+        np.testing.assert_allclose(np.diag(body.damping), 2.0 * 0.02 * omega, rtol=1e-9)
+        np.testing.assert_allclose(body.inertia.m0, np.eye(5), atol=1e-9)
+
+    def test_nodal_coordinates_are_the_nodes(self):
+        body = body_from_beam("tube", self.beam(), "nodal", dofs=(0, 4))
+        assert body.n_elastic == 8
+        assert body.coordinate_names[:2] == ("tube_node_1_x", "tube_node_1_turn_y")
+        np.testing.assert_allclose(body.markers["tip"].linear[0], [0, 0, 0, 0, 0, 0, 1, 0], atol=1e-12)
+
+    def test_bad_input_is_refused(self):
+        with pytest.raises(ValueError, match="allowed: nodal, modal, rigid"):
+            body_from_beam("tube", self.beam(), "exact")
+        with pytest.raises(ValueError, match="inner_diameter"):
+            circular_sections(1.0, 0.1, youngs_modulus=1.0, shear_modulus=1.0, density=1.0, inner_diameter=0.2)
