@@ -130,9 +130,7 @@ def measure_kernels(fidelity: str, wall: float) -> dict:
     targets = rng.standard_normal((3, n_target)).astype(np.float32)
     velocity = np.zeros((3, n_target), dtype=np.float32)
     scratch = np.zeros((4 * n_node + 10) * induction_kernels.MAX_LANES, dtype=np.float32)
-    induction = best_of(
-        lambda: induction_kernels.sheet_induction(sheet, targets, velocity, scratch), wall / 4
-    )
+    induction = best_of(lambda: induction_kernels.sheet_induction(sheet, targets, velocity, scratch), wall / 4)
     segments = (n_row - 1) * 3 * n_node + n_row * 3 * (n_node - 1)
 
     simulator = Simulator("nrel_5mw", SteadyInflow(12.0), fidelity)

@@ -58,6 +58,12 @@ def run_safely(case):
         return CaseResult([Check(f"the case runs ({type(error).__name__})", 1.0, math.nan, 0.0)], notes=message)
 
 
+def open_console(to_error_stream=False):
+    """Console that does not fold tables into 80 columns where the output is a file."""
+    console = Console(stderr=to_error_stream)
+    return console if console.is_terminal else Console(stderr=to_error_stream, width=150)
+
+
 def show(console, case, result):
     """Print the table of one case."""
     table = Table(title=f"{case.name}: {case.title}", title_justify="left", title_style="bold", expand=False)
@@ -107,10 +113,10 @@ def main(arguments=None):
         table = Table("name", "title", "source", "slow", box=None)
         for case in cases:
             table.add_row(case.name, case.title, case.source, "slow" if case.slow else "")
-        Console().print(table)
+        open_console().print(table)
         return 0
     # with --json the tables go to the error stream, so that the output is one JSON object
-    console = Console(stderr=options.json)
+    console = open_console(options.json)
     cases = choose(parser, options.cases, options.fast)
     results = []
     for number, case in enumerate(cases, 1):

@@ -75,7 +75,11 @@ def two_cases(monkeypatch):
 
     def good():
         figure = Figure((Curve([0, 1], [0, 1], "line"),), "x", "y")
-        return CaseResult([Check("one <&>", 1.0, 1.0, 0.1)], {"a line": figure, "pair": ([0, 1], [1, 0])}, "a note")
+        return CaseResult(
+            [Check("one <&>", np.float64(1.0), np.float64(1.0), 0.1)],
+            {"a line": figure, "pair": ([0, 1], [1, 0])},
+            "a note",
+        )
 
     def bad():
         raise ValueError("no solution")

@@ -66,7 +66,7 @@ class Check:
     @property
     def is_relative(self) -> bool:
         """Whether ``error`` and ``tolerance`` are fractions of the expected value."""
-        return self.relative and not isinstance(self.expected, str) and self.expected != 0.0
+        return bool(self.relative and not isinstance(self.expected, str) and self.expected != 0.0)
 
     @property
     def passed(self) -> bool:
