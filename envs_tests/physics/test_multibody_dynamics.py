@@ -227,3 +227,16 @@ def test_step_beyond_the_stability_limit_is_named():
     integrator.start(np.array([1.0, 0.0]))
     with pytest.raises(MultibodyError, match="stability limit"):
         integrator.advance(2000)
+
+
+def test_divergence_that_spoils_the_mass_matrix_is_still_called_divergence():
+    """A flexible body beyond the stability limit: its mass matrix turns indefinite long before numbers overflow."""
+    system = MultibodySystem()
+    system.add(modal_body("beam", 4), Joint("free"))
+    system.build()
+    y = system.initial_state()
+    y[7:11] = 0.02
+    integrator = HammingIntegrator(system, 0.05)
+    integrator.start(y)
+    with pytest.raises(MultibodyError, match="stability limit"):
+        integrator.advance(20000)

@@ -25,6 +25,8 @@ FAST_CASES = (
     "simple-pendulum",
     "southwell",
     "spatial-slider-crank",
+    "spin-up",
+    "mixed-coordinates",
 )
 
 
@@ -41,7 +43,7 @@ def all_passes(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["iea-15mw-blade-static", "iea-15mw-blade-dynamic", "mixed-coordinates", "spin-up"])
+@pytest.mark.parametrize("name", ["iea-15mw-blade-static", "iea-15mw-blade-dynamic"])
 def test_slow_case(name):
     assert all_passes(name)
 

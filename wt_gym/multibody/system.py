@@ -585,7 +585,8 @@ class HammingIntegrator:
             self.history, self.inputs, self.system.tree, self.work, self.step, int(n_steps), self.n_corrections,
             self.system.constrained,
         )  # fmt: skip
-        if code == tree_kernels.DIVERGED:
-            raise MultibodyError(f"{FAILURES[code]} (step {self.step} s)")
+        if code in (tree_kernels.DIVERGED, tree_kernels.SINGULAR_MASS):
+            # the mass matrix was sound at the start: a diverging state spoils it before its numbers overflow
+            raise MultibodyError(f"{FAILURES[tree_kernels.DIVERGED]} (step {self.step} s)")
         if code != tree_kernels.OK:
             raise MultibodyError(FAILURES[code])

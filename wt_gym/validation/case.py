@@ -124,6 +124,7 @@ class Figure:
     y_label: str = ""
     log_x: bool = False
     log_y: bool = False
+    equal_axes: bool = False
 
 
 @dataclass(frozen=True)

@@ -125,4 +125,6 @@ def roll_up_case():
     )
     around = np.linspace(0.0, 2.0 * np.pi, 200)
     curves.append(Curve(1.0 - np.cos(around), np.sin(around), "exact circle", "-"))
-    return CaseResult(checks, {"cantilever rolled up by an end moment": Figure(tuple(curves), "x", "z")}, notes)
+    return CaseResult(
+        checks, {"cantilever rolled up by an end moment": Figure(tuple(curves), "x", "z", equal_axes=True)}, notes
+    )

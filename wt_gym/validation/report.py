@@ -98,6 +98,8 @@ def _draw(title, figure):
     for curve in figure.curves:
         axes.plot(curve.x, curve.y, curve.style, label=curve.label or None, linewidth=1.2, markersize=4)
     axes.set(title=title, xlabel=figure.x_label, ylabel=figure.y_label)
+    if figure.equal_axes:
+        axes.set_aspect("equal")
     if figure.log_x:
         axes.set_xscale("log")
     if figure.log_y:
