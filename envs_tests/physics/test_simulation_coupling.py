@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agents.closed_loop import run_baseline
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator, SimulatorState
 from wt_gym.wind import SteadyInflow
@@ -65,11 +66,26 @@ def test_two_simulators_agree_bit_for_bit(running):
     assert np.array_equal(*values)
 
 
-def test_snapshot_of_another_fidelity_is_refused(running):
+def test_snapshot_continues_in_another_simulator_of_the_same_kind(running):
     state = running.state()
-    del state.arrays["command"]
-    with pytest.raises(SimulationError, match="another turbine or fidelity"):
-        running.restore(state)
+    other = Simulator("nrel_5mw", inflow=running.inflow)
+    other.reset(rotor_speed=0.8)
+    other.advance(0.4, pitch=0.0, generator_torque=1e4)
+    other.restore(state)
+    command = {"pitch": 0.05, "generator_torque": 39e3}
+    first = other.advance(0.6, **command).values
+    assert np.array_equal(running.advance(0.6, **command).values, first)
+
+
+def test_snapshot_of_another_turbine_or_fidelity_is_refused(running):
+    state = running.state()
+    for change in (
+        {"fidelity": replace(FIDELITIES["training"], time_step=0.05)},
+        {"turbine": replace(running.turbine, air_density=0.9)},
+    ):
+        other = Simulator(**{"turbine": "nrel_5mw", "inflow": running.inflow} | change)
+        with pytest.raises(SimulationError, match="another turbine or fidelity"):
+            other.restore(state)
 
 
 @pytest.mark.parametrize(
@@ -79,6 +95,9 @@ def test_snapshot_of_another_fidelity_is_refused(running):
         ({"pitch": (0.0, 0.0), "generator_torque": 0.0}, "shape"),
         ({"pitch": 0.0, "generator_torque": np.inf}, "generator_torque"),
         ({"pitch": 0.0, "generator_torque": 0.0, "yaw_rate": np.nan}, "yaw_rate"),
+        ({"pitch": 20.0, "generator_torque": 0.0}, "degrees"),
+        ({"pitch": "fine", "generator_torque": 0.0}, "pitch"),
+        ({"pitch": 0.0, "generator_torque": None}, "generator_torque"),
     ],
 )
 def test_bad_commands_are_refused_and_nothing_moves(running, command, message):
@@ -181,3 +200,26 @@ def test_constrained_formulation_gives_the_same_turbine():
     position, rate = sim.structure.system.constraint_residuals(sim._integrator.state)
     assert np.abs(position).max() < 1e-7
     assert np.abs(rate).max() < 1e-6
+
+
+STEADY = [  # wind, rotor speed [rpm], power [W], thrust [N], tip deflection [m], pitch [deg], each with its tolerance
+    (8.0, (9.25, 0.35), (1.83e6, 0.183e6), (390e3, 39e3), (3.3, 0.396), (0.0, 0.1)),
+    (15.0, (12.1, 0.1), (5.0e6, 0.05e6), None, None, (10.3, 1.0)),
+]
+
+
+@pytest.mark.parametrize(("wind", "rpm", "power", "thrust", "tip", "pitch"), STEADY)
+def test_operating_points_of_the_nrel_5mw(wind, rpm, power, thrust, tip, pitch):
+    """Baseline controller in steady uniform wind, 300 s; bands around blade-element and free-wake results."""
+    data = run_baseline(Simulator("nrel_5mw", inflow=SteadyInflow(wind)), 300.0, control_dt=0.2).to_dataset()
+    last = data.sel(time=slice(240.0, None)).mean()
+    obtained = {
+        "rpm": (float(last.rotor_speed) / RPM, rpm),
+        "power": (float(last.generator_power), power),
+        "thrust": (float(last.aero_thrust), thrust),
+        "tip": (float(last.tip_out_of_plane_1 + last.tip_out_of_plane_2 + last.tip_out_of_plane_3) / 3.0, tip),
+        "pitch": (np.degrees(float(last.pitch_1)), pitch),
+    }
+    for name, (value, wanted) in obtained.items():
+        if wanted is not None:
+            assert value == pytest.approx(wanted[0], abs=wanted[1]), name

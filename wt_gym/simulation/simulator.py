@@ -1,6 +1,7 @@
 """The coupled simulator: flexible multibody turbine and free-wake vortex lattice marched together in time."""
 
 import math
+import numbers
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from wt_gym.simulation.channels import Signals
 from wt_gym.simulation.equilibrium import elastic_equilibrium, highest_frequency
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.measurement import Measurement
-from wt_gym.simulation.state import SimulatorState
+from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.simulation.turbine_structure import build_structure
 from wt_gym.turbines import Turbine, load_turbine
 
@@ -65,6 +66,7 @@ class Simulator:
         self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
         self.inflow, self.fidelity = inflow, fidelity_of(fidelity)
         self.time_step = self.fidelity.step_for(self.turbine.drivetrain.rated_rotor_speed)
+        self._model = fingerprint(self.turbine, self.fidelity)
         self._build_models()
         self._allocate()
         self._started = False
@@ -146,7 +148,9 @@ class Simulator:
         limit = MAX_OVERSPEED * self.turbine.drivetrain.rated_rotor_speed
         if not 0.0 <= rotor_speed < limit:
             raise ActionError(f"rotor_speed is {rotor_speed} rad/s; allowed: 0 … {limit:.3f} rad/s")
+        self._check_pitch_range(pitch)
         if generator_torque is not None:
+            self._check_finite(generator_torque=generator_torque)
             self._check_torque(generator_torque)
         self._n_steps = 0
         if self.fidelity.formulation != "embedded":
@@ -194,7 +198,7 @@ class Simulator:
         """
         self._require_start()
         pitch = self._pitch_vector(pitch)
-        self._check_finite(yaw_rate=yaw_rate, generator_torque=generator_torque)
+        self._check_finite(duration=duration, yaw_rate=yaw_rate, generator_torque=generator_torque)
         n = round(duration / self.time_step)
         if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
             raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
@@ -218,7 +222,7 @@ class Simulator:
         SimulatorState
         """
         self._require_start()
-        return SimulatorState.take(self._state_arrays(), self._n_steps)
+        return SimulatorState.take(self._state_arrays(), self._n_steps, self._model)
 
     def restore(self, state):
         """Continue from a snapshot of a simulator with the same turbine and fidelity.
@@ -228,7 +232,7 @@ class Simulator:
         SimulationError
             When the snapshot does not fit.
         """
-        state.put(self._state_arrays())
+        state.put(self._state_arrays(), self._model)
         self._n_steps = state.n_steps
         self._started = True
 
@@ -289,18 +293,28 @@ class Simulator:
 
     def _pitch_vector(self, pitch):
         n = self.turbine.n_blades
-        vector = np.asarray(pitch, dtype=float)
+        try:
+            vector = np.asarray(pitch, dtype=float)
+        except (TypeError, ValueError):
+            raise ActionError(f"pitch is {pitch!r}; one angle or {n} angles [rad] are needed") from None
         if vector.shape not in ((), (n,)):
             raise ActionError(f"pitch has shape {vector.shape}; allowed: one angle or {n} angles [rad]")
         if not np.all(np.isfinite(vector)):
             raise ActionError(f"pitch {pitch!r} is not finite")
+        if np.abs(vector).max() > np.pi:
+            raise ActionError(f"pitch {pitch!r} is beyond ±π rad; are these degrees?")
         return np.broadcast_to(vector, (n,)).copy()
 
     @staticmethod
-    def _check_finite(**numbers):
-        for name, value in numbers.items():
-            if not math.isfinite(value):
+    def _check_finite(**values):
+        for name, value in values.items():
+            if not isinstance(value, numbers.Real) or not math.isfinite(value):
                 raise ActionError(f"{name} is {value!r}; a finite number is needed")
+
+    def _check_pitch_range(self, pitch):
+        low, high = self.turbine.pitch.min_pitch, self.turbine.pitch.max_pitch
+        if pitch.min() < low - 0.1 or pitch.max() > high + 0.1:
+            raise ActionError(f"pitch {pitch} rad at the start; allowed: {low:.3f} … {high:.3f} rad (± 0.1)")
 
     def _check_torque(self, torque):
         limit = self.turbine.drivetrain.max_generator_torque

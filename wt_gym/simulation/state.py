@@ -1,12 +1,36 @@
 """Snapshots of a simulation: plain arrays that can be copied, compared, saved and restored."""
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 
 from wt_gym.errors import SimulationError
 
-__all__ = ["SimulatorState"]
+__all__ = ["SimulatorState", "fingerprint"]
+
+
+def fingerprint(*parts):
+    """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text."""
+    digest = hashlib.sha256()
+
+    def feed(value):
+        if is_dataclass(value):
+            digest.update(type(value).__name__.encode())
+            for f in fields(value):
+                digest.update(f.name.encode())
+                feed(getattr(value, f.name))
+        elif isinstance(value, np.ndarray):
+            digest.update(str(value.shape).encode() + value.tobytes())
+        elif isinstance(value, (tuple, list)):
+            for item in value:
+                feed(item)
+        else:
+            digest.update(repr(value).encode())
+
+    for part in parts:
+        feed(part)
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,19 +43,29 @@ class SimulatorState:
         Own copies.
     n_steps : int
         Aerodynamic steps since the start.
+    model : str
+        Fingerprint of the simulator's turbine and fidelity.
     """
 
     arrays: dict
     n_steps: int
+    model: str
 
     @classmethod
-    def take(cls, arrays, n_steps):
+    def take(cls, arrays, n_steps, model):
         """Copy the given arrays."""
-        return cls({key: np.array(a) for key, a in arrays.items()}, int(n_steps))
+        return cls({key: np.array(a) for key, a in arrays.items()}, int(n_steps), model)
 
-    def put(self, arrays):
-        """Write the snapshot back into arrays of the same names and shapes."""
-        if set(arrays) != set(self.arrays) or any(arrays[k].shape != a.shape for k, a in self.arrays.items()):
+    def put(self, arrays, model):
+        """Write the snapshot back into the arrays of a simulator with the same fingerprint.
+
+        Raises
+        ------
+        SimulationError
+            When turbine or fidelity differ.
+        """
+        same = set(arrays) == set(self.arrays) and all(arrays[k].shape == a.shape for k, a in self.arrays.items())
+        if self.model != model or not same:
             raise SimulationError("the snapshot belongs to a simulator with another turbine or fidelity")
         for key, array in arrays.items():
             array[...] = self.arrays[key]
@@ -39,17 +73,18 @@ class SimulatorState:
     def __eq__(self, other):
         if not isinstance(other, SimulatorState):
             return NotImplemented
-        same = self.n_steps == other.n_steps and set(self.arrays) == set(other.arrays)
+        same = (self.n_steps, self.model) == (other.n_steps, other.model) and set(self.arrays) == set(other.arrays)
         return same and all(np.array_equal(a, other.arrays[k], equal_nan=True) for k, a in self.arrays.items())
 
     __hash__ = None
 
     def save(self, path):
         """Write to a compressed .npz file (plain numbers, no pickle)."""
-        np.savez_compressed(path, n_steps=self.n_steps, **self.arrays)
+        np.savez_compressed(path, n_steps=self.n_steps, model=self.model, **self.arrays)
 
     @classmethod
     def load(cls, path):
         """Read a file written by :meth:`save`."""
         with np.load(path, allow_pickle=False) as data:
-            return cls({key: data[key] for key in data.files if key != "n_steps"}, int(data["n_steps"]))
+            arrays = {key: data[key] for key in data.files if key not in ("n_steps", "model")}
+            return cls(arrays, int(data["n_steps"]), str(data["model"]))

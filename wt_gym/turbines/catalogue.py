@@ -102,9 +102,24 @@ def turbine_file(name_or_path: str | Path) -> Path:
     if not isinstance(name_or_path, (str, Path)):
         raise fail("turbine", name_or_path, allowed)
     path = Path(name_or_path).expanduser()
+    if path.is_dir():
+        raise fail("turbine", str(name_or_path), f"{allowed} (this is a folder)")
     if not path.is_file():
         raise fail("turbine", str(name_or_path), f"{allowed} (there is no such file)")
     return path
+
+
+_FILE_KEYS = {
+    "n_blades": "number_of_blades",
+    "rotor_orientation": "rotor_orientation",
+    "rotor_diameter": "rotor_diameter",
+    "hub_height": "hub_height",
+    "cut_in": "cut_in_wind_speed",
+    "cut_out": "cut_out_wind_speed",
+    "iec_class": "turbine_class",
+    "turbulence_class": "turbulence_class",
+}
+"""Keys of the ``assembly`` section behind the fields of a turbine."""
 
 
 def _build(root: Node) -> Turbine:
@@ -122,7 +137,7 @@ def _build(root: Node) -> Turbine:
     nacelle = read_nacelle(root, blade, hub, n_blades, notes)
     diameter = 2.0 * (hub.radius + blade.length) * float(np.cos(hub.cone))
     height = tower.height + root.at("components.drivetrain.outer_shape").number("distance_tt_hub", 0.0, 20.0)
-    return Turbine(
+    values = dict(
         name=root.text("name"),
         n_blades=n_blades,
         rotor_orientation=str(_default(assembly, "rotor_orientation", "upwind", notes)).lower(),
@@ -142,6 +157,14 @@ def _build(root: Node) -> Turbine:
         turbulence_class=str(_default(assembly, "turbulence_class", "B", notes)).upper(),
         notes=tuple(notes),
     )
+    try:
+        return Turbine(**values)
+    except TurbineDefinitionError as error:
+        # say the same in the words of the file
+        text = str(error)
+        for field, key in _FILE_KEYS.items():
+            text = text.replace(f"Turbine.{field}:", f"assembly.{key} (Turbine.{field}):")
+        raise TurbineDefinitionError(text) from error
 
 
 def _default(node: Node, key: str, default, notes: list[str]):

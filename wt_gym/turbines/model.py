@@ -311,7 +311,7 @@ class Turbine(ArrayRecord):
     iec_class : str
         ``"I"`` to ``"IV"``.
     turbulence_class : str
-        ``"A"`` to ``"D"``.
+        ``"A+"``, ``"A"``, ``"B"`` or ``"C"`` of IEC 61400-1.
     notes : tuple of str
         What the reader had to assume because the file does not say it, in plain words.
     """
@@ -342,7 +342,7 @@ class Turbine(ArrayRecord):
         for name, allowed in (
             ("rotor_orientation", ("upwind",)),
             ("iec_class", ("I", "II", "III", "IV")),
-            ("turbulence_class", ("A+", "A", "B", "C", "D")),
+            ("turbulence_class", ("A+", "A", "B", "C")),
         ):
             if getattr(self, name) not in allowed:
                 raise fail(f"Turbine.{name}", getattr(self, name), " or ".join(map(repr, allowed)))
