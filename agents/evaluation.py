@@ -107,7 +107,20 @@ def evaluate(agents: Mapping[str, str | Agent], config: EvaluationConfig, *, pro
     Returns
     -------
     Evaluation
+
+    Raises
+    ------
+    ValueError
+        If the runs are too short to leave something to measure, or the arguments of the environment hold an episode
+        length.
     """
+    if not (config.skip >= 0.0 and config.duration >= config.skip + _LEAST_MEASURED):
+        raise ValueError(
+            f"nothing is left to evaluate: the duration of {config.duration:g} s must exceed the skipped start of "
+            f"{config.skip:g} s (at least 0) by {_LEAST_MEASURED:g} s or more"
+        )
+    if "episode_length" in config.env_kwargs:
+        raise ValueError("episode_length follows from the duration of the evaluation; leave it out of env_kwargs")
     env = gym.make(config.env_id, **config.env_kwargs, episode_length=config.duration)
     try:
         layout = layout_of(env)
@@ -146,6 +159,7 @@ def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationCo
     observation, info = env.reset(seed=config.seed, options=options)
     turbine_env, started = env.unwrapped, time.monotonic()
     recorder = Recorder(turbine_env.simulator, agent=name, wind_speed=wind.speed, wind_seed=info["wind_seed"])
+    recorder.append(turbine_env.signals)
     state, episode_start = None, np.ones(1, dtype=bool)
     total, terms, done = 0.0, {}, False
     while not done:
@@ -179,8 +193,11 @@ def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationCo
 
 
 def _metrics(data, turbine: Turbine, skip: float, duration: float) -> dict[str, float]:
-    """Metrics of a run, none if it ended before there was something to measure."""
-    return run_metrics(data, turbine, skip) if duration >= skip + _LEAST_MEASURED else {}
+    """Metrics of a run, none if it ended before there was something to measure.
+
+    Each sample stands for the step that led to it, so the start at t = 0 is left out.
+    """
+    return run_metrics(data.isel(time=slice(1, None)), turbine, skip) if duration >= skip + _LEAST_MEASURED else {}
 
 
 def _settings(config: EvaluationConfig, layout: EnvLayout, env: gym.Env) -> dict[str, Any]:

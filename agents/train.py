@@ -37,7 +37,7 @@ class TrainingConfig:
     env_kwargs : dict
         Arguments of the environment.
     total_steps : int
-        Environment steps over all copies.
+        Environment steps over all copies; the last rollout of ``n_steps`` a copy is finished beyond them.
     max_seconds : float or None
         Wall time after which training stops, whatever the steps.
     n_envs : int
@@ -138,7 +138,7 @@ class _Watch(BaseCallback):
         recent = self.curve["episode_return"][-10:]
         returns = f"mean return of the last {len(recent)} {np.mean(recent):.1f}" if recent else "none finished yet"
         return (
-            f"training {self.num_timesteps} of at most {self._config.total_steps} steps, {clock(seconds)}"
+            f"training {self.num_timesteps} of about {self._config.total_steps} steps, {clock(seconds)}"
             f"{f' of {clock(limit)}' if limit is not None else ''} min, {self.num_timesteps / max(seconds, 1e-9):.0f}"
             f" steps/s, {len(self.curve['steps'])} episodes, {returns}"
         )
@@ -201,7 +201,8 @@ def train(config: TrainingConfig, folder: str | Path, *, progress: bool = True) 
         "control_dt": layout.control_dt,
         "observation": list(layout.observation.names),
         "action": list(layout.action.names),
-        "wind_seeds": list(seeds),
+        "normalised": True,
+        "wind_seeds": None if seeds is None else list(seeds),
         "wt_gym": wt_gym.__version__,
         "config": asdict(config),
         "curve": watch.curve,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,27 @@ __all__ = ["MODEL_FILE", "NORMALISATION_FILE", "RECORD_FILE", "TrainedAgent"]
 MODEL_FILE, NORMALISATION_FILE, RECORD_FILE = "model.zip", "vecnormalize.pkl", "training.json"
 
 _ALGORITHMS = {cls.__name__: cls for cls in (PPO, A2C, SAC, TD3, DDPG, DQN)}
+
+_CHECKPOINT = re.compile(r"(?P<prefix>.+)_(?P<steps>\d+)_steps\.zip")
+
+
+def _record_of(model_file: Path) -> dict[str, Any] | None:
+    """How a model was trained, with ``checkpoint``, the steps until then, for a checkpoint; None if unknown."""
+    checkpoint = _CHECKPOINT.fullmatch(model_file.name)
+    folders = [model_file.parent, model_file.absolute().parent.parent] if checkpoint else [model_file.parent]
+    for folder in folders:
+        if (folder / RECORD_FILE).is_file():
+            record = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
+            return record | {"checkpoint": int(checkpoint["steps"])} if checkpoint else record
+    return None
+
+
+def _statistics_file(model_file: Path) -> Path | None:
+    """Statistics that belong to a model: those of the checkpoint, else those beside the model."""
+    names = [NORMALISATION_FILE]
+    if checkpoint := _CHECKPOINT.fullmatch(model_file.name):
+        names.insert(0, f"{checkpoint['prefix']}_vecnormalize_{checkpoint['steps']}_steps.pkl")
+    return next((model_file.parent / name for name in names if (model_file.parent / name).is_file()), None)
 
 
 class TrainedAgent:
@@ -50,7 +72,8 @@ class TrainedAgent:
         ----------
         path : str or path
             Folder with ``model.zip``, or a model file. ``vecnormalize.pkl`` and ``training.json`` beside it are used if
-            they exist.
+            they exist. A checkpoint ``<prefix>_<n>_steps.zip`` takes its own statistics
+            ``<prefix>_vecnormalize_<n>_steps.pkl`` first, and a ``training.json`` in the folder above too.
         algorithm : str, optional
             Class of the model; default: that of the training record, else PPO.
 
@@ -61,7 +84,7 @@ class TrainedAgent:
         Raises
         ------
         FileNotFoundError
-            If there is no model.
+            If there is no model, or no statistics although the record says that observations were normalised.
         ValueError
             If the algorithm is unknown.
         """
@@ -69,13 +92,16 @@ class TrainedAgent:
         model_file = path / MODEL_FILE if path.is_dir() else path
         if not model_file.is_file():
             raise FileNotFoundError(f"no trained model at {model_file}")
-        record_file, statistics_file = (model_file.parent / name for name in (RECORD_FILE, NORMALISATION_FILE))
-        record = json.loads(record_file.read_text(encoding="utf-8")) if record_file.is_file() else None
+        record, statistics_file = _record_of(model_file), _statistics_file(model_file)
+        if statistics_file is None and (record or {}).get("normalised"):
+            raise FileNotFoundError(
+                f"{model_file} was trained on normalised observations, but their statistics are not beside it"
+            )
         name = algorithm or (record or {}).get("algorithm", "PPO")
         if name not in _ALGORITHMS:
             raise ValueError(f"algorithm must be one of {tuple(_ALGORITHMS)}, got {name!r}")
         normalisation = None
-        if statistics_file.is_file():
+        if statistics_file is not None:
             with statistics_file.open("rb") as file:
                 normalisation = pickle.load(file)
         return cls(_ALGORITHMS[name].load(model_file, device="cpu"), normalisation, record)

@@ -38,28 +38,27 @@ def parse_arguments() -> argparse.Namespace:
 def main() -> None:
     """Evaluate."""
     arguments = parse_arguments()
-    import gymnasium as gym
-
-    import wt_gym  # noqa: F401 - registers the environments
+    from agents.command_line import environment_arguments, user_errors
     from agents.evaluation import EvaluationConfig, default_names, evaluate
     from wt_gym.analysis.report import write_report
     from wt_gym.analysis.results import Wind
     from wt_gym.analysis.summary import summarise
     from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 
-    turbulent = gym.spec(arguments.env).kwargs["inflow"] == "turbulent"
-    seeds = [None] if not turbulent else arguments.wind_seeds or EVALUATION_WIND_SEEDS[:2]
-    kwargs = dict(arguments.env_kwargs)
-    if arguments.fidelity:
-        kwargs["fidelity"] = arguments.fidelity
-    config = EvaluationConfig(
-        env_id=arguments.env,
-        env_kwargs=kwargs,
-        winds=tuple(Wind(speed, seed) for speed in arguments.wind_speed for seed in seeds),
-        duration=arguments.duration,
-        skip=arguments.skip,
-    )
-    evaluation = evaluate(default_names(arguments.agents), config)
+    with user_errors():
+        turbulent = environment_arguments(arguments.env, arguments.env_kwargs)["inflow"] == "turbulent"
+        seeds = [None] if not turbulent else arguments.wind_seeds or EVALUATION_WIND_SEEDS[:2]
+        kwargs = dict(arguments.env_kwargs)
+        if arguments.fidelity:
+            kwargs["fidelity"] = arguments.fidelity
+        config = EvaluationConfig(
+            env_id=arguments.env,
+            env_kwargs=kwargs,
+            winds=tuple(Wind(speed, seed) for speed in arguments.wind_speed for seed in seeds),
+            duration=arguments.duration,
+            skip=arguments.skip,
+        )
+        evaluation = evaluate(default_names(arguments.agents), config)
     out = Path(arguments.out)
     table = evaluation.save(out)
     print("\n".join(summarise(evaluation)))

@@ -11,6 +11,7 @@ approximately. A NetCDF file holds every signal of the run (one file a wind spee
 
 import argparse
 import json
+import math
 import sys
 import time
 from pathlib import Path
@@ -48,9 +49,20 @@ COLUMNS = (
 )
 
 
+def check(arguments: argparse.Namespace) -> None:
+    """Refuse numbers without meaning."""
+    positive = {"--wind-speed": arguments.wind_speed, "--duration": [arguments.duration]}
+    positive["--average"] = [arguments.average]
+    for option, values in positive.items():
+        for value in values:
+            if not 0.0 < value < math.inf:
+                sys.exit(f"error: {option} must be positive and finite, got {value:g}")
+
+
 def main() -> None:
     """Simulate each wind speed and print the table."""
     arguments = parse_arguments()
+    check(arguments)
     import numpy as np
 
     from agents.closed_loop import run_baseline

@@ -35,8 +35,11 @@ def parse_arguments() -> argparse.Namespace:
 def main() -> None:
     """Train."""
     arguments = parse_arguments()
+    from agents.command_line import environment_arguments, user_errors
     from agents.train import TrainingConfig, train  # torch takes seconds to import: not for --help
 
+    with user_errors():
+        environment_arguments(arguments.env, arguments.env_kwargs)
     kwargs = dict(arguments.env_kwargs)
     if arguments.wind_speed:
         low, *high = arguments.wind_speed
@@ -52,7 +55,8 @@ def main() -> None:
         n_envs=arguments.n_envs,
         seed=arguments.seed,
     )
-    record = train(config, arguments.out)
+    with user_errors():
+        record = train(config, arguments.out)
     print(f"{record['steps']} steps in {record['wall_seconds']:.0f} s; model and statistics in {arguments.out}")
     if arguments.json:
         print(json.dumps(record, default=str))

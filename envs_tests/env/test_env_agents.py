@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -21,7 +22,9 @@ from agents.trained import TrainedAgent
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
-from wt_gym.errors import ActionError
+from wt_gym.analysis.summary import summarise
+from wt_gym.errors import ActionError, SimulationError
+from wt_gym.simulation import Simulator
 
 TURBULENT = "wt_gym/NREL5MW-Turbulent-v0"
 STEADY = "wt_gym/NREL5MW-Steady-v0"
@@ -158,6 +161,24 @@ def test_training_leaves_model_statistics_record_and_checkpoints(trained):
     assert agent.normalisation.obs_rms.count > 250
 
 
+def test_a_checkpoint_comes_with_its_own_statistics(trained, tmp_path):
+    folder, record = trained
+    agent = TrainedAgent.load(folder / "checkpoints" / "ppo_128_steps.zip")
+    assert agent.normalisation.obs_rms.count == pytest.approx(129.0, abs=1.0)
+    assert agent.record["algorithm"] == record["algorithm"]
+    assert agent.record["checkpoint"] == agent.model.num_timesteps == 128
+    (tmp_path / "checkpoints").mkdir()
+    lone = tmp_path / "checkpoints" / "ppo_128_steps.zip"
+    shutil.copy(folder / "checkpoints" / "ppo_128_steps.zip", lone)
+    shutil.copy(folder / "training.json", tmp_path)
+    with pytest.raises(FileNotFoundError, match="normalised observations"):
+        TrainedAgent.load(lone)
+
+
+def test_steady_training_used_no_turbulence_seed(trained):
+    assert trained[1]["wind_seeds"] == []
+
+
 def test_trained_agent_normalises_the_observation(trained):
     folder, _ = trained
     agent = TrainedAgent.load(folder / "model.zip")
@@ -203,7 +224,7 @@ def test_evaluation_covers_agents_and_winds(evaluation):
         assert run.episode_return == pytest.approx(sum(run.reward_terms.values()))
     base = result.run(BASELINE, Wind(16.0, 1002))
     assert base.complete
-    assert base.data.sizes["time"] == 75
+    np.testing.assert_allclose(base.data["time"], np.arange(76) * 0.2)
     assert set(base.metrics) == set(METRICS)
     assert result.geometry["blades"].shape[0] == 3
 
@@ -214,6 +235,38 @@ def test_agents_meet_the_same_wind_from_the_same_start(evaluation):
     n = min(first.sizes["time"], second.sizes["time"])
     np.testing.assert_allclose(first["wind_x"][:n], second["wind_x"][:n], rtol=0.02)
     np.testing.assert_allclose(first["rotor_speed"][0], second["rotor_speed"][0], rtol=1e-3)
+
+
+def test_metrics_leave_out_the_start(evaluation):
+    _, result = evaluation
+    run = result.run(BASELINE, Wind(16.0, 1002))
+    power = run.data["generator_power"].values[1 + 25 :]  # after the first step and 5 s
+    assert run.metrics["mean_power"] == pytest.approx(power.mean())
+
+
+def test_a_run_that_fails_in_its_first_step_can_be_reported(monkeypatch, tmp_path):
+    def fail(*_args, **_kwargs):
+        raise SimulationError("diverged")
+
+    monkeypatch.setattr(Simulator, "advance", fail)
+    config = EvaluationConfig(env_id=STEADY, winds=(Wind(12.0),), duration=8.0, skip=4.0)
+    result = evaluate({BASELINE: "baseline", "Constant": "constant"}, config, progress=False)
+    assert result.runs[0].data["time"].values.tolist() == [0.0]
+    assert "nan" not in " ".join(summarise(result))
+    write_report(result, tmp_path / "report.html")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"duration": 20.0, "skip": 30.0}, "nothing is left"),
+        ({"duration": -5.0, "skip": 0.0}, "nothing is left"),
+        ({"env_kwargs": {"episode_length": 50.0}}, "episode_length follows"),
+    ],
+)
+def test_evaluations_without_meaning_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        evaluate({BASELINE: "baseline"}, EvaluationConfig(**changes), progress=False)
 
 
 def test_evaluation_repeats_itself(evaluation):
@@ -259,6 +312,34 @@ def test_scripts_explain_themselves(script):
     path = Path(__file__).parents[2] / "scripts" / script
     done = subprocess.run([sys.executable, path, "--help"], capture_output=True, text=True, check=True)
     assert "--json" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (["evaluate.py", "no/such/agent"], "no trained model"),
+        (["evaluate.py", "--env", STEADY, "--wind-speed", "60"], "cut-in and cut-out"),
+        (["evaluate.py", "--env", "CartPole-v1"], "must be one of wt_gym/"),
+        (["evaluate.py", "--env", "NoSuchEnv-v0"], "NoSuchEnv"),
+        (["evaluate.py", "--env-kwargs", '{"episode_length": 50}'], "episode_length"),
+        (["evaluate.py", "--env-kwargs", '{"colour": 1}'], "no arguments ['colour']"),
+        (["evaluate.py", "--duration", "20", "--skip", "30"], "nothing is left"),
+        (["train.py", "--env", "CartPole-v1"], "must be one of wt_gym/"),
+        (["train.py", "--wind-speed", "60"], "cut-in and cut-out"),
+        (["simulate.py", "--wind-speed", "0"], "--wind-speed must be positive"),
+        (["simulate.py", "--duration", "0"], "--duration must be positive"),
+        (["simulate.py", "--duration", "-5"], "--duration must be positive"),
+    ],
+)
+def test_errors_of_the_user_take_one_line(command, message, tmp_path):
+    script, *arguments = command
+    path = Path(__file__).parents[2] / "scripts" / script
+    out = ["--out", tmp_path / "out"]
+    done = subprocess.run([sys.executable, path, *arguments, *out], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ")
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 def test_evaluation_script_prints_json_and_writes_a_report(tmp_path):

@@ -162,6 +162,10 @@ def test_noise_comes_from_the_seed(make_env):
         {"observation": ("rotor", "weather")},
         {"observation": ()},
         {"sensor_noise": -1.0},
+        {"sensor_noise": np.inf},
+        {"episode_length": np.nan},
+        {"episode_length": np.inf},
+        {"wind_seeds": 3},
         {"action_mode": "torque"},
         {"reward": {"money": 1.0}},
         {"reward": {"power": -1.0}},
@@ -170,6 +174,12 @@ def test_noise_comes_from_the_seed(make_env):
 def test_wrong_arguments_are_refused(make_env, kwargs):
     with pytest.raises(ValueError, match=r"must|has no"):
         make_env(**kwargs)
+
+
+@pytest.mark.parametrize("control_dt", [0.05, 0.15, 0.25])
+def test_control_step_must_be_one_the_simulator_can_take(make_env, control_dt):
+    with pytest.raises(ValueError, match=r"control_dt must be a multiple of .* aerodynamic step of 0\.1 s"):
+        make_env(control_dt=control_dt, episode_length=3.0)
 
 
 def test_step_needs_reset(make_env):

@@ -86,6 +86,12 @@ def test_impossible_winds_are_refused(kind, kwargs, message):
         WindSampler(TURBINE, kind, **kwargs)
 
 
+def test_only_turbulent_wind_has_known_seeds():
+    assert WindSampler(TURBINE, "turbulent", 10.0, wind_seeds=[3, 4]).seeds == (3, 4)
+    assert WindSampler(TURBINE, "steady", 10.0).seeds == ()
+    assert WindSampler(TURBINE, SteadyInflow(9.0), None).seeds is None
+
+
 def test_steady_wind_has_no_seed():
     with pytest.raises(InflowError, match="belong to turbulent wind"):
         WindSampler(TURBINE, "steady", 10.0).sample(np.random.default_rng(0), wind_seed=1)

@@ -1,5 +1,7 @@
 """The words of the report follow from the numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -128,6 +130,37 @@ def test_unseen_winds_are_only_those():
     seen = evaluation(training={"PPO": record(wind_seeds=[5, 1002])})
     assert not unseen(seen)
     assert headline(seen) == "PPO against Baseline in two winds"
+
+
+def test_a_wind_without_seed_is_not_called_unseen():
+    result = evaluation(training={"PPO": record(wind_seeds=[])})
+    assert unseen(result)
+    steady = [replace(one, wind=Wind(one.wind.speed)) for one in result.runs if one.wind == WINDS[0]]
+    result = replace(result, runs=steady)
+    assert not unseen(result)
+    assert headline(result) == "PPO against Baseline in one wind"
+
+
+def test_seeds_that_nobody_knows_are_not_called_unseen():
+    assert not unseen(evaluation(training={"PPO": record(wind_seeds=None)}))
+
+
+def test_a_checkpoint_is_named_as_such():
+    assert "its checkpoint after 18\u202f000 steps" in agent_text(
+        evaluation(training={"PPO": record(checkpoint=18_000)})
+    )
+
+
+def test_runs_that_fail_at_once_are_reported(tmp_path):
+    result = evaluation(endings=("failure", "failure"))
+    failed = [
+        replace(one, data=one.data.isel(time=[0]), metrics={}, duration=0.0, ending="failure") for one in result.runs
+    ]
+    result = replace(result, runs=failed)
+    text = " ".join(summarise(result))
+    assert "nan" not in text
+    assert "the simulation failed after 0 s" in text
+    write_report(result, tmp_path / "report.html")
 
 
 def test_baseline_alone():

@@ -134,7 +134,7 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
             )  # fmt: skip
         if not run.complete:
             figure.add_vline(
-                x=float(time[-1]), line={"color": styles[agent]["color"], "width": 1, "dash": "dot"}, row="all", col=1
+                x=run.duration, line={"color": styles[agent]["color"], "width": 1, "dash": "dot"}, row="all", col=1
             )
     for i, row in enumerate(_ROWS, start=1):
         limit = row.limit(evaluation.limits)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from wt_gym.analysis.metrics import METRICS
@@ -78,9 +77,10 @@ def headline(evaluation: Evaluation) -> str:
 
 
 def unseen(evaluation: Evaluation) -> bool:
-    """Whether no agent was trained on a turbulence seed of the evaluation."""
+    """Whether no agent was trained on a turbulence seed of the evaluation; a wind without a seed may have been met."""
     seeds = {wind.seed for wind in evaluation.winds}
-    return all(seeds.isdisjoint(training.get("wind_seeds", seeds)) for training in evaluation.training.values())
+    trained = [training.get("wind_seeds") for training in evaluation.training.values()]
+    return None not in seeds and all(known is not None and seeds.isdisjoint(known) for known in trained)
 
 
 def summarise(evaluation: Evaluation) -> list[str]:
@@ -112,10 +112,11 @@ def _agent_paragraph(evaluation: Evaluation, agent: str) -> str:
     sentences = [_training_sentence(evaluation, agent), _survival(evaluation, agent)]
     if not (_all_complete(evaluation, agent) and _all_complete(evaluation, evaluation.baseline)):
         energy = _produced(evaluation, agent)
-        sentences.append(
-            f"Up to their ends its runs produced {energy:.0f} % of the energy of {evaluation.baseline}; loads of runs"
-            " of unequal length are not comparable and are marked in the table."
-        )
+        if energy is not None:
+            sentences.append(
+                f"Up to their ends its runs produced {energy:.0f} % of the energy of {evaluation.baseline}; loads of"
+                " runs of unequal length are not comparable and are marked in the table."
+            )
         sentences.append(f"So {agent} cannot replace {evaluation.baseline} here.")
     else:
         sentences += _comparison(evaluation, agent)
@@ -128,9 +129,10 @@ def _training_sentence(evaluation: Evaluation, agent: str) -> str:
         return ""
     hours = training["steps"] * training["control_dt"] / 3600
     minutes = training["wall_seconds"] / 60
+    checkpoint = f" This is its checkpoint after {training['checkpoint']:,} steps." if "checkpoint" in training else ""
     return (
         f"{agent} was trained for {minutes:.1f} min on {training['steps']:,} control steps ({hours:.1f} h of simulated"
-        " operation)."
+        f" operation).{checkpoint}"
     ).replace(",", "\u202f")
 
 
@@ -210,14 +212,14 @@ def _reach_paragraph(evaluation: Evaluation) -> str:
     return " ".join(sentences)
 
 
-def _produced(evaluation: Evaluation, agent: str) -> float:
-    """Energy of all runs of an agent over that of the baseline [%], early ends included."""
+def _produced(evaluation: Evaluation, agent: str) -> float | None:
+    """Energy of all runs of an agent over that of the baseline [%], early ends included; None if that made none."""
 
     def energy(name: str) -> float:
         return sum(float(run.data["generator_power"].values.mean()) * run.duration for run in evaluation.runs_of(name))
 
     reference = energy(evaluation.baseline)
-    return 100 * energy(agent) / reference if reference > 0 else math.nan
+    return 100 * energy(agent) / reference if reference > 0 else None
 
 
 def _all_complete(evaluation: Evaluation, agent: str) -> bool:

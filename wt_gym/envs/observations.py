@@ -50,15 +50,15 @@ class Observer:
     Raises
     ------
     ValueError
-        If a group is unknown or none is given, or the noise level is negative.
+        If a group is unknown or none is given, or the noise level is negative or not finite.
     """
 
     def __init__(self, turbine: Turbine, action: ActionMap, groups=OBSERVATION_GROUPS, noise_level: float = 0.0):
         unknown = [group for group in groups if group not in OBSERVATION_GROUPS]
         if unknown or not groups:
             raise ValueError(f"observation must name some of {OBSERVATION_GROUPS}, got {tuple(groups)}")
-        if not noise_level >= 0:
-            raise ValueError(f"sensor_noise must not be negative, got {noise_level!r}")
+        if not 0.0 <= noise_level < math.inf:
+            raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
         self._turbine, self._action, self._noise_level = turbine, action, noise_level
         self._anemometer = NacelleAnemometer()
         builders = {

@@ -17,6 +17,7 @@ from wt_gym.envs.observations import OBSERVATION_GROUPS, Observer
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
 if TYPE_CHECKING:
@@ -106,7 +107,9 @@ class WindTurbineEnv(gym.Env):
 
     The turbine runs in the drawn wind near its steady operating point
     (`wt_gym.control.operating_point.operating_point`): rotor speed, pitch and generator torque of the mean wind speed,
-    azimuth drawn uniformly, nacelle facing the mean wind, structure and wake as ``Simulator.reset`` leaves them.
+    azimuth drawn uniformly, yaw angle 0, structure and wake as ``Simulator.reset`` leaves them. At yaw angle 0 the
+    nacelle faces a wind that blows along +x, as the steady and turbulent winds made here do; an inflow of one's own
+    from another direction meets the rotor with that yaw error.
     ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
     [rad/s], ``pitch`` [rad] and ``azimuth`` [rad].
 
@@ -215,6 +218,9 @@ class WindTurbineEnv(gym.Env):
         self.overspeed_limit, self.standstill_limit = float(overspeed_limit), float(standstill_limit)
         self.control_dt, self.fidelity = float(control_dt), fidelity
         action = ActionMap(self.turbine, control_dt, action_mode, pitch)
+        self._check_control_step()
+        if not 0.0 < episode_length < math.inf:
+            raise ValueError(f"episode_length must be positive and finite, got {episode_length!r} s")
         self._max_steps = round(episode_length / control_dt)
         if not (self._max_steps >= 1 and math.isclose(self._max_steps * control_dt, episode_length, rel_tol=1e-9)):
             raise ValueError(
@@ -252,6 +258,7 @@ class WindTurbineEnv(gym.Env):
         wt_gym.errors.InflowError
             If a wind is asked for that cannot be had.
         """
+        self._running = False
         super().reset(seed=seed)
         options = dict(options or {})
         unknown = [name for name in options if name not in _RESET_OPTIONS]
@@ -352,6 +359,16 @@ class WindTurbineEnv(gym.Env):
         from wt_gym.envs.rendering import Renderer  # matplotlib takes half a second to import
 
         return Renderer(self.turbine)
+
+    def _check_control_step(self) -> None:
+        """Refuse a control step that the simulator cannot take."""
+        step = fidelity_of(self.fidelity).step_for(self.turbine.drivetrain.rated_rotor_speed)
+        count = round(self.control_dt / step)
+        if count < 1 or abs(count * step - self.control_dt) > 1e-6 * step:
+            raise ValueError(
+                f"control_dt must be a multiple of the simulator's aerodynamic step of {step:.6g} s, "
+                f"got {self.control_dt!r} s"
+            )
 
     def _place_simulator(self) -> None:
         """Put the simulator into the wind of the episode."""

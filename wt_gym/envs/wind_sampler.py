@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -73,7 +74,8 @@ class WindSampler:
 
     Attributes
     ----------
-    seeds : tuple of int
+    seeds : tuple of int or None
+        Turbulence seeds that episodes draw from: none in steady wind, unknown (None) with an inflow of one's own.
 
     Raises
     ------
@@ -95,8 +97,10 @@ class WindSampler:
         self._turbine, self._kind = turbine, kind
         self._shear_exponent = shear_exponent
         self._class = turbulence_class or turbine.turbulence_class
-        self.seeds = tuple(self._checked_seed(seed) for seed in wind_seeds)
-        if not self.seeds:
+        if not isinstance(wind_seeds, Iterable):
+            raise InflowError(f"wind_seeds must be a sequence of integers, got {wind_seeds!r}")
+        self._pool = tuple(self._checked_seed(seed) for seed in wind_seeds)
+        if not self._pool:
             raise InflowError("wind_seeds must name at least one seed")
         if isinstance(kind, str):
             self._speeds = self._range(wind_speed)
@@ -104,6 +108,7 @@ class WindSampler:
                 turbulence_sigma(self._speeds[0], self._class)  # refuses an unknown class now, not at the first reset
         else:
             self._speeds = (kind.mean_speed, kind.mean_speed)
+        self.seeds = {"turbulent": self._pool, "steady": ()}[kind] if isinstance(kind, str) else None
 
     def sample(
         self,
@@ -131,7 +136,7 @@ class WindSampler:
             If a fixed value is not allowed, or belongs to a wind that has none.
         """
         # Always three draws, so that fixing one of them leaves the others as they were.
-        drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self._speeds), rng.choice(self.seeds), rng.random()
+        drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self._speeds), rng.choice(self._pool), rng.random()
         turbulent = self._kind == "turbulent"
         self._refuse_useless(wind_speed, wind_seed, time_offset)
         if not isinstance(self._kind, str):
