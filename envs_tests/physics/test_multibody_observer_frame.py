@@ -1,0 +1,359 @@
+"""Local observer frames against exact results, the floating-frame tree and the published example."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wt_gym.multibody import observer_frame_matrix_kernels as matrix
+from wt_gym.multibody.observer_frame import (
+    REFERENCE_CONDITIONS,
+    ObserverFrameError,
+    ObserverFrameIntegrator,
+    ObserverFrameSystem,
+    Substructure,
+)
+from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
+from wt_gym.structure.beam import Beam, BeamSections, skew
+from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, particle_fields
+from wt_gym.structure.modes import clamped_modes
+from wt_gym.validation import observer_frame as example
+
+LENGTH, EI, MASS = 10.0, 1.4e4, 1.2
+HORIZONTAL = Rotation.from_euler("y", 90, degrees=True).as_matrix()
+
+
+def slender_beam(factor=1.0, **changes):
+    """Beam with different stiffness in its planes and an offset mass."""
+    section = {"EA": 2.8e6, "EIx": 4 * factor * EI, "EIy": factor * EI, "GJ": 2e3, "mass": MASS, "Ix": 0.02, "Iy": 0.05}
+    return Beam(BeamSections.uniform(LENGTH, **(section | {"offset": (0.02, 0.05)} | changes)), 4)
+
+
+def integrator(body, step=0.002, *, gravity=(0.0, 0.0, 0.0), hold=None, load=None, options=None, **place):
+    """One body, optionally held by the function ``hold(system)`` and loaded at its tip by (value, axes)."""
+    options = options or {}
+    system = ObserverFrameSystem(gravity, **{k: options.pop(k) for k in ("rigid_modes",) if k in options})
+    system.add(body, **place)
+    if hold:
+        hold(system)
+    if load:
+        system.load(body.name, "tip", *load)
+    return ObserverFrameIntegrator(system, step, **options)
+
+
+@pytest.mark.parametrize("reference", REFERENCE_CONDITIONS)
+def test_elastic_shapes_comply_with_their_reference_condition(reference):
+    body = Substructure.from_beam("beam", slender_beam(), reference, 5)
+    root = body.marker_shape("root")[:, :5]
+    support = {"clamped": 0.0, "simply_supported": LENGTH, "three_quarter": 7.5}[reference]
+    element, xi = body.beam.locate(support)
+    there = (body.beam.shape(element, xi)[0] @ body.basis[6 * element : 6 * element + 12])[:, :5]
+    held = root if reference == "clamped" else np.vstack([root[:3], root[5:], there[:2]])
+    assert np.abs(held).max() < 1e-9 * np.abs(body.basis[:, :5]).max()
+    np.testing.assert_allclose(body.mass_matrix[:5, :5], np.eye(5), atol=1e-8)
+
+
+def test_simply_supported_frequencies():
+    """n² π² √(EI/m L⁴) for the lower plane of bending."""
+    beam = Beam(BeamSections.uniform(LENGTH, EA=1e8, EIx=4e6, EIy=EI, GJ=1e6, mass=MASS, Ix=1e-4, Iy=1e-4), 10)
+    body = Substructure.from_beam("beam", beam, "simply_supported", 3)
+    expected = (np.pi * np.arange(1, 4)) ** 2 * np.sqrt(EI / (MASS * LENGTH**4))
+    np.testing.assert_allclose(body.frequency, expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("n_modes", [3, None])
+def test_matrices_are_the_inertia_of_the_mass_points(n_modes):
+    """M q̈ + 2 G q̇ + (Ġ + D) q + M₀ᵀ a_c + J̇₀ᵀ − J₂ᵀ = Σ m Nᵀ a for any motion of the frame."""
+    rng = np.random.default_rng(1)
+    body = Substructure.from_beam("beam", slender_beam(), "clamped", n_modes)
+    run = integrator(body, options={"rigid_modes": "undeformed"})
+    q, v, a = 0.1 * rng.standard_normal((3, body.n))
+    centre, omega, alpha = rng.standard_normal((3, 3))
+    run.state.acceleration[0], run.state.omega[0], run.state.alpha[0] = centre, omega, alpha
+    forces = np.zeros(body.n)
+    matrix.inner_forces(0, run.model, run.state, q, v, forces)
+    obtained = body.mass_matrix @ a - forces - body.stiffness @ q
+    shape = np.einsum("pia,an->pin", body.beam.particle_shape, body.basis)
+    x, w = body.beam.particle_position + shape @ q, skew(omega)
+    point = centre + x @ (skew(alpha) + w @ w).T + 2.0 * (shape @ v) @ w.T + shape @ a
+    expected = np.einsum("p,pin,pi->n", body.beam.particle_mass, shape, point)
+    np.testing.assert_allclose(obtained, expected, atol=1e-9 * np.abs(expected).max() + 1e-12 * np.abs(forces).max())
+    by_parts = body.mass_matrix @ a + 2.0 * body.gyroscopic_matrix(omega) @ v
+    by_parts += (body.gyroscopic_matrix(alpha) + body.centrifugal_matrix(omega)) @ q + body.first_moment @ centre
+    by_parts += body.reference_moment @ (skew(alpha) + w @ w).ravel()
+    np.testing.assert_allclose(by_parts, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_rotation_modes_of_the_deformed_body():
+    """The renewed rows are the integrals of e_k × (s + u)."""
+    body = Substructure.from_beam("beam", slender_beam(), "clamped", 3)
+    q = np.append([0.4, -0.3, 0.2], np.zeros(6))
+    run = integrator(body, coordinates=q)
+    shape = np.einsum("pia,an->pin", body.beam.particle_shape, body.basis)
+    place = body.beam.particle_position + shape @ q
+    for k in range(3):
+        shape[:, :, 6 + k] = np.cross(np.eye(3)[k], place)
+    m = body.beam.particle_mass
+    lower = np.tril(np.einsum("p,pia,pib->ab", m, shape, shape))
+    np.testing.assert_allclose(np.tril(run.model.second[0, :3].sum(axis=0)), lower, atol=1e-9 * lower.max())
+    for k in range(3):
+        skewed = np.tril(np.einsum("p,pia,ij,pjb->ab", m, shape, skew(np.eye(3)[k]), shape))
+        np.testing.assert_allclose(np.tril(run.model.gyro[0, k]), skewed, atol=1e-9 * lower.max())
+
+
+def test_envelope_factors_solve():
+    rng = np.random.default_rng(2)
+    n, first = 9, np.array([0, 0, 1, 1, 3, 3, 0, 0, 0])
+    a = rng.standard_normal((n, n)) + 8.0 * np.eye(n)
+    for i in range(n):
+        a[i, : first[i]] = a[: first[i], i] = 0.0
+    low, up, x = np.tril(a), np.tril(a.T), rng.standard_normal(n)
+    expected = np.linalg.solve(a, x)
+    assert matrix.factorize(0, n, first, low, up)
+    matrix.solve(n, first, low, up, x)
+    np.testing.assert_allclose(x, expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("prediction", ["uniform", "accelerated"])
+def test_free_rigid_body_keeps_its_momentum(prediction):
+    """Second order in the step."""
+    errors = []
+    for step in (0.004, 0.002):
+        body = Substructure.from_beam("beam", slender_beam(), "clamped", 0)
+        run = integrator(
+            body, step, velocity=(1, 2, 3), angular_velocity=(0.4, -0.6, 0.8), options={"prediction": prediction}
+        )
+        start = run.momentum()
+        run.advance(round(2.0 / step))
+        change = np.abs(run.momentum() - start)
+        assert change[:3].max() < 1e-5 * np.linalg.norm(start[:3])
+        errors.append(change[3:].max() / np.linalg.norm(start[3:]))
+    assert errors[0] < 1e-5
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize("n_modes", [4, None])
+def test_free_flexible_body_keeps_momentum_and_energy(n_modes):
+    body = Substructure.from_beam("beam", slender_beam(), "simply_supported", n_modes)
+    rates = np.zeros(body.n)
+    rates[:4] = 0.3
+    run = integrator(body, 0.001, velocity=(1, 2, 3), angular_velocity=(0.4, -0.6, 0.8), rates=rates)
+    start, energy = run.momentum(), run.energy().sum()
+    run.advance(2000)
+    assert np.abs(run.momentum() - start)[:3].max() < 1e-4 * np.linalg.norm(start[:3])
+    assert np.abs(run.momentum() - start)[3:].max() < 1e-3 * np.linalg.norm(start[3:])
+    assert run.energy().sum() == pytest.approx(energy, rel=1e-3)
+
+
+@pytest.mark.parametrize("reference", REFERENCE_CONDITIONS)
+def test_static_deflection_and_reactions(reference):
+    """A clamped beam under a tip load comes to rest at P L³/3EI; the clamp carries P and P L."""
+    body = Substructure.from_beam("beam", slender_beam(offset=(0.0, 0.0)), reference, None, damping_time=0.3)
+    hold = lambda system: system.clamp("beam", "root")  # noqa: E731
+    run = integrator(body, 0.05, hold=hold, load=(np.array([0.5, 2.0, 0, 0, 0, 0]), "fixed"))
+    run.advance(800)
+    tip = run.position("beam", "tip")
+    np.testing.assert_allclose(tip[:2], [0.5e3 / 3 / EI, 2e3 / 3 / (4 * EI)], rtol=2e-3)
+    # the trapezoidal rule leaves the stiffest modes oscillating from step to step: their mean is the reaction
+    force, moment = [], []
+    for _ in range(100):
+        run.advance()
+        force.append(run.reaction("support of beam.root"))
+        moment.append(run.reaction("clamp of beam.root"))
+    np.testing.assert_allclose(np.mean(force, axis=0), [0.5, 2.0, 0.0], atol=0.01)
+    np.testing.assert_allclose(np.sort(np.abs(np.mean(moment, axis=0))), [0.0, 5.0, 20.0], atol=0.1)
+
+
+def test_load_in_the_deformed_state_balances_eq_4():
+    """At rest K q = Nᵀ R′p + Pᵀ (u × R′p), solved here by fixed-point iteration of the tip flexibility."""
+    beam = slender_beam(offset=(0.0, 0.0))
+    body = Substructure.from_beam("beam", beam, "clamped", None, damping_time=0.3)
+    hold = lambda system: system.clamp("beam", "root")  # noqa: E731
+    force = np.array([60.0, 0.0, 0.0])
+    flexibility = np.linalg.inv(beam.stiffness[6:, 6:])[-6:, -6:]
+    expected = {"undeformed": flexibility[:, :3] @ force, "deformed": np.zeros(6), "turned": np.zeros(6)}
+    for _ in range(200):
+        u = expected["deformed"]
+        p = force + np.cross(u[3:], force)
+        expected["deformed"] = flexibility @ np.concatenate([p, np.cross(u[:3], p)])
+        u = expected["turned"]
+        expected["turned"] = flexibility[:, :3] @ (force + np.cross(u[3:], force))
+    for axes, field in expected.items():
+        run = integrator(body, 0.05, hold=hold, load=(np.append(force, np.zeros(3)), axes), options={"n_iterations": 3})
+        run.advance(600)
+        np.testing.assert_allclose(run.displacement("beam", "tip"), field, atol=1e-3 * np.abs(field).max())
+    assert expected["deformed"][0] > 1.02 * expected["undeformed"][0]
+
+
+def test_rigid_pendulum_period():
+    """Released horizontally: T = 4 K(1/√2) √(J/(m g a))."""
+    body = Substructure.from_beam("beam", slender_beam(offset=(0.0, 0.0), Ix=1e-6, Iy=1e-6), "clamped", 0)
+    hold = lambda system: system.hinge("beam", "root", (0.0, 1.0, 0.0))  # noqa: E731
+    run = integrator(body, 0.01, gravity=(0.0, 0.0, -9.81), hold=hold, rotation=HORIZONTAL)
+    heights = []
+    for _ in range(1600):
+        run.advance()
+        heights.append(run.position("beam", "tip")[0])
+    x = np.array(heights)
+    down = np.flatnonzero((x[:-1] > 0) & (x[1:] <= 0))
+    crossing = 0.01 * (down + x[down] / (x[down] - x[down + 1]))
+    expected = 4.0 * 1.8540746773013719 * np.sqrt(2.0 * LENGTH / 3.0 / 9.81)
+    assert np.diff(crossing)[0] == pytest.approx(expected, rel=1e-4)
+
+
+def linear_tree(time):
+    """Swinging beam in the floating-frame tree without second-order displacements: hinge angle, modal coordinates."""
+    beam = slender_beam()
+    basis = clamped_modes(beam, 4).shape
+    full, fields = FlexibleBody.from_beam("beam", beam, basis), particle_fields(beam, basis)
+    none = np.zeros((len(beam.particle_mass), 3, 4, 4))
+    plain = SimpleNamespace(position=fields.position, linear=fields.linear, second=none)
+    inertia = BodyInertia.from_particles(beam.particle_mass, plain)
+    body = FlexibleBody("beam", inertia, full.stiffness, full.damping, full.markers, full.coordinate_names)
+    system = MultibodySystem()
+    system.add(body, Joint("revolute", (0.0, 1.0, 0.0), name="swing"))
+    system.build()
+    y = system.initial_state()
+    y[0] = np.pi / 2
+    run = HammingIntegrator(system, 0.0005)
+    run.start(y)
+    run.advance(round(time / 0.0005))
+    return run.state[0], run.state[1:5]
+
+
+def swing(step, time, **options):
+    """The same beam in an observer frame."""
+    body = Substructure.from_beam("beam", slender_beam(), "clamped", 4)
+    hold = lambda system: system.hinge("beam", "root", (0.0, 1.0, 0.0))  # noqa: E731
+    run = integrator(body, step, gravity=(0.0, 0.0, -9.81), hold=hold, rotation=HORIZONTAL, options=options)
+    run.advance(round(time / step))
+    rotation = run.state.rotation[0]
+    angle = np.arctan2(rotation[0, 2], rotation[2, 2])
+    q = run.coordinates("beam")
+    return angle + q[-2], q[:4], run
+
+
+def test_swinging_beam_agrees_with_the_floating_frame_tree():
+    """With rotation modes of the deformed body both are the same equations: only Newmark's error O(h²) remains."""
+    angle, elastic = linear_tree(0.5)
+    errors = []
+    for step in (0.004, 0.002, 0.001):
+        found, q, _ = swing(step, 0.5)
+        errors.append(abs(found - angle))
+        assert abs(abs(q[0]) - abs(elastic[0])) < 0.2 * (step / 0.004) ** 2 * abs(elastic[0])
+    assert errors[2] < 3e-5
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.2)
+
+
+def test_undeformed_rotation_modes_err_by_the_deflection():
+    """With constant matrices the moment of the axial force about the deflection is missing: an error of order u/L."""
+    angle, elastic = linear_tree(0.5)
+    found, _, run = swing(0.001, 0.5, rigid_modes="undeformed")
+    deflection = np.abs(run.displacement("beam", "tip")[0]) / LENGTH
+    assert 3e-5 < abs(found - angle) < deflection
+    assert np.abs(elastic[0]) > 0.0
+
+
+def test_update_on_demand_follows_the_update_every_step():
+    angle, q, run = swing(0.002, 1.0)
+    for threshold in (0.001, 0.01):
+        other, other_q, on_demand = swing(0.002, 1.0, update=threshold)
+        assert on_demand.state.n_updates[0] < 0.3 * run.state.n_updates[0]
+        assert other == pytest.approx(angle, abs=0.3 * threshold)
+        np.testing.assert_allclose(other_q, q, atol=0.01 * np.abs(q).max())
+
+
+def test_spinning_beam_has_no_geometric_stiffness():
+    """Flap keeps ω₀ and lag falls to √(ω₀² − Ω²), away from the true rotating beam."""
+    assert all(check.passed for check in example.spinning_frequencies().checks)
+
+
+def test_published_rotor_example():
+    result = example.spin_up()
+    assert [check.quantity for check in result.checks if not check.passed] == []
+
+
+def test_published_follower_load_example():
+    """Everything but the match of ten modes at u/L ≈ 0.15, which the soft tip of the stand-in blade prevents."""
+    failed = [check.quantity for check in example.follower().checks if not check.passed]
+    assert all(quantity.startswith("10 modes over finite elements at the end") for quantity in failed)
+
+
+def test_published_reference_conditions_example():
+    result = example.references()
+    assert [check.quantity for check in result.checks if not check.passed] == []
+
+
+class TestErrors:
+    """Each mistake is named."""
+
+    def body(self, **changes):
+        return Substructure.from_beam("beam", slender_beam(), **({"n_modes": 3} | changes))
+
+    @pytest.mark.parametrize(
+        ("changes", "match"),
+        [({"reference": "welded"}, "welded"), ({"n_modes": 500}, "500"), ({"markers": {"far": 12.0}}, "far")],
+    )
+    def test_substructure(self, changes, match):
+        with pytest.raises(ObserverFrameError, match=match):
+            self.body(**changes)
+
+    @pytest.mark.parametrize(
+        ("options", "match"),
+        [
+            ({"step": 0.0}, "time step"),
+            ({"step": float("nan")}, "time step"),
+            ({"step": 0.1, "n_iterations": 0}, "n_iterations"),
+            ({"step": 0.1, "update": -1.0}, "update"),
+            ({"step": 0.1, "prediction": "wild"}, "wild"),
+        ],
+    )
+    def test_integrator(self, options, match):
+        system = ObserverFrameSystem()
+        system.add(self.body())
+        with pytest.raises(ObserverFrameError, match=match):
+            ObserverFrameIntegrator(system, **options)
+
+    def test_redundant_constraints(self):
+        system = ObserverFrameSystem()
+        system.add(self.body())
+        system.clamp("beam", "root")
+        system.hinge("beam", "root", (1.0, 0.0, 0.0))
+        with pytest.raises(ObserverFrameError, match=r"inconsistent constraints: support of beam\.root repeats"):
+            ObserverFrameIntegrator(system, 0.01)
+
+    def test_violated_constraints(self):
+        system = ObserverFrameSystem()
+        system.add(self.body())
+        system.add(Substructure.from_beam("other", slender_beam(), n_modes=3), position=(0.0, 0.1, 0.0))
+        system.join("beam", "root", "other", "root")
+        with pytest.raises(ObserverFrameError, match=r"violated by -0\.1"):
+            ObserverFrameIntegrator(system, 0.01)
+
+    def test_singular_mass_matrix(self):
+        sections = BeamSections.uniform(LENGTH, EA=1e6, EIx=EI, EIy=EI, GJ=2e3, mass=1.0, Ix=0.0, Iy=0.0)
+        system = ObserverFrameSystem()
+        system.add(Substructure.from_beam("thread", Beam(sections, 2), n_modes=0))
+        with pytest.raises(ObserverFrameError, match="'thread': the mass matrix is singular"):
+            ObserverFrameIntegrator(system, 0.01)
+
+    def test_divergence(self):
+        """A follower load far beyond the tip's stiffness."""
+        hold = lambda system: system.clamp("beam", "root")  # noqa: E731
+        run = integrator(self.body(), 0.01, hold=hold, load=(np.array([1e5, 0, 0, 0, 0, 0.0]), "deformed"))
+        with pytest.raises(ObserverFrameError, match=r"diverged|too long"):
+            run.advance(5000)
+
+    def test_names(self):
+        system = ObserverFrameSystem()
+        system.add(self.body())
+        with pytest.raises(ObserverFrameError, match="exists already"):
+            system.add(self.body())
+        with pytest.raises(ObserverFrameError, match="no marker 'elbow'"):
+            system.support("beam", "elbow")
+        with pytest.raises(ObserverFrameError, match="no substructure is named 'arm'"):
+            system.load("arm", "tip", np.zeros(6))
+        with pytest.raises(ObserverFrameError, match="axes 'wind' are unknown"):
+            system.load("beam", "tip", np.zeros(6), "wind")
