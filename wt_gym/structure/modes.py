@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
+from wt_gym.structure.beam import skew
+
 __all__ = ["Modes", "clamped_modes", "select_modes"]
 
 
@@ -77,7 +79,7 @@ def spin_stiffness(beam, omega, centre=None):
     from wt_gym.structure.flexible_body import particle_fields  # circular by nature: fields know beams
 
     fields = particle_fields(beam, np.eye(beam.n_dof))
-    w = _skew(omega) @ _skew(omega)
+    w = skew(omega) @ skew(omega)
     pull = (beam.particle_position - centre) @ w.T
     linear = np.einsum("p,pia,ij,pjb->ab", beam.particle_mass, fields.linear, w, fields.linear, optimize=True)
     return linear + fields.contract_second(beam.particle_mass[:, None] * pull)
@@ -109,10 +111,6 @@ def select_modes(modes, **count):
             raise ValueError(f"{wanted} {kind} modes wanted, {len(found)} among the {len(modes.kind)} computed modes")
         chosen += found[:wanted]
     return chosen
-
-
-def _skew(v):
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def _tip_sign(shape):
