@@ -117,13 +117,10 @@ def measure_start(fidelity: str, wall: float) -> dict:
 
 
 def measure_kernels(fidelity: str, wall: float) -> dict:
-    """Segment interactions per second and structural right-hand sides."""
+    """Segment interactions per second."""
     import numpy as np
 
     from wt_gym.aerodynamics import induction_kernels
-    from wt_gym.multibody.system import HammingIntegrator
-    from wt_gym.simulation import FIDELITIES, Simulator
-    from wt_gym.wind import SteadyInflow
 
     rng = np.random.default_rng(0)
     n_row, n_node, n_target = 100, 13, 64 * induction_kernels.MAX_LANES
@@ -134,30 +131,55 @@ def measure_kernels(fidelity: str, wall: float) -> dict:
     induction = best_of(lambda: induction_kernels.sheet_induction(sheet, targets, velocity, scratch), wall / 4)
     segments = (n_row - 1) * 3 * n_node + n_row * 3 * (n_node - 1)
 
-    structural = {}
+    return {"segment_interactions_per_s": segments * n_target / induction}
+
+
+def measure_structures(fidelity: str, wall: float) -> dict:
+    """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
+    from wt_gym.multibody.system import HammingIntegrator
+    from wt_gym.simulation import FIDELITIES, Simulator
+    from wt_gym.validation import mixed_coordinates, observer_frame
+    from wt_gym.wind import SteadyInflow
+
+    figures = {}
     for form in ("embedded", "constrained"):
         chosen = replace(FIDELITIES[fidelity], formulation=form)
         simulator = Simulator("nrel_5mw", SteadyInflow(12.0), chosen)
         simulator.reset(rotor_speed=1.267, pitch=0.07)
         integrator = HammingIntegrator(simulator.structure.system, 0.01)
         integrator.start(simulator._integrator.state.copy())
-        integrator.advance(10)
-        n = 50
-        step = best_of(lambda: integrator.advance(n), wall / 8)  # noqa: B023 - called before the loop goes on
-        structural[form] = {
-            "velocities": simulator.structure.system.n_u,
-            "multipliers": simulator.structure.system.n_constraints,
-            "rhs_us": step / (n * (integrator.n_corrections + 1)) * 1e6,
-            "step_us": step / n * 1e6,
-        }
-    return {"segment_interactions_per_s": segments * n_target / induction, "structural": structural}
+        figures[f"turbine, {form}"] = structural_cost(integrator, wall / 5)
+    small = mixed_coordinates.small_turbine(speed=mixed_coordinates.Disc().speed)
+    integrator = HammingIntegrator(small.system, mixed_coordinates.STEP)
+    integrator.start(small.start)
+    figures["mixed coordinates"] = structural_cost(integrator, wall / 5)
+    load = observer_frame.ramp(observer_frame.FLAP_LOAD, observer_frame.edge_load()[0], 3.0)
+    for label, n_modes in (("finite elements", None), ("16 modes", 16)):
+        integrator = observer_frame.rotor(load, "undeformed", n_modes=n_modes)
+        figures[f"observer frame, {label}"] = structural_cost(integrator, wall / 5)
+    return {"structural": figures}
 
 
-def best_of(call, wall: float) -> float:
-    """Shortest time of a call within a wall time [s]."""
+def structural_cost(integrator, wall: float, n: int = 20) -> dict:
+    """Unknowns of a system and the cost of a step, from calls of a few milliseconds that are seldom interrupted."""
+    system = integrator.system
+    step = best_of(lambda: integrator.advance(n), wall, most=500) / n * 1e6
+    if hasattr(system, "n_u"):
+        unknowns = {"velocities": system.n_u, "multipliers": system.n_constraints}
+        return unknowns | {"step_us": step, "rhs_us": step / (integrator.n_corrections + 1)}
+    return {
+        "velocities": sum(body.n for body in system.bodies),
+        "multipliers": len(integrator.state.multiplier),
+        "step_us": step,
+    }
+
+
+def best_of(call, wall: float, most: float = float("inf")) -> float:
+    """Shortest time of a call within a wall time [s] and a number of calls."""
     call()
-    best, start = float("inf"), time.perf_counter()
-    while time.perf_counter() - start < wall:
+    best, calls, start = float("inf"), 0, time.perf_counter()
+    while time.perf_counter() - start < wall and calls < most:
+        calls += 1
         before = time.perf_counter()
         call()
         best = min(best, time.perf_counter() - before)
@@ -169,6 +191,7 @@ WORKERS = {
     "environment": measure_environment,
     "start": measure_start,
     "kernels": measure_kernels,
+    "structures": measure_structures,
 }
 
 
@@ -217,10 +240,13 @@ def main() -> None:
     print(
         f"induction kernel:                   {k['segment_interactions_per_s'] / 1e9:6.2f} e9 interactions/s (float32)"
     )
+    figures["kernels"] |= in_process("structures", "training", wall)
     for form, cost in k["structural"].items():
+        rhs = f", {cost['rhs_us']:5.2f} us per right-hand side" if "rhs_us" in cost else ""
         print(
-            f"structure, {form + ':':24s} {cost['rhs_us']:6.2f} us per right-hand side, "
-            f"{cost['step_us']:.0f} us per step ({cost['velocities']} velocities, {cost['multipliers']} multipliers)"
+            f"{form + ':':35s} {cost['step_us']:6.1f} us per structural step{rhs} "
+            f"({cost['velocities'] + cost['multipliers']} unknowns: "
+            f"{cost['velocities']} velocities, {cost['multipliers']} multipliers)"
         )
     for fidelity in arguments.fidelity:
         figures[fidelity] = in_process("simulator", fidelity, wall) | in_process("environment", fidelity, wall)

@@ -8,7 +8,7 @@ import math
 from functools import cache
 from pathlib import Path
 
-from numba import njit
+import numba
 
 __all__ = ["kernel"]
 
@@ -18,9 +18,9 @@ FASTMATH = {"contract", "arcp", "nsz", "reassoc"}
 
 @cache
 def _stamp():
-    """Modification time and size of all kernel files together, in the form of numba's own stamps."""
+    """Version of numba, modification time and size of all kernel files together."""
     stats = [path.stat() for path in sorted(Path(__file__).parent.rglob("*_kernels.py"))]
-    return math.fsum(s.st_mtime for s in stats), sum(s.st_size for s in stats)
+    return f"{numba.__version__} {math.fsum(s.st_mtime for s in stats)} {sum(s.st_size for s in stats)}"
 
 
 def kernel(function=None, **options):
@@ -39,6 +39,7 @@ def kernel(function=None, **options):
     if function is None:
         return lambda f: kernel(f, **options)
     defaults = {"cache": True, "error_model": "numpy", "fastmath": FASTMATH, "_nrt": False}
-    dispatcher = njit(**(defaults | options))(function)
-    dispatcher._cache._cache_file._source_stamp = _stamp()
+    dispatcher = numba.njit(**(defaults | options))(function)
+    # in the place of the version, because numba reads an old file no further: it may name types that have moved since
+    dispatcher._cache._cache_file._version = _stamp()
     return dispatcher

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody import tree_kernels
+from wt_gym.multibody import output_kernels, tree_kernels
 from wt_gym.multibody.descriptor import descriptor_form
+from wt_gym.multibody.integrators import make_integrator
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodyError, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
@@ -102,7 +103,7 @@ def test_multipliers_are_the_root_loads_of_the_embedded_form():
     ):
         tree_kernels.kinematics(state, system.tree, w)
         acceleration = rate[system.n_q : system.n_q + system.n_u]
-        tree_kernels.joint_wrenches(state, acceleration, inputs.body_loads[0], system.tree, w, out)
+        output_kernels.joint_wrenches(state, acceleration, inputs.body_loads[0], system.tree, w, out)
     multipliers = tied_work.multipliers.reshape(2, 6)
     np.testing.assert_allclose(multipliers, wrench[2:], atol=1e-9 * np.abs(wrench).max())
     np.testing.assert_allclose(tied_wrench, wrench, atol=1e-9 * np.abs(wrench).max())
@@ -164,23 +165,19 @@ def test_four_bar_linkage_turns_about_its_instantaneous_centre():
         system.build().rates(system.initial_state())  # a planar loop locks three of the five equations twice
 
 
-def test_slider_follows_its_crank():
-    """In-line slider-crank closed by a ball joint on a universal rod: x = r cos φ + √(l² − r² sin² φ)."""
-    r, l, speed = 0.3, 1.0, 6.0
+CRANK, ROD, SPEED = 0.3, 1.0, 6.0
+
+
+def slider_crank(flywheel):
+    """In-line slider-crank closed by a ball joint on a universal rod: system and state at top dead centre."""
     system = MultibodySystem(gravity=(0.0, 0.0, 0.0), stabilisation=30.0)
-    flywheel = FlexibleBody.rigid(
-        "crank", 1.0, np.zeros(3), np.diag([1.0, 1.0, 1e6]), {"origin": np.zeros(3), "pin": np.array([r, 0.0, 0.0])}
-    )
-    crank = system.add(flywheel, Joint("revolute", (0.0, 0.0, 1.0), name="crank"))
+    ends = {"origin": np.zeros(3), "pin": np.array([CRANK, 0.0, 0.0])}
+    crank = FlexibleBody.rigid("crank", 1.0, np.zeros(3), np.diag([1.0, 1.0, flywheel]), ends)
+    crank = system.add(crank, Joint("revolute", (0.0, 0.0, 1.0), name="crank"))
     slider = FlexibleBody.rigid("slider", 1.0, np.zeros(3), np.eye(3))
     slider = system.add(slider, Joint("prismatic", (1.0, 0.0, 0.0), name="slide"))
-    rod = FlexibleBody.rigid(
-        "rod",
-        0.5,
-        (-l / 2, 0.0, 0.0),
-        np.diag([1e-3, 0.04, 0.04]),
-        {"origin": np.zeros(3), "end": np.array([-l, 0.0, 0.0])},
-    )
+    ends = {"origin": np.zeros(3), "end": np.array([-ROD, 0.0, 0.0])}
+    rod = FlexibleBody.rigid("rod", 0.5, (-ROD / 2, 0.0, 0.0), np.diag([1e-3, 0.04, 0.04]), ends)
     rod = system.add(rod, Joint("revolute", (0.0, 0.0, 1.0), name="rod"), slider)
     # planar: two of the three equations of the ball are independent, the third is the plane itself
     system.add(
@@ -189,15 +186,68 @@ def test_slider_follows_its_crank():
     system.add_constraint(Constraint("ball", name="pin"), crank, 3, "pin", "origin")
     system.build()
     y = system.initial_state()
-    y[1] = r + l
-    y[system.n_q] = speed
-    y[system.n_q + 2] = -speed * r / l
+    y[1] = CRANK + ROD
+    y[system.n_q] = SPEED
+    y[system.n_q + 2] = -SPEED * CRANK / ROD
+    return system, y
+
+
+def slide_at(angle):
+    """Position of the slider x = r cos φ + √(l² − r² sin² φ)."""
+    return CRANK * np.cos(angle) + np.sqrt(ROD**2 - (CRANK * np.sin(angle)) ** 2)
+
+
+def test_slider_follows_its_crank():
+    """A heavy flywheel keeps its speed."""
+    system, y = slider_crank(1e6)
     integrator = HammingIntegrator(system, 0.001)
     integrator.start(y)
     integrator.advance(1000)
     angle, slide = integrator.state[0], integrator.state[1]
-    assert angle == pytest.approx(speed, rel=1e-4)
-    assert slide == pytest.approx(r * np.cos(angle) + np.sqrt(l**2 - (r * np.sin(angle)) ** 2), abs=1e-7)
+    assert angle == pytest.approx(SPEED, rel=1e-4)
+    assert slide == pytest.approx(slide_at(angle), abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("newmark", {}), ("generalized-alpha", {"rho_inf": 0.8}), ("generalized-alpha", {"rho_inf": 0.0})],
+)
+def test_implicit_schemes_keep_their_order_with_constraint_equations(name, options):
+    """A light slider-crank, whose speed rises and falls: second order; energy, closure and the slider's path hold."""
+    system, y = slider_crank(1.0)
+    reference = HammingIntegrator(system, 2e-4, starter="runge-kutta")
+    reference.start(y)
+    reference.advance(5000)
+    errors = []
+    for n in (500, 1000):
+        integrator = make_integrator(name, system, 1.0 / n, **options)
+        integrator.start(y)
+        integrator.advance(n)
+        errors.append(np.linalg.norm(integrator.state - reference.state))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+    assert errors[1] < 1e-4
+    assert integrator.state[1] == pytest.approx(slide_at(integrator.state[0]), abs=1e-5)
+    assert np.abs(system.constraint_residuals(integrator.state)[0]).max() < 1e-5
+    assert sum(system.energy(integrator.state)) == pytest.approx(sum(system.energy(y)), rel=1e-5)
+
+
+def test_newmark_with_welded_free_blades_agrees_with_the_embedded_form():
+    """Quaternions, servos and multipliers together: the difference between the forms is that of the scheme, h²."""
+    rng = np.random.default_rng(2)
+    embedded, y, tied, z = state_pair(rng, 0.05)
+    one, two = loads_pair(rng, embedded, tied)
+    runs = []
+    for system, state, inputs in ((embedded, y, one), (tied, z, two)):
+        integrator = make_integrator("newmark", system, 0.002)
+        for mine, given in zip(integrator.inputs, inputs, strict=True):
+            mine[:] = given[0]
+        integrator.start(state)
+        integrator.advance(500)
+        runs.append(integrator.state.copy())
+    for body in (0, 2, 3):
+        i, j = embedded.index(body, "elastic_q"), tied.index(body, "elastic_q")
+        np.testing.assert_allclose(runs[1][j : j + 3], runs[0][i : i + 3], atol=1e-4 * np.abs(runs[0][:10]).max())
+    assert np.abs(tied.constraint_residuals(runs[1])[0]).max() < 1e-5
 
 
 @pytest.mark.parametrize("kwargs", [{"kind": "glue"}, {"axis": (0.0, 2.0, 0.0)}])

@@ -54,6 +54,7 @@ def test_generalized_alpha_spectral_radius(rho):
     [
         ("hamming", {"exact_history": True}, 5.0, 400),
         ("hamming", {}, 3.0, 1600),
+        ("hamming", {"starter": "runge-kutta"}, 5.0, 400),
         ("newmark", {}, 2.0, 400),
         ("generalized-alpha", {"rho_inf": 0.8}, 2.0, 400),
         ("generalized-alpha", {"rho_inf": 0.0}, 2.0, 400),
@@ -62,6 +63,18 @@ def test_generalized_alpha_spectral_radius(rho):
 def test_order_of_accuracy(name, options, order, n):
     errors = [pendulum_error(name, k, **options) for k in (n, 2 * n)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
+
+
+def test_runge_kutta_start_takes_the_inputs_at_their_times():
+    """A force that grows like t on an oscillator at rest: x = t − sin t; order four and more only with the middle."""
+    errors = []
+    for n in (20, 40):
+        integrator = make_integrator("hamming", oscillator(), 1.0 / n, starter="runge-kutta")
+        integrator.inputs.dof_force[1] = 1.0
+        integrator.start(np.zeros(2))
+        integrator.advance(n)
+        errors.append(abs(integrator.state[0] - (1.0 - np.sin(1.0))))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(5.0, abs=0.15)
 
 
 def test_newmark_keeps_energy_and_has_its_phase():
@@ -207,6 +220,7 @@ def test_step_must_be_positive(name, step):
     [
         ("euler", {}, "unknown; allowed: hamming, newmark, generalized-alpha"),
         ("newmark", {"rho_inf": 0.5}, "does not take"),
+        ("hamming", {"starter": "euler"}, "allowed: adams, runge-kutta"),
         ("newmark", {"gamma": 0.4}, "gamma >= 1/2"),
         ("newmark", {"beta": -0.1}, "beta >= 0"),
         ("generalized-alpha", {"rho_inf": 1.2}, "0 … 1"),

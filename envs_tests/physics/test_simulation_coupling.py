@@ -202,6 +202,35 @@ def test_constrained_formulation_gives_the_same_turbine():
     assert np.abs(rate).max() < 1e-6
 
 
+def test_constrained_turbine_starts_again_as_a_fresh_one():
+    """The embedded twin that finds its steady state follows a change of wind and keeps nothing of an earlier run."""
+    fidelity = replace(FIDELITIES["training"], formulation="constrained")
+    used, fresh = (Simulator("nrel_5mw", inflow=SteadyInflow(speed), fidelity=fidelity) for speed in (8.0, 11.0))
+    used.reset(rotor_speed=0.9, pitch=0.03, yaw=0.1)
+    used.advance(0.2, pitch=0.05, generator_torque=2e4)
+    used.inflow = fresh.inflow
+    for sim in (used, fresh):
+        sim.reset(rotor_speed=1.2)
+        sim.advance(0.2, pitch=0.0, generator_torque=38e3)
+    assert used.state() == fresh.state()
+
+
+@pytest.mark.parametrize("formulation", ["embedded", "constrained"])
+def test_start_without_a_sound_structure_is_a_simulation_error(formulation):
+    """Wind that bends the blades until their inertia loses its meaning; the simulator is then not running."""
+    fidelity = replace(FIDELITIES["training"], formulation=formulation)
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(11.0), fidelity=fidelity)
+    sim.reset(rotor_speed=1.2)
+    sim.inflow = SteadyInflow(200.0)
+    with pytest.raises(SimulationError, match="mass matrix") as caught:
+        sim.reset(rotor_speed=1.2)
+    assert caught.value.__cause__ is not None
+    with pytest.raises(SimulationError, match="reset"):
+        sim.advance(0.2, pitch=0.0)
+    sim.inflow = SteadyInflow(11.0)
+    assert np.isfinite(sim.reset(rotor_speed=1.2).values).all()
+
+
 STEADY = [  # wind, rotor speed [rpm], power [W], thrust [N], tip deflection [m], pitch [deg], each with its tolerance
     (8.0, (9.25, 0.35), (1.83e6, 0.183e6), (390e3, 39e3), (3.3, 0.396), (0.0, 0.1)),
     (15.0, (12.1, 0.1), (5.0e6, 0.05e6), None, None, (10.3, 1.0)),

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from wt_gym.structure.beam import Beam, BeamSections, SecondOrderField, section_inertia, skew
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.structure.beam import Beam, BeamSections, SecondOrderField, skew
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, particle_fields
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.beam import inertia_matrix
 
 LENGTH = 12.0
 
@@ -21,6 +23,23 @@ def solve_static(beam, load):
 def uniform(n_elements=3, **changes):
     properties = {"EA": 3e8, "EIx": 5e6, "EIy": 2e6, "GJ": 1e6, "mass": 20.0, "Ix": 0.4, "Iy": 0.9} | changes
     return Beam(BeamSections.uniform(LENGTH, **properties), n_elements)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"station": [0.0, 2.0, 1.0]}, "ascending"),
+        ({"axis": np.zeros((2, 3))}, "BeamSections.axis"),
+        ({"inertia": -np.tile(np.eye(6), (3, 1, 1))}, "positive semidefinite"),
+    ],
+)
+def test_sections_that_are_no_beam_are_refused(changes, message):
+    s = np.array([0.0, 1.0, 2.0])
+    tables = {"station": s, "stiffness": np.tile(np.eye(6), (3, 1, 1)), "inertia": np.tile(np.eye(6), (3, 1, 1))}
+    tables |= {"axis": np.column_stack([0.0 * s, 0.0 * s, s])}
+    assert BeamSections(**tables).axis_at([0.5, 2.0])[:, 2] == pytest.approx([0.5, 2.0])
+    with pytest.raises(TurbineDefinitionError, match=message):
+        BeamSections(**(tables | changes))
 
 
 @pytest.mark.parametrize("n_elements", [1, 4])
@@ -45,7 +64,7 @@ def test_tapered_beam_with_one_element_is_exact():
     """EI linear from 2 EI₀ to EI₀: δ = P ∫ (L − s)²/EI(s) ds."""
     s = np.array([0.0, LENGTH])
     stiffness = np.array([np.diag([np.inf, np.inf, 1e9, 1e6 * k, 1e6 * k, 1e6]) for k in (2.0, 1.0)])
-    inertia = np.tile(section_inertia(1.0, (0.0, 0.0), 0.1, 0.1), (2, 1, 1))
+    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
     beam = Beam(BeamSections(s, stiffness, inertia, np.column_stack([0 * s, 0 * s, s])), 1)
     load = np.zeros(12)
     load[6] = 1000.0
@@ -57,7 +76,7 @@ def test_tapered_beam_with_one_element_is_exact():
 def test_shear_flexible_section_adds_the_timoshenko_deflection():
     s = np.array([0.0, LENGTH])
     stiffness = np.tile(np.diag([4e5, 5e5, 1e9, 5e6, 2e6, 1e6]), (2, 1, 1))
-    inertia = np.tile(section_inertia(1.0, (0.0, 0.0), 0.1, 0.1), (2, 1, 1))
+    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
     beam = Beam(BeamSections(s, stiffness, inertia, np.column_stack([0 * s, 0 * s, s])), 2)
     load = np.zeros(beam.n_dof)
     load[-6] = 100.0
@@ -70,7 +89,7 @@ def test_bend_twist_coupling_of_a_full_section_matrix():
     s = np.array([0.0, LENGTH])
     k = np.diag([1e8, 1e8, 1e9, 5e6, 2e6, 1e6])
     k[4, 5] = k[5, 4] = 5e5
-    inertia = np.tile(section_inertia(1.0, (0.0, 0.0), 0.1, 0.1), (2, 1, 1))
+    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
     beam = Beam(BeamSections(s, np.tile(k, (2, 1, 1)), inertia, np.column_stack([0 * s, 0 * s, s])), 3)
     load = np.zeros(beam.n_dof)
     load[-1] = 1000.0
@@ -83,7 +102,7 @@ def test_rigid_motions_strain_nothing_and_carry_the_right_mass():
     s = 10.0 * angle
     axis = np.column_stack([-10.0 * (1.0 - np.cos(angle)), 0.0 * s, 10.0 * np.sin(angle)])
     stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (9, 1, 1))
-    inertia = np.tile(section_inertia(3.0, (0.1, 0.2), 0.1, 0.3), (9, 1, 1))
+    inertia = np.tile(inertia_matrix(3.0, 0.1, 0.2, 0.22, 0.33, 0.06), (9, 1, 1))
     beam = Beam(BeamSections(s, stiffness, inertia, axis), 6)
     rigid = np.zeros((beam.n_dof, 6))
     for i, p in enumerate(beam.node_position):

@@ -18,7 +18,9 @@ slows down.
 import math
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.tree_kernels import DIVERGED, FREE, OK, SPHERICAL, rates
+from wt_gym.multibody.linear_algebra_kernels import factorise, solve_factorised
+from wt_gym.multibody.rate_kernels import rates
+from wt_gym.multibody.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
 
 NOT_CONVERGED = 10
 FRESH, EVALUATIONS, TANGENTS = range(3)
@@ -97,49 +99,6 @@ def newton_matrix(h, scheme, history, x, tau, inputs, tree, work, scratch, diffe
     history.counters[TANGENTS] += 1
     history.counters[FRESH] = 1
     return OK if factorise(matrix, history.pivot) else NOT_CONVERGED
-
-
-@kernel
-def factorise(a, pivot):
-    """LU factors of a in place with row exchanges; False if a is singular."""
-    n = a.shape[0]
-    for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(a[i, k]) > abs(a[best, k]):
-                best = i
-        pivot[k] = best
-        if not abs(a[best, k]) > 0.0:
-            return False
-        if best != k:
-            for j in range(n):
-                a[k, j], a[best, j] = a[best, j], a[k, j]
-        inverse = 1.0 / a[k, k]
-        for i in range(k + 1, n):
-            factor = a[i, k] * inverse
-            a[i, k] = factor
-            if factor != 0.0:
-                for j in range(k + 1, n):
-                    a[i, j] -= factor * a[k, j]
-    return True
-
-
-@kernel
-def solve_factorised(a, pivot, b):
-    """Solve with the factors of :func:`factorise`, in place."""
-    n = b.shape[0]
-    for k in range(n):
-        b[k], b[pivot[k]] = b[pivot[k]], b[k]
-    for i in range(n):
-        s = b[i]
-        for k in range(i):
-            s -= a[i, k] * b[k]
-        b[i] = s
-    for i in range(n - 1, -1, -1):
-        s = b[i]
-        for k in range(i + 1, n):
-            s -= a[i, k] * b[k]
-        b[i] = s / a[i, i]
 
 
 @kernel

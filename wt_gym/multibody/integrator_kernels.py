@@ -4,10 +4,14 @@ Gebhardt, Preidikman, Jørgensen & Massa 2012, section 4: explicit/modified Eule
 Adams–Bashforth/Adams–Moulton starters, then Hamming's fourth-order scheme with modifier and final correction. The
 rate at the end of a step is evaluated again at the corrected state (a P M E (C E)ᵏ F E sequence), because the next step
 and the loads of the air need accelerations that belong to the stored state.
+
+The first starter leaves an error of order h³, and so the whole run. The classical Runge–Kutta scheme may take the first
+three steps instead: the error it leaves is that of the scheme itself.
 """
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.tree_kernels import DIVERGED, FREE, OK, SPHERICAL, rates
+from wt_gym.multibody.rate_kernels import rates
+from wt_gym.multibody.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
 
 
 @kernel
@@ -17,7 +21,8 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
     Parameters
     ----------
     history : HammingHistory
-        y (4, n) and f (4, n), newest last; error (n,); filled (1,) number of valid older points.
+        y (4, n) and f (4, n), newest last; error (n,); filled (1,) number of valid older points, or minus the number of
+        Runge–Kutta steps still to go.
     inputs : Inputs
     tree, work : arrays of the system
     h : float
@@ -25,8 +30,9 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
     n_steps : int
         0 only evaluates the rate of the newest state, into the newest f.
     n_corrections : int
+        A Runge–Kutta step has always three.
     constrained : None or int
-        See :func:`wt_gym.multibody.tree_kernels.rates`.
+        See :func:`wt_gym.multibody.rate_kernels.rates`.
 
     Returns
     -------
@@ -39,6 +45,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
     for step in range(max(n_steps, 1)):
         tau = (step + 1.0) / n_steps if n_steps else h
         filled = history.filled[0]
+        n_passes = n_corrections if filled >= 0 else 3
         for i in range(n):
             if n_steps == 0:
                 c[i] = y[3, i]
@@ -51,18 +58,22 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
             elif filled == 1:
                 p[i] = y[3, i] + h / 2.0 * (3.0 * f[3, i] - f[2, i])
                 c[i] = p[i]
-            else:
+            elif filled == 0:
                 p[i] = y[3, i] + h * f[3, i]
                 c[i] = p[i]
-        for k in range(n_corrections + 1 if n_steps else 1):
-            code = rates(c, tau, inputs, tree, work, fn, constrained)
+            else:  # p gathers the weighted slopes
+                p[i] = y[3, i] + h / 6.0 * f[3, i]
+                c[i] = y[3, i] + h / 2.0 * f[3, i]
+        for k in range(n_passes + 1 if n_steps else 1):
+            middle = 0.5 / n_steps if filled < 0 and k < 2 and n_steps else 0.0
+            code = rates(c, tau - middle, inputs, tree, work, fn, constrained)
             if code != OK:
                 return code
             if n_steps == 0:
                 for i in range(n):
                     f[3, i] = fn[i]
                 return OK
-            if k == n_corrections:
+            if k == n_passes:
                 break
             for i in range(n):
                 if filled >= 3:
@@ -71,9 +82,12 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                     c[i] = y[3, i] + h / 24.0 * (9.0 * fn[i] + 19.0 * f[3, i] - 5.0 * f[2, i] + f[1, i])
                 elif filled == 1:
                     c[i] = y[3, i] + h / 12.0 * (5.0 * fn[i] + 8.0 * f[3, i] - f[2, i])
-                else:
+                elif filled == 0:
                     c[i] = y[3, i] + h / 2.0 * (fn[i] + f[3, i])
-            if k == n_corrections - 1:
+                else:
+                    p[i] += h / 6.0 * fn[i] * (2.0 if k < 2 else 1.0)
+                    c[i] = p[i] if k == 2 else y[3, i] + h * fn[i] * (0.5 if k == 0 else 1.0)
+            if k == n_passes - 1:
                 for i in range(n):
                     if filled >= 2:
                         e[i] = 9.0 / 121.0 * (c[i] - p[i])
@@ -86,7 +100,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
             y[0, i], y[1, i], y[2, i], y[3, i] = y[1, i], y[2, i], y[3, i], c[i]
             f[0, i], f[1, i], f[2, i], f[3, i] = f[1, i], f[2, i], f[3, i], fn[i]
         if filled < 3:
-            history.filled[0] = filled + 1
+            history.filled[0] = filled + 1 if filled != -1 else 3
     return OK
 
 

@@ -3,9 +3,13 @@
 Every integrator has ``start(y)``, ``advance(n_steps)``, ``state``, ``state_rate``, ``step``, ``inputs``, ``work`` and
 ``history`` (arrays that carry everything needed to continue bit for bit):
 
-- ``"hamming"``: the explicit modified Hamming scheme of fourth order, stable on an undamped structure up to ω h = 1.08;
+- ``"hamming"``: the explicit modified Hamming scheme, stable on an undamped structure up to ω h = 1.08; of fourth order
+  from a Runge–Kutta start, of third from the published starters, which are the default;
 - ``"newmark"``: Newmark's implicit scheme, by default the average-acceleration rule (no numerical damping);
 - ``"generalized-alpha"``: Chung & Hulbert's implicit scheme with a chosen damping of high frequencies.
+
+All take systems with constraint equations too: these are solved for the accelerations at every evaluation, with
+Baumgarte's stabilisation, so that the schemes see a plain differential equation and keep their order.
 """
 
 from collections import namedtuple
@@ -183,8 +187,8 @@ def make_integrator(name, system, step, **options):
     Parameters
     ----------
     name : str
-        "hamming" (option n_corrections), "newmark" (beta, gamma) or "generalized-alpha" (rho_inf); the implicit ones
-        also take tolerance, max_iterations and difference.
+        "hamming" (options n_corrections, starter), "newmark" (beta, gamma) or "generalized-alpha" (rho_inf); the
+        implicit ones also take tolerance, max_iterations and difference.
     system : MultibodySystem
     step : float
         [s].

@@ -6,7 +6,7 @@ B_r = w shape, so that B A⁻¹ Bᵀ needs only the 6 × 6 blocks shape A⁻¹ s
 
 from wt_gym.compiled import kernel
 from wt_gym.multibody.observer_frame_matrix_kernels import inner
-from wt_gym.multibody.tree_kernels import rotation_exp, tangent_bias
+from wt_gym.multibody.rotation_kernels import rotation_exp, tangent_bias
 
 DISPLACEMENT, ORTHOGONAL = range(2)
 FIXED, UNDEFORMED, DEFORMED, TURNED = range(4)

@@ -21,7 +21,7 @@ from wt_gym.multibody.observer_frame_matrix_kernels import (
     solve,
     solve_dense,
 )
-from wt_gym.multibody.tree_kernels import rotation_exp
+from wt_gym.multibody.rotation_kernels import rotation_exp
 
 OK, SINGULAR_BODY, SINGULAR_CONSTRAINTS, DIVERGED = range(4)
 

@@ -5,23 +5,17 @@ them into plain arrays for the compiled equations of motion in :mod:`wt_gym.mult
 """
 
 from collections import namedtuple
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody import integrator_kernels, tree_kernels
+from wt_gym.multibody import constraint_kernels, integrator_kernels, output_kernels, tree_kernels
+from wt_gym.multibody.errors import FAILURES, MultibodyError
+from wt_gym.multibody.hamming import HammingIntegrator, new_history
+from wt_gym.multibody.joints import Constraint, Joint
 from wt_gym.structure.flexible_body import FlexibleBody, Marker
 
-__all__ = ["Constraint", "HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]
-
-from wt_gym.errors import WtGymError
-
-_KINDS = {"fixed": 0, "revolute": 1, "prismatic": 2, "spherical": 3, "free": 4, "servo": 5}
-_CONSTRAINTS = {"weld": 0, "hinge": 1, "ball": 2}
-_N_ROWS = (6, 5, 3)
-_N_POSITION = (0, 1, 1, 4, 7, 0)
-_N_VELOCITY = (0, 1, 1, 3, 6, 0)
+__all__ = ["FAILURES", "Constraint", "HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]
 
 TREE_FIELDS = (
     "parent kind axis joint_rotation joint_offset marker_position marker_linear marker_second marker_rotation "
@@ -38,92 +32,7 @@ WORK_FIELDS = (
 Tree = namedtuple("Tree", TREE_FIELDS)
 Work = namedtuple("Work", WORK_FIELDS)
 Inputs = namedtuple("Inputs", "body_loads dof_force reference reference_rate servo_command")
-HammingHistory = namedtuple("HammingHistory", "y f error filled")
 Points = namedtuple("Points", "position linear second")
-
-
-class MultibodyError(WtGymError, ValueError):
-    """A system of bodies and joints that cannot be built or integrated."""
-
-
-@dataclass(frozen=True)
-class Joint:
-    """Connection of a body to a marker of its parent.
-
-    Attributes
-    ----------
-    kind : str
-        "fixed", "revolute", "prismatic", "spherical", "free", or "servo": a rotation driven by a second-order servo
-        that follows a command, θ̈ = ω² (θ_c − θ) − 2 ζ ω θ̇.
-    axis : array (3,)
-        Unit axis of a revolute, servo or prismatic joint, in the joint frame.
-    rotation : array (3, 3)
-        Orientation of the joint frame relative to the marker.
-    offset : array (3,)
-        Origin of the joint frame relative to the marker, marker axes [m].
-    stiffness, damping : float
-        Spring [N m/rad or N/m] and damper about the reference given as an input (revolute and prismatic).
-    servo_frequency, servo_damping : float
-        ω [rad/s] and ζ of a servo.
-    name : str
-        Name of the coordinate(s).
-    """
-
-    kind: str = "fixed"
-    axis: tuple = (0.0, 0.0, 1.0)
-    rotation: np.ndarray | None = None
-    offset: tuple = (0.0, 0.0, 0.0)
-    stiffness: float = 0.0
-    damping: float = 0.0
-    servo_frequency: float = 0.0
-    servo_damping: float = 1.0
-    name: str = ""
-
-    def __post_init__(self):
-        if self.kind not in _KINDS:
-            raise MultibodyError(f"joint kind {self.kind!r} is unknown; allowed: {', '.join(_KINDS)}")
-        if self.kind == "servo" and not self.servo_frequency > 0.0:
-            raise MultibodyError(f"servo joint {self.name!r} needs servo_frequency > 0, got {self.servo_frequency}")
-        if self.kind in ("revolute", "prismatic", "servo") and not np.isclose(
-            np.linalg.norm(self.axis), 1.0, atol=1e-9
-        ):
-            raise MultibodyError(f"joint {self.name!r}: axis {tuple(self.axis)} is not a unit vector")
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """Equations that tie a frame of one body to a frame of another.
-
-    Attributes
-    ----------
-    kind : str
-        "weld" (six equations), "hinge" (five, free rotation about ``axis``) or "ball" (three).
-    rotation, second_rotation : array (3, 3)
-        Orientation of the frames relative to their markers.
-    offset, second_offset : array (3,)
-        Origins of the frames relative to their markers [m].
-    axis : array (3,)
-        Hinge axis, or axis of the servo, in the first frame.
-    servo_frequency, servo_damping : float
-        A positive frequency [rad/s] turns the first frame by a servo about ``axis`` (a commanded pitch bearing).
-    name : str
-    """
-
-    kind: str = "weld"
-    rotation: np.ndarray | None = None
-    offset: tuple = (0.0, 0.0, 0.0)
-    second_rotation: np.ndarray | None = None
-    second_offset: tuple = (0.0, 0.0, 0.0)
-    axis: tuple = (0.0, 0.0, 1.0)
-    servo_frequency: float = 0.0
-    servo_damping: float = 1.0
-    name: str = ""
-
-    def __post_init__(self):
-        if self.kind not in _CONSTRAINTS:
-            raise MultibodyError(f"constraint kind {self.kind!r} is unknown; allowed: {', '.join(_CONSTRAINTS)}")
-        if not np.isclose(np.linalg.norm(self.axis), 1.0, atol=1e-9):
-            raise MultibodyError(f"constraint {self.name!r}: axis {tuple(self.axis)} is not a unit vector")
 
 
 class MultibodySystem:
@@ -241,12 +150,11 @@ class MultibodySystem:
         self._index = []
         self.coordinate_names, self.velocity_names = [], []
         for body, joint in zip(self.bodies, self.joints, strict=True):
-            kind = _KINDS[joint.kind]
             entry = {"joint_q": n_q, "joint_u": n_u, "servo": n_servo}
             name = joint.name or f"{body.name}_joint"
-            self.coordinate_names += _joint_names(name, _N_POSITION[kind])
-            self.velocity_names += _joint_names(name, _N_VELOCITY[kind])
-            n_q, n_u = n_q + _N_POSITION[kind], n_u + _N_VELOCITY[kind]
+            self.coordinate_names += _joint_names(name, joint.n_position)
+            self.velocity_names += _joint_names(name, joint.n_velocity)
+            n_q, n_u = n_q + joint.n_position, n_u + joint.n_velocity
             n_servo += joint.kind == "servo"
             entry |= {"elastic_q": n_q, "elastic_u": n_u}
             self.coordinate_names += body.coordinate_names
@@ -259,7 +167,7 @@ class MultibodySystem:
             self._constraint_servo.append(n_servo if driven else -1)
             n_servo += driven
         self.n_q, self.n_u, self.n_servo = n_q, n_u, n_servo
-        self.n_constraints = sum(_N_ROWS[_CONSTRAINTS[c.kind]] for c in self.constraints)
+        self.n_constraints = sum(c.n_rows for c in self.constraints)
         if n_u == 0:
             raise MultibodyError("the system has no degree of freedom")
 
@@ -287,7 +195,7 @@ class MultibodySystem:
 
     def multiplier_rows(self, constraint):
         """Slice of ``work.multipliers`` that belongs to a constraint."""
-        rows = [_N_ROWS[_CONSTRAINTS[c.kind]] for c in self.constraints]
+        rows = [c.n_rows for c in self.constraints]
         start = sum(rows[:constraint])
         return slice(start, start + rows[constraint])
 
@@ -317,14 +225,14 @@ class MultibodySystem:
             if p >= 0:
                 first = self._index[p]["elastic_u"]
                 chain = inherited[p] + list(range(first, first + self.bodies[p].n_elastic))
-            chain = chain + list(range(entry["joint_u"], entry["joint_u"] + _N_VELOCITY[_KINDS[self.joints[b].kind]]))
+            chain = chain + list(range(entry["joint_u"], entry["joint_u"] + self.joints[b].n_velocity))
             inherited.append(chain)
             n_col[b] = len(chain)
             cols[b, : len(chain)] = chain
         index = {key: np.array([e[key] for e in self._index]) for key in self._index[0]}
         return {
             "parent": np.array(self.parents),
-            "kind": np.array([_KINDS[j.kind] for j in self.joints]),
+            "kind": np.array([j.code for j in self.joints]),
             "n_elastic": np.array([b.n_elastic for b in self.bodies]),
             "cols": cols,
             "n_col": n_col,
@@ -350,7 +258,7 @@ class MultibodySystem:
                 turn[c, :2] = _across(np.asarray(constraint.axis, dtype=float))
         return {
             "load_parent": np.array(carrier),
-            "constraint_kind": np.array([_CONSTRAINTS[c.kind] for c in self.constraints], dtype=np.int64),
+            "constraint_kind": np.array([c.code for c in self.constraints], dtype=np.int64),
             "constraint_body": np.array([t[:2] for t in self._tied], dtype=np.int64).reshape(-1, 2),
             "constraint_axis": np.array([c.axis for c in self.constraints], dtype=float).reshape(-1, 3),
             "constraint_turn": turn,
@@ -494,9 +402,9 @@ class MultibodySystem:
             work = self.new_work()
             self.rates(y, work=work)
             yd = y[self.n_q : self.n_q + self.n_u]
-            tree_kernels.constraint_frame(c, 0, y, yd, self.tree, work)
+            constraint_kernels.constraint_frame(c, 0, y, yd, self.tree, work)
             if self._constraint_servo[c] >= 0:
-                tree_kernels.turn_by_servo(c, y, self.tree, work)
+                constraint_kernels.turn_by_servo(c, y, self.tree, work)
             q, u = self._index[second]["joint_q"], self.n_q + self._index[second]["joint_u"]
             rotation = work.frame_rot[0]
             y[q : q + 3] = work.frame_r[0] - rotation @ marker.position
@@ -506,14 +414,7 @@ class MultibodySystem:
 
     def energy(self, y):
         """Kinetic, elastic and gravitational energy [J]."""
-        return tree_kernels.energies(np.ascontiguousarray(y, dtype=float), self.tree, self.new_work())
-
-
-FAILURES = {
-    tree_kernels.SINGULAR_MASS: "the mass matrix is not positive definite: a coordinate moves no mass",
-    tree_kernels.SINGULAR_CONSTRAINTS: "the constraint equations depend on each other: a motion is locked twice",
-    tree_kernels.DIVERGED: "the integration diverged; the step may exceed the stability limit",
-}
+        return output_kernels.energies(np.ascontiguousarray(y, dtype=float), self.tree, self.new_work())
 
 
 def _quaternion(rotation):
@@ -530,63 +431,3 @@ def _across(axis):
 
 def _joint_names(name, count):
     return [name] if count == 1 else [f"{name}_{i}" for i in range(count)]
-
-
-def new_history(n):
-    """Empty history of the Hamming scheme for a state of length n."""
-    return HammingHistory(np.zeros((4, n)), np.zeros((4, n)), np.zeros(n), np.zeros(1, dtype=np.int64))
-
-
-class HammingIntegrator:
-    """The modified Hamming scheme on a system, with its history.
-
-    Parameters
-    ----------
-    system : MultibodySystem
-    step : float
-        Step length [s].
-    n_corrections : int
-        Corrector passes a step; three make the scheme usable on an undamped structure (up to ω h ≈ 1).
-    """
-
-    def __init__(self, system, step, n_corrections=3):
-        if not step > 0.0:
-            raise MultibodyError(f"integration step must be positive, got {step}")
-        self.system, self.step, self.n_corrections = system, float(step), int(n_corrections)
-        self.work, self.inputs = system.new_work(), system.new_inputs()
-        self.history = new_history(system.n_state)
-
-    def start(self, y):
-        """Begin at the state y; the starters run again."""
-        self.history.y[3] = y
-        self.history.error[:] = 0.0
-        self.history.filled[0] = 0
-        self.history.f[3] = self.system.rates(y, self.inputs, self.work)
-
-    @property
-    def state(self):
-        """Current state (n_state,), a view."""
-        return self.history.y[3]
-
-    @property
-    def state_rate(self):
-        """Current dy/dt (n_state,), a view."""
-        return self.history.f[3]
-
-    def advance(self, n_steps=1):
-        """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.
-
-        Raises
-        ------
-        MultibodyError
-            When the mass matrix is singular or the state diverges.
-        """
-        code = integrator_kernels.hamming_advance(
-            self.history, self.inputs, self.system.tree, self.work, self.step, int(n_steps), self.n_corrections,
-            self.system.constrained,
-        )  # fmt: skip
-        if code in (tree_kernels.DIVERGED, tree_kernels.SINGULAR_MASS):
-            # the mass matrix was sound at the start: a diverging state spoils it before its numbers overflow
-            raise MultibodyError(f"{FAILURES[tree_kernels.DIVERGED]} (step {self.step} s)")
-        if code != tree_kernels.OK:
-            raise MultibodyError(FAILURES[code])

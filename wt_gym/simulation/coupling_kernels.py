@@ -3,7 +3,7 @@
 import math
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.tree_kernels import point_loads, point_motion
+from wt_gym.multibody.point_kernels import point_loads, point_motion
 
 
 @kernel

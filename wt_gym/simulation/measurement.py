@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from wt_gym.multibody import tree_kernels
+from wt_gym.multibody import output_kernels, point_kernels, tree_kernels
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
@@ -65,7 +65,7 @@ class Measurement:
         work.servo_acceleration[:] = dy[n_y + system.n_servo :]
         rates = dy[system.n_q : n_y]
         tree_kernels.kinematics(y, system.tree, work)
-        tree_kernels.joint_wrenches(y, rates, body_loads, system.tree, work, self._wrench)
+        output_kernels.joint_wrenches(y, rates, body_loads, system.tree, work, self._wrench)
         v[0] = time
         self._rotor(y, work, nodes, forces, command)
         self._wind_and_yaw(y, n_y, inflow.velocity(work.r[s.hub], time))
@@ -116,7 +116,8 @@ class Measurement:
         hub = work.rot[s.hub]
         for i, b in enumerate(s.blades):
             frame = work.rot[b], work.r[b], work.v[b], work.omega[b]
-            tree_kernels.point_motion(*frame, *s.elastic(b, y), s.tip_points, self._tips[i : i + 1], self._tip_velocity)
+            tip = self._tips[i : i + 1]
+            point_kernels.point_motion(*frame, *s.elastic(b, y), s.tip_points, tip, self._tip_velocity)
             x, cos, sin = s.tip_points.position[0], math.cos(pitch[i]), math.sin(pitch[i])
             rest = (cos * x[0] + sin * x[1], cos * x[1] - sin * x[0], x[2])
             self._deflection[i] = (self._tips[i] - work.r[b]) @ hub @ self._root_rotation[i] - rest

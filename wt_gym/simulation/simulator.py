@@ -10,9 +10,9 @@ from wt_gym.aerodynamics import VortexLattice
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.tower_flow import tower_perturbation
 from wt_gym.errors import ActionError, SimulationError
-from wt_gym.multibody import tree_kernels
+from wt_gym.multibody import point_kernels, tree_kernels
 from wt_gym.multibody.integrator_kernels import hamming_advance
-from wt_gym.multibody.system import FAILURES, HammingIntegrator
+from wt_gym.multibody.system import FAILURES, HammingIntegrator, MultibodyError
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.blade_lattice import blade_planform
 from wt_gym.simulation.channels import Signals
@@ -31,6 +31,7 @@ FULL_TORQUE_SPEED = 0.05
 """Speed, in rated speeds, below which the available torque falls to zero: a generator brakes, it never drives."""
 MAX_OVERSPEED = 3.0
 """Rotor speed, in rated speeds, at which a simulation is given up."""
+BOTH_ENDS = slice(2)
 
 
 class Simulator:
@@ -80,12 +81,14 @@ class Simulator:
         self.structure = build_structure(turbine, fid, planform.nodes)
         self.lattice = VortexLattice(planform, turbine.n_blades, fid.aero, turbine.air_density)
         self._tower_base = np.array([0.0, 0.0, turbine.tower.base_height])
-        # constraint equations leave the motion, and so its frequencies, as they are
-        jointed = self.structure
-        if fid.formulation != "embedded":
-            jointed = build_structure(turbine, replace(fid, formulation="embedded"), planform.nodes)
-        n_sub = fid.substeps_for(self.time_step, highest_frequency(jointed.system))
-        self._n_sub, self._h = n_sub, self.time_step / n_sub
+        if fid.formulation == "embedded":
+            self._embedded = None
+            self._n_sub = fid.substeps_for(self.time_step, highest_frequency(self.structure.system))
+        else:
+            # constraint equations leave the motion, and so its frequencies and its steady state, as they are
+            self._embedded = Simulator(turbine, self.inflow, replace(fid, formulation="embedded"))
+            self._n_sub = self._embedded._n_sub
+        self._h = self.time_step / self._n_sub
         self._integrator = HammingIntegrator(self.structure.system, self._h, fid.corrections)
         self._blades = np.array(self.structure.blades)
 
@@ -142,6 +145,13 @@ class Simulator:
         Returns
         -------
         Signals
+
+        Raises
+        ------
+        ActionError
+            For values that are not finite or out of range.
+        SimulationError
+            When no steady state is found, for example because the wind bends the blades beyond the elastic model.
         """
         pitch = self._pitch_vector(pitch)
         self._check_finite(rotor_speed=rotor_speed, azimuth=azimuth, yaw=yaw)
@@ -152,20 +162,14 @@ class Simulator:
         if generator_torque is not None:
             self._check_finite(generator_torque=generator_torque)
             self._check_torque(generator_torque)
-        self._n_steps = 0
-        if self.fidelity.formulation != "embedded":
-            return self._start_from_embedded(rotor_speed, pitch, azimuth, yaw, generator_torque)
-        for array in self._integrator.inputs:
-            array[:] = 0.0
-        y = self._rigid_state(rotor_speed, pitch, azimuth, yaw)
-        torque = self._find_equilibrium(y, rotor_speed, generator_torque)
-        self._command[0], self._command[1], self._command[2:] = torque, yaw, pitch
-        self._set_inputs(0)
-        self._set_inputs(1)
-        self._previous_loads[:] = self._integrator.inputs.body_loads[0]
-        self._integrator.start(y)
+        self._n_steps, self._started = 0, False
+        start = self._start_steadily if self._embedded is None else self._start_from_embedded
+        try:
+            start(rotor_speed, pitch, azimuth, yaw, generator_torque)
+        except (MultibodyError, AerodynamicsError) as error:
+            raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True
-        self._move_lattice(y)
+        self._move_lattice(self._integrator.state)
         self._measure()
         return self.signals
 
@@ -274,7 +278,7 @@ class Simulator:
         tower, velocity = np.zeros_like(s.tower_points.position), np.zeros_like(s.tower_points.position)
         q, rate = s.elastic(s.tower, y)
         frame = work.rot[s.tower], work.r[s.tower], work.v[s.tower], work.omega[s.tower]
-        tree_kernels.point_motion(*frame, q, rate, s.tower_points, tower, velocity)
+        point_kernels.point_motion(*frame, q, rate, s.tower_points, tower, velocity)
         return {
             "blades": self._nodes.copy(),
             "wake": self._aero.wake_nodes.copy(),
@@ -336,7 +340,7 @@ class Simulator:
             c[2 + i] += min(max(wanted - c[2 + i], -reach), reach)
 
     def _set_inputs(self, end):
-        """Commands into the inputs at the start (0) or the end (1) of the step."""
+        """Commands into the inputs at the start (0), the end (1) or both ends of the step."""
         inputs, drive = self._integrator.inputs, self.turbine.drivetrain
         shaft = self._command[0] * drive.gear_ratio / drive.gearbox_efficiency
         inputs.dof_force[end, self.structure.azimuth_u] = -shaft
@@ -430,22 +434,26 @@ class Simulator:
 
     # ---- start ----
 
+    def _start_steadily(self, rotor_speed, pitch, azimuth, yaw, generator_torque):
+        """Balance air and structure."""
+        for array in self._integrator.inputs:
+            array[:] = 0.0
+        y = self._rigid_state(rotor_speed, pitch, azimuth, yaw)
+        self._find_equilibrium(y, rotor_speed, generator_torque)
+        self._previous_loads[:] = self._integrator.inputs.body_loads[0]
+        self._integrator.start(y)
+
     def _start_from_embedded(self, rotor_speed, pitch, azimuth, yaw, generator_torque):
         """Balance the turbine in the embedded form and take over its motion."""
-        embedded = replace(self.fidelity, formulation="embedded")
-        starter = Simulator(self.turbine, self.inflow, embedded)
-        starter.reset(rotor_speed, pitch, azimuth, yaw, generator_torque)
-        self._aero.assign(starter._aero)
-        self._command[:] = starter._command
-        self._integrator.inputs.body_loads[:] = starter._integrator.inputs.body_loads
-        for end in (0, 1):
-            self._set_inputs(end)
-        self._previous_loads[:] = starter._previous_loads
-        self._integrator.start(self.structure.adopt(starter.structure, starter._integrator.state))
-        self._started = True
-        self._move_lattice(self._integrator.state)
-        self._measure()
-        return self.signals
+        embedded = self._embedded
+        embedded.inflow = self.inflow
+        embedded.reset(rotor_speed, pitch, azimuth, yaw, generator_torque)
+        self._aero.assign(embedded._aero)
+        self._command[:] = embedded._command
+        self._integrator.inputs.body_loads[:] = embedded._integrator.inputs.body_loads
+        self._set_inputs(BOTH_ENDS)
+        self._previous_loads[:] = embedded._previous_loads
+        self._integrator.start(self.structure.adopt(embedded.structure, embedded._integrator.state))
 
     def _rigid_state(self, rotor_speed, pitch, azimuth, yaw):
         """Undeformed turbine turning steadily."""
@@ -460,7 +468,7 @@ class Simulator:
         return y
 
     def _find_equilibrium(self, y, rotor_speed, generator_torque, passes=3):
-        """Wake, loads and elastic state (y, in place) in balance with each other; returns the generator torque."""
+        """Wake, loads and elastic state (y, in place) in balance with each other and the generator."""
         s, inputs, drive = self.structure, self._integrator.inputs, self.turbine.drivetrain
         work = self._integrator.work
         for _ in range(passes):
@@ -480,10 +488,8 @@ class Simulator:
                 _, moment = coupling_kernels.rotor_resultant(self._nodes_flat, forces, work.r[s.hub], axis)
                 torque = min(max(moment / drive.gear_ratio, 0.0), drive.max_generator_torque)
             self._command[0] = torque
-            self._set_inputs(0)
-            self._set_inputs(1)
+            self._set_inputs(BOTH_ENDS)
             elastic_equilibrium(s.system, y, inputs, work, s.azimuth_q, s.azimuth_u)
-        return torque
 
     # ---- measurement ----
 

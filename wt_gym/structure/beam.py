@@ -15,6 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wt_gym.turbines.beam import BeamStations, inertia_matrix, interpolate
+from wt_gym.turbines.checks import check_array
+
 __all__ = ["Beam", "BeamSections", "skew"]
 
 N_GAUSS = 4  # exact for the cubic displacement times linear mass of a uniform element
@@ -40,14 +43,14 @@ def skew(v):
     return out
 
 
-@dataclass(frozen=True)
-class BeamSections:
-    """Section properties along a beam, all about the reference axis.
+@dataclass(frozen=True, eq=False, repr=False)
+class BeamSections(BeamStations):
+    """Section properties along a beam, all about the reference axis, and where that axis lies in the body.
 
     Attributes
     ----------
     station : array (n,)
-        Arc length along the reference axis [m], increasing.
+        Arc length along the reference axis [m], increasing from zero.
     stiffness : array (n, 6, 6)
         Section stiffness for the strains [shear x, shear y, axial z, bending about x, about y, torsion z].
         A shear-rigid section has ``inf`` in [0, 0] and [1, 1].
@@ -55,12 +58,19 @@ class BeamSections:
         Mass matrix per unit length of the velocities [vx, vy, vz, ωx, ωy, ωz].
     axis : array (n, 3)
         Position of the reference axis in the body frame [m].
+
+    Raises
+    ------
+    TurbineDefinitionError
+        For tables that are no beam, see :class:`wt_gym.turbines.beam.BeamStations`.
     """
 
-    station: np.ndarray
-    stiffness: np.ndarray
-    inertia: np.ndarray
     axis: np.ndarray
+
+    def __post_init__(self):
+        """Check the tables and make them read-only."""
+        super().__post_init__()
+        self._set(axis=check_array("BeamSections.axis", self.axis, (len(self.station), 3)))
 
     @classmethod
     def uniform(cls, length, *, EA, EIx, EIy, GJ, mass, Ix=0.0, Iy=0.0, offset=(0.0, 0.0), n=2):
@@ -82,65 +92,26 @@ class BeamSections:
             Number of stations.
         """
         stiffness = np.diag([np.inf, np.inf, EA, EIx, EIy, GJ])
-        inertia = section_inertia(mass, offset, Ix, Iy)
+        x, y = offset
+        inertia = inertia_matrix(mass, x, y, Ix + mass * y**2, Iy + mass * x**2, mass * x * y)
         s = np.linspace(0.0, length, n)
         axis = np.zeros((n, 3))
         axis[:, 2] = s
         return cls(s, np.tile(stiffness, (n, 1, 1)), np.tile(inertia, (n, 1, 1)), axis)
 
-    def stiffness_at(self, s):
-        """Stiffness (..., 6, 6) at arc length s, linear between stations."""
-        return _interpolate(self.station, self.stiffness, s)
-
-    def inertia_at(self, s):
-        """Inertia (..., 6, 6) at arc length s, linear between stations."""
-        return _interpolate(self.station, self.inertia, s)
-
     def axis_at(self, s):
         """Position (..., 3) of the reference axis at arc length s."""
-        return _interpolate(self.station, self.axis, s)
+        return interpolate(s, self.station, self.axis)
 
     def compliance_at(self, s):
         """Compliance (..., 6, 6); rows and columns of rigid shear are zero."""
         k = self.stiffness_at(s)
         c = np.zeros_like(k)
-        if np.isinf(self.stiffness[:, 0, 0]).any():
+        if self.shear_rigid:
             c[..., 2:, 2:] = np.linalg.inv(k[..., 2:, 2:])
         else:
             c[...] = np.linalg.inv(k)
         return c
-
-
-def section_inertia(mass, offset, Ix, Iy, Ixy=0.0):
-    """Mass matrix (6, 6) per length of a plane section about the reference axis.
-
-    Parameters
-    ----------
-    mass : float
-        [kg/m].
-    offset : (float, float)
-        Mass centre (x, y) [m].
-    Ix, Iy, Ixy : float
-        ∫ y² dm, ∫ x² dm, ∫ x y dm per length about the mass centre [kg m].
-    """
-    r = skew(np.array([offset[0], offset[1], 0.0]))
-    central = np.array([[Ix, -Ixy, 0.0], [-Ixy, Iy, 0.0], [0.0, 0.0, Ix + Iy]])
-    out = np.zeros((6, 6))
-    out[:3, :3] = mass * np.eye(3)
-    out[:3, 3:] = -mass * r
-    out[3:, :3] = mass * r
-    out[3:, 3:] = central - mass * r @ r
-    return out
-
-
-def _interpolate(x, table, s):
-    """Piecewise linear interpolation of an array table (n, ...) at s (...)."""
-    s = np.asarray(s, dtype=float)
-    i = np.clip(np.searchsorted(x, s, side="right") - 1, 0, len(x) - 2)
-    w = ((s - x[i]) / (x[i + 1] - x[i])).reshape(s.shape + (1,) * (table.ndim - 1))
-    with np.errstate(invalid="ignore"):
-        out = (1.0 - w) * table[i] + w * table[i + 1]
-    return np.where(np.isnan(out), np.inf, out)  # 0·inf of a rigid shear entry
 
 
 def _frame_along(tangent):

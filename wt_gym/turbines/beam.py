@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_ascending, check_symmetric, fail
 
-__all__ = ["BeamStations", "inertia_matrix", "rotation_about_z"]
+__all__ = ["BeamStations", "inertia_matrix", "interpolate", "rotation_about_z"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,11 +75,11 @@ class BeamStations(ArrayRecord):
 
     def stiffness_at(self, station: ArrayLike) -> NDArray[np.float64]:
         """Return the stiffness (..., 6, 6) at distances along the axis [m], linear between the stations."""
-        return _interpolate(station, self.station, self.stiffness)
+        return interpolate(station, self.station, self.stiffness)
 
     def inertia_at(self, station: ArrayLike) -> NDArray[np.float64]:
         """Return the inertia (..., 6, 6) at distances along the axis [m], linear between the stations."""
-        return _interpolate(station, self.station, self.inertia)
+        return interpolate(station, self.station, self.inertia)
 
     def mass_moment(self, order: int = 0) -> float:
         """Return the integral of (mass per length) * s**order ds [kg m**order], exact for the linear interpolation.
@@ -93,13 +93,20 @@ class BeamStations(ArrayRecord):
         return float(np.sum(half * weights * np.interp(points, s, m) * points**order))
 
 
-def _interpolate(at: ArrayLike, station: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+def interpolate(at: ArrayLike, station: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a table (n, ...) at distances along the axis [m], linear between the stations (n,); infinity stays.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        Outside the stations.
+    """
     s = np.asarray(at, dtype=np.float64)
     if np.any(~((s >= 0.0) & (s <= station[-1] * (1.0 + 1e-9)))):
         raise fail("station", at, f"distances in [0, {station[-1]:g}] m")
     j = np.minimum(np.searchsorted(station, s, side="right"), station.size - 1)
     i = j - 1
-    w = ((s - station[i]) / (station[j] - station[i]))[..., None, None]
+    w = ((s - station[i]) / (station[j] - station[i])).reshape(s.shape + (1,) * (table.ndim - 1))
     # Rigid entries are infinite at both ends: inf * 0 would be NaN, so they are passed on as they are.
     a, b = table[i], table[j]
     rigid = np.isinf(a)

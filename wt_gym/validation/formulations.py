@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from wt_gym.multibody import tree_kernels
+from wt_gym.multibody import output_kernels, tree_kernels
 from wt_gym.multibody.descriptor import descriptor_form
 from wt_gym.multibody.system import HammingIntegrator
 from wt_gym.simulation import FIDELITIES, Simulator
@@ -89,7 +89,7 @@ def accelerations():
         wrench = np.zeros((len(system.bodies), 6))
         tree_kernels.kinematics(y, system.tree, work)
         multipliers = work.multipliers.copy()
-        tree_kernels.joint_wrenches(y, u, loads, system.tree, work, wrench)
+        output_kernels.joint_wrenches(y, u, loads, system.tree, work, wrench)
         results[form] = np.concatenate([*common, [u[structures[form].azimuth_u]]]), wrench, multipliers, u, inputs
     one, two = results["embedded"], results["constrained"]
     blades = list(structures["embedded"].blades)

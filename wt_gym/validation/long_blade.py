@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
-from wt_gym.structure.beam import BeamSections, section_inertia
+from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.substructure import add_chain, cut_beam
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.beam import inertia_matrix
 from wt_gym.validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.validation.exact_rod import BarChain, exact_rod
 from wt_gym.validation.tree_tools import ChainPoints, static_balance
@@ -114,7 +115,7 @@ def planar_sections():
     full = blade_sections()
     s = full.station
     stiffness = np.array([np.diag([np.inf, np.inf, 1e10, 1e12, k, 1e9]) for k in full.stiffness[:, 4, 4]])
-    inertia = np.array([section_inertia(m, (0.0, 0.0), 1e-4, 1e-4) for m in full.inertia[:, 0, 0]])
+    inertia = inertia_matrix(full.inertia[:, 0, 0], 0.0, 0.0, 1e-4, 1e-4, 0.0)
     return BeamSections(s, stiffness, inertia, np.column_stack([0.0 * s, 0.0 * s, s]))
 
 

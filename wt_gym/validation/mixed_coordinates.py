@@ -19,10 +19,11 @@ from importlib import resources
 import numpy as np
 
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
-from wt_gym.structure.beam import Beam, BeamSections, section_inertia
+from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes
+from wt_gym.turbines.beam import inertia_matrix
 from wt_gym.validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.validation.tree_tools import body_pose
 
@@ -61,7 +62,7 @@ def blade_beam(n_elements=3):
         flat, edge = chord * t**3 / 12.0, t * chord**3 / 12.0
         torsion = e / 2.6 * chord * t**3 / 3.0
         stiffness.append(np.diag([np.inf, np.inf, e * area, e * edge, e * flat, torsion]))
-        inertia.append(section_inertia(rho * area, (0.0, 0.0), rho * edge, rho * flat))
+        inertia.append(inertia_matrix(rho * area, 0.0, 0.0, rho * edge, rho * flat, 0.0))
     axis = np.column_stack([0.0 * s, 0.0 * s, s])
     return Beam(BeamSections(s, np.array(stiffness), np.array(inertia), axis), n_elements)
 

@@ -13,7 +13,8 @@ from functools import cache
 import numpy as np
 
 from wt_gym.multibody.observer_frame import ObserverFrameIntegrator, ObserverFrameSystem, Substructure
-from wt_gym.structure.beam import Beam, BeamSections, section_inertia
+from wt_gym.structure.beam import Beam, BeamSections
+from wt_gym.turbines.beam import inertia_matrix
 from wt_gym.validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.validation.tree_tools import read_table
 
@@ -44,7 +45,7 @@ def blade_sections():
         edge, flap = value["EI_edge_Nm2"][i], value["EI_flap_Nm2"][i]
         stiffness.append(np.diag([np.inf, np.inf, value["EA_N"][i], edge, flap, value["GJ_Nm2"][i]]))
         rotary = value["i_edge_kgm"][i], value["i_flap_kgm"][i]
-        inertia.append(section_inertia(value["mass_kg_m"][i], (0.0, 0.0), *rotary))
+        inertia.append(inertia_matrix(value["mass_kg_m"][i], 0.0, 0.0, *rotary, 0.0))
     # each element has its own pair of stations; the jump lies within a micrometre
     station = np.sort(np.concatenate([span[:-1], span[1:] - 1e-6]))
     station[-1] = span[-1]

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
-from wt_gym.structure.beam import Beam, BeamSections, section_inertia
+from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes
+from wt_gym.turbines.beam import inertia_matrix
 from wt_gym.validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.validation.tree_tools import frequencies, rate_jacobian, read_table
 
@@ -34,7 +35,7 @@ def tapered_sections(n=161):
     s = np.linspace(0.0, LENGTH, n)
     taper = 1.0 - 0.5 * s / LENGTH
     stiffness = np.array([np.diag([np.inf, np.inf, 1e8 * t, EI * t**3, EI * t**3, 1e6 * t**3]) for t in taper])
-    inertia = np.array([section_inertia(MASS * t, (0.0, 0.0), ROTARY, ROTARY) for t in taper])
+    inertia = inertia_matrix(MASS * taper, 0.0, 0.0, ROTARY, ROTARY, 0.0)
     return BeamSections(s, stiffness, inertia, np.column_stack([0.0 * s, 0.0 * s, s]))
 
 

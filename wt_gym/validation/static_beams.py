@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
-from wt_gym.structure.beam import Beam, BeamSections, section_inertia
+from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes, select_modes
+from wt_gym.turbines.beam import inertia_matrix
 from wt_gym.validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.validation.tree_tools import body_pose, frequencies, static_balance
 
@@ -58,7 +59,7 @@ def beam_static():
     checks = [Check(name, e, float(o), 1e-5, unit, True, THEORY) for name, (e, o, unit) in expected.items()]
     s = np.array([0.0, LENGTH])
     axis = np.column_stack([0 * s, 0 * s, s])
-    inertia = np.tile(section_inertia(1.0, (0.0, 0.0), 0.1, 0.1), (2, 1, 1))
+    inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (2, 1, 1))
     taper = np.array([np.diag([np.inf, np.inf, 1e9, 1e6 * k, 1e6 * k, 1e6]) for k in (2.0, 1.0)])
     tip = small_load_tip(Beam(BeamSections(s, taper, inertia, axis), 1), np.array([1000.0, 0.0, 0.0]), np.zeros(3))
     # δ = P ∫ (L − s)²/EI ds with EI = EI₀ (2 − s/L): P L³/EI₀ (3/2 − 2 + ln 2)

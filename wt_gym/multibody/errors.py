@@ -1,0 +1,18 @@
+"""What is said when a multibody system cannot be built or integrated."""
+
+from wt_gym.errors import WtGymError
+from wt_gym.multibody import tree_kernels
+
+__all__ = ["FAILURES", "MultibodyError"]
+
+
+class MultibodyError(WtGymError, ValueError):
+    """A system of bodies and joints that cannot be built or integrated."""
+
+
+FAILURES = {
+    tree_kernels.SINGULAR_MASS: "the mass matrix is not positive definite: a coordinate moves no mass",
+    tree_kernels.SINGULAR_CONSTRAINTS: "the constraint equations depend on each other: a motion is locked twice",
+    tree_kernels.DIVERGED: "the integration diverged; the step may exceed the stability limit",
+}
+"""Messages for the codes that the compiled kernels return."""
