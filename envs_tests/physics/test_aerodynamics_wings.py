@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform, span_distribution
-from wt_gym.aerodynamics.induction_kernels import build_sheet
 from wt_gym.aerodynamics.lattice import section_lattice
 
 ANGLES = -np.pi + 2 * np.pi * np.arange(720) / 720
@@ -164,17 +163,21 @@ def test_viscous_wing_returns_its_polar(degrees, n_chord):
     assert moment == pytest.approx(expected[2], abs=0.03)
 
 
-def test_circulation_is_conserved_at_every_wake_node():
-    _, state, solver = step_response(wing(6.0, 2, 6), 8, 0.5, alpha=0.1)
-    sheet = np.zeros((3 + 8, 1, 7, 7), dtype=np.float32)
-    a = state.arrays
-    build_sheet(a.nodes, a.gamma, a.wake, a.wake_gamma, state.n_rows, a.age, solver.planform.edge_chord, 0.1, 0.0, 0.0,
-                a.origin, True, sheet)  # fmt: skip
-    trail, span = sheet[:, 0, :, 3].astype(float), sheet[:, 0, :, 5].astype(float)
-    net = trail + span
-    net[:-1] -= trail[1:]
-    net[:, :-1] -= span[:, 1:]
-    assert np.abs(net).max() < 1e-6 * np.abs(trail).max()
+@pytest.mark.parametrize("edges", [(True, False), (True, True), (False, True)])
+def test_circulation_is_conserved_at_every_node_of_the_sheets(edges):
+    choice = {"trailing_edge_wake": edges[0], "tip_wake": edges[1]}
+    _, state, solver = step_response(wing(6.0, 2, 6), 8, 0.5, alpha=0.1, **choice)
+    bound, wake = solver.work.bound_sheet[:, 0], solver.work.wake_sheet[: state.n_rows + 1, 0]
+    net = np.zeros(bound[..., 0].size + wake[1:, :, 0].size)
+    number = np.arange(net.size)
+    of_bound = number[: bound[..., 0].size].reshape(bound.shape[:2])
+    of_wake = np.vstack([solver.arrays.shed_nodes, number[of_bound.size :].reshape(-1, wake.shape[1])])
+    for sheet, node in ((bound, of_bound), (wake, of_wake)):
+        trail, span = sheet[..., 3].astype(float), sheet[..., 5].astype(float)
+        for strength, start, end in ((trail[1:], node[:-1], node[1:]), (span[:, 1:], node[:, :-1], node[:, 1:])):
+            np.add.at(net, end, strength)
+            np.add.at(net, start, -strength)
+    assert np.abs(net).max() < 1e-6 * np.abs(wake[..., 3]).max()
 
 
 def test_copied_state_continues_bit_for_bit_and_repeated_solves_agree():

@@ -14,46 +14,43 @@ PER_CYLINDER = 4  # start, radius, ring vorticity, axial circulation
 MOST_INDUCTION = 1.6
 
 
-@kernel(fastmath=False, _nrt=True, inline="always")
-def measure_far_wake(wake, wake_gamma, age, n_rows, n_tail, origin, edge, dt, far):
+@kernel(fastmath=False, inline="always")
+def measure_far_wake(a, n_tail, dt, sums):
     """Cylinders from the geometry and circulation of the last ``n_tail`` rows.
 
     The axis runs from the centre of the trailing edges to the centre of these rows; each cylinder starts at the last
     row of its span boundary. Its ring vorticity is the sum of circulation times tangential length over the trailing
     segments of the rows, divided by circumference and by the axial length they cover: it vanishes with the rotation,
-    without a case to distinguish. The axial circulation is found in the same way. edge (n_blade, n_node, 3) are the
-    trailing-edge nodes.
+    without a case to distinguish. The axial circulation is found in the same way. sums (3, n_node) is for work.
 
     Two precautions, since a slower wake makes a stronger far wake, which makes the wake slower. The strengths follow
     the measurement with the time the measured rows span (``dt`` 0: at once). And the mean velocity in the far wake
     is limited smoothly to `MOST_INDUCTION` times the speed w of the measured rows: in momentum theory their ratio is
     2 a / (1 - a), and beyond a = 0.45 a wake breaks down instead of standing as a cylinder.
     """
+    wake, wake_gamma, age, far = a.wake, a.wake_gamma, a.age, a.far
     _, n_blade, n_node, _ = wake.shape
+    n_rows = a.count[0]
     first = n_rows - n_tail
-    centre = np.zeros(3)
-    foot = np.zeros(3)
+    fx, fy, fz, cx, cy, cz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(n_blade):
         for j in range(n_node):
-            for c in range(3):
-                foot[c] += edge[b, j, c] - origin[c]
-                for k in range(first, n_rows + 1):
-                    centre[c] += wake[k, b, j, c] - origin[c]
-    foot /= n_blade * n_node
-    centre /= n_blade * n_node * (n_tail + 1)
-    axis = centre - foot
-    size = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+            fx, fy, fz = fx + wake[0, b, j, 0], fy + wake[0, b, j, 1], fz + wake[0, b, j, 2]
+            for k in range(first, n_rows + 1):
+                cx, cy, cz = cx + wake[k, b, j, 0], cy + wake[k, b, j, 1], cz + wake[k, b, j, 2]
+    n_foot = n_blade * n_node
+    n_centre = n_foot * (n_tail + 1)
+    cx, cy, cz = cx / n_centre, cy / n_centre, cz / n_centre
+    ax, ay, az = cx - fx / n_foot, cy - fy / n_foot, cz - fz / n_foot
+    size = np.sqrt(ax * ax + ay * ay + az * az)
     if not size > 0.0:
         far[:] = 0.0
         return
     duration = age[n_rows] - age[first]
     keep = np.exp(-dt / duration) if (far[0] > 0.0 and dt > 0.0) else 0.0
-    axis /= size
-    # Scalars instead of small arrays, which would be allocated anew for every node.
-    ax, ay, az = axis[0], axis[1], axis[2]
-    cx, cy, cz = centre[0] + origin[0], centre[1] + origin[1], centre[2] + origin[2]
+    ax, ay, az = ax / size, ay / size, az / size
     largest = 0.0
-    lengths, rings, lines = np.empty(n_node), np.empty(n_node), np.empty(n_node)
+    lengths, rings, lines = sums[0], sums[1], sums[2]
     for j in range(n_node):
         radius2, begin, end, turned, lengthwise = 0.0, 0.0, 0.0, 0.0, 0.0
         for b in range(n_blade):
@@ -100,10 +97,9 @@ def measure_far_wake(wake, wake_gamma, age, n_rows, n_tail, origin, edge, dt, fa
         o = HEADER + PER_CYLINDER * j
         far[o + 2] = keep * far[o + 2] + (1.0 - keep) * share * rings[j]
         far[o + 3] = keep * far[o + 3] + (1.0 - keep) * share * lines[j]
-    for c in range(3):
-        far[1 + c] = centre[c]
-        far[4 + c] = axis[c]
     far[0] = 1.0
+    far[1], far[2], far[3] = cx - a.origin[0], cy - a.origin[1], cz - a.origin[2]
+    far[4], far[5], far[6] = ax, ay, az
 
 
 @kernel(fastmath=False)

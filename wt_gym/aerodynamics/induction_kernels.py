@@ -21,8 +21,6 @@ MAX_LANES = 160  # targets of one block: their 4 numbers at each node of two row
 ONE = np.float32(1.0)
 ZERO = np.float32(0.0)
 FOUR_PI = 4.0 * np.pi
-NO_CIRCULATION = 1e-12  # [m^2/s]
-LAMB = 4.0 * 1.25643  # growth of the Lamb-Oseen core, rc^2 = 4 * 1.25643 nu t
 
 
 @kernel(fastmath=False)
@@ -116,74 +114,3 @@ def sheet_induction(sheet, targets, velocity, scratch):
             velocity[0, o + i] += lane[3, i]
             velocity[1, o + i] += lane[4, i]
             velocity[2, o + i] += lane[5, i]
-
-
-@kernel(fastmath=False)
-def build_sheet(bound, gamma, wake, wake_gamma, n_rows, age, edge_chord, wake_core, viscosity, squire, origin, closed,
-                sheet):  # fmt: skip
-    """Write bound lattice and wake as one sheet of merged segments, relative to ``origin``.
-
-    Rows 0..n_chord are the bound nodes (row n_chord is the trailing edge and wake row 0), rows n_chord + k the wake
-    rows. A segment shared by two rings carries the difference of their circulations. Without ``closed`` the last
-    spanwise segment is left out: the far wake continues there.
-
-    Parameters
-    ----------
-    bound : (n_blades, n_chord + 1, n_node, 3); gamma : (n_blades, n_chord, n_span)
-    wake : (n_max + 1, n_blades, n_node, 3); wake_gamma : (n_max, n_blades, n_span)
-    sheet : float32 (n_chord + 1 + n_max, n_blades, n_node, 7)
-    """
-    n_blade, n_edge_row, n_node, _ = bound.shape
-    n_chord = n_edge_row - 1
-    for k in range(n_chord + n_rows + 1):
-        w = k - n_chord
-        for s in range(n_blade):
-            for j in range(n_node):
-                core0 = (wake_core * edge_chord[j]) ** 2
-                node_age = age[w] if w > 0 else 0.0
-                here = bound[s, k, j] if w <= 0 else wake[w, s, j]
-                for c in range(3):
-                    sheet[k, s, j, c] = here[c] - origin[c]
-                trail, trail_core, span, span_core = 0.0, 1.0, 0.0, 1.0
-                if k > 0:
-                    before = bound[s, k - 1, j] if w <= 0 else (wake[w - 1, s, j] if w > 1 else bound[s, n_chord, j])
-                    length2 = (here[0] - before[0]) ** 2 + (here[1] - before[1]) ** 2 + (here[2] - before[2]) ** 2
-                    if j > 0:
-                        trail += gamma[s, k - 1, j - 1] if w <= 0 else wake_gamma[w - 1, s, j - 1]
-                    if j < n_node - 1:
-                        trail -= gamma[s, k - 1, j] if w <= 0 else wake_gamma[w - 1, s, j]
-                    trail_core = (core0 + LAMB * (viscosity + squire * abs(trail)) * node_age) * length2
-                if j > 0:
-                    before = bound[s, k, j - 1] if w <= 0 else wake[w, s, j - 1]
-                    length2 = (here[0] - before[0]) ** 2 + (here[1] - before[1]) ** 2 + (here[2] - before[2]) ** 2
-                    if w < 0:
-                        span += gamma[s, k, j - 1]
-                    elif w < n_rows:
-                        span += wake_gamma[w, s, j - 1]
-                    if k > 0 and (closed or w < n_rows):
-                        span -= gamma[s, k - 1, j - 1] if w <= 0 else wake_gamma[w - 1, s, j - 1]
-                    span_core = (core0 + LAMB * (viscosity + squire * abs(span)) * node_age) * length2
-                # Products with such a strength become denormal numbers, on which the processor is ten times slower.
-                if abs(trail) < NO_CIRCULATION:
-                    trail = 0.0
-                if abs(span) < NO_CIRCULATION:
-                    span = 0.0
-                # A core of zero would divide zero by zero at a target on the segment.
-                sheet[k, s, j, 3] = trail / FOUR_PI
-                sheet[k, s, j, 4] = max(trail_core, 1e-12)
-                sheet[k, s, j, 5] = span / FOUR_PI
-                sheet[k, s, j, 6] = max(span_core, 1e-12)
-
-
-@kernel(fastmath=False, inline="always")
-def open_newest_ring(sheet, n_chord, n_rows, wake_gamma):
-    """Take the ring between trailing edge and first wake row out of a sheet, for it belongs to the unknowns.
-
-    Only rows from n_chord + 1 on are meant to be used afterwards.
-    """
-    k = n_chord + 1
-    for s in range(sheet.shape[1]):
-        for j in range(sheet.shape[2]):
-            sheet[k, s, j, 3] = 0.0
-            strength = wake_gamma[1, s, j - 1] if (j > 0 and n_rows > 1) else 0.0
-            sheet[k, s, j, 5] = strength / FOUR_PI

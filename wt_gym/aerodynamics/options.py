@@ -6,6 +6,8 @@ from wt_gym.aerodynamics.errors import AerodynamicsError
 
 __all__ = ["ENGINEERING", "REFERENCE", "TRAINING", "AeroOptions"]
 
+LOAD_FORMS = ("joukowski", "bernoulli")
+
 
 @dataclass(frozen=True)
 class AeroOptions:
@@ -19,6 +21,9 @@ class AeroOptions:
         Recommended turn of the rotor in one aerodynamic step [deg]; the solver itself takes any time step.
     wake_rows : int
         Most rows of wake rings that are kept; older rows are dropped.
+    trailing_edge_wake, tip_wake : bool
+        Edges that shed a wake: the trailing edge, and the tip of a blade (the side edge from the trailing corner to the
+        leading edge). At least one must: without a wake the flow has no memory.
     full_rows, coarse_stride : int
         Rows older than the first ``full_rows`` keep only every ``coarse_stride``-th shed row; the rings between are
         merged with their time-weighted mean circulation. ``coarse_stride=1`` keeps all.
@@ -36,6 +41,9 @@ class AeroOptions:
         selects one branch, continuously in time, where a stalled strip has several steady solutions.
     unsteady : bool
         Include the force of the changing circulation (added mass).
+    load_form : str
+        "joukowski": force of the local velocity on every bound segment, with the suction of the leading edge;
+        "bernoulli": pressure jump of the panels along their normals (Gebhardt et al. 2012, section 3), without it.
     bound_core : float
         Core radius of bound segments in the boundary condition, in panel chords [-].
     wake_core : float
@@ -44,6 +52,13 @@ class AeroOptions:
         Kinematic viscosity of air [m^2/s].
     squire : float
         Coefficient a1 of the turbulent core growth, rc^2 = rc0^2 + 4 * 1.25643 * (nu + a1 |Gamma|) * age [-].
+    core_strain : bool
+        A stretched segment keeps the volume of its core: rc^2 l grows by 4 * 1.25643 * (nu + a1 |Gamma|) l dt, so that
+        the core shrinks where the filament is drawn out (Bhagwat & Leishman, AHS Forum 58, 2002). Otherwise age alone
+        sets the core.
+    curved_filaments : bool
+        Move the corners of the wake's trailing polygons outwards by two thirds of the sagitta of their segments, so
+        that a polygon follows the curve through its nodes with no mean deviation; an error of the azimuth step squared.
     shed_fraction : float
         Position of the newest wake row between the trailing edge (0) and the place to which the air that passed the
         trailing edge one step ago has moved (1). Below one half the lumped shed vortex best represents the sheet.
@@ -60,6 +75,8 @@ class AeroOptions:
     n_span: int = 18
     azimuth_step_deg: float = 8.0
     wake_rows: int = 135
+    trailing_edge_wake: bool = True
+    tip_wake: bool = False
     full_rows: int = 135
     coarse_stride: int = 1
     fresh_rows: int = 135
@@ -69,10 +86,13 @@ class AeroOptions:
     viscous: bool = True
     stall_lag: float = 1.5
     unsteady: bool = True
+    load_form: str = "joukowski"
     bound_core: float = 0.01
     wake_core: float = 0.1
     viscosity: float = 1.5e-5
     squire: float = 1e-4
+    core_strain: bool = True
+    curved_filaments: bool = True
     shed_fraction: float = 0.25
     ground_height: float | None = None
 
@@ -95,6 +115,12 @@ class AeroOptions:
         for name in ("bound_core", "wake_core", "viscosity", "squire", "stall_lag"):
             if not 0.0 <= getattr(self, name) < float("inf"):
                 raise AerodynamicsError(f"AeroOptions.{name} is {getattr(self, name)}; it must be finite and >= 0")
+        if not (self.trailing_edge_wake or self.tip_wake):
+            raise AerodynamicsError(
+                "AeroOptions.trailing_edge_wake and tip_wake are both False: a lattice that sheds no wake has no memory"
+            )
+        if self.load_form not in LOAD_FORMS:
+            raise AerodynamicsError(f"AeroOptions.load_form is {self.load_form!r}; allowed: {', '.join(LOAD_FORMS)}")
         if not 0.0 < self.shed_fraction <= 1.0:
             raise AerodynamicsError(f"AeroOptions.shed_fraction is {self.shed_fraction}; it must lie in (0, 1]")
 

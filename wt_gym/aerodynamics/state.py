@@ -5,10 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wt_gym.aerodynamics.edges import SheddingEdge, bound_segments
+from wt_gym.aerodynamics.induction_kernels import MAX_LANES
 from wt_gym.aerodynamics.lattice import LatticePlanform
 from wt_gym.aerodynamics.options import AeroOptions
 
-__all__ = ["AeroArrays", "AeroState", "PlanformArrays"]
+__all__ = ["AeroArrays", "AeroConstants", "AeroState", "AeroWork", "PlanformArrays"]
 
 # Entries of AeroArrays.count
 N_ROWS, STEP, LEVELS, PREPARED, CLOSED = range(5)
@@ -26,33 +28,138 @@ class PlanformArrays(NamedTuple):
     kappa: np.ndarray
     moment0: np.ndarray
     slope_angle: np.ndarray
+    tilt: np.ndarray
     cylinder_table: np.ndarray
+    shed_nodes: np.ndarray
+    shed_rings: np.ndarray
+    shed_chord: np.ndarray
+    segments: np.ndarray  # (2, n, 4): without and with a wake, see edges.bound_segments
+    segment_core: np.ndarray  # (2, n) core radius squared [m^2]
+    n_segments: np.ndarray  # (2,)
 
     @classmethod
-    def of(cls, planform: LatticePlanform, cylinder_table: np.ndarray) -> "PlanformArrays":
+    def of(cls, planform: LatticePlanform, options: AeroOptions, cylinder_table: np.ndarray) -> "PlanformArrays":
         """Gather the arrays; kappa is circulation per normal velocity of the two-dimensional lattice [m]."""
+        n_chord, n_span = planform.n_chord, planform.n_span
+        edge = SheddingEdge.of(n_chord, n_span, planform.edge_chord, options)
+        tables = [bound_segments(n_chord, n_span, planform.edge_chord, edge, options, wake) for wake in (False, True)]
+        count = np.array([len(core) for _, core in tables])
+        segments, cores = np.full((2, count.max(), 4), -1), np.zeros((2, count.max()))
+        for k, (segment, core) in enumerate(tables):
+            segments[k, : count[k]], cores[k, : count[k]] = segment, core**2
         return cls(
             planform.chord, planform.edge_chord, planform.polars, planform.alpha0_lattice,
-            0.5 * planform.chord * planform.lift_slope, planform.moment0_lattice, planform.slope_angle, cylinder_table,
+            0.5 * planform.chord * planform.lift_slope, planform.moment0_lattice, planform.slope_angle,
+            planform.slope_angle - planform.alpha0_lattice, cylinder_table, edge.nodes, edge.rings, edge.chord,
+            segments, cores, count,
+        )  # fmt: skip
+
+
+class AeroConstants(NamedTuple):
+    """Numbers of a lattice, as the kernels take them."""
+
+    density: float
+    wake_core: float
+    viscosity: float
+    squire: float
+    shed_fraction: float
+    stall_lag: float
+    ground: float
+    full_rows: int
+    coarse_stride: int
+    fresh_rows: int
+    refresh_stride: int
+    far_wake_rows: int
+    far_wake: bool
+    has_ground: bool
+    viscous: bool
+    unsteady: bool
+    bernoulli: bool
+    strain: bool
+    curved: bool
+    edge_wake: bool
+    tip_wake: bool
+
+    @classmethod
+    def of(cls, options: AeroOptions, density: float) -> "AeroConstants":
+        """Numbers of these options."""
+        o = options
+        has_ground = o.ground_height is not None
+        return cls(
+            density=float(density), wake_core=float(o.wake_core), viscosity=float(o.viscosity),
+            squire=float(o.squire), shed_fraction=float(o.shed_fraction), stall_lag=float(o.stall_lag),
+            ground=float(o.ground_height) if has_ground else 0.0, full_rows=o.full_rows,
+            coarse_stride=o.coarse_stride, fresh_rows=o.fresh_rows, refresh_stride=o.refresh_stride,
+            far_wake_rows=o.far_wake_rows, far_wake=o.far_wake, has_ground=has_ground, viscous=o.viscous,
+            unsteady=o.unsteady, bernoulli=o.load_form == "bernoulli", strain=o.core_strain, curved=o.curved_filaments,
+            edge_wake=o.trailing_edge_wake, tip_wake=o.tip_wake,
+        )  # fmt: skip
+
+
+class AeroWork(NamedTuple):
+    """Work arrays of a lattice: nothing in them outlives a step."""
+
+    bound_sheet: np.ndarray  # float32 (n_chord + 1, n_blade, n_node, 7), see induction_kernels
+    wake_sheet: np.ndarray  # float32 (n_max + 1, n_blade, n_edge + 1, 7)
+    targets: np.ndarray  # float32 (2, 3, n_target)
+    velocity: np.ndarray  # float32 (2, 3, n_target)
+    scratch: np.ndarray  # float32
+    rows: np.ndarray  # int64 (n_max + 1,) rows whose turn it is
+    corners: np.ndarray  # (2, n_blade, n_corner, 3) ring nodes and newest wake row, and their mirror images
+    points: np.ndarray  # (3, n_point)
+    part: np.ndarray  # (3, n_point) velocity of one segment
+    flow: np.ndarray  # (3, n_point)
+    normal: np.ndarray  # (n_ring, 3)
+    area: np.ndarray  # (n_ring,)
+    matrix: np.ndarray  # (n_ring, n_ring)
+    through: np.ndarray  # (n_ring,)
+    axes: np.ndarray  # (n_strip, 3) chord direction
+    normals: np.ndarray  # (n_strip, 3)
+    strip: np.ndarray  # (5, n_strip): width, along, potential, right-hand side, derivative
+    jacobian: np.ndarray  # (n_span, n_span)
+    lines: np.ndarray  # (3, n_edge + 1)
+
+    @classmethod
+    def empty(cls, n_blade: int, n_chord: int, n_span: int, n_edge: int, n_max: int, line_rows: int) -> "AeroWork":
+        """Arrays of the right shapes; ``line_rows`` is the number of rows of loaded spanwise segments."""
+        n_node, n_strip = n_span + 1, n_blade * n_span
+        n_ring = n_strip * n_chord
+        n_point = n_ring + n_strip * line_rows + n_blade * n_chord * n_node
+        n_target = max(n_blade * (n_edge + 1) * (n_max + 1), n_point) + 2 * MAX_LANES
+        widest = max(n_node, n_edge + 1)
+        n_corner = (n_chord + 1) * n_node + n_edge + 1
+        single = np.float32
+        return cls(
+            bound_sheet=np.zeros((n_chord + 1, n_blade, n_node, 7), single),
+            wake_sheet=np.zeros((n_max + 1, n_blade, n_edge + 1, 7), single),
+            targets=np.zeros((2, 3, n_target), single), velocity=np.zeros((2, 3, n_target), single),
+            scratch=np.zeros((4 * widest + 10) * MAX_LANES + 6 * n_target, single),
+            rows=np.zeros(n_max + 1, dtype=np.int64), corners=np.zeros((2, n_blade, n_corner, 3)),
+            points=np.zeros((3, n_point)), part=np.zeros((3, n_point)), flow=np.zeros((3, n_point)),
+            normal=np.zeros((n_ring, 3)), area=np.zeros(n_ring), matrix=np.zeros((n_ring, n_ring)),
+            through=np.zeros(n_ring), axes=np.zeros((n_strip, 3)), normals=np.zeros((n_strip, 3)),
+            strip=np.zeros((5, n_strip)), jacobian=np.zeros((n_span, n_span)), lines=np.zeros((3, n_edge + 1)),
         )  # fmt: skip
 
 
 class AeroArrays(NamedTuple):
     """All numbers of the state; the order of axes is row, blade, node, component for the wake.
 
-    ``n_max`` = `AeroOptions.wake_rows`; wake row 0 is the trailing edge, row k the k-th shed row behind it.
+    ``n_max`` = `AeroOptions.wake_rows`, ``n_edge`` = parts of the shedding edge; wake row 0 is that edge, row k the
+    k-th shed row behind it.
     """
 
     count: np.ndarray  # int64 (5,): rows, step, number of stored levels of gamma, step prepared, far wake on
     clock: np.ndarray  # (3,): last step [s], residual of the decambering [m/s], step under way [s]
     origin: np.ndarray  # (3,) origin of float32 positions [m]
-    wake: np.ndarray  # (n_max + 1, n_blade, n_node, 3) positions [m]
+    wake: np.ndarray  # (n_max + 1, n_blade, n_edge + 1, 3) positions [m]
     history: np.ndarray  # same shape, velocity at the time before [m/s]
     induced: np.ndarray  # same shape, float32, induced velocity [m/s]
-    wake_gamma: np.ndarray  # (n_max, n_blade, n_span) ring k between rows k and k + 1 [m^2/s]
+    wake_gamma: np.ndarray  # (n_max, n_blade, n_edge) ring k between rows k and k + 1 [m^2/s]
+    volume: np.ndarray  # (n_max + 1, n_blade, n_edge + 1, 2) rc^2 l of trailing and spanwise segments [m^3]
     age: np.ndarray  # (n_max + 1,) time since shed [s]
     shed: np.ndarray  # int64 (n_max + 1,) step at which the row was shed
-    free_edge: np.ndarray  # (n_blade, n_node, 3) where the air of the last trailing edge is now [m]
+    free_edge: np.ndarray  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
     far: np.ndarray  # far-wake cylinders, see far_wake_kernels
     nodes: np.ndarray  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]
     gamma: np.ndarray  # (n_blade, n_chord, n_span) ring circulations [m^2/s]
@@ -85,18 +192,22 @@ class AeroState:
     def empty(cls, planform: LatticePlanform, n_blades: int, options: AeroOptions) -> "AeroState":
         """Arrays of the right shapes, without flow."""
         n_chord, n_span = planform.n_chord, planform.n_span
-        n_node, n_max = n_span + 1, options.wake_rows
+        n_edge = len(SheddingEdge.of(n_chord, n_span, planform.edge_chord, options).rings)
+        n_node, n_max = n_edge + 1, options.wake_rows
         n_strip = n_blades * n_span
         n_ring = n_strip * n_chord
-        n_point = 2 * n_ring + n_blades * n_chord * n_node
+        line_rows = n_chord if options.trailing_edge_wake else n_chord + 1
+        n_point = n_ring + n_strip * line_rows + n_blades * n_chord * (n_span + 1)
         wake_shape = (n_max + 1, n_blades, n_node, 3)
-        bound_shape = (n_blades, n_chord + 1, n_node, 3)
+        bound_shape = (n_blades, n_chord + 1, n_span + 1, 3)
         gamma_shape = (n_blades, n_chord, n_span)
         return cls(
             AeroArrays(
                 count=np.zeros(5, dtype=np.int64), clock=np.zeros(3), origin=np.zeros(3),
-                wake=np.zeros(wake_shape), history=np.zeros(wake_shape), induced=np.zeros(wake_shape, dtype=np.float32),
-                wake_gamma=np.zeros((n_max, n_blades, n_span)), age=np.zeros(n_max + 1),
+                wake=np.zeros(wake_shape), history=np.zeros(wake_shape),
+                induced=np.zeros(wake_shape, dtype=np.float32),
+                wake_gamma=np.zeros((n_max, n_blades, n_edge)), volume=np.zeros((*wake_shape[:3], 2)),
+                age=np.zeros(n_max + 1),
                 shed=np.zeros(n_max + 1, dtype=np.int64), free_edge=np.zeros((n_blades, n_node, 3)),
                 far=np.zeros(7 + 4 * n_node), nodes=np.zeros(bound_shape), gamma=np.zeros(gamma_shape),
                 gamma_1=np.zeros(gamma_shape), gamma_2=np.zeros(gamma_shape), source=np.zeros(n_strip),
@@ -156,10 +267,10 @@ class AeroState:
 
     @property
     def wake_nodes(self) -> np.ndarray:
-        """Positions of the wake, shape (n_rows + 1, n_blades, n_span + 1, 3), trailing edge first [m]."""
+        """Positions of the wake, shape (n_rows + 1, n_blades, n_edge + 1, 3), shedding edge first [m]."""
         return self.arrays.wake[: self.n_rows + 1]
 
     @property
     def wake_circulation(self) -> np.ndarray:
-        """Circulation of the wake rings, shape (n_rows, n_blades, n_span) [m^2/s]."""
+        """Circulation of the wake rings, shape (n_rows, n_blades, n_edge) [m^2/s]."""
         return self.arrays.wake_gamma[: self.n_rows]

@@ -5,11 +5,11 @@ import numpy as np
 from wt_gym.aerodynamics import step_kernels
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.far_wake import cylinder_table
-from wt_gym.aerodynamics.induction_kernels import MAX_LANES, build_sheet
+from wt_gym.aerodynamics.induction_kernels import MAX_LANES
 from wt_gym.aerodynamics.lattice import LatticePlanform
 from wt_gym.aerodynamics.options import AeroOptions
-from wt_gym.aerodynamics.state import AeroState, PlanformArrays
-from wt_gym.aerodynamics.wake_kernels import velocity_at_points
+from wt_gym.aerodynamics.state import AeroConstants, AeroState, AeroWork, PlanformArrays
+from wt_gym.aerodynamics.wake_kernels import shedding_edge
 
 __all__ = ["VortexLattice"]
 
@@ -44,18 +44,13 @@ class VortexLattice:
             raise AerodynamicsError(f"air_density is {air_density}; it must be positive and finite")
         self.planform, self.n_blades, self.options, self.air_density = planform, n_blades, options, float(air_density)
         self.nodes_shape = (n_blades, planform.n_chord + 1, planform.n_span + 1, 3)
-        self._p = PlanformArrays.of(planform, cylinder_table())
-        n_node, n_max = planform.n_span + 1, options.wake_rows
-        n_point = n_blades * planform.n_chord * (2 * planform.n_span + n_node)
-        n_target = max(n_blades * n_node * (n_max + 1), n_point) + 2 * MAX_LANES
-        self._sheet = np.zeros((planform.n_chord + 1 + n_max, n_blades, n_node, 7), dtype=np.float32)
-        self._targets = np.zeros((2, 3, n_target), dtype=np.float32)
-        self._velocity = np.zeros((2, 3, n_target), dtype=np.float32)
-        self._scratch = np.zeros((4 * n_node + 10) * MAX_LANES + 6 * n_target, dtype=np.float32)
-        self._rows = np.zeros(n_max + 1, dtype=np.int64)
-        self._points = np.zeros((3, n_point))
-        self._has_ground = options.ground_height is not None
-        self._ground = float(options.ground_height) if self._has_ground else 0.0
+        self.arrays = PlanformArrays.of(planform, options, cylinder_table())
+        self.constants = AeroConstants.of(options, air_density)
+        self.n_edge = self.arrays.shed_rings.size
+        line_rows = planform.n_chord + (not options.trailing_edge_wake)
+        self.work = AeroWork.empty(
+            n_blades, planform.n_chord, planform.n_span, self.n_edge, options.wake_rows, line_rows
+        )
 
     def new_state(self) -> AeroState:
         """Return an empty state; call `reset` before using it."""
@@ -82,8 +77,8 @@ class VortexLattice:
         ----------
         nodes, velocities, wind : ndarray, shape (n_blades, n_chord + 1, n_span + 1, 3)
             As for `reset`.
-        wake_rows : ndarray, shape (n_rows, n_blades, n_span + 1, 3)
-            Positions of the rows behind the trailing edge, newest first [m].
+        wake_rows : ndarray, shape (n_rows, n_blades, n_edge + 1, 3)
+            Positions of the rows behind the shedding edge, newest first [m].
         ages : ndarray, shape (n_rows,)
             Time since each row was shed [s].
         far_wake : bool
@@ -101,18 +96,23 @@ class VortexLattice:
         a.count[0] = n_rows
         a.count[4] = int(far_wake)
         for _ in range(25):
-            before = a.gamma[:, -1].copy()
+            before = self._shed_circulation(a)
             a.wake_gamma[:n_rows] = before
             a.count[3] = 0
             self._solve(state, nodes, velocities, wind, 0.0, first=True, place=False)
+            change = np.abs(self._shed_circulation(a) - before).max()
             # The wake answers a change of circulation with about half its size: half a step converges fast.
-            a.gamma[:, -1] = 0.5 * (a.gamma[:, -1] + before)
-            if np.abs(a.gamma[:, -1] - before).max() <= 1e-5 * np.abs(before).max():
+            a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings] = 0.5 * (self._shed_circulation(a) + before)
+            if change <= 2e-5 * np.abs(before).max():
                 break
-        a.wake_gamma[:n_rows] = a.gamma[:, -1]
+        a.wake_gamma[:n_rows] = self._shed_circulation(a)
         a.count[3] = 0
         self._solve(state, nodes, velocities, wind, 0.0, first=True, place=False)
         self._accept(state, place=False, all_rows=True)
+
+    def _shed_circulation(self, a):
+        """Circulation that each part of the shedding edge continues, a copy (n_blades, n_edge)."""
+        return a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings]
 
     def initialise_helix(
         self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5
@@ -139,7 +139,8 @@ class VortexLattice:
         speed = float(np.linalg.norm(stream))
         radius = float(np.linalg.norm(np.cross(nodes - centre, axis), axis=-1).max())
         ages = self._steady_ages(dt)
-        edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
+        edge = np.empty((self.n_blades, self.n_edge + 1, 3))
+        shedding_edge(nodes, self.arrays.shed_nodes, edge)
         induction = 0.2
         for _ in range(passes):
             rows = self._helix(edge, centre, axis, rotor_speed, ages, stream, induction, radius)
@@ -166,11 +167,11 @@ class VortexLattice:
         """
         if not 0.0 < dt < np.inf:
             raise AerodynamicsError(f"dt is {dt}; it must be positive and finite")
-        o, a = self.options, state.arrays
+        a = state.arrays
         wind = np.ascontiguousarray(inflow.velocity(a.wake[: state.n_rows + 1], time), dtype=np.float64)
         if not np.isfinite(wind.sum()):
             raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
-        step_kernels.convect_wake(a, wind, float(dt), o.full_rows, o.coarse_stride, o.shed_fraction)
+        step_kernels.convect_wake(self.constants, a, wind, float(dt))
 
     def solve(self, state: AeroState, nodes, velocities, wind, dt: float) -> np.ndarray:
         """Circulation and loads for the given motion at the end of the step; may be repeated.
@@ -200,26 +201,17 @@ class VortexLattice:
         points = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3).T)
         out = np.empty_like(flat)
-        a, n_row = state.arrays, self.planform.n_chord + 1
-        sheet = self._build_sheet(state)
-        chunk = self._targets.shape[2] - 2 * MAX_LANES
+        a, w = state.arrays, self.work
+        step_kernels.write_sheets(self.arrays, self.constants, a, w)
+        chunk = w.targets.shape[2] - 2 * MAX_LANES
         for start in range(0, flat.shape[1], chunk):
             part = np.ascontiguousarray(flat[:, start : start + chunk])
             result = np.empty_like(part)
-            velocity_at_points(
-                sheet[: n_row + state.n_rows], part, self._targets, self._velocity, self._scratch, a.origin,
-                self._ground, self._has_ground, a.far, self._p.cylinder_table, result,
-            )  # fmt: skip
+            step_kernels.velocity_at_points(
+                self.arrays, self.constants, a, w, w.bound_sheet, w.wake_sheet[: state.n_rows + 1], part, result
+            )
             out[:, start : start + chunk] = result
         return out.T.reshape(points.shape)
-
-    def _build_sheet(self, state):
-        a, o = state.arrays, self.options
-        build_sheet(
-            a.nodes, a.gamma, a.wake, a.wake_gamma, state.n_rows, a.age, self._p.edge_chord, o.wake_core, o.viscosity,
-            o.squire, a.origin, a.far[0] == 0.0, self._sheet,
-        )  # fmt: skip
-        return self._sheet
 
     def _clear(self, state, nodes):
         nodes = np.asarray(nodes, dtype=np.float64)
@@ -231,7 +223,7 @@ class VortexLattice:
         state.arrays.nodes[:] = nodes
 
     def _solve(self, state, nodes, velocities, wind, dt, first, place=True):
-        o, a = self.options, state.arrays
+        a = state.arrays
         nodes, velocities, wind = (np.ascontiguousarray(x, dtype=np.float64) for x in (nodes, velocities, wind))
         for name, array in (("nodes", nodes), ("velocities", velocities), ("wind", wind)):
             if array.shape != self.nodes_shape:
@@ -239,24 +231,12 @@ class VortexLattice:
             if not np.isfinite(array.sum()):
                 raise AerodynamicsError(f"{name} are not finite")
         if not a.count[3]:
-            step_kernels.prepare(
-                self._p, a, nodes, self._sheet, self._targets, self._velocity, self._scratch, self._points,
-                o.bound_core, o.wake_core, o.viscosity, o.squire, o.shed_fraction, o.far_wake, o.far_wake_rows,
-                self._ground, self._has_ground, place,
-            )  # fmt: skip
-        step_kernels.solve(
-            self._p, a, nodes, velocities, wind, dt, self.air_density, o.viscous, o.stall_lag, o.unsteady, first,
-            self._points,
-        )  # fmt: skip
+            step_kernels.prepare(self.arrays, self.constants, a, self.work, nodes, place)
+        step_kernels.solve(self.arrays, self.constants, a, self.work, nodes, velocities, wind, dt, first)
         return a.forces
 
     def _accept(self, state, place, all_rows=False):
-        o = self.options
-        step_kernels.accept(
-            self._p, state.arrays, self._sheet, self._rows, self._targets, self._velocity, self._scratch,
-            o.wake_core, o.viscosity, o.squire, o.wake_rows if all_rows else o.fresh_rows, o.refresh_stride,
-            o.shed_fraction, self._ground, self._has_ground, place,
-        )  # fmt: skip
+        step_kernels.accept(self.arrays, self.constants, state.arrays, self.work, place, all_rows)
 
     def _steady_ages(self, dt):
         """Ages of the rows of a full wake, given the thinning of old rows."""

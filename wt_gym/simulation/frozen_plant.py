@@ -237,23 +237,23 @@ class FrozenPlant:
         A ring of the near wake takes the circulation of its strip at the trailing edge, like the newest ring: its
         influence joins that of the strip's last bound ring, and what it induced goes out of the frozen velocity.
         """
-        a, n_span = aero.arrays, self.lattice.planform.n_span
+        a, rings = aero.arrays, self.lattice.arrays.shed_rings
         wind = self._wind_at_blades()
         self.lattice._solve(aero, self._nodes, self._velocities, wind, 0.0, first=True)
         near = np.flatnonzero(a.age[1 : aero.n_rows] < self._near_wake) + 1
         if len(near):
-            points, probe = self.lattice._points.copy(), aero.copy()
+            points, probe = self.lattice.work.points.copy(), aero.copy()
             for array in (probe.arrays.gamma, probe.arrays.wake_gamma, probe.arrays.far):
                 array[...] = 0.0
             probe.arrays.count[_ROWS] = near[-1] + 1
-            n_chord = a.gamma.shape[1]
+            per_blade = a.gamma[0].size
             for b in range(self.n_blades):
-                for j in range(n_span):
-                    probe.arrays.wake_gamma[near, b, j] = 1.0
+                for e, ring in enumerate(rings):
+                    probe.arrays.wake_gamma[near, b, e] = 1.0
                     velocity = self.lattice.induced_velocity(probe, points.T).T
-                    probe.arrays.wake_gamma[near, b, j] = 0.0
-                    a.influence[(b * n_chord + n_chord - 1) * n_span + j] += velocity
-                    a.wake_flow[:] -= a.gamma[b, -1, j] * velocity
+                    probe.arrays.wake_gamma[near, b, e] = 0.0
+                    a.influence[b * per_blade + ring] += velocity
+                    a.wake_flow[:] -= a.gamma[b].flat[ring] * velocity
             self._invert(a)
             self.lattice._solve(aero, self._nodes, self._velocities, wind, 0.0, first=True)
         return Wake(aero, a.source.copy(), angle, centre, axis)

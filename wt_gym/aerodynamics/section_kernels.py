@@ -1,0 +1,128 @@
+"""Blade sections: what their polars make of the flow, fed back into the lattice as decambering."""
+
+import numpy as np
+
+from wt_gym.compiled import kernel
+
+
+@kernel(fastmath=False)
+def polar_at(table, alpha):
+    """Coefficients and lift slope at ``alpha``: cl, cd, cm, dcl/dalpha.
+
+    Periodic cubic (Catmull-Rom) interpolation of cl, continuous with its slope; linear for cd, so that it never
+    becomes negative, and for cm. table (n_alpha, 3) from -pi (included) to pi (excluded).
+    """
+    n = table.shape[0]
+    step = 2.0 * np.pi / n
+    position = (alpha + np.pi) / step
+    floor = np.floor(position)
+    t = position - floor
+    i1 = int(floor) % n
+    i0, i2, i3 = (i1 - 1) % n, (i1 + 1) % n, (i1 + 2) % n
+    y0, y1, y2, y3 = table[i0, 0], table[i1, 0], table[i2, 0], table[i3, 0]
+    a = 0.5 * (3.0 * (y1 - y2) + y3 - y0)
+    b = 0.5 * (2.0 * y0 - 5.0 * y1 + 4.0 * y2 - y3)
+    c = 0.5 * (y2 - y0)
+    cl = y1 + t * (c + t * (b + t * a))
+    slope = (c + t * (2.0 * b + t * 3.0 * a)) / step
+    cd = (1.0 - t) * table[i1, 1] + t * table[i2, 1]
+    cm = (1.0 - t) * table[i1, 2] + t * table[i2, 2]
+    return cl, cd, cm, slope
+
+
+@kernel(fastmath=False, inline="always")
+def strip_axes(nodes, fore_aft, normal, width):
+    """Unit chord direction and normal of the section planes (n_strip, 3), and strip width along the span (n_strip,)."""
+    n_blade, n_row, n_node, _ = nodes.shape
+    for b in range(n_blade):
+        for j in range(n_node - 1):
+            k = b * (n_node - 1) + j
+            s, c = normal[k], fore_aft[k]  # the span direction goes where the normal will be
+            for i in range(3):
+                s[i] = nodes[b, 0, j + 1, i] - nodes[b, 0, j, i]
+                aft = nodes[b, n_row - 1, j, i] + nodes[b, n_row - 1, j + 1, i]
+                c[i] = 0.5 * (aft - nodes[b, 0, j, i] - nodes[b, 0, j + 1, i])
+            width[k] = np.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2])
+            across = (c[0] * s[0] + c[1] * s[1] + c[2] * s[2]) / (width[k] * width[k])
+            for i in range(3):
+                c[i] -= across * s[i]
+            size = np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
+            sx, sy, sz = s[0] / width[k], s[1] / width[k], s[2] / width[k]
+            for i in range(3):
+                c[i] /= size
+            normal[k, 0] = c[1] * sz - c[2] * sy
+            normal[k, 1] = c[2] * sx - c[0] * sz
+            normal[k, 2] = c[0] * sy - c[1] * sx
+
+
+@kernel(fastmath=False)
+def section_state(across, along, tilt, polar, alpha0, chord, kappa):
+    """Angle of attack and what the polar makes of it.
+
+    ``across`` is the velocity normal to the zero-lift line of the lattice section, ``along`` the one along the line
+    that joins its first and last node, ``tilt`` = slope angle - alpha0. Returns alpha, speed, decambering velocity
+    wanted by the polar (the normal velocity that makes no circulation) and its derivative with respect to ``across``.
+    """
+    tangential = (along - across * np.sin(tilt)) / np.cos(tilt)
+    speed = np.sqrt(across * across + tangential * tangential)
+    alpha = np.arctan2(across, tangential) + alpha0
+    cl, _, _, slope = polar_at(polar, alpha)
+    # 0.5 c d(V cl)/d(across) with d(alpha) = tangential/V^2, dV = across/V (and tangential nearly constant).
+    safe = max(speed, 1e-9)
+    gradient = 0.5 * chord * (slope * tangential + cl * across) / safe
+    return alpha, speed, across - 0.5 * speed * chord * cl / kappa, 1.0 - gradient / kappa
+
+
+@kernel(fastmath=False, inline="always")
+def decambering(potential, along, response, previous, first, dt, lag, p, n_blade, tolerance, max_iterations, jacobian,
+                rhs, derivative, source):  # fmt: skip
+    """Decambering velocities of all strips such that circulation and polar agree; returns the residual [m/s].
+
+    Strip k with decambering velocity s_k has the circulation G = potential + response @ s and sees the normal
+    velocity x = G / kappa + s. The polar wants s* = x - (V c cl / 2) / kappa. Each step solves
+    s = (1 - w) V d_previous + w s*(x), w = 1 - exp(-V dt / (lag c)), where ``previous`` holds d = s / V of the last
+    step: what lags is an angle, so that the lift coefficient does not overshoot where the speed drops. Newton's
+    method has the coupling inside a blade in its Jacobian, the weak one between blades and the slope of V only in
+    the residual. The slope of s* is limited in the
+    Jacobian (not in the equation) where the polar falls steeply, since there the equation has several solutions.
+    """
+    n_strip = potential.shape[0]
+    n_span = n_strip // n_blade
+    chord, kappa = p.chord, p.kappa
+    residual = 0.0
+    for iteration in range(max_iterations + 1):
+        residual = 0.0
+        scale = 0.0
+        for k in range(n_strip):
+            g = potential[k]
+            for m in range(n_strip):
+                g += response[k, m] * source[m]
+            j = k % n_span
+            across = g / kappa[j] + source[k]
+            _, speed, wanted, slope = section_state(across, along[k], p.tilt[j], p.polars[j], p.alpha0[j], chord[j],
+                                                        kappa[j])  # fmt: skip
+            weight = 1.0 if first else 1.0 - np.exp(-speed * dt / max(lag * chord[j], 1e-12))
+            rhs[k] = (1.0 - weight) * previous[k] * speed + weight * wanted - source[k]
+            derivative[k] = weight * min(max(slope, -1.0), 1.0)
+            residual = max(residual, abs(rhs[k]))
+            scale = max(scale, speed)
+        if not residual > tolerance * (scale + 1e-3) or iteration == max_iterations:
+            break
+        for b in range(n_blade):
+            o = b * n_span
+            for k in range(n_span):
+                for m in range(n_span):
+                    jacobian[k, m] = -derivative[o + k] * response[o + k, o + m] / kappa[k]
+                jacobian[k, k] += 1.0 - derivative[o + k]
+            for k in range(n_span):
+                for m in range(k + 1, n_span):
+                    factor = jacobian[m, k] / jacobian[k, k]
+                    for l in range(k + 1, n_span):
+                        jacobian[m, l] -= factor * jacobian[k, l]
+                    rhs[o + m] -= factor * rhs[o + k]
+            for k in range(n_span - 1, -1, -1):
+                for l in range(k + 1, n_span):
+                    rhs[o + k] -= jacobian[k, l] * rhs[o + l]
+                rhs[o + k] /= jacobian[k, k]
+                source[o + k] += rhs[o + k]
+    return residual
