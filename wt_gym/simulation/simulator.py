@@ -3,6 +3,7 @@
 import math
 import numbers
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,9 +12,8 @@ from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.tower_flow import tower_perturbation
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody import point_kernels, tree_kernels
-from wt_gym.multibody.integrator_kernels import hamming_advance
 from wt_gym.multibody.system import FAILURES, HammingIntegrator, MultibodyError
-from wt_gym.simulation import coupling_kernels
+from wt_gym.simulation import coupled_step_kernels, coupling_kernels
 from wt_gym.simulation.blade_lattice import blade_planform
 from wt_gym.simulation.channels import Signals
 from wt_gym.simulation.equilibrium import elastic_equilibrium, highest_frequency
@@ -32,6 +32,24 @@ FULL_TORQUE_SPEED = 0.05
 MAX_OVERSPEED = 3.0
 """Rotor speed, in rated speeds, at which a simulation is given up."""
 BOTH_ENDS = slice(2)
+
+
+class Exchange(NamedTuple):
+    """What passes between structure and air, and the limits of the model, as arrays for the compiled step."""
+
+    nodes: np.ndarray  # (n_blades, n_chord + 1, n_span + 1, 3) lattice nodes [m]
+    velocities: np.ndarray  # the same [m/s]
+    points: tuple  # Points of the lattice on a blade
+    blades: np.ndarray  # (n_blades,) bodies
+    elastic_q: np.ndarray  # (n_blades, n_f) where a blade's coordinates are in the state
+    elastic_u: np.ndarray  # (n_blades, n_f) and their rates
+    elastic: np.ndarray  # (n_blades, n_f)
+    elastic_rate: np.ndarray  # (n_blades, n_f)
+    previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago
+    tip: np.ndarray  # (3, n_f) displacement of a tip
+    speed_index: int
+    max_speed: float  # [rad/s]
+    max_deflection: float  # [m]
 
 
 class Simulator:
@@ -90,24 +108,28 @@ class Simulator:
             self._n_sub = self._embedded._n_sub
         self._h = self.time_step / self._n_sub
         self._integrator = HammingIntegrator(self.structure.system, self._h, fid.corrections)
-        self._blades = np.array(self.structure.blades)
 
     def _allocate(self):
         """Arrays of the state and of the exchange between structure and air."""
         n = self.turbine.n_blades
         self._aero = self.lattice.new_state()
-        shape = self.lattice.nodes_shape
-        self._nodes, self._velocities = np.zeros(shape), np.zeros(shape)
-        flat = (n, shape[1] * shape[2], 3)
-        self._nodes_flat, self._velocities_flat = self._nodes.reshape(flat), self._velocities.reshape(flat)
-        self._saved = [np.zeros_like(a) for a in self._integrator.history]
-        first = [self.structure.system.index(b, "elastic_q") for b in self.structure.blades]
-        shift = [self.structure.system.index(b, "elastic_u") for b in self.structure.blades]
-        each = np.arange(self.structure.lattice_points.linear.shape[2])
-        self._elastic_q = np.add.outer(first, each)
-        self._elastic_q_rate = np.add.outer(shift, each) + self.structure.system.n_q
-        self._elastic, self._elastic_rate = np.zeros(self._elastic_q.shape), np.zeros(self._elastic_q.shape)
-        self._previous_loads = np.zeros_like(self._integrator.inputs.body_loads[0])
+        system, shape = self.structure.system, self.lattice.nodes_shape
+        points = self.structure.lattice_points
+        each = np.arange(points.linear.shape[2])
+        q = np.add.outer([system.index(blade, "elastic_q") for blade in self.structure.blades], each)
+        u = np.add.outer([system.index(blade, "elastic_u") for blade in self.structure.blades], each) + system.n_q
+        self._exchange = Exchange(
+            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, blades=np.array(self.structure.blades),
+            elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
+            previous_loads=np.zeros_like(self._integrator.inputs.body_loads[0]),
+            tip=np.ascontiguousarray(self.structure.tip_points.linear[0]),
+            speed_index=system.n_q + self.structure.azimuth_u,
+            max_speed=MAX_OVERSPEED * self.turbine.drivetrain.rated_rotor_speed,
+            max_deflection=MAX_DEFLECTION * self.turbine.blade.length,
+        )  # fmt: skip
+        self._flat = (n, shape[1] * shape[2], 3)
+        self._earlier_velocities = np.zeros(shape)
+        self._saved = type(self._integrator.history)(*(np.zeros_like(x) for x in self._integrator.history))
         self._command = np.zeros(n + 2)  # generator torque, yaw, pitch of each blade
         self._measurement = Measurement(self.turbine, self.structure)
         self._values = self._measurement.values
@@ -170,6 +192,7 @@ class Simulator:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True
         self._move_lattice(self._integrator.state)
+        self._earlier_velocities[:] = self._exchange.velocities
         self._measure()
         return self.signals
 
@@ -245,8 +268,9 @@ class Simulator:
         arrays = {f"history_{k}": a for k, a in self._integrator.history._asdict().items()}
         arrays |= {f"inputs_{k}": a for k, a in self._integrator.inputs._asdict().items()}
         arrays |= {f"aero_{k}": a for k, a in self._aero.arrays._asdict().items()}
-        arrays |= {"previous_loads": self._previous_loads, "command": self._command, "values": self._values}
-        arrays |= {"nodes": self._nodes, "velocities": self._velocities}
+        arrays |= {"previous_loads": self._exchange.previous_loads, "command": self._command, "values": self._values}
+        arrays |= {"nodes": self._exchange.nodes, "velocities": self._exchange.velocities}
+        arrays |= {"earlier_velocities": self._earlier_velocities}
         return arrays
 
     def linearize(self, operating_point=None, **options):
@@ -280,7 +304,7 @@ class Simulator:
         frame = work.rot[s.tower], work.r[s.tower], work.v[s.tower], work.omega[s.tower]
         point_kernels.point_motion(*frame, q, rate, s.tower_points, tower, velocity)
         return {
-            "blades": self._nodes.copy(),
+            "blades": self._exchange.nodes.copy(),
             "wake": self._aero.wake_nodes.copy(),
             "wake_circulation": self._aero.wake_circulation.copy(),
             "tower": tower,
@@ -350,87 +374,55 @@ class Simulator:
 
     def _step(self):
         """One aerodynamic step: wake, then structure and loads iterated to agreement at its end."""
-        integrator, inputs, fid = self._integrator, self._integrator.inputs, self.fidelity
-        tree, work, history = self.structure.system.tree, integrator.work, integrator.history
-        dt, time, constrained = self.time_step, self.time, self.structure.system.constrained
-        self.lattice.convect_wake(self._aero, self.inflow, time, dt)
-        for saved, array in zip(self._saved, history, strict=True):
-            saved[:] = array
+        integrator, fid, lattice, x = self._integrator, self.fidelity, self.lattice, self._exchange
+        arrays, dt, time = self._aero.arrays, self.time_step, self.time
         self._set_inputs(1)
-        # the loads of the last two steps, continued in a straight line, are the first guess
-        first, last = inputs.body_loads
-        np.multiply(first, 2.0, out=last)
-        last -= self._previous_loads
-        wind = None
-        for iteration in range(fid.coupling_iterations):
-            if iteration:
-                for saved, array in zip(self._saved, history, strict=True):
-                    array[:] = saved
-            code = hamming_advance(
-                history, inputs, tree, work, self._h, self._n_sub, integrator.n_corrections, constrained
-            )
-            if code != tree_kernels.OK:
-                raise SimulationError(FAILURES[code])
-            change, wind = self._exchange(history.y[3], dt, time + dt, wind)
-            if change < fid.coupling_tolerance:
-                break
-        self.lattice.accept(self._aero)
-        # the stored rate belongs to the stored state and the final loads
-        code = hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained)
+        wake_wind = self._wind(arrays.wake[: self._aero.n_rows + 1], time)
+        # Where the blades will be, by Adams-Bashforth: 5 cm from where they come to be, less than the wind resolves.
+        ahead = x.nodes + dt * (1.5 * x.velocities - 0.5 * self._earlier_velocities)
+        blade_wind = self._wind_at_blades(ahead, time + dt)
+        self._earlier_velocities[:] = x.velocities
+        code = coupled_step_kernels.coupled_step(
+            lattice.arrays, lattice.constants, arrays, lattice.work, x, integrator.history, self._saved,
+            integrator.inputs, self.structure.system.tree, integrator.work, wake_wind, blade_wind, dt, self._h,
+            self._n_sub, integrator.n_corrections, fid.coupling_iterations, fid.coupling_tolerance,
+            self.structure.system.constrained,
+        )  # fmt: skip
         if code != tree_kernels.OK:
-            raise SimulationError(FAILURES[code])
-        self._previous_loads[:] = first
-        for array in inputs:
+            raise SimulationError(self._failure(code))
+        for array in integrator.inputs:
             array[0] = array[1]
         self._n_steps += 1
-        self._check_range(history.y[3])
 
-    def _exchange(self, y, dt, time, wind):
-        """Motion of the blades to the lattice, its forces back as loads at the end of the step."""
-        s, work, inputs = self.structure, self._integrator.work, self._integrator.inputs
-        self._move_lattice(y)
-        if wind is None:
-            wind = self._wind_at_blades(time)
-        forces = self.lattice.solve(self._aero, self._nodes, self._velocities, wind, dt)
-        change = coupling_kernels.rotor_loads(
-            forces.reshape(self._nodes_flat.shape), work.rot, self._elastic, s.lattice_points, self._blades,
-            inputs.body_loads[1],
-        )  # fmt: skip
-        return change, wind
+    def _failure(self, code):
+        """What a code of the compiled step says."""
+        y, x = self._integrator.history.y[3], self._exchange
+        if code == coupled_step_kernels.OVERSPEED:
+            return f"rotor speed {y[x.speed_index]:.2f} rad/s is beyond {x.max_speed:.2f} rad/s"
+        if code == coupled_step_kernels.DEFLECTION:
+            largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
+            return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
+        return FAILURES[code]
 
     def _move_lattice(self, y):
         """Lattice nodes and their velocities for the state y; the kinematics are then up to date."""
-        s, work = self.structure, self._integrator.work
-        tree_kernels.kinematics(y, s.system.tree, work)
-        np.take(y, self._elastic_q, out=self._elastic)
-        np.take(y, self._elastic_q_rate, out=self._elastic_rate)
-        coupling_kernels.rotor_motion(
-            work.rot, work.r, work.v, work.omega, self._elastic, self._elastic_rate, s.lattice_points, self._blades,
-            self._nodes_flat, self._velocities_flat,
-        )  # fmt: skip
+        coupled_step_kernels.move_lattice(y, self.structure.system.tree, self._integrator.work, self._exchange)
 
-    def _wind_at_blades(self, time):
+    def _wind(self, points, time):
+        """Undisturbed wind at points, refused where it is not finite."""
+        wind = np.ascontiguousarray(self.inflow.velocity(points, time), dtype=np.float64)
+        if not math.isfinite(wind.sum()):
+            raise SimulationError(f"the inflow is not finite at time {time} s")
+        return wind
+
+    def _wind_at_blades(self, nodes, time):
         """Undisturbed wind at the lattice nodes, with the blocking of the tower."""
-        wind = self.inflow.velocity(self._nodes, time)
+        wind = self._wind(nodes, time)
         if self.fidelity.tower_shadow:
             tower = self.turbine.tower
             top = self._integrator.work.r[self.structure.nacelle]
-            wind += tower_perturbation(self._nodes, wind, self._tower_base, top, tower.diameter_station, tower.diameter)
+            wind = wind + tower_perturbation(nodes, wind, self._tower_base, top, tower.diameter_station, tower.diameter)
         return wind
-
-    def _check_range(self, y):
-        """Refuse states in which the model has no meaning."""
-        speed = y[self.structure.system.n_q + self.structure.azimuth_u]
-        limit = MAX_OVERSPEED * self.turbine.drivetrain.rated_rotor_speed
-        if not abs(speed) < limit:
-            raise SimulationError(f"rotor speed {speed:.2f} rad/s is beyond {limit:.2f} rad/s")
-        q = y[: self.structure.system.n_q]
-        tip = self.structure.tip_points.linear[0]
-        for b in self.structure.blades:
-            first = self.structure.system.index(b, "elastic_q")
-            deflection = tip @ q[first : first + tip.shape[1]]
-            if not deflection @ deflection < (MAX_DEFLECTION * self.turbine.blade.length) ** 2:
-                raise SimulationError(f"tip deflection {np.linalg.norm(deflection):.1f} m is beyond the elastic model")
 
     # ---- start ----
 
@@ -440,7 +432,7 @@ class Simulator:
             array[:] = 0.0
         y = self._rigid_state(rotor_speed, pitch, azimuth, yaw)
         self._find_equilibrium(y, rotor_speed, generator_torque)
-        self._previous_loads[:] = self._integrator.inputs.body_loads[0]
+        self._exchange.previous_loads[:] = self._integrator.inputs.body_loads[0]
         self._integrator.start(y)
 
     def _start_from_embedded(self, rotor_speed, pitch, azimuth, yaw, generator_torque):
@@ -452,7 +444,7 @@ class Simulator:
         self._command[:] = embedded._command
         self._integrator.inputs.body_loads[:] = embedded._integrator.inputs.body_loads
         self._set_inputs(BOTH_ENDS)
-        self._previous_loads[:] = embedded._previous_loads
+        self._exchange.previous_loads[:] = embedded._exchange.previous_loads
         self._integrator.start(self.structure.adopt(embedded.structure, embedded._integrator.state))
 
     def _rigid_state(self, rotor_speed, pitch, azimuth, yaw):
@@ -470,22 +462,20 @@ class Simulator:
     def _find_equilibrium(self, y, rotor_speed, generator_torque, passes=3):
         """Wake, loads and elastic state (y, in place) in balance with each other and the generator."""
         s, inputs, drive = self.structure, self._integrator.inputs, self.turbine.drivetrain
-        work = self._integrator.work
+        work, x = self._integrator.work, self._exchange
         for _ in range(passes):
             self._move_lattice(y)
             axis = work.rot[s.hub, :, 0].copy()
-            wind = self._wind_at_blades(0.0)
+            wind = self._wind_at_blades(x.nodes, 0.0)
             self.lattice.initialise_helix(
-                self._aero, self._nodes, self._velocities, wind, work.r[s.hub], axis, rotor_speed, self.time_step
+                self._aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, self.time_step
             )
-            forces = self._aero.nodal_forces.reshape(self._nodes_flat.shape)
-            coupling_kernels.rotor_loads(
-                forces, work.rot, self._elastic, s.lattice_points, self._blades, inputs.body_loads[1]
-            )
+            forces = self._aero.nodal_forces.reshape(self._flat)
+            coupling_kernels.rotor_loads(forces, work.rot, x.elastic, x.points, x.blades, inputs.body_loads[1])
             inputs.body_loads[0] = inputs.body_loads[1]
             torque = generator_torque
             if torque is None:
-                _, moment = coupling_kernels.rotor_resultant(self._nodes_flat, forces, work.r[s.hub], axis)
+                _, moment = coupling_kernels.rotor_resultant(x.nodes.reshape(self._flat), forces, work.r[s.hub], axis)
                 torque = min(max(moment / drive.gear_ratio, 0.0), drive.max_generator_torque)
             self._command[0] = torque
             self._set_inputs(BOTH_ENDS)
@@ -498,5 +488,6 @@ class Simulator:
         integrator = self._integrator
         self._measurement.take(
             self.time, integrator.state, integrator.state_rate, integrator.inputs.body_loads[1], integrator.work,
-            self._nodes_flat, self._aero.nodal_forces.reshape(self._nodes_flat.shape), self._command, self.inflow,
+            self._exchange.nodes.reshape(self._flat), self._aero.nodal_forces.reshape(self._flat), self._command,
+            self.inflow,
         )  # fmt: skip

@@ -1,0 +1,123 @@
+"""One step of structure and air together, in one compiled call that allocates nothing."""
+
+from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solve
+from wt_gym.compiled import kernel
+from wt_gym.multibody.integrator_kernels import hamming_advance
+from wt_gym.multibody.tree_kernels import OK, kinematics
+from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion
+
+# Beyond the codes of the multibody kernels
+OVERSPEED, DEFLECTION = 101, 102
+
+
+@kernel
+def move_lattice(y, tree, work, x):
+    """Lattice nodes and their velocities for the state y; the kinematics are then up to date. x: `Exchange`."""
+    kinematics(y, tree, work)
+    for i in range(x.elastic.shape[0]):
+        for k in range(x.elastic.shape[1]):
+            x.elastic[i, k] = y[x.elastic_q[i, k]]
+            x.elastic_rate[i, k] = y[x.elastic_u[i, k]]
+    n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
+    shape = (n_blade, n_point, 3)
+    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.blades,
+                 x.nodes.reshape(shape), x.velocities.reshape(shape))  # fmt: skip
+
+
+@kernel
+def copy_history(source, target):
+    """Points of the multistep scheme from one set of arrays to another."""
+    for k in range(source.y.shape[0]):
+        for i in range(source.y.shape[1]):
+            target.y[k, i] = source.y[k, i]
+            target.f[k, i] = source.f[k, i]
+    for i in range(source.error.shape[0]):
+        target.error[i] = source.error[i]
+    target.filled[0] = source.filled[0]
+
+
+@kernel
+def check_range(y, x):
+    """OK, or what has left the range in which the model has a meaning."""
+    if not abs(y[x.speed_index]) < x.max_speed:
+        return OVERSPEED
+    for i in range(x.elastic_q.shape[0]):
+        size2 = 0.0
+        for c in range(3):
+            tip = 0.0
+            for k in range(x.elastic_q.shape[1]):
+                tip += x.tip[c, k] * y[x.elastic_q[i, k]]
+            size2 += tip * tip
+        if not size2 < x.max_deflection**2:
+            return DEFLECTION
+    return OK
+
+
+@kernel
+def extrapolate_loads(inputs, previous):
+    """First guess of the loads at the end of a step: those of the last two steps, continued in a straight line."""
+    first, last = inputs.body_loads[0], inputs.body_loads[1]
+    for b in range(first.shape[0]):
+        for k in range(first.shape[1]):
+            last[b, k] = 2.0 * first[b, k] - previous[b, k]
+
+
+@kernel
+def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, blade_wind, dt, h, n_sub, n_corrections,
+                 iterations, tolerance, constrained=None):  # fmt: skip
+    """Advance structure and air by one aerodynamic step dt.
+
+    The wake moves on first and then stands still while structure and loads are iterated to agreement at the end of the
+    step. Only the last pass of the structure needs all corrections of its scheme; the passes before only predict where
+    the blades will be.
+
+    Parameters
+    ----------
+    p, o, a, w : PlanformArrays, AeroConstants, AeroArrays, AeroWork
+    x : Exchange
+    history, saved : HammingHistory
+        Points of the structure's multistep scheme, and room for a copy.
+    inputs, tree, work : arrays of the multibody system
+    wake_wind : (n_rows + 1, n_blade, n_edge + 1, 3)
+        Undisturbed wind at the wake nodes at the start of the step [m/s].
+    blade_wind : (n_blade, n_chord + 1, n_span + 1, 3)
+        Wind at the lattice nodes at the end of the step [m/s].
+    dt, h : float
+        Aerodynamic and structural step [s], n_sub of these.
+    iterations, tolerance
+        Most passes, and the relative change of the loads at which they end.
+
+    Returns
+    -------
+    int
+        OK, a code of the multibody kernels, OVERSPEED or DEFLECTION.
+    """
+    convect_wake(o, a, wake_wind, dt)
+    copy_history(history, saved)
+    extrapolate_loads(inputs, x.previous_loads)
+    n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
+    change = 1.0
+    for iteration in range(iterations):
+        final = iteration == iterations - 1 or change < tolerance
+        if iteration:
+            copy_history(saved, history)
+        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections if final else 1, constrained)
+        if code != OK:
+            return code
+        move_lattice(history.y[3], tree, work, x)
+        if iteration == 0:
+            prepare(p, o, a, w, x.nodes, True)
+        solve(p, o, a, w, x.nodes, x.velocities, blade_wind, dt, False)
+        change = rotor_loads(a.forces.reshape((n_blade, n_point, 3)), work.rot, x.elastic, x.points, x.blades,
+                             inputs.body_loads[1])  # fmt: skip
+        if final:
+            break
+    accept(p, o, a, w, True, False)
+    # the stored rate belongs to the stored state and the final loads
+    code = hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained)
+    if code != OK:
+        return code
+    for b in range(x.previous_loads.shape[0]):
+        for k in range(x.previous_loads.shape[1]):
+            x.previous_loads[b, k] = inputs.body_loads[0, b, k]
+    return check_range(history.y[3], x)
