@@ -26,7 +26,7 @@ def running():
 def test_power_leaving_the_air_enters_the_structure(running):
     y, loads = running._integrator.state, running._integrator.inputs.body_loads[1]
     running._move_lattice(y)
-    air = np.sum(running._aero.nodal_forces * running._velocities)
+    air = np.sum(running._aero.nodal_forces * running._exchange.velocities)
     work, structure = running._integrator.work, 0.0
     for b in range(len(loads)):
         rate = running.structure.elastic(b, y)[1]

@@ -103,7 +103,7 @@ def cylinder(points, ring=1.0, line=0.0, radius=1.0):
     far = np.zeros(HEADER + PER_CYLINDER)
     far[[0, 6, HEADER + 1, HEADER + 2, HEADER + 3]] = 1.0, 1.0, radius, ring, line
     targets, velocity = np.ascontiguousarray(points.T, dtype=np.float32), np.zeros((3, len(points)), dtype=np.float32)
-    far_wake_velocity(far, cylinder_table(), targets, velocity, len(points))
+    far_wake_velocity(far, cylinder_table(), targets, velocity, len(points), np.zeros((8, len(points)), np.float32))
     return velocity.T
 
 

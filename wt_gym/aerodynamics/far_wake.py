@@ -44,7 +44,7 @@ def cylinder_table(n_axial: int = 193, n_radial: int = 129, core: float = 0.05) 
 
     Returns
     -------
-    table : ndarray, shape (n_axial, n_radial, 2), float32
+    table : ndarray, shape (2, n_axial, n_radial), float32
         Axial and radial velocity at z / (1 + |z|) evenly spaced over [-1, 1] and r / (1 + r) over [0, 1].
     """
     p = np.linspace(-1.0, 1.0, n_axial)
@@ -63,8 +63,8 @@ def cylinder_table(n_axial: int = 193, n_radial: int = 129, core: float = 0.05) 
         for c, c0 in ((u, u0), (v, v0))
     ]
     at_grid = np.searchsorted(steps, z_grid - 1e-12)
-    table = np.stack([s[:, at_grid].T for s in sums], axis=-1).astype(np.float32)
-    table[:, -1] = 0.0  # infinitely far from the axis
-    table[0] = 0.0  # infinitely far upstream
+    table = np.stack([s[:, at_grid].T for s in sums]).astype(np.float32)
+    table[:, :, -1] = 0.0  # infinitely far from the axis
+    table[:, 0] = 0.0  # infinitely far upstream
     table.setflags(write=False)
     return table

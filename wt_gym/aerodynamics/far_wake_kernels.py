@@ -7,6 +7,7 @@ Positions are relative to the origin of the wake sheet.
 
 import numpy as np
 
+from wt_gym.aerodynamics.induction_kernels import FAST, FOUR_PI
 from wt_gym.compiled import kernel
 
 HEADER = 7  # active, centre (3), axis (3)
@@ -102,46 +103,54 @@ def measure_far_wake(a, n_tail, dt, sums):
     far[4], far[5], far[6] = ax, ay, az
 
 
-@kernel(fastmath=False)
-def far_wake_velocity(far, table, targets, velocity, n_target):
-    """Add the velocity of the cylinders at targets (3, n) float32.
+@kernel(fastmath=FAST)
+def far_wake_velocity(far, table, targets, velocity, n_target, lane):
+    """Add the velocity of the cylinders at the first ``n_target`` targets (3, n) float32.
 
-    ``table`` (n_axial, n_radial, 2) holds axial and radial velocity of a unit cylinder of unit radius on an even grid
-    of the mapped coordinates z / (1 + |z|) and r / (1 + r), see `far_wake.cylinder_table`.
+    ``table`` (2, n_axial, n_radial) holds axial and radial velocity of a unit cylinder of unit radius on an even grid
+    of the mapped coordinates z / (1 + |z|) and r / (1 + r), see `far_wake.cylinder_table`. ``lane`` is float32 for
+    work, at least (8, n).
     """
-    n_axial, n_radial, _ = table.shape
+    _, n_axial, n_radial = table.shape
     n_cylinder = (far.shape[0] - HEADER) // PER_CYLINDER
+    axial_table, radial_table = table[0].reshape(n_axial * n_radial), table[1].reshape(n_axial * n_radial)
+    cx, cy, cz = np.float32(far[1]), np.float32(far[2]), np.float32(far[3])
+    ax, ay, az = np.float32(far[4]), np.float32(far[5]), np.float32(far[6])
+    one, half = np.float32(1.0), np.float32(0.5)
     for i in range(n_target):
-        dx = targets[0, i] - far[1]
-        dy = targets[1, i] - far[2]
-        dz = targets[2, i] - far[3]
-        height = dx * far[4] + dy * far[5] + dz * far[6]
-        rx, ry, rz = dx - height * far[4], dy - height * far[5], dz - height * far[6]
-        r2 = rx * rx + ry * ry + rz * rz
-        r = np.sqrt(r2)
-        r8 = r2 * r2 * r2 * r2
-        axial, radial, swirl = 0.0, 0.0, 0.0
-        for m in range(n_cylinder):
-            o = HEADER + PER_CYLINDER * m
-            radius = far[o + 1]
-            if radius <= 0.0:
-                continue
-            along = height - far[o]
-            p = (along / (radius + abs(along)) + 1.0) * 0.5 * (n_axial - 1)
-            q = r / (radius + r) * (n_radial - 1)
-            ip = min(int(p), n_axial - 2)
-            iq = min(int(q), n_radial - 2)
-            u, v = p - ip, q - iq
-            w00, w01, w10, w11 = (1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v
-            axial += far[o + 2] * (w00 * table[ip, iq, 0] + w01 * table[ip, iq + 1, 0] + w10 * table[ip + 1, iq, 0]
-                                   + w11 * table[ip + 1, iq + 1, 0])  # fmt: skip
-            radial += far[o + 2] * (w00 * table[ip, iq, 1] + w01 * table[ip, iq + 1, 1] + w10 * table[ip + 1, iq, 1]
-                                    + w11 * table[ip + 1, iq + 1, 1])  # fmt: skip
+        dx, dy, dz = targets[0, i] - cx, targets[1, i] - cy, targets[2, i] - cz
+        height = dx * ax + dy * ay + dz * az
+        rx, ry, rz = dx - height * ax, dy - height * ay, dz - height * az
+        lane[0, i], lane[1, i], lane[2, i], lane[3, i] = height, rx, ry, rz
+        lane[4, i] = np.sqrt(rx * rx + ry * ry + rz * rz)
+        lane[5, i], lane[6, i], lane[7, i] = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    for m in range(n_cylinder):
+        o = HEADER + PER_CYLINDER * m
+        start, radius = np.float32(far[o]), np.float32(far[o + 1])
+        ring, line = np.float32(far[o + 2]), np.float32(far[o + 3])
+        if radius <= 0.0 or (ring == 0.0 and line == 0.0):
+            continue
+        for i in range(n_target):
+            along, r = lane[0, i] - start, lane[4, i]
+            p = (along / (radius + abs(along)) + one) * (half * np.float32(n_axial - 1))
+            q = r / (radius + r) * np.float32(n_radial - 1)
+            ip, iq = min(np.int32(p), np.int32(n_axial - 2)), min(np.int32(q), np.int32(n_radial - 2))
+            u, v = p - np.float32(ip), q - np.float32(iq)
+            at = ip * np.int32(n_radial) + iq
+            below = at + np.int32(n_radial)
+            w00, w01, w10, w11 = (one - u) * (one - v), (one - u) * v, u * (one - v), u * v
+            lane[5, i] += ring * (w00 * axial_table[at] + w01 * axial_table[at + 1] + w10 * axial_table[below]
+                                  + w11 * axial_table[below + 1])  # fmt: skip
+            lane[6, i] += ring * (w00 * radial_table[at] + w01 * radial_table[at + 1] + w10 * radial_table[below]
+                                  + w11 * radial_table[below + 1])  # fmt: skip
             # Lines parallel to the axis: nothing inside their cylinder, outside as if they lay on the axis.
-            outside = r8 / (r8 + radius**8 + 1e-30)
-            swirl += far[o + 3] * outside * (1.0 + along / max(np.sqrt(along * along + r2), 1e-9))
-        radial /= max(r, 1e-9)
-        swirl /= 4.0 * np.pi * max(r2, 1e-9)
-        velocity[0, i] += axial * far[4] + radial * rx + swirl * (far[5] * rz - far[6] * ry)
-        velocity[1, i] += axial * far[5] + radial * ry + swirl * (far[6] * rx - far[4] * rz)
-        velocity[2, i] += axial * far[6] + radial * rz + swirl * (far[4] * ry - far[5] * rx)
+            r8 = (r / radius) ** 8
+            far_off = np.sqrt(along * along + r * r) + np.float32(1e-9)
+            lane[7, i] += line * (r8 / (r8 + one)) * (one + along / far_off)
+    for i in range(n_target):
+        r = max(lane[4, i], np.float32(1e-6))
+        radial, swirl = lane[6, i] / r, lane[7, i] / (np.float32(FOUR_PI) * r * r)
+        axial, rx, ry, rz = lane[5, i], lane[1, i], lane[2, i], lane[3, i]
+        velocity[0, i] += axial * ax + radial * rx + swirl * (ay * rz - az * ry)
+        velocity[1, i] += axial * ay + radial * ry + swirl * (az * rx - ax * rz)
+        velocity[2, i] += axial * az + radial * rz + swirl * (ax * ry - ay * rx)

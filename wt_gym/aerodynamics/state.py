@@ -133,7 +133,7 @@ class AeroWork(NamedTuple):
             bound_sheet=np.zeros((n_chord + 1, n_blade, n_node, 7), single),
             wake_sheet=np.zeros((n_max + 1, n_blade, n_edge + 1, 7), single),
             targets=np.zeros((2, 3, n_target), single), velocity=np.zeros((2, 3, n_target), single),
-            scratch=np.zeros((4 * widest + 10) * MAX_LANES + 6 * n_target, single),
+            scratch=np.zeros((4 * widest + 10) * MAX_LANES + 14 * n_target, single),
             rows=np.zeros(n_max + 1, dtype=np.int64), corners=np.zeros((2, n_blade, n_corner, 3)),
             points=np.zeros((3, n_point)), part=np.zeros((3, n_point)), flow=np.zeros((3, n_point)),
             normal=np.zeros((n_ring, 3)), area=np.zeros(n_ring), matrix=np.zeros((n_ring, n_ring)),

@@ -134,7 +134,9 @@ def induced_at(bound_sheet, wake_sheet, far, n_target, w, o, origin, table):
         sheet_induction(bound_sheet, packed_t, packed_v, w.scratch)
         sheet_induction(wake_sheet, packed_t, packed_v, w.scratch)
         if far[0] > 0.0:
-            far_wake_velocity(far, table, packed_t, packed_v, n_target)
+            # the lanes of the sheets' induction are free now
+            lane = w.scratch[: 8 * n_target].reshape((8, n_target))
+            far_wake_velocity(far, table, packed_t, packed_v, n_target, lane)
         for c in range(3):
             for i in range(n_target):
                 w.velocity[image, c, i] = packed_v[c, i]

@@ -68,8 +68,8 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
     """Advance structure and air by one aerodynamic step dt.
 
     The wake moves on first and then stands still while structure and loads are iterated to agreement at the end of the
-    step. Only the last pass of the structure needs all corrections of its scheme; the passes before only predict where
-    the blades will be.
+    step. Only the last pass of the structure corrects the prediction of its scheme; the passes before only have to tell
+    where the blades will be.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
         final = iteration == iterations - 1 or change < tolerance
         if iteration:
             copy_history(saved, history)
-        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections if final else 1, constrained)
+        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections if final else 0, constrained)
         if code != OK:
             return code
         move_lattice(history.y[3], tree, work, x)

@@ -262,6 +262,7 @@ class Simulator:
         state.put(self._state_arrays(), self._model)
         self._n_steps = state.n_steps
         self._started = True
+        self._move_lattice(self._integrator.state)
 
     def _state_arrays(self):
         """Every array that carries state, by name."""
