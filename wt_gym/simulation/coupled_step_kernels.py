@@ -96,12 +96,14 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
     copy_history(history, saved)
     extrapolate_loads(inputs, x.previous_loads)
     n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
+    # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
+    guess = 0 if constrained is None else n_corrections
     change = 1.0
     for iteration in range(iterations):
         final = iteration == iterations - 1 or change < tolerance
         if iteration:
             copy_history(saved, history)
-        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections if final else 0, constrained)
+        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections if final else guess, constrained)
         if code != OK:
             return code
         move_lattice(history.y[3], tree, work, x)
