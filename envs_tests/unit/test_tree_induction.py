@@ -125,7 +125,7 @@ def test_direct_sums_in_single_precision_are_good_to_one_part_in_a_hundred_thous
     targets = some_targets(sheet)
     exact = exact_velocity(sheet, targets)
     velocity = np.zeros_like(targets)
-    direct_induction(sheet, targets, velocity, 0, targets.shape[1], np.zeros(64 * 20, dtype=np.float32))
+    direct_induction(sheet, targets, velocity, 0, targets.shape[1], np.zeros(128 * 20, dtype=np.float32))
     assert rms(velocity - exact) < 1e-5 * rms(exact)
 
 
@@ -191,8 +191,8 @@ def test_threads_give_the_same_numbers():
     targets = some_targets(sheet)
     assert np.array_equal(tree_velocity(sheet, targets, 1e-3), tree_velocity(sheet, targets, 1e-3, n_threads=3))
     one, two = np.zeros_like(targets), np.zeros_like(targets)
-    split_direct(sheet, targets, one, np.zeros((1, 64 * 20), dtype=np.float32))
-    split_direct(sheet, targets, two, np.zeros((2, 64 * 20), dtype=np.float32))
+    split_direct(sheet, targets, one, np.zeros((1, 128 * 20), dtype=np.float32))
+    split_direct(sheet, targets, two, np.zeros((2, 128 * 20), dtype=np.float32))
     assert np.array_equal(one, two)
 
 

@@ -1,9 +1,9 @@
 """Velocity induced by sheets of vortex segments, every segment at every target, with sums kept in registers.
 
 The formulas are those of `induction_kernels`. Here a vector of 16 targets passes along all nodes: its position and
-velocity stay in registers, and only the vectors to the nodes of the last row go through memory. The distance of the
-next node is computed ahead, beside the segments of the present one, because both are long chains of dependent
-operations.
+velocity stay in registers, and only the vectors to the nodes of two rows go through memory. The distances of a whole
+row are computed before its segments: one loop over both would be a chain of dependent operations so long that the
+processor could not look far enough ahead to fill its waiting times.
 """
 
 import numpy as np
@@ -29,7 +29,8 @@ def direct_induction(sheet, targets, velocity, first, last, scratch):
     targets, velocity : float32, (3, n)
     first, last : int
         Multiples of `WIDTH`.
-    scratch : float32, (at least 4 * WIDTH * n_node,)
+    scratch : float32, (at least 8 * WIDTH * n_node,)
+        The vectors and distances of the row before and of the present one.
     """
     n_row, n_sheet, n_node, _ = sheet.shape
     n = targets.shape[1]
@@ -44,34 +45,36 @@ def direct_induction(sheet, targets, velocity, first, last, scratch):
         v = zero
         w = zero
         for s in range(n_sheet):
+            before = 0
+            here = 4 * WIDTH * n_node
             # Vectors of zero length and distance one stand for the neighbours that the first row and node lack.
-            for j in range(n_node):
-                store(scratch, 4 * WIDTH * j, zero)
-                store(scratch, 4 * WIDTH * j + WIDTH, zero)
-                store(scratch, 4 * WIDTH * j + 2 * WIDTH, zero)
-                store(scratch, 4 * WIDTH * j + 3 * WIDTH, one)
+            for at in range(before, here, 4 * WIDTH):
+                store(scratch, at, zero)
+                store(scratch, at + WIDTH, zero)
+                store(scratch, at + 2 * WIDTH, zero)
+                store(scratch, at + 3 * WIDTH, one)
             for k in range(n_row):
+                for j in range(n_node):
+                    rx = x - spread(sheet[k, s, j, 0])
+                    ry = y - spread(sheet[k, s, j, 1])
+                    rz = z - spread(sheet[k, s, j, 2])
+                    square = rx * rx + ry * ry + rz * rz + tiny
+                    at = here + 4 * WIDTH * j
+                    store(scratch, at, rx)
+                    store(scratch, at + WIDTH, ry)
+                    store(scratch, at + 2 * WIDTH, rz)
+                    store(scratch, at + 3 * WIDTH, square * reciprocal_root(square))
                 qx = zero
                 qy = zero
                 qz = zero
                 qr = one
-                next_x = x - spread(sheet[k, s, 0, 0])
-                next_y = y - spread(sheet[k, s, 0, 1])
-                next_z = z - spread(sheet[k, s, 0, 2])
-                square = next_x * next_x + next_y * next_y + next_z * next_z + tiny
-                next_r = square * reciprocal_root(square)
                 for j in range(n_node):
-                    rx = next_x
-                    ry = next_y
-                    rz = next_z
-                    r = next_r
-                    ahead = min(j + 1, n_node - 1)
-                    next_x = x - spread(sheet[k, s, ahead, 0])
-                    next_y = y - spread(sheet[k, s, ahead, 1])
-                    next_z = z - spread(sheet[k, s, ahead, 2])
-                    square = next_x * next_x + next_y * next_y + next_z * next_z + tiny
-                    next_r = square * reciprocal_root(square)
-                    at = 4 * WIDTH * j
+                    at = here + 4 * WIDTH * j
+                    rx = load(scratch, at)
+                    ry = load(scratch, at + WIDTH)
+                    rz = load(scratch, at + 2 * WIDTH)
+                    r = load(scratch, at + 3 * WIDTH)
+                    at = before + 4 * WIDTH * j
                     px = load(scratch, at)
                     py = load(scratch, at + WIDTH)
                     pz = load(scratch, at + 2 * WIDTH)
@@ -89,14 +92,11 @@ def direct_induction(sheet, targets, velocity, first, last, scratch):
                     u = u + (fy * rz - fz * ry)
                     v = v + (fz * rx - fx * rz)
                     w = w + (fx * ry - fy * rx)
-                    store(scratch, at, rx)
-                    store(scratch, at + WIDTH, ry)
-                    store(scratch, at + 2 * WIDTH, rz)
-                    store(scratch, at + 3 * WIDTH, r)
                     qx = rx
                     qy = ry
                     qz = rz
                     qr = r
+                before, here = here, before
         store(velocity, o, load(velocity, o) + u)
         store(velocity, n + o, load(velocity, n + o) + v)
         store(velocity, 2 * n + o, load(velocity, 2 * n + o) + w)

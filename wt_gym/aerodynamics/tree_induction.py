@@ -152,7 +152,7 @@ def split_direct(sheet, targets, velocity, scratch):
     sheet : float32, (n_row, n_sheet, n_node, 7)
     targets, velocity : float32, (3, n)
         n is a multiple of 16.
-    scratch : float32, (n_threads, at least 64 n_node)
+    scratch : float32, (n_threads, at least 128 n_node)
     """
 
     def part(first, last, thread):

@@ -14,8 +14,9 @@ tree gathers the clusters that are far enough from the whole block and the tiles
 their smooth core.
 
 Far enough means that the first neglected term, about sum |g l| |s|^3 / d^5, and the effect of the core, at most
-sum |g l| (rc l)^2 / (2 d^6), are below a limit in m/s, the same for all clusters (Salmon and Warren, Journal of
-Computational Physics 111, 1994): a strong cluster is resolved more finely than a weak one at the same distance.
+sum |g l| (rc l)^2 / (2 d^6), are below a share of the ordered error, the same for all clusters (Salmon and Warren,
+Journal of Computational Physics 111, 1994): a strong cluster is resolved more finely than a weak one at the same
+distance.
 """
 
 import numpy as np
@@ -28,6 +29,7 @@ BRANCHES = 4  # clusters in a cluster
 TARGETS = 64  # targets of one block, a multiple of WIDTH
 LIST = 512  # clusters or tiles gathered before they act on a block
 OPENING = 0.8  # largest ratio of a cluster's radius to its distance from a block; the series converges below 1
+SHARE = 0.2  # of the ordered error that one cluster may make: hundreds add up, mostly with changing sign
 BITS = 10  # of each coordinate in a key
 DIGIT = 1 << BITS  # the sort takes the key in three digits
 STACK = 256  # clusters waiting in the walk
@@ -272,9 +274,10 @@ def _finish(record, measure, limit):
     record[41] = qy[3] - qx[4]
     reach = measure[0] / np.float32(OPENING)
     if measure[1] > ZERO:
+        share = np.float32(SHARE) * limit
         third_moment = measure[2] * np.sqrt(measure[2] / measure[1])
-        reach = max(reach, (third_moment / limit) ** np.float32(0.2))
-        reach = max(reach, (measure[3] / limit) ** np.float32(1.0 / 6.0))
+        reach = max(reach, (third_moment / share) ** np.float32(0.2))
+        reach = max(reach, (measure[3] / share) ** np.float32(1.0 / 6.0))
     return reach
 
 
@@ -286,8 +289,8 @@ def plant_tree(sheet, limit, tree):
     ----------
     sheet : float32, (n_row, n_sheet, n_node, 7)
     limit : float
-        Error of one cluster's velocity [m/s] below which it may act through its moments, positive. The root mean
-        square error of the sum is about as large.
+        Root mean square error of the velocity that may be made [m/s], positive; a cluster acts through its moments
+        where they are good to the share `SHARE` of it.
     tree : Tree
         Work arrays; see `tree_induction.Tree`.
     """
@@ -544,7 +547,7 @@ def walk_blocks(sheet, tree, targets, n_target, velocity, first_block, last_bloc
 
 @kernel(fastmath=False)
 def tree_induction(sheet, targets, n_target, velocity, limit, tree, block):
-    """Add the velocity of all sheets at the first ``n_target`` targets, with an error of about ``limit``.
+    """Add the velocity of all sheets at the first ``n_target`` targets; the error is chosen by ``limit``.
 
     Parameters
     ----------
