@@ -45,7 +45,8 @@ Block = namedtuple("Block", "targets velocity spheres far near group_far group_n
 Block.__doc__ = """Arrays of one block of targets, one set for each thread.
 
 targets, velocity (3, TARGETS); spheres: centre and radius of the block and of each of its vectors [m]; far, near:
-gathered clusters and tiles; group_far, group_near: the near tiles as one vector sees them; stack: of the walk; scratch:
+gathered clusters and tiles; group_far, group_near: the same as one vector of targets
+sees them; stack: of the walk; scratch:
 vectors from the nodes of a tile; acted (2,): count of clusters and of tiles that acted on a vector of targets.
 """
 
@@ -91,7 +92,7 @@ def make_block():
     -------
     Block
     """
-    integers = {"far": LIST, "near": LIST, "group_far": LIST, "group_near": LIST, "stack": STACK, "acted": 2}
+    integers = {"far": LIST, "near": LIST, "group_far": 2 * LIST, "group_near": LIST, "stack": STACK, "acted": 2}
     reals = {
         "targets": (3, TARGETS),
         "velocity": (3, TARGETS),

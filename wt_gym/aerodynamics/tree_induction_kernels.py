@@ -43,7 +43,7 @@ ZERO = np.float32(0.0)
 ONE = np.float32(1.0)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def _interleave(number):
     """Spread the lowest ten bits of a number to every third bit."""
     number = (number | (number << 16)) & 0x030000FF
@@ -126,7 +126,7 @@ def tile_count(n_row, n_sheet, n_node):
     return ((n_row + TILE - 1) // TILE) * n_sheet * ((n_node + TILE - 1) // TILE)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def _tile_bounds(sheet, tile):
     """First and last + 1 row, sheet, first and last + 1 node of a tile; tiles of one sheet are of nearly equal size."""
     n_row, n_sheet, n_node, _ = sheet.shape
@@ -137,7 +137,7 @@ def _tile_bounds(sheet, tile):
     return a * n_row // down, (a + 1) * n_row // down, s, b * n_node // across, (b + 1) * n_node // across
 
 
-@kernel
+@kernel(inline="always")
 def _leaf(sheet, bounds, segments, record, measures):
     """Moments and measures of the segments that end in the nodes of a tile."""
     k0, k1, s, j0, j1 = bounds[0], bounds[1], bounds[2], bounds[3], bounds[4]
@@ -212,7 +212,7 @@ def _leaf(sheet, bounds, segments, record, measures):
     measures[3] = np.float32(0.5) * core
 
 
-@kernel
+@kernel(inline="always")
 def _merge(records, measures, first, last, record, measure):
     """Moments and measures of a cluster from those of its parts ``first`` to ``last`` - 1."""
     for c in range(RECORD):
@@ -252,7 +252,7 @@ def _merge(records, measures, first, last, record, measure):
             record[19 + 5 * c] += part[19 + 5 * c] + np.float32(3.0) * (my * z + mz * y + f * y * z)
 
 
-@kernel
+@kernel(inline="always")
 def _finish(record, measure, limit):
     """Add the curls to a record; return the distance from which on the cluster may act through its moments."""
     mx, my, mz = record[6:9], record[9:12], record[12:15]
@@ -281,7 +281,7 @@ def _finish(record, measure, limit):
     return reach
 
 
-@kernel(fastmath=False)
+@kernel
 def plant_tree(sheet, limit, tree):
     """Put the tiles of a sheet in order, and build the clusters.
 
@@ -325,7 +325,7 @@ def plant_tree(sheet, limit, tree):
 # ---- the velocity of clusters and tiles ----
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def _add_clusters(records, chosen, n_chosen, targets, velocity, o):
     """Add the velocity of clusters through their moments at targets o to o + 15 of a block (3, TARGETS)."""
     x = load(targets, o)
@@ -372,7 +372,7 @@ def _add_clusters(records, chosen, n_chosen, targets, velocity, o):
     store(velocity, 2 * TARGETS + o, w)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def _add_tiles(sheet, bounds, chosen, n_chosen, targets, velocity, o, scratch):
     """Add the velocity of the segments of tiles at targets o to o + 15 of a block (3, TARGETS)."""
     zero = spread(ZERO)
@@ -468,7 +468,7 @@ def _sphere(points, first, last, sphere):
     sphere[3] = np.sqrt(radius2)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, inline="always")
 def _act(sheet, tree, block, n_far, n_near):
     """Add the velocity of the gathered clusters and tiles at a block.
 
@@ -479,8 +479,9 @@ def _act(sheet, tree, block, n_far, n_near):
         o = group * WIDTH
         sphere = block.spheres[group + 1]
         x, y, z, radius = sphere[0], sphere[1], sphere[2], sphere[3]
-        _add_clusters(tree.records, block.far, n_far, block.targets, block.velocity, o)
-        n_group_far, n_group_near = 0, 0
+        for m in range(n_far):
+            far[m] = block.far[m]
+        n_group_far, n_group_near = n_far, 0
         for m in range(n_near):
             i = block.near[m]
             d2 = (tree.records[i, 0] - x) ** 2 + (tree.records[i, 1] - y) ** 2 + (tree.records[i, 2] - z) ** 2
@@ -492,7 +493,7 @@ def _act(sheet, tree, block, n_far, n_near):
             n_group_near += not is_far
         _add_clusters(tree.records, far, n_group_far, block.targets, block.velocity, o)
         _add_tiles(sheet, tree.bounds, near, n_group_near, block.targets, block.velocity, o, block.scratch)
-        block.acted[0] += n_far + n_group_far
+        block.acted[0] += n_group_far
         block.acted[1] += n_group_near
 
 
