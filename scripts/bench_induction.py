@@ -4,8 +4,8 @@
     scripts/bench_induction.py
     scripts/bench_induction.py --segments 1000 10000 --tolerance 1e-4 --json
 
-All of it runs in one process on one thread (but for the two-thread ratios). What is compared runs in turns, and the
-shortest of several runs counts, because other load on the machine only ever adds time.
+All of it runs in one process on one thread (but for the two-thread ratios). What is compared runs in turns; times are
+processor time, and the shortest of several runs counts, because other load on the machine only ever adds time.
 """
 
 import argparse
@@ -160,16 +160,16 @@ def multiply_add(numbers, n):
     store(numbers, 2 * WIDTH, a0 + ((a8 + a9) + (b0 + b1)) + ((b2 + b3) + (b4 + b5)))
 
 
-def shortest(calls: dict, repeats: int) -> dict:
+def shortest(calls: dict, repeats: int, clock=time.thread_time) -> dict:
     """Shortest time of each call [s]; the calls take turns."""
     best = dict.fromkeys(calls, np.inf)
     for call in calls.values():
         call()  # compiles, and fills the caches
     for _ in range(repeats):
         for name, call in calls.items():
-            start = time.perf_counter()
+            start = clock()
             call()
-            best[name] = min(best[name], time.perf_counter() - start)
+            best[name] = min(best[name], clock() - start)
     return best
 
 
@@ -286,7 +286,7 @@ def measure_threads() -> dict:
         "tree_1": lambda: walk(1),
         "tree_2": lambda: walk(2),
     }
-    best = shortest(calls, 20)
+    best = shortest(calls, 20, time.perf_counter)
     busier = {kind: max(used[f"{kind}_2", 0], used[f"{kind}_2", 1]) for kind in ("direct", "tree")}
     return {
         "direct_by_clock": best["direct_1"] / best["direct_2"],
