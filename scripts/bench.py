@@ -123,12 +123,14 @@ def measure_kernels(fidelity: str, wall: float) -> dict:
     from wt_gym.aerodynamics import induction_kernels
 
     rng = np.random.default_rng(0)
-    n_row, n_node, n_target = 100, 13, 64 * induction_kernels.MAX_LANES
+    n_row, n_node, n_target = 100, 13, 640 * 16
     sheet = rng.standard_normal((n_row, 3, n_node, 7)).astype(np.float32) ** 2
     targets = rng.standard_normal((3, n_target)).astype(np.float32)
     velocity = np.zeros((3, n_target), dtype=np.float32)
-    scratch = np.zeros((4 * n_node + 10) * induction_kernels.MAX_LANES, dtype=np.float32)
-    induction = best_of(lambda: induction_kernels.sheet_induction(sheet, targets, velocity, scratch), wall / 4)
+    scratch = np.zeros(8 * n_node * 16, dtype=np.float32)
+    induction = best_of(
+        lambda: induction_kernels.direct_induction(sheet, targets, velocity, 0, n_target, scratch), wall / 4
+    )
     segments = (n_row - 1) * 3 * n_node + n_row * 3 * (n_node - 1)
 
     return {"segment_interactions_per_s": segments * n_target / induction}

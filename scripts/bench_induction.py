@@ -15,8 +15,7 @@ import time
 import numpy as np
 from numba import njit
 
-from wt_gym.aerodynamics.direct_induction_kernels import direct_induction
-from wt_gym.aerodynamics.induction_kernels import MAX_LANES, sheet_induction
+from wt_gym.aerodynamics.induction_kernels import direct_induction
 from wt_gym.aerodynamics.simd_kernels import WIDTH, load, store
 from wt_gym.aerodynamics.tree_induction import TreeInduction, make_block, make_tree, split_range
 from wt_gym.aerodynamics.tree_induction_kernels import TARGETS, order_targets, plant_tree, walk_blocks
@@ -176,15 +175,14 @@ def shortest(calls: dict, repeats: int, clock=time.thread_time) -> dict:
 def measure_kernels() -> dict:
     """Peak of the processor, speed of the direct kernels and their error against double precision."""
     sheet = helical_wake(100, 13, np.radians(7.5))
-    targets = nodes_as_targets(sheet, MAX_LANES)[:, : 6 * MAX_LANES].copy()
+    targets = nodes_as_targets(sheet, WIDTH)[:, : 60 * WIDTH].copy()
     velocity = np.zeros_like(targets)
-    scratch = np.zeros((4 * 13 + 10) * MAX_LANES, dtype=np.float32)
+    scratch = np.zeros(8 * 13 * WIDTH, dtype=np.float32)
     numbers = np.repeat(np.float32([0.5, 1.0, 3.0]), WIDTH)
     rounds = 100_000
     calls = {
         "multiply_add": lambda: multiply_add(numbers, rounds),
-        "memory": lambda: sheet_induction(sheet, targets, velocity, scratch),
-        "registers": lambda: direct_induction(sheet, targets, velocity, 0, targets.shape[1], scratch),
+        "direct": lambda: direct_induction(sheet, targets, velocity, 0, targets.shape[1], scratch),
     }
     best = shortest(calls, 200)
     interactions = segment_count(sheet) * targets.shape[1]
@@ -192,13 +190,12 @@ def measure_kernels() -> dict:
     figures = {"multiply_add_peak_flops": peak}
     picked = np.ascontiguousarray(targets[:, ::3])
     exact = exact_velocity(sheet, picked)
-    for name in ("memory", "registers"):
-        velocity[:] = 0.0
-        calls[name]()
-        error = velocity[:, ::3] - exact
-        figures[f"{name}_segments_per_s"] = interactions / best[name]
-        figures[f"{name}_share_of_peak"] = interactions / best[name] * FLOPS_PER_SEGMENT / peak
-        figures[f"{name}_relative_rms_error"] = float(np.sqrt((error**2).sum() / (exact**2).sum()))
+    velocity[:] = 0.0
+    calls["direct"]()
+    error = velocity[:, ::3] - exact
+    figures["direct_segments_per_s"] = interactions / best["direct"]
+    figures["direct_share_of_peak"] = interactions / best["direct"] * FLOPS_PER_SEGMENT / peak
+    figures["direct_relative_rms_error"] = float(np.sqrt((error**2).sum() / (exact**2).sum()))
     return figures
 
 
@@ -301,12 +298,11 @@ def main() -> None:
     arguments = parse_arguments()
     kernels = measure_kernels()
     print(f"multiply-add peak of one core, float32: {kernels['multiply_add_peak_flops'] / 1e9:.0f} Gflop/s")
-    for name, title in (("memory", "sums in memory"), ("registers", "sums in registers")):
-        print(
-            f"direct kernel, {title}: {kernels[f'{name}_segments_per_s'] / 1e9:.2f}e9 segments/s,"
-            f" {100 * kernels[f'{name}_share_of_peak']:.0f} % of the peak at {FLOPS_PER_SEGMENT:.0f} flop a segment,"
-            f" error {kernels[f'{name}_relative_rms_error']:.1e} relative rms against float64"
-        )
+    print(
+        f"direct kernel: {kernels['direct_segments_per_s'] / 1e9:.2f}e9 segments/s,"
+        f" {100 * kernels['direct_share_of_peak']:.0f} % of the peak at {FLOPS_PER_SEGMENT:.0f} flop a segment,"
+        f" error {kernels['direct_relative_rms_error']:.1e} relative rms against float64"
+    )
     rows = []
     print("segments  targets   direct s     tree s  speedup  tolerance  rms error  max error  clusters  near tiles")
     for tolerance in arguments.tolerance:

@@ -120,11 +120,13 @@ def test_no_corner_yields_more_than_momentum_allows(speed, rotor_speed, pitch_de
     assert power.mean() < betz + 1.0
     if speed == 0.0:
         assert power.max() < 0.0
-    # No strip carries more than its polar; where its speed has just fallen the lag of the stall may keep an older angle,
-    # at a dynamic pressure that makes the excess meaningless.
+    # No strip carries more than its polar; where its speed has just fallen the lag of the stall may keep an older
+    # angle, at a dynamic pressure that makes the excess meaningless.
     chord = np.broadcast_to(blade(TRAINING).chord, state.section_speed.shape)
     lift = 2 * np.abs(state.circulation) / (np.maximum(state.section_speed, 1e-3) * chord)
-    excess = np.maximum(lift - np.abs(polar()[:, 0]).max() * 1.15 - 0.05, 0.0) * (state.section_speed / SPEED_SCALE) ** 2
+    excess = (
+        np.maximum(lift - np.abs(polar()[:, 0]).max() * 1.15 - 0.05, 0.0) * (state.section_speed / SPEED_SCALE) ** 2
+    )
     assert excess.max() < 0.03
     bound = 0.5 * DENSITY * 3 * 4.0 * RADIUS * (abs(speed) + abs(rotor_speed) * RADIUS) ** 2 * 1.6
     assert np.abs(thrust).max() < bound

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from wt_gym.aerodynamics import AerodynamicsError, tower_perturbation
+from wt_gym.aerodynamics.bound_kernels import invert
 from wt_gym.aerodynamics.far_wake import cylinder_table, ring_velocity
 from wt_gym.aerodynamics.far_wake_kernels import HEADER, PER_CYLINDER, far_wake_velocity
-from wt_gym.aerodynamics.induction_kernels import MAX_LANES, lane_count, sheet_induction
+from wt_gym.aerodynamics.induction_kernels import direct_induction
+from wt_gym.aerodynamics.simd_kernels import WIDTH
 
 
 def segment_sum(starts, ends, strengths, points, core2=0.0):
@@ -20,13 +22,11 @@ def segment_sum(starts, ends, strengths, points, core2=0.0):
 
 def run_kernel(sheet, points):
     n = len(points)
-    lanes = lane_count(n)
-    padded = -(-n // lanes) * lanes
+    padded = -(-n // WIDTH) * WIDTH
     targets = np.full((3, padded), 1e3, dtype=np.float32)
     targets[:, :n] = points.T
     velocity = np.zeros_like(targets)
-    scratch = np.zeros((4 * sheet.shape[2] + 10) * MAX_LANES, dtype=np.float32)
-    sheet_induction(sheet, targets, velocity, scratch)
+    direct_induction(sheet, targets, velocity, 0, padded, np.zeros(8 * WIDTH * sheet.shape[2], dtype=np.float32))
     return velocity[:, :n].T
 
 
@@ -59,13 +59,12 @@ def helix_sheet(rng, n_row=60, n_node=9):
     return sheet, nodes, starts, ends, np.concatenate([trail[1:].ravel(), span[:, :, 1:].ravel()])
 
 
-@pytest.mark.parametrize("n", [1, 16, 100, 161, 700])
-def test_blocks_hold_all_targets(n):
-    lanes = lane_count(n)
-    padded = -(-n // lanes) * lanes
-    assert lanes % 16 == 0
-    assert lanes <= MAX_LANES
-    assert lane_count(padded) == lanes
+@pytest.mark.parametrize("n", [1, 3, 4, 30, 97])
+def test_blocked_inverse(n):
+    matrix = np.random.default_rng(n).standard_normal((n, n))
+    inverse = matrix.copy()
+    invert(inverse, np.zeros(n, dtype=np.int64), np.zeros((n, 4)), np.zeros((4, n)))
+    assert np.abs(inverse @ matrix - np.eye(n)).max() < 1e-12 * np.linalg.cond(matrix)
 
 
 def test_float32_kernel_agrees_with_float64_sum():

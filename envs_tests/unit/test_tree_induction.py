@@ -5,8 +5,8 @@ import os
 import numpy as np
 import pytest
 
-from wt_gym.aerodynamics.direct_induction_kernels import direct_induction
 from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.aerodynamics.induction_kernels import direct_induction
 from wt_gym.aerodynamics.tree_induction import TreeInduction, split_direct, split_range
 
 

@@ -9,108 +9,107 @@ which is the Biot-Savart law of a straight segment, regularised without a branch
 A sheet is an array ``(n_row, n_sheet, n_node, 7)`` float32 of nodes, each with the two segments that end in it:
 x, y, z, trailing strength, trailing core, spanwise strength, spanwise core. The trailing segment comes from the same
 node of the row before, the spanwise one from the node before in the same row; strength is G / (4 pi), core (rc l)^2.
+
+A vector of 16 targets passes along all nodes: its position and velocity stay in registers, and only the vectors to the
+nodes of two rows go through memory. The distances of a whole row are computed before its segments: one loop over both
+would be a chain of dependent operations so long that the processor could not look far enough ahead to fill its waiting
+times.
 """
 
 import numpy as np
 
+from wt_gym.aerodynamics.simd_kernels import WIDTH, load, reciprocal, reciprocal_root, spread, store
 from wt_gym.compiled import kernel
 
+TINY = np.float32(1e-30)  # [m^2] keeps the distance of a target that lies on a node from becoming NaN
+ZERO = np.float32(0.0)
+ONE = np.float32(1.0)
+FOUR_PI = 4.0 * np.pi
 # NaN and infinity keep their meaning (no nnan, no ninf), so that a broken state shows.
 FAST = {"contract", "afn", "arcp", "reassoc", "nsz"}
-MAX_LANES = 160  # targets of one block: their 4 numbers at each node of two rows must stay in the first-level cache
-ONE = np.float32(1.0)
-ZERO = np.float32(0.0)
-FOUR_PI = 4.0 * np.pi
 
 
-@kernel(fastmath=False)
-def lane_count(n_target):
-    """Lanes per block: blocks of equal size, a multiple of 16, not above `MAX_LANES`."""
-    n_block = (n_target + MAX_LANES - 1) // MAX_LANES
-    return ((n_target + n_block - 1) // n_block + 15) // 16 * 16
+@kernel(fastmath=False, nogil=True)
+def direct_induction(sheet, targets, velocity, first, last, scratch):
+    """Add the velocity of all sheets at targets ``first`` to ``last`` - 1.
 
-
-@kernel(fastmath=FAST)
-def sheet_induction(sheet, targets, velocity, scratch):
-    """Add the velocity of all sheets at the targets.
-
-    Trailing segments into the first row have no start and are left out. Targets are the vector lanes; the vector and
-    distance from a node to a target are computed once and kept for the segment to the next node and the one to the
-    next row, and the cross products of the two segments that end in a node are one, (k1 r1 + k2 r2) x r.
+    Trailing segments into the first row have no start and are left out. Ranges that do not overlap may run in several
+    threads at once, each with its own ``scratch``.
 
     Parameters
     ----------
     sheet : float32, (n_row, n_sheet, n_node, 7)
     targets, velocity : float32, (3, n)
-        n is a multiple of ``lane_count(n)``; see there.
-    scratch : float32, (at least (4 n_node + 10) * MAX_LANES,)
+    first, last : int
+        Multiples of `WIDTH`.
+    scratch : float32, (at least 8 * WIDTH * n_node,)
+        The vectors and distances of the row before and of the present one.
     """
-    n_sheet = sheet.shape[1]
-    n_node = sheet.shape[2]
-    n_target = targets.shape[1]
-    if n_target == 0:
-        return
-    n_lane = lane_count(n_target)
-    lane = scratch[: (4 * n_node + 10) * n_lane].reshape((4 * n_node + 10, n_lane))
-    for block in range(n_target // n_lane):
-        o = block * n_lane
-        for i in range(n_lane):
-            lane[0, i] = targets[0, o + i]
-            lane[1, i] = targets[1, o + i]
-            lane[2, i] = targets[2, o + i]
-            lane[3, i] = ZERO
-            lane[4, i] = ZERO
-            lane[5, i] = ZERO
+    n_row, n_sheet, n_node, _ = sheet.shape
+    n = targets.shape[1]
+    zero = spread(ZERO)
+    one = spread(ONE)
+    tiny = spread(TINY)
+    for o in range(first, last, WIDTH):
+        x = load(targets, o)
+        y = load(targets, n + o)
+        z = load(targets, 2 * n + o)
+        u = zero
+        v = zero
+        w = zero
         for s in range(n_sheet):
+            before = 0
+            here = 4 * WIDTH * n_node
             # Vectors of zero length and distance one stand for the neighbours that the first row and node lack.
-            for j in range(n_node + 1):
-                for i in range(n_lane):
-                    lane[6 + 4 * j, i] = ZERO
-                    lane[7 + 4 * j, i] = ZERO
-                    lane[8 + 4 * j, i] = ZERO
-                    lane[9 + 4 * j, i] = ONE
-            for k in range(sheet.shape[0]):
+            for at in range(before, here, 4 * WIDTH):
+                store(scratch, at, zero)
+                store(scratch, at + WIDTH, zero)
+                store(scratch, at + 2 * WIDTH, zero)
+                store(scratch, at + 3 * WIDTH, one)
+            for k in range(n_row):
                 for j in range(n_node):
-                    xn = sheet[k, s, j, 0]
-                    yn = sheet[k, s, j, 1]
-                    zn = sheet[k, s, j, 2]
-                    trail = sheet[k, s, j, 3]
-                    trail_core = sheet[k, s, j, 4]
-                    span = sheet[k, s, j, 5]
-                    span_core = sheet[k, s, j, 6]
-                    q = lane[6 + 4 * j : 10 + 4 * j]
-                    p = lane[10 + 4 * j : 14 + 4 * j]
-                    for i in range(n_lane):
-                        rx = lane[0, i] - xn
-                        ry = lane[1, i] - yn
-                        rz = lane[2, i] - zn
-                        r = np.sqrt(rx * rx + ry * ry + rz * rz)
-                        px = p[0, i]
-                        py = p[1, i]
-                        pz = p[2, i]
-                        pr = p[3, i]
-                        qx = q[0, i]
-                        qy = q[1, i]
-                        qz = q[2, i]
-                        qr = q[3, i]
-                        a = pr * r
-                        b = qr * r
-                        da = a * (a + px * rx + py * ry + pz * rz) + trail_core
-                        db = b * (b + qx * rx + qy * ry + qz * rz) + span_core
-                        inverse = ONE / (da * db)
-                        ka = trail * (pr + r) * db * inverse
-                        kb = span * (qr + r) * da * inverse
-                        fx = ka * px + kb * qx
-                        fy = ka * py + kb * qy
-                        fz = ka * pz + kb * qz
-                        lane[3, i] += fy * rz - fz * ry
-                        lane[4, i] += fz * rx - fx * rz
-                        lane[5, i] += fx * ry - fy * rx
-                        p[0, i] = rx
-                        p[1, i] = ry
-                        p[2, i] = rz
-                        p[3, i] = r
-        for i in range(n_lane):
-            velocity[0, o + i] += lane[3, i]
-            velocity[1, o + i] += lane[4, i]
-            velocity[2, o + i] += lane[5, i]
+                    rx = x - spread(sheet[k, s, j, 0])
+                    ry = y - spread(sheet[k, s, j, 1])
+                    rz = z - spread(sheet[k, s, j, 2])
+                    square = rx * rx + ry * ry + rz * rz + tiny
+                    at = here + 4 * WIDTH * j
+                    store(scratch, at, rx)
+                    store(scratch, at + WIDTH, ry)
+                    store(scratch, at + 2 * WIDTH, rz)
+                    store(scratch, at + 3 * WIDTH, square * reciprocal_root(square))
+                qx = zero
+                qy = zero
+                qz = zero
+                qr = one
+                for j in range(n_node):
+                    at = here + 4 * WIDTH * j
+                    rx = load(scratch, at)
+                    ry = load(scratch, at + WIDTH)
+                    rz = load(scratch, at + 2 * WIDTH)
+                    r = load(scratch, at + 3 * WIDTH)
+                    at = before + 4 * WIDTH * j
+                    px = load(scratch, at)
+                    py = load(scratch, at + WIDTH)
+                    pz = load(scratch, at + 2 * WIDTH)
+                    pr = load(scratch, at + 3 * WIDTH)
+                    a = pr * r
+                    b = qr * r
+                    da = a * (a + px * rx + py * ry + pz * rz) + spread(sheet[k, s, j, 4])
+                    db = b * (b + qx * rx + qy * ry + qz * rz) + spread(sheet[k, s, j, 6])
+                    # one reciprocal of the product would overflow 60 km away
+                    ka = spread(sheet[k, s, j, 3]) * (pr + r) * reciprocal(da)
+                    kb = spread(sheet[k, s, j, 5]) * (qr + r) * reciprocal(db)
+                    fx = ka * px + kb * qx
+                    fy = ka * py + kb * qy
+                    fz = ka * pz + kb * qz
+                    u = u + (fy * rz - fz * ry)
+                    v = v + (fz * rx - fx * rz)
+                    w = w + (fx * ry - fy * rx)
+                    qx = rx
+                    qy = ry
+                    qz = rz
+                    qr = r
+                before, here = here, before
+        store(velocity, o, load(velocity, o) + u)
+        store(velocity, n + o, load(velocity, n + o) + v)
+        store(velocity, 2 * n + o, load(velocity, 2 * n + o) + w)

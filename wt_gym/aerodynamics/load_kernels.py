@@ -51,8 +51,9 @@ def chordwise_strength(gamma, b, i, j, tip_wake):
 def joukowski_loads(nodes, gamma, rate, flow, normal, area, density, edge_wake, tip_wake, forces):
     """Joukowski force rho G V x l of every bound segment and the force of the changing circulation, at the nodes.
 
-    flow (3, n_point) is the whole local velocity at the segment midpoints, rate = d gamma / dt (n_ring,). The last
-    ring of a strip ends a quarter panel behind the trailing edge; the pressure acts on the three quarters before it.
+    flow (3, n_point) is the whole local velocity at the segment midpoints, rate = d gamma / dt (n_ring,). Of the last
+    ring of a strip, which ends a quarter panel behind the trailing edge, one half counts: three quarters lie on the
+    blade, and Joukowski's sum lacks the vorticity -rate/V that the last quarter of the chord carries into the wake.
     """
     n_blade, n_row, n_node, _ = nodes.shape
     n_chord, n_span = n_row - 1, n_node - 1
@@ -73,7 +74,7 @@ def joukowski_loads(nodes, gamma, rate, flow, normal, area, density, edge_wake, 
                     _push(forces, b, i, j + 1, fx, fy, fz)
                     s += 1
                 if i < n_chord:
-                    part = 0.75 if i == n_chord - 1 else 1.0
+                    part = 0.5 if i == n_chord - 1 else 1.0
                     h = density * rate[r] * area[r] * part
                     _push_ring(forces, b, i, j, 1.0 - 0.5 * part, h * normal[r, 0], h * normal[r, 1], h * normal[r, 2])
                     r += 1
@@ -120,7 +121,8 @@ def bernoulli_loads(nodes, gamma, rate, flow, normal, area, density, edge_wake, 
                 nx, ny, nz = normal[r, 0], normal[r, 1], normal[r, 2]
                 jump = (flow[0, r] * (wy * nz - wz * ny) + flow[1, r] * (wz * nx - wx * nz)
                         + flow[2, r] * (wx * ny - wy * nx))  # fmt: skip
-                h = density * (jump + area[r] * rate[r])
+                part = 0.5 if i == n_chord - 1 else 1.0  # see `joukowski_loads`
+                h = density * (jump + part * area[r] * rate[r])
                 _push_ring(forces, b, i, j, 0.75, h * nx, h * ny, h * nz)
                 r += 1
 

@@ -1,4 +1,4 @@
-"""Bound lattice and wake as sheets of merged segments, ready for `sheet_induction`."""
+"""Bound lattice and wake as sheets of merged segments, ready for `direct_induction`."""
 
 from wt_gym.aerodynamics.induction_kernels import FOUR_PI
 from wt_gym.aerodynamics.load_kernels import chordwise_strength, spanwise_strength

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wt_gym.aerodynamics.edges import SheddingEdge, bound_segments
-from wt_gym.aerodynamics.induction_kernels import MAX_LANES
 from wt_gym.aerodynamics.lattice import LatticePlanform
 from wt_gym.aerodynamics.options import AeroOptions
+from wt_gym.aerodynamics.simd_kernels import WIDTH
 
 __all__ = ["AeroArrays", "AeroConstants", "AeroState", "AeroWork", "PlanformArrays"]
 
@@ -111,7 +111,9 @@ class AeroWork(NamedTuple):
     flow: np.ndarray  # (3, n_point)
     normal: np.ndarray  # (n_ring, 3)
     area: np.ndarray  # (n_ring,)
-    matrix: np.ndarray  # (n_ring, n_ring)
+    swap: np.ndarray  # int64 (n_ring,) for the inverse
+    panel: np.ndarray  # (n_ring, 4)
+    pivots: np.ndarray  # (4, n_ring)
     through: np.ndarray  # (n_ring,)
     axes: np.ndarray  # (n_strip, 3) chord direction
     normals: np.ndarray  # (n_strip, 3)
@@ -125,7 +127,7 @@ class AeroWork(NamedTuple):
         n_node, n_strip = n_span + 1, n_blade * n_span
         n_ring = n_strip * n_chord
         n_point = n_ring + n_strip * line_rows + n_blade * n_chord * n_node
-        n_target = max(n_blade * (n_edge + 1) * (n_max + 1), n_point) + 2 * MAX_LANES
+        n_target = max(n_blade * (n_edge + 1) * (n_max + 1), n_point) + WIDTH
         widest = max(n_node, n_edge + 1)
         n_corner = (n_chord + 1) * n_node + n_edge + 1
         single = np.float32
@@ -133,10 +135,11 @@ class AeroWork(NamedTuple):
             bound_sheet=np.zeros((n_chord + 1, n_blade, n_node, 7), single),
             wake_sheet=np.zeros((n_max + 1, n_blade, n_edge + 1, 7), single),
             targets=np.zeros((2, 3, n_target), single), velocity=np.zeros((2, 3, n_target), single),
-            scratch=np.zeros((4 * widest + 10) * MAX_LANES + 14 * n_target, single),
+            scratch=np.zeros(8 * WIDTH * widest + 14 * n_target, single),
             rows=np.zeros(n_max + 1, dtype=np.int64), corners=np.zeros((2, n_blade, n_corner, 3)),
             points=np.zeros((3, n_point)), part=np.zeros((3, n_point)), flow=np.zeros((3, n_point)),
-            normal=np.zeros((n_ring, 3)), area=np.zeros(n_ring), matrix=np.zeros((n_ring, n_ring)),
+            normal=np.zeros((n_ring, 3)), area=np.zeros(n_ring), swap=np.zeros(n_ring, dtype=np.int64),
+            panel=np.zeros((n_ring, 4)), pivots=np.zeros((4, n_ring)),
             through=np.zeros(n_ring), axes=np.zeros((n_strip, 3)), normals=np.zeros((n_strip, 3)),
             strip=np.zeros((5, n_strip)), jacobian=np.zeros((n_span, n_span)), lines=np.zeros((3, n_edge + 1)),
         )  # fmt: skip

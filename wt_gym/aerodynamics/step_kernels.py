@@ -105,7 +105,8 @@ def prepare(p, o, a, w, nodes, place):
         has_wake = 1 if n_rows > 0 else 0
         bound_influence(w.corners[image], p.segments[has_wake], p.segment_core[has_wake], p.n_segments[has_wake],
                         points, w.part, 1.0 - 2.0 * image, a.influence)  # fmt: skip
-    invert_boundary_condition(a.influence, w.normal, n_blade, n_chord, n_span, w.matrix, a.inverse, a.response)
+    invert_boundary_condition(a.influence, w.normal, n_blade, n_chord, n_span, w.swap, w.panel, w.pivots, a.inverse,
+                              a.response)  # fmt: skip
     for c in range(3):
         for i in range(points.shape[1]):
             a.wake_flow[c, i] = 0.0

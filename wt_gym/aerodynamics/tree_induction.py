@@ -1,6 +1,6 @@
 """Work arrays of the tree code, and big induction calls split over threads.
 
-The compiled functions are in `tree_induction_kernels` and `direct_induction_kernels`; they allocate nothing, so the
+The compiled functions are in `tree_induction_kernels` and `induction_kernels`; they allocate nothing, so the
 arrays are made here, once.
 """
 
@@ -10,8 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from wt_gym.aerodynamics.direct_induction_kernels import direct_induction
 from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.aerodynamics.induction_kernels import direct_induction
 from wt_gym.aerodynamics.simd_kernels import WIDTH
 from wt_gym.aerodynamics.tree_induction_kernels import (
     BRANCHES,

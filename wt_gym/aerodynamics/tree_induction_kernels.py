@@ -427,9 +427,8 @@ def _add_tiles(sheet, bounds, chosen, n_chosen, targets, velocity, o, scratch):
                 b = qr * r
                 da = a * (a + px * rx + py * ry + pz * rz) + spread(sheet[k, s, j, 4])
                 db = b * (b + qx * rx + qy * ry + qz * rz) + spread(sheet[k, s, j, 6])
-                inverse = reciprocal(da * db)
-                ka = spread(sheet[k, s, j, 3]) * (pr + r) * db * inverse
-                kb = spread(sheet[k, s, j, 5]) * (qr + r) * da * inverse
+                ka = spread(sheet[k, s, j, 3]) * (pr + r) * reciprocal(da)
+                kb = spread(sheet[k, s, j, 5]) * (qr + r) * reciprocal(db)
                 fx = ka * px + kb * qx
                 fy = ka * py + kb * qy
                 fz = ka * pz + kb * qz

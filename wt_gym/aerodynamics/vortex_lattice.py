@@ -5,10 +5,10 @@ import numpy as np
 from wt_gym.aerodynamics import step_kernels
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.far_wake import cylinder_table
-from wt_gym.aerodynamics.induction_kernels import MAX_LANES
 from wt_gym.aerodynamics.lattice import LatticePlanform
 from wt_gym.aerodynamics.options import AeroOptions
-from wt_gym.aerodynamics.state import AeroConstants, AeroState, AeroWork, PlanformArrays
+from wt_gym.aerodynamics.simd_kernels import WIDTH
+from wt_gym.aerodynamics.state import LEVELS, AeroConstants, AeroState, AeroWork, PlanformArrays
 from wt_gym.aerodynamics.wake_kernels import shedding_edge
 
 __all__ = ["VortexLattice"]
@@ -67,6 +67,8 @@ class VortexLattice:
         self._clear(state, nodes)
         self._solve(state, nodes, velocities, wind, 0.0, first=True)
         self.accept(state)
+        # An impulsive start is no level in time from which a rate could be taken.
+        state.arrays.count[LEVELS] = 0
 
     def initialise_wake(
         self, state: AeroState, nodes, velocities, wind, wake_rows, ages, far_wake: bool = False
@@ -203,7 +205,7 @@ class VortexLattice:
         out = np.empty_like(flat)
         a, w = state.arrays, self.work
         step_kernels.write_sheets(self.arrays, self.constants, a, w)
-        chunk = w.targets.shape[2] - 2 * MAX_LANES
+        chunk = w.targets.shape[2] - WIDTH
         for start in range(0, flat.shape[1], chunk):
             part = np.ascontiguousarray(flat[:, start : start + chunk])
             result = np.empty_like(part)

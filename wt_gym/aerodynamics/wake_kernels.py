@@ -1,7 +1,8 @@
 """The free wake: convection of material rows, ageing, thinning, and which rows are refreshed when."""
 
 from wt_gym.aerodynamics.far_wake_kernels import far_wake_velocity
-from wt_gym.aerodynamics.induction_kernels import lane_count, sheet_induction
+from wt_gym.aerodynamics.induction_kernels import direct_induction
+from wt_gym.aerodynamics.simd_kernels import WIDTH
 from wt_gym.compiled import kernel
 
 
@@ -105,8 +106,7 @@ def pad_targets(w, n_target, o, origin):
     ``w.targets`` and ``w.velocity`` (2, 3, n) hold targets with their mirror images when there is a ground: the
     velocity of a mirrored vortex is the mirrored velocity at the mirrored point.
     """
-    n_lane = lane_count(n_target)
-    n_padded = (n_target + n_lane - 1) // n_lane * n_lane
+    n_padded = (n_target + WIDTH - 1) // WIDTH * WIDTH
     for c in range(3):
         for i in range(n_target, n_padded):
             w.targets[0, c, i] = w.targets[0, c, 0]
@@ -131,8 +131,8 @@ def induced_at(bound_sheet, wake_sheet, far, n_target, w, o, origin, table):
             for i in range(n_padded):
                 packed_t[c, i] = w.targets[image, c, i]
                 packed_v[c, i] = 0.0
-        sheet_induction(bound_sheet, packed_t, packed_v, w.scratch)
-        sheet_induction(wake_sheet, packed_t, packed_v, w.scratch)
+        direct_induction(bound_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
+        direct_induction(wake_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
         if far[0] > 0.0:
             # the lanes of the sheets' induction are free now
             lane = w.scratch[: 8 * n_target].reshape((8, n_target))

@@ -158,7 +158,10 @@ def _blade(blade, fidelity):
     sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
     beam = Beam(sections, fidelity.blade_elements)
     flap, edge, torsion = fidelity.blade_modes
-    modes = clamped_modes(beam, min(beam.n_dof - 6, 40))
+    # A bending mode carries the twist that its inertial loads make as it vibrates. Without torsion modes nothing could
+    # undo that twist under other loads: flap would feather the blade by 0.3 degrees a metre, so bending stays bending.
+    node_dofs = (0, 1, 2, 3, 4, 5) if torsion else (0, 1, 2, 3, 4)
+    modes = clamped_modes(beam, min(len(node_dofs) * fidelity.blade_elements, 40), node_dofs=node_dofs)
     chosen = select_modes(modes, flap=flap, edge=edge, torsion=torsion)
     names = [f"flap_{i + 1}" for i in range(flap)] + [f"edge_{i + 1}" for i in range(edge)]
     names += [f"torsion_{i + 1}" for i in range(torsion)]
