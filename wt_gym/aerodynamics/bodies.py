@@ -6,6 +6,7 @@ body of vortex rings would lack one rank. The strengths are eliminated from the 
 """
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -421,7 +422,7 @@ def revolution_body(
         vertices += [origin + stations[end] * axis] if disc else []
     rings = discs[0] + rings + discs[1]
     quads = []
-    for low, high in zip(rings[:-1], rings[1:], strict=True):
+    for low, high in pairwise(rings):
         ring = np.column_stack([low, np.roll(low, -1), np.roll(high, -1), high])
         # A triangle starts with its two different vertices, so that the repeated one comes last.
         quads += list(np.roll(ring, -2, axis=1) if low[0] == low[1] else ring)

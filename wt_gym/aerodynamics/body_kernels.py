@@ -46,7 +46,11 @@ def near_velocity(corners, normal, x, y, z):
             total = np.sqrt(ax * ax + ay * ay + az * az) + np.sqrt(bx * bx + by * by + bz * bz)
             # The velocity has no limit at an edge; the bound only keeps it finite within a millionth of its length.
             strength = np.log((total + d) / max(total - d, 1e-6 * d)) / d
-            ox, oy, oz = ey * normal[2] - ez * normal[1], ez * normal[0] - ex * normal[2], ex * normal[1] - ey * normal[0]
+            ox, oy, oz = (
+                ey * normal[2] - ez * normal[1],
+                ez * normal[0] - ex * normal[2],
+                ex * normal[1] - ey * normal[0],
+            )
             u += strength * ox
             v += strength * oy
             w += strength * oz

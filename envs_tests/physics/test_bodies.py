@@ -1,0 +1,229 @@
+"""Source panels, closed bodies, their coupling with a lattice, and the tower as a cylinder."""
+
+import numpy as np
+import pytest
+
+from wt_gym.aerodynamics import AerodynamicsError, body_kernels
+from wt_gym.aerodynamics.bodies import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
+from wt_gym.aerodynamics.tower_flow import TowerFlow
+from wt_gym.aerodynamics.tower_kernels import flag_wake_nodes
+
+CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+GROUND = {"ground": 0.0}
+
+
+@pytest.fixture(scope="module")
+def sphere():
+    return BodySet([ellipsoid_body((1.0, 1.0, 1.0), 16, 16)])
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Tower on the ground with a nacelle above it."""
+    tower = tower_body([0.0, 87.6], [6.0, 3.87], (0, 0, 0), (0, 0, 87.6), 10, 8, **GROUND)
+    return BodySet([tower, ellipsoid_body((6.0, 2.0, 2.0), 10, 8, (1.0, 0.0, 90.5), "nacelle")], **GROUND)
+
+
+def uniform(bodies, stream):
+    return np.tile(np.asarray(stream, dtype=float), (bodies.n_panels, 1))
+
+
+# ---- panels ----
+
+
+@pytest.mark.parametrize("panel", [5, 40])  # a triangle at a pole and a quadrilateral
+@pytest.mark.parametrize("distance", [0.3, 1.0, 4.0])
+def test_panel_velocity_is_the_integral_of_point_sources(sphere, panel, distance):
+    corners, centre = sphere.arrays.corners[panel], sphere.arrays.centre[:, panel]
+    point = centre + distance * np.array([0.48, -0.6, 0.64])
+    u = (np.arange(300) + 0.5) / 300
+    u, v = np.meshgrid(u, u, indexing="ij")
+    u, v = u[..., None], v[..., None]
+    a, b, c, d = corners
+    at = (1 - u) * (1 - v) * a + u * (1 - v) * b + u * v * c + (1 - u) * v * d
+    area = np.linalg.norm(np.cross((1 - v) * (b - a) + v * (c - d), (1 - u) * (d - a) + u * (c - b)), axis=-1) / 300**2
+    arm = point - at
+    exact = np.einsum("uvi,uv->i", arm, area / np.linalg.norm(arm, axis=-1) ** 3) / (4 * np.pi)
+    near = body_kernels.near_velocity(corners, sphere.arrays.normal[panel], *point)
+    np.testing.assert_allclose(near, exact, atol=1e-5 * np.linalg.norm(exact))
+    used = np.empty((3, 1))
+    body_kernels.panel_velocity(sphere.arrays, panel, point[:, None].copy(), 0.0, False, used)
+    np.testing.assert_allclose(used[:, 0], exact, atol=2e-3 * np.linalg.norm(exact))
+
+
+def test_normal_velocity_jumps_by_the_strength(sphere):
+    corners, normal, centre = sphere.arrays.corners[60], sphere.arrays.normal[60], sphere.arrays.centre[:, 60]
+    for side, expected in ((1e-7, 0.5), (0.0, 0.5), (-1e-7, -0.5)):
+        v = body_kernels.near_velocity(corners, normal, *(centre + side * normal))
+        assert np.dot(v, normal) == pytest.approx(expected, abs=1e-5)
+
+
+# ---- flows ----
+
+
+def test_sphere_in_a_stream(sphere):
+    s = sphere.strengths(uniform(sphere, [0, 0, 2.0]))
+    assert abs(s @ sphere.area) < 1e-12
+    points = np.array([[0, 0, -1.5], [1.5, 0, 0], [0, 3.0, 0]])
+    exact = 2.0 * np.array([-1 / 1.5**3, 0.5 / 1.5**3, 0.5 / 27])
+    np.testing.assert_allclose(sphere.velocity(points, s)[:, 2], exact, rtol=0.012)
+
+
+def test_moving_body_is_a_body_in_a_stream(sphere):
+    body = BodySet(sphere.bodies)
+    assert not body.place([np.eye(3)], [[0, 0, 0]], [[0, 0, -2.0]])
+    moving = body.strengths(uniform(body, [0, 0, 0]))
+    np.testing.assert_allclose(moving, sphere.strengths(uniform(sphere, [0, 0, 2.0])), atol=1e-12)
+    body.place([np.eye(3)], [[0, 0, 0]], [[0, 0, 0]], [[3.0, 0, 0]])
+    # the ball of flat panels stirs the air only by its facets
+    assert np.abs(body.strengths(uniform(body, [0, 0, 0]))).max() < 1e-9
+
+
+def test_turned_body_in_a_turned_stream():
+    c, s = np.cos(0.7), np.sin(0.7)
+    turn, shift = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]), np.array([1.0, 2.0, 3.0])
+    one = BodySet([ellipsoid_body((3.0, 1.0, 1.0), 10, 12)])
+    stream, point = np.array([2.0, 0.5, 0.3]), np.array([[-2.0, 1.5, 0.6]])
+    before = one.velocity(point, one.strengths(uniform(one, stream)))
+    assert one.place([turn], [shift])
+    after = one.velocity(point @ turn.T + shift, one.strengths(uniform(one, turn @ stream)))
+    np.testing.assert_allclose(after, before @ turn.T, atol=1e-10)
+    assert not one.place([turn], [shift])
+
+
+def test_tower_matches_the_cylinder_at_mid_height(scene):
+    s = scene.strengths(uniform(scene, [8.0, 0, 0]))
+    points = np.array([[-5.0, 0, 40.0], [0.5, 6.0, 35.0], [-4.0, 4.0, 45.0]])
+    wind = np.tile([8.0, 0, 0], (3, 1))
+    TowerFlow((0, 0, 0), [0, 87.6], [6.0, 3.87]).add(points, wind, np.array([0, 0, 87.6]))
+    # the formula knows no vertical velocity along the taper
+    np.testing.assert_allclose(scene.velocity(points, s)[:, :2], wind[:, :2] - [8.0, 0], atol=0.05)
+
+
+def test_nothing_flows_through_the_ground(scene):
+    s = scene.strengths(uniform(scene, [8.0, 3.0, 0]))
+    assert np.abs(scene.velocity([[5.0, 2.0, 0.0], [-4.0, 0.0, 0.0]], s)[:, 2]).max() < 1e-12
+
+
+def test_float32_targets(scene):
+    rng = np.random.default_rng(3)
+    s = scene.strengths(uniform(scene, [8.0, 0, 0]))
+    points = rng.uniform((-40, -40, 1), (100, 40, 140), (500, 3))
+    points[:100] = rng.uniform((-5, -5, 1), (-2.9, 5, 95), (100, 3))
+    origin = np.array([3.0, 1.0, 80.0])
+    targets = np.zeros((3, 512), dtype=np.float32)
+    targets[:, :500] = (points - origin).T
+    velocity = np.ones_like(targets)
+    body_kernels.add_body_velocity(scene.arrays, s, targets, velocity, 500, origin, 0.0, True)
+    np.testing.assert_allclose(velocity[:, :500].T - 1.0, scene.velocity(points, s), atol=8e-4)
+    assert np.all(velocity[:, 500:] == 1.0)
+
+
+# ---- coupling ----
+
+
+def test_elimination_equals_the_full_problem(scene):
+    """Rings and panels together: the flow at the blades is that of the panels that answer these very rings."""
+    rng = np.random.default_rng(5)
+    n_ring, n_point = 7, 23
+    points = np.ascontiguousarray(rng.uniform((-8, -8, 20), (-4, 8, 85), (n_point, 3)).T)
+    influence, wake_flow = rng.normal(size=(n_ring, 3, n_point)), rng.normal(size=(3, n_point))
+    gamma = rng.normal(size=n_ring)
+    work = scene.work(n_ring, n_point)
+    work.ring_influence[:] = rng.normal(size=work.ring_influence.shape)
+    work.wind[:] = [9.0, 1.0, 0.0]
+    work.wake_flow[:] = rng.normal(size=work.wake_flow.shape)
+    on_bodies = work.wind + work.wake_flow.T + np.einsum("r,rcp->pc", gamma, work.ring_influence)
+    full = scene.strengths(on_bodies)
+    expected = wake_flow + np.einsum("r,rcp->cp", gamma, influence) + scene.velocity(points.T, full).T
+    body_kernels.couple_bodies(scene.arrays, work, points, 0.0, True, influence, wake_flow)
+    np.testing.assert_allclose(wake_flow + np.einsum("r,rcp->cp", gamma, influence), expected, atol=1e-10)
+    strengths = np.zeros(scene.n_panels)
+    body_kernels.body_strengths(work, gamma, strengths)
+    np.testing.assert_allclose(strengths, full, atol=1e-10)
+
+
+# ---- refusals ----
+
+
+def test_cube_is_accepted():
+    body = BodySurface(CUBE, SIDES)
+    assert body.volume == pytest.approx(1.0)
+    assert body.area.sum() == pytest.approx(6.0)
+
+
+def test_bad_surfaces_are_refused():
+    inverted = [*SIDES[:5], SIDES[5][::-1]]
+    with pytest.raises(AerodynamicsError, match="inverted"):
+        BodySurface(CUBE, inverted)
+    with pytest.raises(AerodynamicsError, match="inwards"):
+        BodySurface(CUBE, [q[::-1] for q in SIDES])
+    with pytest.raises(AerodynamicsError, match="not closed"):
+        BodySurface(CUBE, SIDES[:5])
+    with pytest.raises(AerodynamicsError, match="no area"):
+        BodySurface(CUBE * [1.0, 1.0, 0.0], SIDES)
+    with pytest.raises(AerodynamicsError, match="not flat"):
+        BodySurface(CUBE + 0.5 * (CUBE.sum(axis=1) == 3)[:, None] * [1, 0, 0], SIDES)
+    with pytest.raises(AerodynamicsError, match="finite"):
+        BodySurface(CUBE * np.nan, SIDES)
+
+
+def test_bad_sets_are_refused():
+    ball = ellipsoid_body((1.0, 1.0, 1.0), 6, 6)
+    with pytest.raises(AerodynamicsError, match="intersect"):
+        BodySet([ball, ellipsoid_body((1.0, 1.0, 1.0), 6, 6, (0.8, 0, 0), "other")])
+    with pytest.raises(AerodynamicsError, match="below the ground"):
+        BodySet([ball], ground=0.0)
+    standing = tower_body([0, 20], [2, 2], (0, 0, 0), (0, 0, 20), 6, 4, ground=0.0)
+    with pytest.raises(AerodynamicsError, match="stands on a ground"):
+        BodySet([standing])
+    with pytest.raises(AerodynamicsError, match="at least one"):
+        BodySet([])
+    with pytest.raises(AerodynamicsError, match="increasing"):
+        revolution_body([0, 0], [1, 1], 6)
+    with pytest.raises(AerodynamicsError, match="positive"):
+        tower_body([0, 20], [2, 0], (0, 0, 0), (0, 0, 20), 6, 4)
+
+
+# ---- tower as a cylinder, wake ----
+
+
+def test_tower_flow_is_the_doublet_of_the_local_diameter():
+    rng = np.random.default_rng(2)
+    base, top = np.array([1.0, -2.0, 3.0]), np.array([4.0, 1.0, 80.0])
+    stations, diameters = np.array([0.0, 30.0, 75.0]), np.array([6.0, 5.0, 3.0])
+    points, wind = rng.uniform(-20, 100, (5, 7, 3)), rng.normal(size=(5, 7, 3))
+    height = np.linalg.norm(top - base)
+    axis = (top - base) / height
+    along = (points - base) @ axis
+    radius = 0.5 * np.interp(along, stations, diameters)
+    r = points - base - along[..., None] * axis
+    r2 = (r**2).sum(-1)
+    v = wind - (wind @ axis)[..., None] * axis
+    fade = 0.5 * (1 + np.tanh(2 * np.minimum(along, height - along) / radius))
+    doublet = v - 2 * ((v * r).sum(-1) / r2)[..., None] * r
+    expected = wind + (fade * radius**2 / np.maximum(r2, radius**2))[..., None] * doublet
+    TowerFlow(base, stations, diameters).add(points, wind, top)
+    np.testing.assert_allclose(wind, expected, atol=1e-12)
+
+
+def test_tower_flow_refuses():
+    with pytest.raises(AerodynamicsError, match="positive"):
+        TowerFlow((0, 0, 0), [0, 80], [6, np.nan])
+    flow, points = TowerFlow((0, 0, 0), [0, 80], [6, 4]), np.zeros((4, 3))
+    with pytest.raises(AerodynamicsError, match="no height"):
+        flow.add(points, points.copy(), np.zeros(3))
+    with pytest.raises(AerodynamicsError, match="contiguous"):
+        flow.add(points, np.zeros((3, 4)).T, np.array([0, 0, 80.0]))
+
+
+def test_wake_nodes_near_the_tower_are_marked():
+    base, top = np.zeros(3), np.array([0, 0, 80.0])
+    stations, radii = np.array([0.0, 80.0]), np.array([3.0, 2.0])
+    x = np.array([[2.9, 0, 40], [3.1, 0, 40], [0, 3.5, 1], [0, 0, 80.3], [0, 0, 80.5], [0, 0, 40]])
+    wake = np.zeros((4, 1, 6, 3))
+    wake[:] = x
+    flags = np.ones((4, 1, 6), dtype=np.int8)
+    assert flag_wake_nodes(wake, 2, base, top, stations, radii, 1.2, flags) == 8
+    np.testing.assert_array_equal(flags[:3, 0], [[0] * 6, [1, 0, 1, 1, 0, 1], [1, 0, 1, 1, 0, 1]])
