@@ -6,7 +6,7 @@ import pytest
 from wt_gym.aerodynamics import AerodynamicsError, body_kernels
 from wt_gym.aerodynamics.bodies import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
 from wt_gym.aerodynamics.tower_flow import TowerFlow
-from wt_gym.aerodynamics.tower_kernels import flag_wake_nodes
+from wt_gym.aerodynamics.tower_kernels import flag_wake_nodes, flag_wake_segments
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -227,3 +227,35 @@ def test_wake_nodes_near_the_tower_are_marked():
     flags = np.ones((4, 1, 6), dtype=np.int8)
     assert flag_wake_nodes(wake, 2, base, top, stations, radii, 1.2, flags) == 8
     np.testing.assert_array_equal(flags[:3, 0], [[0] * 6, [1, 0, 1, 1, 0, 1], [1, 0, 1, 1, 0, 1]])
+
+
+def test_wake_segments_near_the_tower_are_marked():
+    rng = np.random.default_rng(4)
+    base, top = np.array([0.5, 0, -1.0]), np.array([1.0, 0.5, 20.0])
+    stations, radii, height = np.array([0.0, 21.0]), np.array([2.0, 1.0]), np.linalg.norm(top - base)
+    wake = rng.uniform((-8, -8, -6), (8, 8, 28), (40, 2, 5, 3))
+    flags = np.empty((40, 2, 5), dtype=np.int8)
+    count = flag_wake_segments(wake, 39, base, top, stations, radii, 1.2, flags)
+    u = np.linspace(0, 1, 4001)[:, None]
+    axis = (top - base) / height
+
+    def clearance(start, end):
+        """Least distance over radii, and the distance beyond the ends there, of points on the segment."""
+        arm = start + u * (end - start) - base
+        along = arm @ axis
+        radius = np.interp(along, stations, radii)
+        ratio = np.linalg.norm(arm - along[:, None] * axis, axis=1) / radius
+        inside = (along > -0.2 * radius) & (along < height + 0.2 * radius)
+        return ratio[inside].min() if inside.any() else np.inf
+
+    expected, unsure = np.zeros_like(flags), 0
+    for k, b, j in np.ndindex(flags.shape):
+        for bit, start in ((1, wake[k - 1, b, j]), (2, wake[k, b, j - 1])):
+            if k >= 2 and (bit == 1 or j > 0):
+                ratio = clearance(start, wake[k, b, j])
+                unsure += abs(ratio - 1.2) < 0.05
+                expected[k, b, j] += bit * (ratio < 1.2)
+    # the taper moves the nearest point a little off the one nearest to the axis
+    assert np.sum(flags != expected) <= unsure
+    assert np.sum(expected > 0) > 30
+    assert count == np.sum(flags & 1) + np.sum(flags >> 1)
