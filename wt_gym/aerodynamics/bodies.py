@@ -6,7 +6,7 @@ body of vortex rings would lack one rank. The strengths are eliminated from the 
 """
 
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -278,6 +278,7 @@ class BodySet:
         if frames.shape != self._frames.shape or not np.isfinite(frames).all():
             raise AerodynamicsError(f"frames of {self.names} must be finite, {len(self.bodies)} of them")
         moved = np.flatnonzero((frames != self._frames).any(axis=(1, 2)))
+        self._frames[moved] = np.nan  # should a refusal leave the panels between two places
         for b in moved:
             self._move(b, frames[b, :, :3], frames[b, :, 3])
         self._frames[:] = frames
@@ -285,10 +286,14 @@ class BodySet:
             a = self.arrays
             body_kernels.normal_matrix(a, self.ground, self.has_ground, self._part, self._matrix)
             invert(self._matrix, a.inverse)
+            # Air that flows into a closed body must flow out: what the normal velocities at the control points have
+            # left over, as they sample a nearby vortex coarsely, is no source of the body.
+            for panels in self._panels():
+                share = self.area[panels] / self.area[panels].sum()
+                a.inverse[:, panels] -= np.outer(a.inverse[:, panels].sum(axis=1), share)
         velocities = np.zeros_like(frames[:, :, 3]) if velocities is None else np.asarray(velocities)
         spins = np.zeros_like(velocities) if angular_velocities is None else np.asarray(angular_velocities)
-        for b in range(len(self.bodies)):
-            panels = slice(*self.first_panel[b : b + 2])
+        for b, panels in enumerate(self._panels()):
             arm = self.arrays.centre[:, panels].T - frames[b, :, 3]
             self.arrays.motion[:, panels] = (velocities[b] + np.cross(spins[b], arm)).T
         return bool(len(moved))
@@ -322,8 +327,12 @@ class BodySet:
         body_kernels.panels_velocity(self.arrays, strengths, flat, self.ground, self.has_ground, part, out)
         return out.T.reshape(points.shape)
 
+    def _panels(self):
+        """Slice of the panels of each body."""
+        return [slice(*ends) for ends in pairwise(self.first_panel)]
+
     def _move(self, b, rotation, origin):
-        body, panels, a = self.bodies[b], slice(*self.first_panel[b : b + 2]), self.arrays
+        body, panels, a = self.bodies[b], self._panels()[b], self.arrays
         a.corners[panels] = body.corners @ rotation.T + origin
         a.centre[:, panels] = (body.centre @ rotation.T + origin).T
         a.normal[panels] = body.normal @ rotation.T
@@ -340,12 +349,10 @@ class BodySet:
 
     def _check_apart(self):
         """No control point may lie in another body: the flux of a uniformly strong surface tells inside and outside."""
-        for b, name in enumerate(self.names):
-            mine = slice(*self.first_panel[b : b + 2])
-            for other, other_name in enumerate(self.names):
-                if other != b and _inside(self.arrays.corners[slice(*self.first_panel[other : other + 2])],
-                                          self.arrays.centre[:, mine].T).any():  # fmt: skip
-                    raise AerodynamicsError(f"the bodies {name} and {other_name} intersect")
+        parts, a = list(zip(self.names, self._panels(), strict=True)), self.arrays
+        for (name, mine), (other, theirs) in permutations(parts, 2):
+            if _inside(a.corners[theirs], a.centre[:, mine].T).any():
+                raise AerodynamicsError(f"the bodies {name} and {other} intersect")
 
 
 def _inside(corners, points):
