@@ -1,10 +1,11 @@
 """Unsteady vortex lattice with free wake: from moving lattice nodes and wind to circulation and nodal forces."""
 
+from wt_gym.aerodynamics.bodies import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.lattice import LatticePlanform, build_planform, span_distribution
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.aerodynamics.state import AeroState
-from wt_gym.aerodynamics.tower_flow import tower_perturbation
+from wt_gym.aerodynamics.tower_flow import TowerFlow, tower_perturbation
 from wt_gym.aerodynamics.vortex_lattice import VortexLattice
 
 __all__ = [
@@ -14,9 +15,15 @@ __all__ = [
     "AeroOptions",
     "AeroState",
     "AerodynamicsError",
+    "BodySet",
+    "BodySurface",
     "LatticePlanform",
+    "TowerFlow",
     "VortexLattice",
     "build_planform",
+    "ellipsoid_body",
+    "revolution_body",
     "span_distribution",
+    "tower_body",
     "tower_perturbation",
 ]

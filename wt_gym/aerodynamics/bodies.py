@@ -5,7 +5,7 @@ body of vortex rings would lack one rank. The strengths are eliminated from the 
 `body_kernels.couple_bodies`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations
 from typing import NamedTuple
 
@@ -15,12 +15,29 @@ from wt_gym.aerodynamics import body_kernels
 from wt_gym.aerodynamics.bound_kernels import invert
 from wt_gym.aerodynamics.errors import AerodynamicsError
 
-__all__ = ["BodyArrays", "BodySet", "BodySurface", "BodyWork", "ellipsoid_body", "revolution_body", "tower_body"]
+__all__ = [
+    "BodyArrays",
+    "BodySet",
+    "BodySurface",
+    "BodyWork",
+    "TowerAxis",
+    "ellipsoid_body",
+    "revolution_body",
+    "tower_body",
+]
 
 FAR = 3.0
 """Distance over panel radius from which a panel is a point source with quadrupole; its velocity is then within 1e-3."""
 MAX_WARP = 0.05
 """Largest distance of a corner from the mean plane, over the longer diagonal: panels are computed as flat."""
+
+
+class TowerAxis(NamedTuple):
+    """Straight axis and radii of a tower."""
+
+    ends: np.ndarray  # (2, 3) base and top [m]
+    stations: np.ndarray  # (n,) distances from the base [m]
+    radii: np.ndarray  # (n,) [m]
 
 
 class BodyArrays(NamedTuple):
@@ -33,6 +50,9 @@ class BodyArrays(NamedTuple):
     # and the square of the distance [m^2] below which the exact velocity is computed
     motion: np.ndarray  # (3, n_panel) velocity of the control points [m/s]
     owner: np.ndarray  # int64 (n_panel,) number of the body
+    axis: np.ndarray  # (2, 3) base and top of the tower [m]
+    stations: np.ndarray  # (n,) distances from its base [m]; none without a tower
+    radii: np.ndarray  # (n,) its radii there [m]
     inverse: np.ndarray  # (n_panel, n_panel): strengths = inverse @ normal velocities that the panels must induce
 
 
@@ -46,6 +66,8 @@ class BodyWork(NamedTuple):
     source_influence: np.ndarray  # (n_panel, 3, n_point) velocity of each unit panel at the points of the blades
     eliminated: np.ndarray  # (n_ring, n_panel) strengths that answer a unit ring, with opposite sign
     start: np.ndarray  # (n_panel,) strengths without rings [m/s]
+    part: np.ndarray  # (3, n_panel) velocity of one segment
+    flags: np.ndarray  # int8 (n_max + 1, n_blade, n_edge + 1), see tower_kernels.flag_wake_segments
 
 
 @dataclass(frozen=True)
@@ -62,6 +84,8 @@ class BodySurface:
         Height of a ground on which the body may stand without a bottom [m], as `BodySet` then closes it by its image.
     name : str
         For messages.
+    tower : TowerAxis or None
+        What the wake must not cut through, in the frame of the body.
 
     Attributes
     ----------
@@ -84,6 +108,7 @@ class BodySurface:
     quads: np.ndarray
     ground: float | None = None
     name: str = "body"
+    tower: TowerAxis | None = None
     corners: np.ndarray = field(init=False, repr=False)
     centre: np.ndarray = field(init=False, repr=False)
     normal: np.ndarray = field(init=False, repr=False)
@@ -224,11 +249,15 @@ class BodySet:
             if body.ground is not None and body.ground != ground:
                 raise AerodynamicsError(f"{body.name} stands on a ground at {body.ground} m, the set has {ground}")
         self.first_panel = np.concatenate([[0], np.cumsum([body.n_panels for body in bodies])])
+        towers = [body for body in bodies if body.tower is not None]
+        if len(towers) > 1:
+            raise AerodynamicsError(f"the bodies {[body.name for body in towers]} are towers; one is allowed")
+        tower = towers[0].tower if towers else TowerAxis(np.zeros((2, 3)), np.zeros(0), np.zeros(0))
         n = self.n_panels
         self.arrays = BodyArrays(
             corners=np.zeros((n, 4, 3)), centre=np.zeros((3, n)), normal=np.zeros((n, 3)), far=np.zeros((n, 8)),
             motion=np.zeros((3, n)), owner=np.repeat(np.arange(len(bodies)), np.diff(self.first_panel)),
-            inverse=np.zeros((n, n)),
+            axis=tower.ends.copy(), stations=tower.stations, radii=tower.radii, inverse=np.zeros((n, n)),
         )  # fmt: skip
         self._part, self._matrix = np.zeros((3, n)), np.zeros((n, n))
         self._frames = np.full((len(bodies), 3, 4), np.nan)
@@ -298,13 +327,13 @@ class BodySet:
             self.arrays.motion[:, panels] = (velocities[b] + np.cross(spins[b], arm)).T
         return bool(len(moved))
 
-    def work(self, n_ring: int, n_point: int) -> BodyWork:
-        """Work arrays for the coupling with a lattice of that many rings and points."""
+    def work(self, n_ring: int, n_point: int, wake_shape=(0, 0, 0)) -> BodyWork:
+        """Work arrays for the coupling with a lattice of that many rings, points, and wake nodes (row, blade, node)."""
         n = self.n_panels
         return BodyWork(
             ring_influence=np.zeros((n_ring, 3, n)), wind=np.zeros((n, 3)), wake_flow=np.zeros((3, n)),
             through=np.zeros(n), source_influence=np.zeros((n, 3, n_point)), eliminated=np.zeros((n_ring, n)),
-            start=np.zeros(n),
+            start=np.zeros(n), part=np.zeros((3, n)), flags=np.zeros(wake_shape, dtype=np.int8),
         )  # fmt: skip
 
     def strengths(self, flow) -> np.ndarray:
@@ -336,6 +365,8 @@ class BodySet:
         a.corners[panels] = body.corners @ rotation.T + origin
         a.centre[:, panels] = (body.centre @ rotation.T + origin).T
         a.normal[panels] = body.normal @ rotation.T
+        if body.tower is not None:
+            a.axis[:] = body.tower.ends @ rotation.T + origin
         if self.has_ground:
             lowest = float(a.corners[panels][..., 2].min())
             if lowest < self.ground - 1e-9 * np.ptp(body.vertices, axis=0).max():
@@ -506,4 +537,5 @@ def tower_body(stations, diameters, base, top, n_around: int, n_along: int, grou
     if n_along < 1:
         raise AerodynamicsError(f"n_along of {name} is {n_along}; at least 1 panel is needed")
     along = np.linspace(0.0, height, n_along + 1)
-    return revolution_body(along, 0.5 * np.interp(along, stations, diameters), n_around, base, axis, name, ground)
+    body = revolution_body(along, 0.5 * np.interp(along, stations, diameters), n_around, base, axis, name, ground)
+    return replace(body, tower=TowerAxis(np.array([base, base + axis]), stations, 0.5 * diameters))

@@ -243,18 +243,24 @@ def couple_bodies(bodies, work, points, ground, has_ground, influence, wake_flow
             for m in range(n_panel):
                 total += bodies.inverse[p, m] * through[m]
             work.eliminated[r, p] = total
-    # Four panels at a time: each pass over a row of the influence then does four times the work.
+    # Four panels at a time: each pass over a row of the influence then does four times the work. Blocks of points: the
+    # velocities of all panels there stay in the second-level cache.
     whole = n_panel // 4 * 4
-    for r in range(n_ring):
-        for p in range(0, whole, 4):
-            e0, e1 = work.eliminated[r, p], work.eliminated[r, p + 1]
-            e2, e3 = work.eliminated[r, p + 2], work.eliminated[r, p + 3]
-            for i in range(3 * n_point):
-                change = e0 * source[p, i] + e1 * source[p + 1, i] + e2 * source[p + 2, i] + e3 * source[p + 3, i]
-                rings[r, i] -= change
-        for p in range(whole, n_panel):
-            for i in range(3 * n_point):
-                rings[r, i] -= work.eliminated[r, p] * source[p, i]
+    for begin in range(0, 3 * n_point, BLOCK):
+        end = min(begin + BLOCK, 3 * n_point)
+        for r in range(n_ring):
+            row = rings[r, begin:end]
+            e = work.eliminated[r]
+            for p in range(0, whole, 4):
+                s0, s1 = source[p, begin:end], source[p + 1, begin:end]
+                s2, s3 = source[p + 2, begin:end], source[p + 3, begin:end]
+                e0, e1, e2, e3 = e[p], e[p + 1], e[p + 2], e[p + 3]
+                for i in range(row.shape[0]):
+                    row[i] -= e0 * s0[i] + e1 * s1[i] + e2 * s2[i] + e3 * s3[i]
+            for p in range(whole, n_panel):
+                s0, e0 = source[p, begin:end], e[p]
+                for i in range(row.shape[0]):
+                    row[i] -= e0 * s0[i]
 
 
 @kernel(fastmath=FAST)

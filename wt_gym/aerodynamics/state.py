@@ -122,12 +122,14 @@ class AeroWork(NamedTuple):
     lines: np.ndarray  # (3, n_edge + 1)
 
     @classmethod
-    def empty(cls, n_blade: int, n_chord: int, n_span: int, n_edge: int, n_max: int, line_rows: int) -> "AeroWork":
+    def empty(
+        cls, n_blade: int, n_chord: int, n_span: int, n_edge: int, n_max: int, line_rows: int, n_panel: int = 0
+    ) -> "AeroWork":
         """Arrays of the right shapes; ``line_rows`` is the number of rows of loaded spanwise segments."""
         n_node, n_strip = n_span + 1, n_blade * n_span
         n_ring = n_strip * n_chord
         n_point = n_ring + n_strip * line_rows + n_blade * n_chord * n_node
-        n_target = max(n_blade * (n_edge + 1) * (n_max + 1), n_point) + WIDTH
+        n_target = max(n_blade * (n_edge + 1) * (n_max + 1), n_point, n_panel) + WIDTH
         widest = max(n_node, n_edge + 1)
         n_corner = (n_chord + 1) * n_node + n_edge + 1
         single = np.float32
@@ -177,6 +179,7 @@ class AeroArrays(NamedTuple):
     inverse: np.ndarray  # (n_ring, n_ring)
     response: np.ndarray  # (n_strip, n_strip)
     wake_flow: np.ndarray  # (3, n_point) wake-induced velocity, of this step [m/s]
+    body_strength: np.ndarray  # (n_panel,) source strengths of the bodies [m/s]
 
 
 @dataclass(frozen=True)
@@ -192,7 +195,7 @@ class AeroState:
     arrays: AeroArrays
 
     @classmethod
-    def empty(cls, planform: LatticePlanform, n_blades: int, options: AeroOptions) -> "AeroState":
+    def empty(cls, planform: LatticePlanform, n_blades: int, options: AeroOptions, n_panel: int = 0) -> "AeroState":
         """Arrays of the right shapes, without flow."""
         n_chord, n_span = planform.n_chord, planform.n_span
         n_edge = len(SheddingEdge.of(n_chord, n_span, planform.edge_chord, options).rings)
@@ -217,7 +220,7 @@ class AeroState:
                 source_1=np.zeros(n_strip), alpha=np.zeros(n_strip), speed=np.zeros(n_strip),
                 forces=np.zeros(bound_shape), influence=np.zeros((n_ring, 3, n_point)),
                 inverse=np.zeros((n_ring, n_ring)), response=np.zeros((n_strip, n_strip)),
-                wake_flow=np.zeros((3, n_point)),
+                wake_flow=np.zeros((3, n_point)), body_strength=np.zeros(n_panel),
             )
         )  # fmt: skip
 

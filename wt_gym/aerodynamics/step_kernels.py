@@ -1,9 +1,10 @@
 """The compiled parts of an aerodynamic step: move the wake, solve the boundary condition, accept.
 
-Arguments are ``p``, `PlanformArrays`; ``o``, `AeroConstants`; ``a``, `AeroArrays` (the state); ``w``, `AeroWork`.
-Nothing is allocated.
+Arguments are ``p``, `PlanformArrays`; ``o``, `AeroConstants`; ``a``, `AeroArrays` (the state); ``w``, `AeroWork`; with
+closed bodies in the flow also ``bodies``, `BodyArrays`, and ``body_work``, `BodyWork`. Nothing is allocated.
 """
 
+from wt_gym.aerodynamics.body_kernels import add_body_velocity, body_strengths, couple_bodies
 from wt_gym.aerodynamics.bound_kernels import (
     bound_influence,
     geometry,
@@ -15,6 +16,7 @@ from wt_gym.aerodynamics.induction_kernels import FAST
 from wt_gym.aerodynamics.load_kernels import bernoulli_loads, joukowski_loads, viscous_loads
 from wt_gym.aerodynamics.section_kernels import decambering, section_state, strip_axes
 from wt_gym.aerodynamics.sheet_kernels import build_bound_sheet, build_wake_sheet
+from wt_gym.aerodynamics.tower_kernels import flag_wake_segments
 from wt_gym.aerodynamics.wake_kernels import (
     age_rows,
     choose_rows,
@@ -29,6 +31,7 @@ from wt_gym.compiled import kernel
 
 TOLERANCE = 1e-7  # of the decambering, relative to the largest section speed
 MAX_ITERATIONS = 8
+CLEARANCE = 1.2  # tower radii within which the wake loses its segments (Gebhardt et al. 2012)
 
 
 @kernel(fastmath=False)
@@ -86,7 +89,7 @@ def convect_wake(o, a, wind, dt):
 
 
 @kernel(fastmath=False)
-def prepare(p, o, a, w, nodes, place):
+def prepare(p, o, a, w, nodes, place, bodies=None, body_work=None):
     """What is computed once a step: newest row, influence of the bound rings, velocity of the wake at the blades."""
     n_blade, n_row, n_node, _ = nodes.shape
     n_chord, n_span = n_row - 1, n_node - 1
@@ -105,8 +108,6 @@ def prepare(p, o, a, w, nodes, place):
         has_wake = 1 if n_rows > 0 else 0
         bound_influence(w.corners[image], p.segments[has_wake], p.segment_core[has_wake], p.n_segments[has_wake],
                         points, w.part, 1.0 - 2.0 * image, a.influence)  # fmt: skip
-    invert_boundary_condition(a.influence, w.normal, n_blade, n_chord, n_span, w.swap, w.panel, w.pivots, a.inverse,
-                              a.response)  # fmt: skip
     for c in range(3):
         for i in range(points.shape[1]):
             a.wake_flow[c, i] = 0.0
@@ -114,8 +115,48 @@ def prepare(p, o, a, w, nodes, place):
         if o.far_wake and a.count[4] == 1 and n_rows > 1:
             measure_far_wake(a, min(o.far_wake_rows, n_rows - 1), a.clock[2] if place else 0.0, w.lines)
         build_wake_sheet(a, p, o, 1, n_rows, a.clock[2] if place else -1.0, False, w.wake_sheet)
+        if bodies is not None:
+            cut_wake(bodies, body_work.flags, a.wake, n_rows, w.wake_sheet)
         velocity_at_points(p, o, a, w, w.bound_sheet[:0], w.wake_sheet[1 : n_rows + 1], points, a.wake_flow)
+    if bodies is not None:
+        answer_of_bodies(p, o, a, w, bodies, body_work)
+    invert_boundary_condition(a.influence, w.normal, n_blade, n_chord, n_span, w.swap, w.panel, w.pivots, a.inverse,
+                              a.response)  # fmt: skip
     a.count[3] = 1
+
+
+@kernel(fastmath=False)
+def cut_wake(bodies, flags, wake, n_rows, sheet):
+    """Take the segments that would cut through the tower out of the sheet of the wake, rows 2..n_rows."""
+    if bodies.stations.shape[0] == 0:
+        return
+    flag_wake_segments(wake, n_rows, bodies.axis[0], bodies.axis[1], bodies.stations, bodies.radii, CLEARANCE, flags)
+    for k in range(2, n_rows + 1):
+        for b in range(wake.shape[1]):
+            for j in range(wake.shape[2]):
+                if flags[k, b, j] & 1:
+                    sheet[k, b, j, 3] = 0.0
+                if flags[k, b, j] & 2:
+                    sheet[k, b, j, 5] = 0.0
+
+
+@kernel(fastmath=False)
+def answer_of_bodies(p, o, a, w, bodies, body_work):
+    """Eliminate the bodies: influence of the rings and velocity of the wake with the sources that answer them."""
+    n_rows = a.count[0]
+    for r in range(a.influence.shape[0]):
+        for c in range(3):
+            for i in range(bodies.centre.shape[1]):
+                body_work.ring_influence[r, c, i] = 0.0
+                body_work.wake_flow[c, i] = 0.0
+    for image in range(2 if o.has_ground else 1):
+        has_wake = 1 if n_rows > 0 else 0
+        bound_influence(w.corners[image], p.segments[has_wake], p.segment_core[has_wake], p.n_segments[has_wake],
+                        bodies.centre, body_work.part, 1.0 - 2.0 * image, body_work.ring_influence)  # fmt: skip
+    if n_rows > 0:
+        velocity_at_points(p, o, a, w, w.bound_sheet[:0], w.wake_sheet[1 : n_rows + 1], bodies.centre,
+                           body_work.wake_flow)  # fmt: skip
+    couple_bodies(bodies, body_work, w.points, o.ground, o.has_ground, a.influence, a.wake_flow)
 
 
 @kernel(fastmath=False)
@@ -211,7 +252,7 @@ def add_ring_velocity(gamma, influence, begin, flow):
 
 
 @kernel(fastmath=False)
-def accept(p, o, a, w, place, all_rows):
+def accept(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     """Shed the newest ring and compute the induced velocities with which the wake moves on."""
     n_span = a.gamma.shape[2]
     n_chord = a.gamma.shape[1]
@@ -234,6 +275,8 @@ def accept(p, o, a, w, place, all_rows):
     build_bound_sheet(a, p, o, w.bound_sheet)
     # The other rows were written when the step was prepared.
     build_wake_sheet(a, p, o, 0, min(2, n_rows), -1.0, True, w.wake_sheet)
+    if bodies is not None:
+        cut_wake(bodies, body_work.flags, a.wake, min(2, n_rows), w.wake_sheet)
     count = choose_rows(a, o, w.rows)
     if all_rows:
         count = n_rows + 1
@@ -241,11 +284,17 @@ def accept(p, o, a, w, place, all_rows):
             w.rows[k] = k
     n_target = gather_targets(a, w, count)
     induced_at(w.bound_sheet, w.wake_sheet[: n_rows + 1], a.far, n_target, w, o, a.origin, p.cylinder_table)
+    if bodies is not None:
+        body_strengths(body_work, a.gamma.reshape(a.influence.shape[0]), a.body_strength)
+        add_body_velocity(bodies, a.body_strength, w.targets[0], w.velocity[0], n_target, a.origin, o.ground,
+                          o.has_ground)  # fmt: skip
     scatter_velocities(a, w, count)
 
 
 @kernel(fastmath=False)
-def write_sheets(p, o, a, w):
+def write_sheets(p, o, a, w, bodies=None, body_work=None):
     """Write the sheets of an accepted state, for velocities anywhere."""
     build_bound_sheet(a, p, o, w.bound_sheet)
     build_wake_sheet(a, p, o, 0, a.count[0], 0.0, True, w.wake_sheet)
+    if bodies is not None:
+        cut_wake(bodies, body_work.flags, a.wake, a.count[0], w.wake_sheet)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from wt_gym.aerodynamics import step_kernels
+from wt_gym.aerodynamics.bodies import BodySet
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.far_wake import cylinder_table
 from wt_gym.aerodynamics.lattice import LatticePlanform
@@ -30,14 +31,28 @@ class VortexLattice:
         Wake treatment and physics. ``n_chord`` and ``n_span`` are those of the planform.
     air_density : float
         [kg/m^3].
+    bodies : BodySet, optional
+        Closed bodies in the flow, on the ground of the options. Set `body_wind` before each `solve`.
+
+    Attributes
+    ----------
+    body_wind : ndarray, shape (n_panel, 3)
+        Undisturbed wind at ``bodies.control_points`` at the end of the step [m/s]; to be written by the caller.
 
     Raises
     ------
     AerodynamicsError
-        If the number of blades or the density makes no sense.
+        If the number of blades or the density makes no sense, or the bodies have another ground than the options.
     """
 
-    def __init__(self, planform: LatticePlanform, n_blades: int, options: AeroOptions, air_density: float = 1.225):
+    def __init__(
+        self,
+        planform: LatticePlanform,
+        n_blades: int,
+        options: AeroOptions,
+        air_density: float = 1.225,
+        bodies: BodySet | None = None,
+    ):
         if n_blades < 1:
             raise AerodynamicsError(f"n_blades is {n_blades}; at least one blade is needed")
         if not 0.0 < air_density < np.inf:
@@ -49,12 +64,26 @@ class VortexLattice:
         self.n_edge = self.arrays.shed_rings.size
         line_rows = planform.n_chord + (not options.trailing_edge_wake)
         self.work = AeroWork.empty(
-            n_blades, planform.n_chord, planform.n_span, self.n_edge, options.wake_rows, line_rows
-        )
+            n_blades, planform.n_chord, planform.n_span, self.n_edge, options.wake_rows, line_rows,
+            bodies.n_panels if bodies else 0,
+        )  # fmt: skip
+        self.bodies = bodies
+        self._body_arrays = ()  # what the kernels take where there are bodies
+        self.body_wind = np.zeros((0, 3))
+        if bodies is not None:
+            ground = bodies.ground if bodies.has_ground else None
+            if ground != options.ground_height:
+                raise AerodynamicsError(
+                    f"the bodies stand on a ground at {ground} m, the lattice has ground_height {options.ground_height}"
+                )
+            n_ring, wake_shape = n_blades * planform.n_chord * planform.n_span, (options.wake_rows + 1, n_blades)
+            work = bodies.work(n_ring, self.work.points.shape[1], (*wake_shape, self.n_edge + 1))
+            self._body_arrays = bodies.arrays, work
+            self.body_wind = work.wind
 
     def new_state(self) -> AeroState:
         """Return an empty state; call `reset` before using it."""
-        return AeroState.empty(self.planform, self.n_blades, self.options)
+        return AeroState.empty(self.planform, self.n_blades, self.options, self.bodies.n_panels if self.bodies else 0)
 
     def reset(self, state: AeroState, nodes, velocities, wind) -> None:
         """Start from rest without a wake: the flow has just begun (impulsive start).
@@ -199,12 +228,12 @@ class VortexLattice:
         self._accept(state, place=True)
 
     def induced_velocity(self, state: AeroState, points) -> np.ndarray:
-        """Velocity of bound and wake vortices at any points (..., 3) [m/s]; accuracy of float32."""
+        """Velocity of bound and wake vortices and of the bodies at any points (..., 3) [m/s]; accuracy of float32."""
         points = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3).T)
         out = np.empty_like(flat)
         a, w = state.arrays, self.work
-        step_kernels.write_sheets(self.arrays, self.constants, a, w)
+        step_kernels.write_sheets(self.arrays, self.constants, a, w, *self._body_arrays)
         chunk = w.targets.shape[2] - WIDTH
         for start in range(0, flat.shape[1], chunk):
             part = np.ascontiguousarray(flat[:, start : start + chunk])
@@ -213,7 +242,8 @@ class VortexLattice:
                 self.arrays, self.constants, a, w, w.bound_sheet, w.wake_sheet[: state.n_rows + 1], part, result
             )
             out[:, start : start + chunk] = result
-        return out.T.reshape(points.shape)
+        velocity = out.T.reshape(points.shape)
+        return velocity + self.bodies.velocity(points, a.body_strength) if self.bodies else velocity
 
     def _clear(self, state, nodes):
         nodes = np.asarray(nodes, dtype=np.float64)
@@ -232,13 +262,15 @@ class VortexLattice:
                 raise AerodynamicsError(f"{name} have shape {array.shape}; {self.nodes_shape} is needed")
             if not np.isfinite(array.sum()):
                 raise AerodynamicsError(f"{name} are not finite")
+        if not np.isfinite(self.body_wind.sum()):
+            raise AerodynamicsError("the wind at the bodies is not finite")
         if not a.count[3]:
-            step_kernels.prepare(self.arrays, self.constants, a, self.work, nodes, place)
+            step_kernels.prepare(self.arrays, self.constants, a, self.work, nodes, place, *self._body_arrays)
         step_kernels.solve(self.arrays, self.constants, a, self.work, nodes, velocities, wind, dt, first)
         return a.forces
 
     def _accept(self, state, place, all_rows=False):
-        step_kernels.accept(self.arrays, self.constants, state.arrays, self.work, place, all_rows)
+        step_kernels.accept(self.arrays, self.constants, state.arrays, self.work, place, all_rows, *self._body_arrays)
 
     def _steady_ages(self, dt):
         """Ages of the rows of a full wake, given the thinning of old rows."""

@@ -64,7 +64,7 @@ def extrapolate_loads(inputs, previous):
 
 @kernel
 def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, blade_wind, dt, h, n_sub, n_corrections,
-                 iterations, tolerance, constrained=None):  # fmt: skip
+                 iterations, tolerance, constrained=None, bodies=None, body_work=None):  # fmt: skip
     """Advance structure and air by one aerodynamic step dt.
 
     The wake moves on first and then stands still while structure and loads are iterated to agreement at the end of the
@@ -86,6 +86,8 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
         Aerodynamic and structural step [s], n_sub of these.
     iterations, tolerance
         Most passes, and the relative change of the loads at which they end.
+    bodies, body_work : BodyArrays, BodyWork, optional
+        Closed bodies in the flow; the wind at their control points is in ``body_work.wind``.
 
     Returns
     -------
@@ -108,13 +110,13 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
             return code
         move_lattice(history.y[3], tree, work, x)
         if iteration == 0:
-            prepare(p, o, a, w, x.nodes, True)
+            prepare(p, o, a, w, x.nodes, True, bodies, body_work)
         solve(p, o, a, w, x.nodes, x.velocities, blade_wind, dt, False)
         change = rotor_loads(a.forces.reshape((n_blade, n_point, 3)), work.rot, x.elastic, x.points, x.blades,
                              inputs.body_loads[1])  # fmt: skip
         if final:
             break
-    accept(p, o, a, w, True, False)
+    accept(p, o, a, w, True, False, bodies, body_work)
     # the stored rate belongs to the stored state and the final loads
     code = hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained)
     if code != OK:
