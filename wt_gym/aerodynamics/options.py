@@ -131,8 +131,8 @@ class AeroOptions:
 # 1.5 turns against 12: power +1.9 %, thrust +1.0 %. Without far wake a wake of this length reads far too high, and
 # thinning rows younger than two turns costs more than it saves: every third row after 0.8 turns, power +3.7 %.
 TRAINING = AeroOptions(
-    n_chord=1, n_span=10, azimuth_step_deg=12.0, wake_rows=45, full_rows=45, coarse_stride=1, fresh_rows=3,
-    refresh_stride=10, far_wake_rows=36, squire=2e-3,
+    n_chord=1, n_span=10, azimuth_step_deg=12.0, wake_rows=42, full_rows=2, coarse_stride=5, fresh_rows=1,
+    refresh_stride=20, far_wake_rows=30, squire=2e-3,
 )  # fmt: skip
 # 4 turns, the older three thinned, against 8: power -0.5 %, thrust -0.3 %.
 ENGINEERING = AeroOptions(

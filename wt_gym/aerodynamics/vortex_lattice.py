@@ -68,7 +68,7 @@ class VortexLattice:
             bodies.n_panels if bodies else 0,
         )  # fmt: skip
         self.bodies = bodies
-        self._body_arrays = ()  # what the kernels take where there are bodies
+        self.body_arrays = ()  # what the kernels take where there are bodies
         self.body_wind = np.zeros((0, 3))
         if bodies is not None:
             ground = bodies.ground if bodies.has_ground else None
@@ -78,7 +78,7 @@ class VortexLattice:
                 )
             n_ring, wake_shape = n_blades * planform.n_chord * planform.n_span, (options.wake_rows + 1, n_blades)
             work = bodies.work(n_ring, self.work.points.shape[1], (*wake_shape, self.n_edge + 1))
-            self._body_arrays = bodies.arrays, work
+            self.body_arrays = bodies.arrays, work
             self.body_wind = work.wind
 
     def new_state(self) -> AeroState:
@@ -233,7 +233,7 @@ class VortexLattice:
         flat = np.ascontiguousarray(points.reshape(-1, 3).T)
         out = np.empty_like(flat)
         a, w = state.arrays, self.work
-        step_kernels.write_sheets(self.arrays, self.constants, a, w, *self._body_arrays)
+        step_kernels.write_sheets(self.arrays, self.constants, a, w, *self.body_arrays)
         chunk = w.targets.shape[2] - WIDTH
         for start in range(0, flat.shape[1], chunk):
             part = np.ascontiguousarray(flat[:, start : start + chunk])
@@ -265,12 +265,12 @@ class VortexLattice:
         if not np.isfinite(self.body_wind.sum()):
             raise AerodynamicsError("the wind at the bodies is not finite")
         if not a.count[3]:
-            step_kernels.prepare(self.arrays, self.constants, a, self.work, nodes, place, *self._body_arrays)
+            step_kernels.prepare(self.arrays, self.constants, a, self.work, nodes, place, *self.body_arrays)
         step_kernels.solve(self.arrays, self.constants, a, self.work, nodes, velocities, wind, dt, first)
         return a.forces
 
     def _accept(self, state, place, all_rows=False):
-        step_kernels.accept(self.arrays, self.constants, state.arrays, self.work, place, all_rows, *self._body_arrays)
+        step_kernels.accept(self.arrays, self.constants, state.arrays, self.work, place, all_rows, *self.body_arrays)
 
     def _steady_ages(self, dt):
         """Ages of the rows of a full wake, given the thinning of old rows."""

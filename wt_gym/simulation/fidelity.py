@@ -45,7 +45,10 @@ class Fidelity:
     tower_elements, blade_elements : int
         Finite elements from which the modes come.
     tower_shadow : bool
-        Potential flow round the tower acts on the blades.
+        Potential flow round a cylinder acts on the blades near the tower: the cheap form of a tower in the flow.
+    tower_body : (int, int) or None
+        Panels around and along of the tower as a closed body in the lattice, which replaces the cheap form: blades,
+        wake and tower then answer each other, and the wake does not cut the tower.
     formulation : str
         "embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
         constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
@@ -66,6 +69,7 @@ class Fidelity:
     tower_elements: int = 12
     blade_elements: int = 24
     tower_shadow: bool = True
+    tower_body: tuple | None = None
     formulation: str = "embedded"
 
     def __post_init__(self):
@@ -79,6 +83,10 @@ class Fidelity:
             raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; allowed: 0 … 0.5 s")
         if self.formulation not in ("embedded", "constrained"):
             raise SimulationError(f"formulation {self.formulation!r} is unknown; allowed: embedded, constrained")
+        if self.tower_body is not None and (len(self.tower_body) != 2 or min(self.tower_body) < 3):
+            raise SimulationError(
+                f"Fidelity.tower_body is {self.tower_body}; allowed: None or two counts of at least 3"
+            )
         for name in ("tower_modes", "blade_modes"):
             modes = getattr(self, name)
             if len(modes) != 3 or min(modes) < 0 or sum(modes) < 1:

@@ -6,7 +6,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wt_gym.aerodynamics import AeroState
-from wt_gym.aerodynamics.tower_flow import tower_perturbation
 from wt_gym.errors import SimulationError
 from wt_gym.multibody import tree_kernels
 from wt_gym.simulation import coupling_kernels
@@ -88,7 +87,7 @@ class FrozenPlant:
         if aerodynamics not in AERODYNAMICS:
             raise SimulationError(f"aerodynamics {aerodynamics!r} is unknown; allowed: {', '.join(AERODYNAMICS)}")
         self.turbine, self.lattice, self.structure = simulator.turbine, simulator.lattice, simulator.structure
-        self.fidelity, self.time_step = simulator.fidelity, simulator.time_step
+        self.fidelity, self.time_step, self.tower_flow = simulator.fidelity, simulator.time_step, simulator.tower_flow
         self.system, self.n_blades = self.structure.system, self.turbine.n_blades
         system = self.system
         if system.n_q != system.n_u or system.n_constraints:
@@ -117,7 +116,6 @@ class FrozenPlant:
         flat = (n, shape[1] * shape[2], 3)
         self._flat = tuple(a.reshape(flat) for a in (self._nodes, self._velocities, self._forces))
         self._blades = np.array(self.structure.blades)
-        self._tower_base = np.array([0.0, 0.0, self.turbine.tower.base_height])
         self._measurement = Measurement(self.turbine, self.structure)
         self._base = np.zeros(2 + n + 3)  # torque, yaw, pitch of each blade, change of the wind
         self._command = self._base.copy()
@@ -279,9 +277,11 @@ class FrozenPlant:
     def _wind_at_blades(self):
         """Undisturbed wind at the lattice nodes, with the blocking of the tower."""
         wind = self._wind.velocity(self._nodes, 0.0)
-        if self.fidelity.tower_shadow:
-            tower, top = self.turbine.tower, self.work.r[self.structure.nacelle]
-            wind += tower_perturbation(self._nodes, wind, self._tower_base, top, tower.diameter_station, tower.diameter)
+        if self.lattice.bodies:
+            self.lattice.body_wind[:] = self._wind.velocity(self.lattice.bodies.control_points, 0.0)
+        elif self.fidelity.tower_shadow:
+            wind = np.array(wind, dtype=np.float64)
+            self.tower_flow.add(self._nodes, wind, self.work.r[self.structure.nacelle])
         return wind
 
     # ---- evaluation --------------------------------------------------------------------------------------------------

@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wt_gym.aerodynamics import VortexLattice
+from wt_gym.aerodynamics import BodySet, TowerFlow, VortexLattice, tower_body
 from wt_gym.aerodynamics.errors import AerodynamicsError
-from wt_gym.aerodynamics.tower_flow import tower_perturbation
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody import point_kernels, tree_kernels
 from wt_gym.multibody.system import FAILURES, HammingIntegrator, MultibodyError
@@ -97,8 +96,14 @@ class Simulator:
         turbine, fid = self.turbine, self.fidelity
         planform = blade_planform(turbine, fid.aero)
         self.structure = build_structure(turbine, fid, planform.nodes)
-        self.lattice = VortexLattice(planform, turbine.n_blades, fid.aero, turbine.air_density)
-        self._tower_base = np.array([0.0, 0.0, turbine.tower.base_height])
+        tower, base = turbine.tower, np.array([0.0, 0.0, turbine.tower.base_height])
+        self.tower_flow = TowerFlow(base, tower.diameter_station, tower.diameter)
+        bodies = None
+        if fid.tower_body is not None:
+            ground, top = fid.aero.ground_height, np.array([0.0, 0.0, tower.height])
+            surface = tower_body(tower.diameter_station, tower.diameter, base, top, *fid.tower_body, ground=ground)
+            bodies = BodySet([surface], ground)
+        self.lattice = VortexLattice(planform, turbine.n_blades, fid.aero, turbine.air_density, bodies)
         if fid.formulation == "embedded":
             self._embedded = None
             self._n_sub = fid.substeps_for(self.time_step, highest_frequency(self.structure.system))
@@ -387,7 +392,7 @@ class Simulator:
             lattice.arrays, lattice.constants, arrays, lattice.work, x, integrator.history, self._saved,
             integrator.inputs, self.structure.system.tree, integrator.work, wake_wind, blade_wind, dt, self._h,
             self._n_sub, integrator.n_corrections, fid.coupling_iterations, fid.coupling_tolerance,
-            self.structure.system.constrained,
+            self.structure.system.constrained, *lattice.body_arrays,
         )  # fmt: skip
         if code != tree_kernels.OK:
             raise SimulationError(self._failure(code))
@@ -419,10 +424,14 @@ class Simulator:
     def _wind_at_blades(self, nodes, time):
         """Undisturbed wind at the lattice nodes, with the blocking of the tower."""
         wind = self._wind(nodes, time)
-        if self.fidelity.tower_shadow:
-            tower = self.turbine.tower
-            top = self._integrator.work.r[self.structure.nacelle]
-            wind = wind + tower_perturbation(nodes, wind, self._tower_base, top, tower.diameter_station, tower.diameter)
+        if self.lattice.bodies:
+            self.lattice.body_wind[:] = self._wind(self.lattice.bodies.control_points, time)
+        elif self.fidelity.tower_shadow:
+            # The tower stands in a wind that the rotor has slowed; the undisturbed one would double its effect.
+            slowed = self._aero.arrays.wake_flow.mean(axis=1)
+            wind = wind + slowed
+            self.tower_flow.add(nodes, wind, self._integrator.work.r[self.structure.nacelle])
+            wind -= slowed
         return wind
 
     # ---- start ----
