@@ -1,7 +1,6 @@
 """Wings as inviscid vortex lattices, for the cases that compare the lattice with lifting-surface theory.
 
-Everything is dimensionless where the case does not say otherwise: chord 1, stream 1, density 1. Wings lie in the y–z plane with the
-chord along +y and the span along +z; the lift points along +x.
+Wings lie in the y–z plane with the chord along +y and the span along +z; the lift points along +x.
 """
 
 from __future__ import annotations

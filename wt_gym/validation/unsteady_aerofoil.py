@@ -85,7 +85,7 @@ def theodorsen(k):
 def exact_lift(motion: str, k):
     """Complex lift coefficient of a unit amplitude of plunge velocity (downwards) or of pitch about the quarter chord.
 
-    cl = π (α̇ b/V + ...) in the form cl = 2 [π b² (V α̇ + ḧ_down − b a α̈) + 2 π V b C (V α + ḣ_down + b (½ − a) α̇)]
+    cl = 2 [π b² (V α̇ + ḧ − b a α̈) + 2 π V b C (V α + ḣ + b (½ − a) α̇)], h positive downwards,
     with b = ½, V = 1, ω = 2 k (Theodorsen 1935, eq. XVIII).
     """
     k = np.asarray(k, dtype=float)
@@ -192,13 +192,13 @@ def theodorsen_convergence():
         f"{n}: {100 * abs(abs(oscillating_lift('plunge', 1.0, n) / exact_lift('plunge', 1.0)) - 1):.1f}" for n in counts
     )
     notes = (
-        f"Error of the lift amplitude at k = 1 in % by panels along the chord: {size}. Why one panel reads so high: the "
-        "bound vortices hold the circulation only up to the middle between the last vortex and the first of the wake, a "
-        "quarter panel before the trailing edge; the Kutta-Joukowski sum misses the vorticity -Γ̇/V of that quarter "
+        f"Error of the lift amplitude at k = 1 in % by panels along the chord: {size}. Why one panel reads so high: "
+        "the bound vortices hold the circulation only up to the middle between the last of them and the first of the wake, "
+        "a quarter panel before the trailing edge; the Kutta-Joukowski sum misses the vorticity -Γ̇/V of that quarter "
         "panel, so that the lift is ρ Γ̇ p/4 too high per span (p = panel chord): first order in the panels and "
-        "proportional to frequency. What remains is of second order. The wake must continue the quarter points of the "
-        "plate: steps of one panel with the newest row a quarter of the way. Other ratios converge with the square root "
-        "of the panel size only."
+        "proportional to the frequency. What remains is of second order. The wake must continue the quarter points of "
+        "the plate: steps of one panel with the newest row a quarter of the way. Other steps and places converge with "
+        "the square root of the panel size only."
     )
     figure = Figure(tuple(curves), "panels along the chord", "|cl / exact - 1|", log_x=True, log_y=True)
     return CaseResult(checks, {"error of the unsteady lift": figure}, notes)
