@@ -193,12 +193,13 @@ def theodorsen_convergence():
     )
     notes = (
         f"Error of the lift amplitude at k = 1 in % by panels along the chord: {size}. Why one panel reads so high: "
-        "the bound vortices hold the circulation only up to the middle between the last of them and the first of the wake, "
-        "a quarter panel before the trailing edge; the Kutta-Joukowski sum misses the vorticity -Γ̇/V of that quarter "
-        "panel, so that the lift is ρ Γ̇ p/4 too high per span (p = panel chord): first order in the panels and "
+        "the bound vortices hold the circulation only up to the middle between the last of them and the first of the "
+        "wake, a quarter panel before the trailing edge; the Kutta-Joukowski sum misses the vorticity -Γ̇/V of that "
+        "quarter panel, so that the lift is ρ Γ̇ p/4 too high per span (p = panel chord): first order in the panels and "
         "proportional to the frequency. What remains is of second order. The wake must continue the quarter points of "
-        "the plate: steps of one panel with the newest row a quarter of the way. Other steps and places converge with "
-        "the square root of the panel size only."
+        "the plate: steps of one panel with the newest row a quarter of the way. Steps of half a panel, or a row "
+        "further behind, converge with the square root of the panel size only; with steps of two panels errors happen "
+        "to cancel here."
     )
     figure = Figure(tuple(curves), "panels along the chord", "|cl / exact - 1|", log_x=True, log_y=True)
     return CaseResult(checks, {"error of the unsteady lift": figure}, notes)
