@@ -1,0 +1,217 @@
+"""A rigid rotor turning steadily in a uniform wind, straight on the vortex lattice: no structure, tower or tilt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt_gym.aerodynamics import AeroOptions, LatticePlanform, VortexLattice
+from wt_gym.simulation.blade_lattice import blade_planform
+
+__all__ = ["RigidRotor", "RotorRun", "UniformWind"]
+
+
+@dataclass(frozen=True)
+class UniformWind:
+    """The same wind everywhere and always.
+
+    Attributes
+    ----------
+    speed : float
+        [m/s].
+    tilt : float
+        Angle by which the rotor's axis points up against the wind [rad]; the axis stays x, the wind turns instead.
+    """
+
+    speed: float
+    tilt: float = 0.0
+
+    def velocity(self, points, time):
+        """Wind (..., 3) [m/s] at points (..., 3)."""
+        vector = [self.speed * np.cos(self.tilt), 0.0, self.speed * np.sin(self.tilt)]
+        return np.broadcast_to(vector, np.shape(points))
+
+
+@dataclass(frozen=True)
+class RotorRun:
+    """What a rotor in a uniform wind has come to.
+
+    Attributes
+    ----------
+    power, thrust : ndarray, shape (n_steps,)
+        [W], [N] at every step.
+    steps_per_turn : int
+    reference_power, reference_thrust : float
+        rho A V^3 / 2 [W] and rho A V^2 / 2 [N].
+    span : ndarray, shape (n_span,)
+        Distance of the strips' middles from the axis, along the blade [m].
+    alpha, speed : ndarray, shape (n_span,)
+        Effective angle of attack [rad] and speed in the section plane [m/s] of the first blade at the last step.
+    circulation : ndarray, shape (n_span,)
+        [m^2/s], first blade, last step.
+    coefficients : ndarray, shape (n_span, 3)
+        cl, cd, cm of the strips' polars at ``alpha``.
+    force : ndarray, shape (n_span, 3)
+        Force per length on the first blade at the last step [N/m], in the frame that turns with it: along the axis, in
+        the direction of motion, along the blade. The lattice's nodal forces are shared between the strips beside them.
+    """
+
+    power: np.ndarray
+    thrust: np.ndarray
+    steps_per_turn: int
+    reference_power: float
+    reference_thrust: float
+    span: np.ndarray
+    alpha: np.ndarray
+    speed: np.ndarray
+    circulation: np.ndarray
+    coefficients: np.ndarray
+    force: np.ndarray
+
+    @property
+    def cp(self) -> float:
+        """Power coefficient, mean of the last turn."""
+        return float(self.power[-self.steps_per_turn :].mean() / self.reference_power)
+
+    @property
+    def ct(self) -> float:
+        """Thrust coefficient, mean of the last turn."""
+        return float(self.thrust[-self.steps_per_turn :].mean() / self.reference_thrust)
+
+    @property
+    def drift(self) -> float:
+        """Relative change of the power from the turn before the last to the last: how well the wake has settled."""
+        last, before = self.power[-self.steps_per_turn :], self.power[-2 * self.steps_per_turn : -self.steps_per_turn]
+        return float(last.mean() / before.mean() - 1.0)
+
+
+@dataclass(frozen=True)
+class RigidRotor:
+    """Equal rigid blades on a hub.
+
+    Attributes
+    ----------
+    planform : LatticePlanform
+        One blade, z from its root.
+    n_blades : int
+    root_radius : float
+        Distance of the blade root from the axis along the blade [m].
+    radius : float
+        Radius of the disc to which coefficients refer [m].
+    cone : float
+        Positive tips upwind [rad].
+    air_density : float
+        [kg/m^3].
+    """
+
+    planform: LatticePlanform
+    n_blades: int
+    root_radius: float
+    radius: float
+    cone: float = 0.0
+    air_density: float = 1.225
+
+    @classmethod
+    def of_turbine(cls, turbine, options: AeroOptions) -> RigidRotor:
+        """Rotor of a turbine of the catalogue; coefficients refer to the nominal diameter."""
+        return cls(
+            blade_planform(turbine, options), turbine.n_blades, turbine.blade.root_radius,
+            0.5 * turbine.rotor_diameter, turbine.hub.cone, turbine.air_density,
+        )  # fmt: skip
+
+    def motion(self, azimuth: float, rotor_speed: float, pitch: float):
+        """Positions and velocities (n_blades, n_chord + 1, n_span + 1, 3) of the ring nodes, centre of the hub at 0."""
+        local = self.planform.nodes @ turn("z", -pitch).T + [0.0, 0.0, self.root_radius]
+        local = local @ turn("y", -self.cone).T
+        angles = azimuth + 2.0 * np.pi / self.n_blades * np.arange(self.n_blades)
+        nodes = np.array([local @ turn("x", angle).T for angle in angles])
+        return nodes, np.cross([rotor_speed, 0.0, 0.0], nodes)
+
+    def run(self, options: AeroOptions, wind: float, rotor_speed: float, pitch: float = 0.0, turns: float = 4.0,
+            tilt: float = 0.0) -> RotorRun:  # fmt: skip
+        """Start with a helical wake in momentum balance and turn ``turns`` times with the free wake.
+
+        Parameters
+        ----------
+        options : AeroOptions
+        wind : float
+            [m/s].
+        rotor_speed : float
+            [rad/s].
+        pitch : float
+            [rad].
+        turns : float
+            At least two, for the mean and its drift.
+        tilt : float
+            Angle of the axis to the wind [rad].
+
+        Returns
+        -------
+        RotorRun
+        """
+        steps = round(360.0 / options.azimuth_step_deg)
+        dt = 2.0 * np.pi / rotor_speed / steps
+        lattice, inflow = (
+            VortexLattice(self.planform, self.n_blades, options, self.air_density),
+            UniformWind(wind, tilt),
+        )
+        state = lattice.new_state()
+        nodes, velocities = self.motion(0.0, rotor_speed, pitch)
+        stream = inflow.velocity(nodes, 0.0)
+        axis = [1.0, 0.0, 0.0]
+        lattice.initialise_helix(state, nodes, velocities, stream, np.zeros(3), axis, rotor_speed, dt)
+        history = []
+        for k in range(round(turns * steps)):
+            lattice.convect_wake(state, inflow, k * dt, dt)
+            nodes, velocities = self.motion((k + 1) * dt * rotor_speed, rotor_speed, pitch)
+            forces = lattice.solve(state, nodes, velocities, stream, dt)
+            history.append(((forces * velocities).sum(), forces[..., 0].sum()))
+            lattice.accept(state)
+        return self.result(state, np.array(history), wind, steps, (k + 1) * dt * rotor_speed)
+
+    def result(self, state, history, wind: float, steps: int, azimuth: float) -> RotorRun:
+        """Collect a run from the last state and the power and thrust of all steps (n_steps, 2)."""
+        edges = self.planform.span_edges
+        pressure = 0.5 * self.air_density * np.pi * self.radius**2 * wind**2
+        alpha = state.angle_of_attack[0].copy()
+        table = np.linspace(-np.pi, np.pi, self.planform.polars.shape[1] + 1)
+        polars = np.concatenate([self.planform.polars, self.planform.polars[:, :1]], axis=1)
+        coefficients = np.array(
+            [[np.interp(a, table, p) for p in polar.T] for a, polar in zip(alpha, polars, strict=True)]
+        )
+        return RotorRun(
+            power=history[:, 0],
+            thrust=history[:, 1],
+            steps_per_turn=steps,
+            reference_power=pressure * wind,
+            reference_thrust=pressure,
+            span=self.root_radius + 0.5 * (edges[1:] + edges[:-1]),
+            alpha=alpha,
+            speed=state.section_speed[0].copy(),
+            circulation=state.circulation[0].copy(),
+            coefficients=coefficients,
+            force=self._force_per_length(state.nodal_forces[0].sum(axis=0) @ turn("x", azimuth) * [1.0, -1.0, 1.0]),
+        )
+
+    def _force_per_length(self, at_edges):
+        """Strip forces per length (n_span, 3) from the forces at the span edges (n_span + 1, 3).
+
+        The lattice gives half of each strip's force to either edge, so the strips' forces follow one by one only up to
+        an alternating part; the mean of the edges' densities has none.
+        """
+        edges = self.planform.span_edges
+        width = np.diff(edges)
+        share = np.concatenate([[0.5 * width[0]], 0.5 * (width[1:] + width[:-1]), [0.5 * width[-1]]])
+        density = at_edges / share[:, None]
+        return 0.5 * (density[1:] + density[:-1])
+
+
+def turn(axis: str, angle: float) -> np.ndarray:
+    """Matrix (3, 3) of the rotation by ``angle`` [rad] about x, y or z."""
+    c, s = np.cos(angle), np.sin(angle)
+    if axis == "x":
+        return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    if axis == "y":
+        return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
