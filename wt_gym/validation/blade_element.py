@@ -1,4 +1,4 @@
-"""Blade-element momentum theory for a rigid rotor in a uniform axial wind: the usual model, to compare the lattice with.
+"""Blade-element momentum theory for a rigid rotor in a uniform axial wind, to compare the lattice with.
 
 Every section is solved on its own (Ning, Wind Energy 17 (2014) 1327): the inflow angle at which the momentum of the
 annulus takes up the polar's forces, with Prandtl's losses at tip and root and Buhl's thrust above a = 0.4.

@@ -7,7 +7,6 @@ should give the measured torque; from 10 m/s on the rotor stalls and becomes a t
 from __future__ import annotations
 
 import json
-from functools import partial
 from importlib import resources
 
 import numpy as np
