@@ -109,7 +109,7 @@ def nrel5mw_rotor():
     figures["Cp against pitch"] = Figure(tuple(curves[1]), "pitch [deg]", "Cp")
     figures["Ct against pitch"] = Figure(tuple(curves[2]), "pitch [deg]", "Ct")
     lines += [
-        f"Lattice 1 × {N_SPAN}, {STEPS_PER_TURN} steps a turn, wake of max(3, λ/2) turns continued by vortex cylinders.",
+        f"Lattice 1 × {N_SPAN}, {STEPS_PER_TURN} steps a turn, wake of max(3, λ/2) turns, continued by cylinders.",
         "Own blade-element theory (same polars, Prandtl, Buhl, drag in the momentum balance) stands between table and",
         "lattice: what it and the table differ in is the momentum theory of high loading and the stalled root.",
     ]

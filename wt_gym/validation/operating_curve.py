@@ -139,8 +139,8 @@ def nrel_5mw_operating_curve():
             f"{_percent(element.power / 1e3, table[k, 3])}{_percent(element.thrust / 1e3, thrust[k] - _WEIGHT)}"
         )
     lines += [
-        f"Fidelity {FIDELITY!r}, uniform wind, all degrees of freedom; thrust with the rotor's weight along the shaft.",
-        "The last columns are blade-element momentum theory (own, rigid blades, no tilt) at the table's speed and pitch",
+        f"Fidelity {FIDELITY!r}, uniform wind, all degrees of freedom; thrust with the rotor's weight.",
+        "The last columns are blade-element momentum theory (own, rigid, no tilt) at the table's speed and pitch",
         "against the table: what polars, planform and definitions alone leave of a difference.",
     ]
     openfast, _ = read_table("nrel5mw_openfast.csv")
