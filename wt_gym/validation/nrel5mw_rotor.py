@@ -110,8 +110,11 @@ def nrel5mw_rotor():
     figures["Ct against pitch"] = Figure(tuple(curves[2]), "pitch [deg]", "Ct")
     lines += [
         f"Lattice 1 × {N_SPAN}, {STEPS_PER_TURN} steps a turn, wake of max(3, λ/2) turns, continued by cylinders.",
-        "Own blade-element theory (same polars, Prandtl, Buhl, drag in the momentum balance) stands between table and",
-        "lattice: what it and the table differ in is the momentum theory of high loading and the stalled root.",
+        "Own blade-element theory: same polars, Prandtl's and Buhl's corrections, drag in the momentum balance.",
+        "Power and drag losses together, without tilt, are 0.93 … 0.95 of Ct (1 + √(1 − Ct))/2 (uniform induction) on",
+        "the lattice for λ = 7.5 … 10, but only 0.90 falling to 0.86 in blade-element theory: the gap grows with the",
+        "loading, where that theory rests on an empirical thrust. At λ = 10 twice the steps a turn take 1.6 % off Cp,",
+        "20 strips 1.4 %.",
     ]
     return CaseResult(checks, figures, "\n".join(lines))
 

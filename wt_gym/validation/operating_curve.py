@@ -21,6 +21,8 @@ RATED_WIND = 11.4
 GENERATOR_EFFICIENCY = 0.944
 SETTLING, AVERAGE = 36.0, 12.0
 """Time before the mean and time of the mean [s]; near cut-in settling takes three times as long."""
+FAST_WIND = 5.5
+"""Below this wind [m/s] the tip-speed ratio exceeds 9.5, the rotor being kept from turning any slower."""
 SLOW_WIND = 6.5
 """Below this wind [m/s] the torque curve hardly holds the rotor, whose time constant grows to 40 s."""
 
@@ -59,7 +61,7 @@ class SteadyPoint:
     drift: float
 
 
-def steady_point(turbine, wind, rotor_speed, pitch, fidelity=FIDELITY) -> SteadyPoint:
+def steady_point(turbine, wind, rotor_speed, pitch, fidelity=FIDELITY, settling=SETTLING) -> SteadyPoint:
     """Simulate a turbine under the baseline controller until it is steady.
 
     Parameters
@@ -70,6 +72,8 @@ def steady_point(turbine, wind, rotor_speed, pitch, fidelity=FIDELITY) -> Steady
     rotor_speed, pitch : float
         Where to start: the nearer to the steady state, the sooner it is reached [rad/s], [rad].
     fidelity : str or Fidelity
+    settling : float
+        Time before the mean [s].
     """
     from agents.baseline import BaselineController, BaselineParameters  # controllers stand above this package
 
@@ -78,7 +82,6 @@ def steady_point(turbine, wind, rotor_speed, pitch, fidelity=FIDELITY) -> Steady
     controller = BaselineController(BaselineParameters.from_turbine(turbine))
     controller.start(signals.generator_speed, signals.pitch, signals.generator_torque)
     dt = simulator.time_step
-    settling = SETTLING * (3.0 if wind < SLOW_WIND else 1.0)
     rows = []
     for _ in range(round((settling + AVERAGE) / dt)):
         command, torque = controller.step(signals.generator_speed, dt)
@@ -97,10 +100,10 @@ def operating_curve(fidelity=FIDELITY):
     """Steady points at the wind speeds of the published table, started from it; returns points and table (n, 5)."""
     turbine = load_turbine("nrel_5mw")
     table, _ = read_table("nrel5mw_steady_state.csv")
-    points = [
-        steady_point(turbine, wind, speed * np.pi / 30.0, np.radians(pitch), fidelity)
-        for wind, speed, pitch in table[:, :3]
-    ]
+    points = []
+    for wind, speed, pitch in table[:, :3]:
+        settling = SETTLING * (3.0 if wind < SLOW_WIND else 1.0)
+        points.append(steady_point(turbine, wind, speed * np.pi / 30.0, np.radians(pitch), fidelity, settling))
     return points, table
 
 
@@ -113,11 +116,18 @@ def nrel_5mw_operating_curve():
     wind, speed, pitch = table[:, 0], table[:, 1], table[:, 2]
     power, thrust = GENERATOR_EFFICIENCY * table[:, 3], table[:, 4]
     found = {name: np.array([getattr(point, name) for point in points]) for name in SteadyPoint.__dataclass_fields__}
-    below, above = wind < RATED_WIND, wind > RATED_WIND
-    checks = [
-        _worst("rotor speed below rated wind", wind, speed, found["rotor_speed"], below, 0.03, "rpm"),
-        _worst("power below rated wind", wind, power, found["power"], below, 0.09, "kW"),
-        _worst("thrust below rated wind", wind, thrust, found["thrust"], below, 0.08, "kN"),
+    above = wind > RATED_WIND
+    checks = []
+    for name, chosen in (
+        ("near cut-in (tip-speed ratio above 9.5)", wind < FAST_WIND),
+        ("below rated wind", (wind >= FAST_WIND) & ~above),
+    ):
+        checks += [
+            _worst(f"rotor speed {name}", wind, speed, found["rotor_speed"], chosen, 0.03, "rpm"),
+            _worst(f"power {name}", wind, power, found["power"], chosen, 0.09, "kW"),
+            _worst(f"thrust {name}", wind, thrust, found["thrust"], chosen, 0.08, "kN"),
+        ]
+    checks += [
         _worst("rotor speed above rated wind", wind, speed, found["rotor_speed"], above, 0.005, "rpm"),
         _worst("power above rated wind", wind, power, found["power"], above, 0.01, "kW"),
         _worst("thrust above rated wind", wind, thrust, found["thrust"], above, 0.08, "kN"),
@@ -142,8 +152,14 @@ def nrel_5mw_operating_curve():
         f"Fidelity {FIDELITY!r}, uniform wind, all degrees of freedom; thrust with the rotor's weight.",
         "The last columns are blade-element momentum theory (own, rigid, no tilt) at the table's speed and pitch",
         "against the table: what polars, planform and definitions alone leave of a difference.",
+        "Near cut-in the tip-speed ratio is 10 to 12, where the lattice yields more than blade-element theory (case",
+        "nrel-5mw-rotor); a wake of few turns adds to that, and to the power at all winds below rated.",
+        "FAST's blades bend but do not twist; a blade that twists elastically needs less pitch above rated wind.",
     ]
     openfast, _ = read_table("nrel5mw_openfast.csv")
+    difference = found["pitch"] - np.interp(wind, openfast[:, 0], openfast[:, 2])
+    compared = ", ".join(f"{difference[k]:+.2f} ({wind[k]:g} m/s)" for k in np.flatnonzero(above)[::3])
+    lines.append(f"Pitch against OpenFAST instead, which differs from Figure 9-1 by up to 0.5 deg: {compared} deg.")
     figures = {
         title: Figure(
             (
