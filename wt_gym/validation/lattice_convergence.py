@@ -35,7 +35,7 @@ def settled(**changes):
     """
     choice = BASE | changes
     turns = choice["turns"]
-    options = wake_options(**choice, refresh_stride=6 if turns <= 6 else 12)
+    options = wake_options(**choice)
     rotor = RigidRotor.of_turbine(load_turbine("nrel_5mw"), options)
     return rotor.run(options, WIND, ROTOR_SPEED, 0.0, turns + 7.0 if turns <= 6 else 0.6 * turns + 6.0)
 
