@@ -29,7 +29,7 @@ from wt_gym.wind import SteadyInflow
 __all__ = ["GENERATOR_DAMPER", "boundary_layer", "gebhardt_data", "gebhardt_turbine"]
 
 ROOT_CHORD = 0.3
-"""Chord of the lattice where the blade carries no lift [m]: a lattice has no holes, but its root strips may be slender."""
+"""Chord of the lattice where the blade carries no lift [m]: the root strips of a lattice may be slender, not absent."""
 ROOT_RAMP = 1.0
 """Half of the length over which the chord of the lattice rises where the lifting surface begins [m]."""
 
