@@ -67,9 +67,8 @@ def tower_stiffness():
         ),
     ]
     lines += [
-        "The load passes through resonance between the two winds, so that the ratio is anything from a third to six for",
-        "towers below or between the blade-passing frequencies; a tower of about 0.44 Hz has the published growth of three,",
-        "and so has one far stiffer than both, which follows the growth of the load itself.",
+        "The ratio depends on how near the tower is to resonance in either wind: over these towers it runs from a third",
+        "to about eight, and it is about three at 0.44 Hz. The ratio of the means does not depend on it.",
     ]
     curves = (
         Curve(frequency, growth, "computed", "o-"),
