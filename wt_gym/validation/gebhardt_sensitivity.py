@@ -67,8 +67,8 @@ def tower_stiffness():
         ),
     ]
     lines += [
-        "The ratio depends on how near the tower is to resonance in either wind: over these towers it runs from a third",
-        "to about eight, and it is about three at 0.44 Hz. The ratio of the means does not depend on it.",
+        "The ratio depends on how near the tower is to resonance in either wind: over these towers it runs from a",
+        "third to about eight, and it is about three at 0.44 Hz. The ratio of the means does not depend on it.",
     ]
     curves = (
         Curve(frequency, growth, "computed", "o-"),
