@@ -8,10 +8,12 @@
 The case is a flat rectangular wing of aspect ratio 8 at 5 degrees, set in motion at once. A case 4x16x40 has 4 x 16
 panels of equal size on the whole wing (no symmetry) and 40 steps, in each of which the wing advances by the chord of
 one panel. Both solvers, single-threaded and after compilation, solve at 40 instants: boundary condition, forces on all
-panels, free wake with every row kept and moved by the velocity that all bound and wake rings induce; the vortex cores
-are alike (3 % of the chord, Squire's coefficient 1e-4). What differs: PteraSoftware computes in float64 and convects
-the wake with first order; wt_gym computes the influence of the wake in float32, everything else in float64, and
-convects with second order. Time is that of the solver alone; building geometry and movement is listed as set-up.
+panels, free wake with every row kept and moved by the velocity that all bound and wake rings induce; cores of the wake
+are alike (3 % of the chord, Squire's coefficient 1e-4). What differs: PteraSoftware computes in float64, convects the
+wake with first order and smooths its bound rings, too, with 3 % of the chord, which on fine lattices raises the lift
+and is no option; wt_gym computes the velocity of the wake in float32 and all else in float64, convects with second
+order and smooths bound rings with 1 % of a panel's chord. Time is that of the solver alone; building geometry and
+movement is listed as set-up. On a busy machine look at the processor times.
 
 Lift is compared with linear lifting-surface theory at the same instant (straight wake; lattices of 8 and 16 panels a
 chord, extrapolated) and with the steady value of the exact theory, CL = 0.4002, which short runs do not reach.
@@ -37,11 +39,12 @@ from importlib import metadata, util
 from pathlib import Path
 from types import ModuleType
 
+from bench import SINGLE_THREAD, processor
+
 PACKAGE = "pterasoftware==5.1.0"
 NEEDED = ("numpy", "scipy", "numba", "llvmlite")  # in the versions of the running Python, so that compilers are equal
 SMALL = ("threadpoolctl>=3.5,<4", "tqdm>=4.66,<5")
 UNUSED = ("matplotlib", "matplotlib.pyplot", "pyvista", "webp", "mujoco")
-SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 CASES = ("2x16x80", "4x16x40", "4x16x80", "6x24x60", "8x32x40", "8x32x80")
 
 ASPECT, ANGLE_DEG = 8.0, 5.0  # chord 1 m, speed 1 m/s, density 1 kg/m^3
@@ -236,7 +239,7 @@ class Worker:
     def _answer(self) -> dict:
         line = self.process.stdout.readline()
         if not line:
-            raise SystemExit(f"the process of {self.name} ended with status {self.process.wait()}, see above")
+            raise SystemExit(f"error: the process of {self.name} ended with status {self.process.wait()}, see above")
         return json.loads(line)
 
 
@@ -264,10 +267,15 @@ def set_up(environment: Path) -> None:
         command = [environment_python(environment), "-m", "pip", "install", "--quiet", *packages]
         done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         if done.returncode != 0:
-            raise SystemExit(f"installing {' '.join(packages)} failed:\n{done.stdout}")
+            raise SystemExit(f"error: installing {' '.join(packages)} failed:\n{done.stdout}")
 
 
 # ---- reference: linear theory ----
+
+
+def half_span_panels(n: int) -> int:
+    """Panels along half of the span for n panels along the chord: square ones."""
+    return round(0.5 * ASPECT * n)
 
 
 def linear_lift_slope(n: int, chords: float):
@@ -280,7 +288,7 @@ def linear_lift_slope(n: int, chords: float):
     Parameters
     ----------
     n : int
-        Panels along the chord; as many panels a chord along the span.
+        Panels along the chord.
     chords : float
         Way travelled in chords.
 
@@ -291,9 +299,9 @@ def linear_lift_slope(n: int, chords: float):
     """
     import numpy as np
 
-    m, n_steps = round(0.5 * ASPECT * n), math.ceil(chords * n)
-    size = 1.0 / n
-    middle, edge = size * (np.arange(m) + 0.5), size * np.arange(m + 1)
+    m, n_steps = half_span_panels(n), math.ceil(chords * n)
+    size, width = 1.0 / n, 0.5 * ASPECT / half_span_panels(n)
+    middle, edge = width * (np.arange(m) + 0.5), width * np.arange(m + 1)
     # Row d: a ring d - (n - 1) panels behind the collocation points; each half wing with its mirror image.
     ahead = size * (n - 1 - np.arange(n_steps + 2 * n) + 0.5)[:, None, None]
     rings = np.zeros((n_steps + 2 * n, m, m))
@@ -316,7 +324,7 @@ def linear_lift_slope(n: int, chords: float):
             through[i] += np.einsum("kij,kj->i", rings[first : first + k], wake[:k])
         gamma = -(inverse @ through.ravel()).reshape(n, m)
         rate = (1.5 * gamma - 2.0 * before + 0.5 * earlier if k > 1 else (gamma - before) * min(k, 1)) / size
-        slope[k] = 4.0 * size * (gamma[-1].sum() + size * rate.sum()) / ASPECT
+        slope[k] = 4.0 * width * (gamma[-1].sum() + size * rate.sum()) / ASPECT
         before, earlier = gamma, before
         wake[1 : k + 1] = wake[:k].copy()
         wake[0] = gamma[-1]
@@ -409,15 +417,6 @@ def verdict(results: list[dict]) -> dict:
     }
 
 
-def processor() -> str:
-    """Name of the processor."""
-    try:
-        with open("/proc/cpuinfo") as info:
-            return next(line.split(":", 1)[1].strip() for line in info if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
-
-
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments()
@@ -429,7 +428,7 @@ def main() -> None:
         set_up(environment)
     python = environment_python(environment)
     if not python.exists():
-        raise SystemExit(f"no Python environment in {environment}; --set-up makes it, --environment names another")
+        raise SystemExit(f"error: no Python environment in {environment}; --set-up makes it, --environment names another")
 
     from agents.progress import ProgressLine
 
