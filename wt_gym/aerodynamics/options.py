@@ -7,6 +7,7 @@ from wt_gym.aerodynamics.errors import AerodynamicsError
 __all__ = ["ENGINEERING", "REFERENCE", "TRAINING", "AeroOptions"]
 
 LOAD_FORMS = ("joukowski", "bernoulli")
+INDUCTIONS = ("direct", "tree")
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,11 @@ class AeroOptions:
     shed_fraction : float
         Position of the newest wake row between the trailing edge (0) and the place to which the air that passed the
         trailing edge one step ago has moved (1). Below one half the lumped shed vortex best represents the sheet.
+    induction : str
+        "direct": every segment at every target; "tree": far clusters of segments by their moments, for wakes of more
+        than some 10 000 segments.
+    tree_tolerance : float
+        Error of the tree code, root mean square, relative to the mean induced velocity.
     ground_height : float or None
         Height of a flat ground [m]; the wake and the blades are then mirrored in it. None: no ground.
 
@@ -94,6 +100,8 @@ class AeroOptions:
     core_strain: bool = True
     curved_filaments: bool = True
     shed_fraction: float = 0.25
+    induction: str = "direct"
+    tree_tolerance: float = 1e-3
     ground_height: float | None = None
 
     def __post_init__(self):
@@ -121,6 +129,10 @@ class AeroOptions:
             )
         if self.load_form not in LOAD_FORMS:
             raise AerodynamicsError(f"AeroOptions.load_form is {self.load_form!r}; allowed: {', '.join(LOAD_FORMS)}")
+        if self.induction not in INDUCTIONS:
+            raise AerodynamicsError(f"AeroOptions.induction is {self.induction!r}; allowed: {', '.join(INDUCTIONS)}")
+        if not 0.0 < self.tree_tolerance < 0.1:
+            raise AerodynamicsError(f"AeroOptions.tree_tolerance is {self.tree_tolerance}; it must lie in (0, 0.1)")
         if not 0.0 < self.shed_fraction <= 1.0:
             raise AerodynamicsError(f"AeroOptions.shed_fraction is {self.shed_fraction}; it must lie in (0, 1]")
 
@@ -139,8 +151,8 @@ ENGINEERING = AeroOptions(
     n_chord=2, n_span=16, azimuth_step_deg=8.0, wake_rows=90, full_rows=45, coarse_stride=3, fresh_rows=20,
     refresh_stride=5, far_wake_rows=60, squire=1e-3,
 )  # fmt: skip
-# 12 turns, all of them free and computed anew every step. A wake of that length needs no continuation.
+# 11 turns at 9 rpm, 15 at 12 rpm, all of them free and computed anew every step; every second row beyond the first 200.
 REFERENCE = AeroOptions(
-    n_chord=4, n_span=24, azimuth_step_deg=7.5, wake_rows=576, full_rows=576, fresh_rows=576, refresh_stride=1,
-    far_wake=False, squire=1e-3,
+    n_chord=4, n_span=24, azimuth_step_deg=7.5, wake_rows=480, full_rows=200, coarse_stride=2, fresh_rows=480,
+    refresh_stride=1, far_wake=False, squire=1e-3, induction="tree",
 )  # fmt: skip

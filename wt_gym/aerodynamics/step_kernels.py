@@ -90,38 +90,51 @@ def convect_wake(o, a, wind, dt):
 
 @kernel(fastmath=False)
 def prepare(p, o, a, w, nodes, place, bodies=None, body_work=None):
-    """What is computed once a step: newest row, influence of the bound rings, velocity of the wake at the blades."""
-    n_blade, n_row, n_node, _ = nodes.shape
-    n_chord, n_span = n_row - 1, n_node - 1
+    """What is computed once a step: newest row, velocity of the wake at the blades, influence of the bound rings."""
+    prepare_wake(p, o, a, w, nodes, place, bodies, body_work)
+    if a.count[0] > 0:
+        velocity_at_points(p, o, a, w, w.bound_sheet[:0], w.wake_sheet[1 : a.count[0] + 1], w.points, a.wake_flow)
+    prepare_boundary(p, o, a, w, nodes, bodies, body_work)
+
+
+@kernel(fastmath=False)
+def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
+    """Points of the blades, newest row, far wake, and the sheet of the wake without its newest ring."""
+    n_row = nodes.shape[1]
     n_rows = a.count[0]
-    points = w.points
-    geometry(nodes, n_chord if o.edge_wake else n_row, points, w.normal, w.area)
+    geometry(nodes, n_row - 1 if o.edge_wake else n_row, w.points, w.normal, w.area)
     shedding_edge(nodes, p.shed_nodes, a.wake[0])
-    if n_rows > 0 and place:
+    for c in range(3):
+        for i in range(w.points.shape[1]):
+            a.wake_flow[c, i] = 0.0
+    if n_rows == 0:
+        return
+    if place:
         place_newest_row(a.free_edge, o.shed_fraction, a.wake)
+    if o.far_wake and a.count[4] == 1 and n_rows > 1:
+        measure_far_wake(a, min(o.far_wake_rows, n_rows - 1), a.clock[2] if place else 0.0, w.lines)
+    build_wake_sheet(a, p, o, 1, n_rows, a.clock[2] if place else -1.0, False, w.wake_sheet)
+    if bodies is not None:
+        cut_wake(bodies, body_work.flags, a.wake, n_rows, w.wake_sheet)
+
+
+@kernel(fastmath=False)
+def prepare_boundary(p, o, a, w, nodes, bodies=None, body_work=None):
+    """Influence of the bound rings with their newest wake rings, and the inverse of the boundary condition."""
+    n_blade, n_row, n_node, _ = nodes.shape
     gather_corners(nodes, a.wake, o.ground, w.corners)
     for r in range(a.influence.shape[0]):
         for c in range(3):
-            for i in range(points.shape[1]):
+            for i in range(a.influence.shape[2]):
                 a.influence[r, c, i] = 0.0
+    has_wake = 1 if a.count[0] > 0 else 0
     for image in range(2 if o.has_ground else 1):
-        has_wake = 1 if n_rows > 0 else 0
         bound_influence(w.corners[image], p.segments[has_wake], p.segment_core[has_wake], p.n_segments[has_wake],
-                        points, w.part, 1.0 - 2.0 * image, a.influence)  # fmt: skip
-    for c in range(3):
-        for i in range(points.shape[1]):
-            a.wake_flow[c, i] = 0.0
-    if n_rows > 0:
-        if o.far_wake and a.count[4] == 1 and n_rows > 1:
-            measure_far_wake(a, min(o.far_wake_rows, n_rows - 1), a.clock[2] if place else 0.0, w.lines)
-        build_wake_sheet(a, p, o, 1, n_rows, a.clock[2] if place else -1.0, False, w.wake_sheet)
-        if bodies is not None:
-            cut_wake(bodies, body_work.flags, a.wake, n_rows, w.wake_sheet)
-        velocity_at_points(p, o, a, w, w.bound_sheet[:0], w.wake_sheet[1 : n_rows + 1], points, a.wake_flow)
+                        w.points, w.part, 1.0 - 2.0 * image, a.influence)  # fmt: skip
     if bodies is not None:
         answer_of_bodies(p, o, a, w, bodies, body_work)
-    invert_boundary_condition(a.influence, w.normal, n_blade, n_chord, n_span, w.swap, w.panel, w.pivots, a.inverse,
-                              a.response)  # fmt: skip
+    invert_boundary_condition(a.influence, w.normal, n_blade, n_row - 1, n_node - 1, w.swap, w.panel, w.pivots,
+                              a.inverse, a.response)  # fmt: skip
     a.count[3] = 1
 
 
@@ -254,6 +267,14 @@ def add_ring_velocity(gamma, influence, begin, flow):
 @kernel(fastmath=False)
 def accept(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     """Shed the newest ring and compute the induced velocities with which the wake moves on."""
+    n_target = shed_newest(p, o, a, w, place, all_rows, bodies, body_work)
+    induced_at(w.bound_sheet, w.wake_sheet[: a.count[0] + 1], a.far, n_target, w, o, a.origin, p.cylinder_table)
+    store_induced(o, a, w, n_target, bodies, body_work)
+
+
+@kernel(fastmath=False)
+def shed_newest(p, o, a, w, place, all_rows, bodies=None, body_work=None):
+    """Shed the newest ring, finish the sheets and gather the targets whose turn it is; returns their number."""
     n_span = a.gamma.shape[2]
     n_chord = a.gamma.shape[1]
     n_rows = a.count[0]
@@ -282,13 +303,17 @@ def accept(p, o, a, w, place, all_rows, bodies=None, body_work=None):
         count = n_rows + 1
         for k in range(count):
             w.rows[k] = k
-    n_target = gather_targets(a, w, count)
-    induced_at(w.bound_sheet, w.wake_sheet[: n_rows + 1], a.far, n_target, w, o, a.origin, p.cylinder_table)
+    return gather_targets(a, w, count)
+
+
+@kernel(fastmath=False)
+def store_induced(o, a, w, n_target, bodies=None, body_work=None):
+    """Velocities of the targets, with those of the bodies, back to the rows."""
     if bodies is not None:
         body_strengths(body_work, a.gamma.reshape(a.influence.shape[0]), a.body_strength)
         add_body_velocity(bodies, a.body_strength, w.targets[0], w.velocity[0], n_target, a.origin, o.ground,
                           o.has_ground)  # fmt: skip
-    scatter_velocities(a, w, count)
+    scatter_velocities(a, w, n_target // (a.wake.shape[1] * a.wake.shape[2]))
 
 
 @kernel(fastmath=False)

@@ -9,6 +9,7 @@ from wt_gym.aerodynamics.far_wake import cylinder_table
 from wt_gym.aerodynamics.lattice import LatticePlanform
 from wt_gym.aerodynamics.options import AeroOptions
 from wt_gym.aerodynamics.simd_kernels import WIDTH
+from wt_gym.aerodynamics.split_induction import SplitInduction
 from wt_gym.aerodynamics.state import LEVELS, AeroConstants, AeroState, AeroWork, PlanformArrays
 from wt_gym.aerodynamics.wake_kernels import shedding_edge
 
@@ -33,6 +34,8 @@ class VortexLattice:
         [kg/m^3].
     bodies : BodySet, optional
         Closed bodies in the flow, on the ground of the options. Set `body_wind` before each `solve`.
+    threads : int
+        Threads that share the velocities of the wake; the numbers do not depend on it.
 
     Attributes
     ----------
@@ -52,6 +55,7 @@ class VortexLattice:
         options: AeroOptions,
         air_density: float = 1.225,
         bodies: BodySet | None = None,
+        threads: int = 1,
     ):
         if n_blades < 1:
             raise AerodynamicsError(f"n_blades is {n_blades}; at least one blade is needed")
@@ -80,6 +84,12 @@ class VortexLattice:
             work = bodies.work(n_ring, self.work.points.shape[1], (*wake_shape, self.n_edge + 1))
             self.body_arrays = bodies.arrays, work
             self.body_wind = work.wind
+        if threads < 1:
+            raise AerodynamicsError(f"threads is {threads}; at least one is needed")
+        # Where the induction of the wake is done between the compiled calls instead of within them
+        self.split = None
+        if threads > 1 or options.induction == "tree":
+            self.split = SplitInduction(self, threads)
 
     def new_state(self) -> AeroState:
         """Return an empty state; call `reset` before using it."""
@@ -265,12 +275,29 @@ class VortexLattice:
         if not np.isfinite(self.body_wind.sum()):
             raise AerodynamicsError("the wind at the bodies is not finite")
         if not a.count[3]:
-            step_kernels.prepare(self.arrays, self.constants, a, self.work, nodes, place, *self.body_arrays)
+            self.prepare(state, nodes, place)
         step_kernels.solve(self.arrays, self.constants, a, self.work, nodes, velocities, wind, dt, first)
         return a.forces
 
+    def prepare(self, state: AeroState, nodes, place: bool = True) -> None:
+        """Compute what a step needs once, before its first `solve`; `solve` does it if it was not done."""
+        p, o, a, w = self.arrays, self.constants, state.arrays, self.work
+        if self.split is None:
+            step_kernels.prepare(p, o, a, w, nodes, place, *self.body_arrays)
+            return
+        step_kernels.prepare_wake(p, o, a, w, nodes, place, *self.body_arrays)
+        if state.n_rows:
+            self.split.at_points(state)
+        step_kernels.prepare_boundary(p, o, a, w, nodes, *self.body_arrays)
+
     def _accept(self, state, place, all_rows=False):
-        step_kernels.accept(self.arrays, self.constants, state.arrays, self.work, place, all_rows, *self.body_arrays)
+        p, o, a, w = self.arrays, self.constants, state.arrays, self.work
+        if self.split is None:
+            step_kernels.accept(p, o, a, w, place, all_rows, *self.body_arrays)
+            return
+        n_target = step_kernels.shed_newest(p, o, a, w, place, all_rows, *self.body_arrays)
+        self.split.at_targets(state, w.bound_sheet, w.wake_sheet[: state.n_rows + 1], n_target)
+        step_kernels.store_induced(o, a, w, n_target, *self.body_arrays)
 
     def _steady_ages(self, dt):
         """Ages of the rows of a full wake, given the thinning of old rows."""

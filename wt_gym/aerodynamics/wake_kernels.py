@@ -140,6 +140,12 @@ def induced_at(bound_sheet, wake_sheet, far, n_target, w, o, origin, table):
         for c in range(3):
             for i in range(n_target):
                 w.velocity[image, c, i] = packed_v[c, i]
+    fold_images(o, w, n_target)
+
+
+@kernel(fastmath=False)
+def fold_images(o, w, n_target):
+    """Add what the mirrored vortices do to the velocity of the targets."""
     if o.has_ground:
         for i in range(n_target):
             w.velocity[0, 0, i] += w.velocity[1, 0, i]

@@ -68,8 +68,7 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
     """Advance structure and air by one aerodynamic step dt.
 
     The wake moves on first and then stands still while structure and loads are iterated to agreement at the end of the
-    step. Only the last pass of the structure corrects the prediction of its scheme; the passes before only have to tell
-    where the blades will be.
+    step. The first pass of the structure is not corrected by its scheme: it only has to tell where the blades will be.
 
     Parameters
     ----------
@@ -94,30 +93,56 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
     int
         OK, a code of the multibody kernels, OVERSPEED or DEFLECTION.
     """
+    code = predict_step(o, a, x, history, saved, inputs, tree, work, wake_wind, dt, h, n_sub, n_corrections, iterations,
+                        constrained)  # fmt: skip
+    if code == OK:
+        prepare(p, o, a, w, x.nodes, True, bodies, body_work)
+        code = correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, dt, h, n_sub, n_corrections,
+                            iterations, tolerance, constrained)  # fmt: skip
+    if code == OK:
+        accept(p, o, a, w, True, False, bodies, body_work)
+        code = end_step(x, history, inputs, tree, work, constrained)
+    return code
+
+
+@kernel
+def predict_step(o, a, x, history, saved, inputs, tree, work, wake_wind, dt, h, n_sub, n_corrections, iterations,
+                 constrained=None):  # fmt: skip
+    """Move the wake, and the structure under extrapolated loads; arguments as for `coupled_step`."""
     convect_wake(o, a, wake_wind, dt)
     copy_history(history, saved)
     extrapolate_loads(inputs, x.previous_loads)
-    n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-    guess = 0 if constrained is None else n_corrections
-    change = 1.0
-    for iteration in range(iterations):
-        final = iteration == iterations - 1 or change < tolerance
-        if iteration:
-            copy_history(saved, history)
-        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections if final else guess, constrained)
-        if code != OK:
-            return code
+    guess = 0 if constrained is None and iterations > 1 else n_corrections
+    code = hamming_advance(history, inputs, tree, work, h, n_sub, guess, constrained)
+    if code == OK:
         move_lattice(history.y[3], tree, work, x)
-        if iteration == 0:
-            prepare(p, o, a, w, x.nodes, True, bodies, body_work)
+    return code
+
+
+@kernel
+def correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, dt, h, n_sub, n_corrections, iterations,
+                 tolerance, constrained=None):  # fmt: skip
+    """Loads and structure in turn until they agree; arguments as for `coupled_step`."""
+    n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
+    for iteration in range(iterations):
         solve(p, o, a, w, x.nodes, x.velocities, blade_wind, dt, False)
         change = rotor_loads(a.forces.reshape((n_blade, n_point, 3)), work.rot, x.elastic, x.points, x.blades,
                              inputs.body_loads[1])  # fmt: skip
-        if final:
+        # the prediction was not corrected yet: one pass at least
+        if iteration == iterations - 1 or (iteration > 0 and change < tolerance):
             break
-    accept(p, o, a, w, True, False, bodies, body_work)
-    # the stored rate belongs to the stored state and the final loads
+        copy_history(saved, history)
+        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections, constrained)
+        if code != OK:
+            return code
+        move_lattice(history.y[3], tree, work, x)
+    return OK
+
+
+@kernel
+def end_step(x, history, inputs, tree, work, constrained=None):
+    """Rates that belong to the stored state and the final loads; has anything left the range of the model?"""
     code = hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained)
     if code != OK:
         return code

@@ -62,6 +62,8 @@ class Simulator:
         Undisturbed wind.
     fidelity : str or Fidelity
         "training", "engineering", "reference" or one of your own.
+    threads : int
+        Threads that share the velocities of the wake; worth it at "reference". The numbers do not depend on it.
 
     Attributes
     ----------
@@ -78,11 +80,11 @@ class Simulator:
     >>> signals = sim.advance(0.2, pitch=(0.0, 0.0, 0.0), yaw_rate=0.0, generator_torque=19.3e3)
     """
 
-    def __init__(self, turbine="nrel_5mw", inflow=None, fidelity="training"):
+    def __init__(self, turbine="nrel_5mw", inflow=None, fidelity="training", threads=1):
         if inflow is None:
             raise SimulationError("Simulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
         self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
-        self.inflow, self.fidelity = inflow, fidelity_of(fidelity)
+        self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
         self.time_step = self.fidelity.step_for(self.turbine.drivetrain.rated_rotor_speed)
         self._model = fingerprint(self.turbine, self.fidelity)
         self._build_models()
@@ -103,7 +105,7 @@ class Simulator:
             ground, top = fid.aero.ground_height, np.array([0.0, 0.0, tower.height])
             surface = tower_body(tower.diameter_station, tower.diameter, base, top, *fid.tower_body, ground=ground)
             bodies = BodySet([surface], ground)
-        self.lattice = VortexLattice(planform, turbine.n_blades, fid.aero, turbine.air_density, bodies)
+        self.lattice = VortexLattice(planform, turbine.n_blades, fid.aero, turbine.air_density, bodies, self._threads)
         if fid.formulation == "embedded":
             self._embedded = None
             self._n_sub = fid.substeps_for(self.time_step, highest_frequency(self.structure.system))
@@ -380,7 +382,7 @@ class Simulator:
 
     def _step(self):
         """One aerodynamic step: wake, then structure and loads iterated to agreement at its end."""
-        integrator, fid, lattice, x = self._integrator, self.fidelity, self.lattice, self._exchange
+        integrator, x = self._integrator, self._exchange
         arrays, dt, time = self._aero.arrays, self.time_step, self.time
         self._set_inputs(1)
         wake_wind = self._wind(arrays.wake[: self._aero.n_rows + 1], time)
@@ -388,17 +390,32 @@ class Simulator:
         ahead = x.nodes + dt * (1.5 * x.velocities - 0.5 * self._earlier_velocities)
         blade_wind = self._wind_at_blades(ahead, time + dt)
         self._earlier_velocities[:] = x.velocities
-        code = coupled_step_kernels.coupled_step(
-            lattice.arrays, lattice.constants, arrays, lattice.work, x, integrator.history, self._saved,
-            integrator.inputs, self.structure.system.tree, integrator.work, wake_wind, blade_wind, dt, self._h,
-            self._n_sub, integrator.n_corrections, fid.coupling_iterations, fid.coupling_tolerance,
-            self.structure.system.constrained, *lattice.body_arrays,
-        )  # fmt: skip
+        code = self._advance_compiled(wake_wind, blade_wind)
         if code != tree_kernels.OK:
             raise SimulationError(self._failure(code))
         for array in integrator.inputs:
             array[0] = array[1]
         self._n_steps += 1
+
+    def _advance_compiled(self, wake_wind, blade_wind):
+        """One compiled call; or several with the induction of a big wake between them."""
+        ck, lattice, x, i, fid = coupled_step_kernels, self.lattice, self._exchange, self._integrator, self.fidelity
+        air = lattice.arrays, lattice.constants, self._aero.arrays, lattice.work
+        tree, fixed = self.structure.system.tree, self.structure.system.constrained
+        body = i.history, self._saved, i.inputs, tree, i.work
+        steps = self.time_step, self._h, self._n_sub, i.n_corrections, fid.coupling_iterations
+        if lattice.split is None:
+            return ck.coupled_step(
+                *air, x, *body, wake_wind, blade_wind, *steps, fid.coupling_tolerance, fixed, *lattice.body_arrays
+            )
+        code = ck.predict_step(*air[1:3], x, *body, wake_wind, *steps, fixed)
+        if code == tree_kernels.OK:
+            lattice.prepare(self._aero, x.nodes)
+            code = ck.correct_step(*air, x, *body, blade_wind, *steps, fid.coupling_tolerance, fixed)
+        if code == tree_kernels.OK:
+            lattice.accept(self._aero)
+            code = ck.end_step(x, i.history, i.inputs, tree, i.work, fixed)
+        return code
 
     def _failure(self, code):
         """What a code of the compiled step says."""

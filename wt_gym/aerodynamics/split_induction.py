@@ -1,0 +1,68 @@
+"""The induction of big wakes, done between the compiled calls of a step: by the tree code, and in several threads."""
+
+import numpy as np
+
+from wt_gym.aerodynamics.far_wake_kernels import far_wake_velocity
+from wt_gym.aerodynamics.simd_kernels import WIDTH
+from wt_gym.aerodynamics.tree_induction import TreeInduction, split_direct
+from wt_gym.aerodynamics.wake_kernels import fold_images, pad_targets
+
+__all__ = ["SplitInduction"]
+
+SLOWEST = 0.01
+"""Mean induced velocity [m/s] below which the tolerance of the tree code is no longer relative to it."""
+
+
+class SplitInduction:
+    """Velocities of bound lattice, wake and far wake for one lattice, outside of its compiled step.
+
+    Parameters
+    ----------
+    lattice : VortexLattice
+        Its options choose direct summation or the tree code.
+    threads : int
+        At least 1.
+    """
+
+    def __init__(self, lattice, threads: int):
+        o, w = lattice.options, lattice.work
+        self._lattice, self._work = lattice, w
+        n_row, n_blade, n_node, _ = w.wake_sheet.shape
+        widest = max(n_node, w.bound_sheet.shape[2])
+        self._scratch = np.zeros((threads, 8 * WIDTH * widest), dtype=np.float32)
+        self._lane = np.zeros((8, w.targets.shape[2]), dtype=np.float32)
+        self._tree = None
+        if o.induction == "tree":
+            self._tree = TreeInduction(n_row, n_blade, n_node, w.targets.shape[2], threads)
+            self._tolerance = o.tree_tolerance
+
+    def at_points(self, state) -> None:
+        """Velocity of the wake, without its newest ring, at the points of the blades, into ``state``."""
+        a, w = state.arrays, self._work
+        n = w.points.shape[1]
+        w.targets[0, :, :n] = w.points - a.origin[:, None]
+        self.at_targets(state, w.bound_sheet[:0], w.wake_sheet[1 : state.n_rows + 1], n)
+        a.wake_flow[:] = w.velocity[0, :, :n]
+
+    def at_targets(self, state, bound_sheet, wake_sheet, n_target: int) -> None:
+        """Velocity of sheets and far wake at the first ``n_target`` targets of the work arrays, into their velocity."""
+        a, w, constants = state.arrays, self._work, self._lattice.constants
+        n_padded = pad_targets(w, n_target, constants, a.origin)
+        limit = 0.0
+        if self._tree is not None:
+            flow = a.induced[: state.n_rows + 1]
+            limit = self._tolerance * max(float(np.sqrt(3.0 * np.mean(flow * flow))), SLOWEST)
+        for image in range(2 if constants.has_ground else 1):
+            targets = np.ascontiguousarray(w.targets[image, :, :n_padded])
+            velocity = np.zeros_like(targets)
+            if len(bound_sheet):
+                split_direct(bound_sheet, targets, velocity, self._scratch)
+            if self._tree is None:
+                split_direct(wake_sheet, targets, velocity, self._scratch)
+            else:
+                self._tree.add_velocity(wake_sheet, targets, velocity, limit)
+            if a.far[0] > 0.0:
+                table = self._lattice.arrays.cylinder_table
+                far_wake_velocity(a.far, table, targets, velocity, n_target, self._lane)
+            w.velocity[image, :, :n_padded] = velocity
+        fold_images(constants, w, n_target)
