@@ -30,7 +30,7 @@ class AeroOptions:
         merged with their time-weighted mean circulation. ``coarse_stride=1`` keeps all.
     fresh_rows, refresh_stride : int
         The induced velocity of the first ``fresh_rows`` rows is computed every step, that of an older row every
-        ``refresh_stride`` steps (rows take turns); between, a material row carries its last value.
+        ``refresh_stride`` steps (rows take turns); between, it turns with the blade.
     far_wake : bool
         Continue the wake behind its last row by a semi-infinite vortex cylinder per span boundary (rotors only).
     far_wake_rows : int
@@ -137,19 +137,17 @@ class AeroOptions:
             raise AerodynamicsError(f"AeroOptions.shed_fraction is {self.shed_fraction}; it must lie in (0, 1]")
 
 
-# Errors of the wake treatment alone, measured on the rigid NREL 5-MW rotor at 8 m/s, 9.15 rpm, pitch 0 (one operating
-# point), against the same lattice with a long wake that is not thinned and has no far wake; old rows of the long wake
-# are refreshed every 6th to 10th step.
-# 1.5 turns against 12: power +1.9 %, thrust +1.0 %. Without far wake a wake of this length reads far too high, and
-# thinning rows younger than two turns costs more than it saves: every third row after 0.8 turns, power +3.7 %.
+# Errors against REFERENCE in steady and turbulent wind: scripts/validate.py run fidelity.
+# Two and a half turns at 9 rpm, three at 12 rpm, every fourth row of them; the cylinders continue it. Rows that turn
+# more than 40 degrees from one to the next can drive a rotor in still air.
 TRAINING = AeroOptions(
-    n_chord=1, n_span=10, azimuth_step_deg=12.0, wake_rows=42, full_rows=2, coarse_stride=5, fresh_rows=1,
+    n_chord=1, n_span=10, azimuth_step_deg=8.0, wake_rows=42, full_rows=2, coarse_stride=4, fresh_rows=1,
     refresh_stride=20, far_wake_rows=30, squire=2e-3,
 )  # fmt: skip
-# 4 turns, the older three thinned, against 8: power -0.5 %, thrust -0.3 %.
+# 4 turns at 9 rpm, the older three and a half thinned.
 ENGINEERING = AeroOptions(
-    n_chord=2, n_span=16, azimuth_step_deg=8.0, wake_rows=90, full_rows=45, coarse_stride=3, fresh_rows=20,
-    refresh_stride=5, far_wake_rows=60, squire=1e-3,
+    n_chord=2, n_span=16, azimuth_step_deg=8.0, wake_rows=93, full_rows=33, coarse_stride=4, fresh_rows=8,
+    refresh_stride=12, far_wake_rows=55, squire=1e-3,
 )  # fmt: skip
 # 11 turns at 9 rpm, 15 at 12 rpm, all of them free and computed anew every step; every second row beyond the first 200.
 REFERENCE = AeroOptions(

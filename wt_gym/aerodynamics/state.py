@@ -165,6 +165,7 @@ class AeroArrays(NamedTuple):
     age: np.ndarray  # (n_max + 1,) time since shed [s]
     shed: np.ndarray  # int64 (n_max + 1,) step at which the row was shed
     free_edge: np.ndarray  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
+    frame: np.ndarray  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
     far: np.ndarray  # far-wake cylinders, see far_wake_kernels
     nodes: np.ndarray  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]
     gamma: np.ndarray  # (n_blade, n_chord, n_span) ring circulations [m^2/s]
@@ -215,7 +216,8 @@ class AeroState:
                 wake_gamma=np.zeros((n_max, n_blades, n_edge)), volume=np.zeros((*wake_shape[:3], 2)),
                 age=np.zeros(n_max + 1),
                 shed=np.zeros(n_max + 1, dtype=np.int64), free_edge=np.zeros((n_blades, n_node, 3)),
-                far=np.zeros(7 + 4 * n_node), nodes=np.zeros(bound_shape), gamma=np.zeros(gamma_shape),
+                frame=np.zeros((n_blades, 3, 3)), far=np.zeros(7 + 4 * n_node),
+                nodes=np.zeros(bound_shape), gamma=np.zeros(gamma_shape),
                 gamma_1=np.zeros(gamma_shape), gamma_2=np.zeros(gamma_shape), source=np.zeros(n_strip),
                 source_1=np.zeros(n_strip), alpha=np.zeros(n_strip), speed=np.zeros(n_strip),
                 forces=np.zeros(bound_shape), influence=np.zeros((n_ring, 3, n_point)),

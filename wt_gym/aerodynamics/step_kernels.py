@@ -26,6 +26,7 @@ from wt_gym.aerodynamics.wake_kernels import (
     place_newest_row,
     scatter_velocities,
     shedding_edge,
+    turn_induced,
 )
 from wt_gym.compiled import kernel
 
@@ -298,6 +299,7 @@ def shed_newest(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     build_wake_sheet(a, p, o, 0, min(2, n_rows), -1.0, True, w.wake_sheet)
     if bodies is not None:
         cut_wake(bodies, body_work.flags, a.wake, min(2, n_rows), w.wake_sheet)
+    turn_induced(a)
     count = choose_rows(a, o, w.rows)
     if all_rows:
         count = n_rows + 1

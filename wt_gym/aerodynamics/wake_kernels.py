@@ -28,7 +28,8 @@ def age_rows(a, o, dt):
     """Make room for a new row behind the shedding edge: every row becomes one older; returns the number of rows.
 
     The row that leaves the first ``full_rows`` stays only if its number is a multiple of ``coarse_stride``; else its
-    two rings become one with their time-weighted mean circulation. Row 1 is then the air that left the edge.
+    two rings become one with their time-weighted mean circulation. Row 1 is then the air that left the edge. Induced
+    velocities stay where they are, see `turn_induced`.
     """
     wake, wake_gamma, age, shed = a.wake, a.wake_gamma, a.age, a.shed
     n_max, n_blade, n_node = wake.shape[0] - 1, wake.shape[1], wake.shape[2]
@@ -46,14 +47,18 @@ def age_rows(a, o, dt):
                 a.volume[k + 1, b, j, 0] += a.volume[k, b, j, 0]
         last = k - 1
     else:
-        n_rows = min(n_rows + 1, n_max)
+        if n_rows < n_max:
+            n_rows += 1
+            for b in range(n_blade):
+                for j in range(n_node):
+                    for c in range(3):
+                        a.induced[n_rows, b, j, c] = a.induced[n_rows - 1, b, j, c]
         last = n_rows - 1
     for k in range(last, -1, -1):
         for b in range(n_blade):
             for j in range(n_node):
                 for c in range(3):
                     wake[k + 1, b, j, c] = wake[k, b, j, c]
-                    a.induced[k + 1, b, j, c] = a.induced[k, b, j, c]
                     a.history[k + 1, b, j, c] = a.history[k, b, j, c]
                 a.volume[k + 1, b, j, 0] = a.volume[k, b, j, 0]
                 a.volume[k + 1, b, j, 1] = a.volume[k, b, j, 1]
@@ -154,11 +159,48 @@ def fold_images(o, w, n_target):
 
 
 @kernel(fastmath=False, inline="always")
+def turn_induced(a):
+    """Turn the induced velocities with the blades.
+
+    The flow behind a rotor is nearly steady as the blades see it: the air of row k has now the velocity that the air of
+    row k had a step ago, turned with the blade. So velocities belong to rows, not to the air in them, and one that is
+    not computed anew in every step stays right in steady operation. The frame of a blade is made of the directions from
+    its first ring node to the tip and to the trailing edge.
+    """
+    n_row, n_node = a.nodes.shape[1], a.nodes.shape[2]
+    for b in range(a.nodes.shape[0]):
+        f = a.frame[b]
+        root, tip, aft = a.nodes[b, 0, 0], a.nodes[b, 0, n_node - 1], a.nodes[b, n_row - 1, 0]
+        sx, sy, sz = tip[0] - root[0], tip[1] - root[1], tip[2] - root[2]
+        size = (sx * sx + sy * sy + sz * sz) ** 0.5
+        sx, sy, sz = sx / size, sy / size, sz / size
+        cx, cy, cz = aft[0] - root[0], aft[1] - root[1], aft[2] - root[2]
+        along = cx * sx + cy * sy + cz * sz
+        cx, cy, cz = cx - along * sx, cy - along * sy, cz - along * sz
+        size = (cx * cx + cy * cy + cz * cz) ** 0.5
+        cx, cy, cz = cx / size, cy / size, cz / size
+        nx, ny, nz = sy * cz - sz * cy, sz * cx - sx * cz, sx * cy - sy * cx
+        if f[0, 0] != 0.0 or f[0, 1] != 0.0 or f[0, 2] != 0.0:
+            for k in range(a.count[0] + 1):
+                for j in range(a.induced.shape[2]):
+                    v = a.induced[k, b, j]
+                    p = v[0] * f[0, 0] + v[1] * f[0, 1] + v[2] * f[0, 2]
+                    q = v[0] * f[1, 0] + v[1] * f[1, 1] + v[2] * f[1, 2]
+                    r = v[0] * f[2, 0] + v[1] * f[2, 1] + v[2] * f[2, 2]
+                    v[0] = p * sx + q * cx + r * nx
+                    v[1] = p * sy + q * cy + r * ny
+                    v[2] = p * sz + q * cz + r * nz
+        f[0, 0], f[0, 1], f[0, 2] = sx, sy, sz
+        f[1, 0], f[1, 1], f[1, 2] = cx, cy, cz
+        f[2, 0], f[2, 1], f[2, 2] = nx, ny, nz
+
+
+@kernel(fastmath=False, inline="always")
 def choose_rows(a, o, rows):
     """Rows whose induced velocity is to be computed now, the newest always and older ones in turn; their number."""
     count = 0
     for k in range(a.count[0] + 1):
-        if k <= o.fresh_rows or (a.shed[k] + a.count[1]) % o.refresh_stride == 0:
+        if k <= o.fresh_rows or (k + a.count[1]) % o.refresh_stride == 0:
             rows[count] = k
             count += 1
     return count
