@@ -138,10 +138,10 @@ class AeroOptions:
 
 
 # Errors against REFERENCE in steady and turbulent wind: scripts/validate.py run fidelity.
-# Two and a half turns at 9 rpm, three at 12 rpm, every fourth row of them; the cylinders continue it. Rows that turn
-# more than 40 degrees from one to the next can drive a rotor in still air.
+# Two turns and a third at 9 rpm, three at 12 rpm, every fourth row of the older ones; cylinders continue it. Thinner,
+# or thinned sooner, the wake of a rotor in still air drives it now and then.
 TRAINING = AeroOptions(
-    n_chord=1, n_span=10, azimuth_step_deg=8.0, wake_rows=42, full_rows=2, coarse_stride=4, fresh_rows=1,
+    n_chord=1, n_span=10, azimuth_step_deg=8.0, wake_rows=48, full_rows=12, coarse_stride=4, fresh_rows=1,
     refresh_stride=20, far_wake_rows=30, squire=2e-3,
 )  # fmt: skip
 # 4 turns at 9 rpm, the older three and a half thinned.
