@@ -1,16 +1,18 @@
 """Fidelities: how finely air and structure are resolved, and at what price."""
 
 import math
+import numbers
 from dataclasses import dataclass, field
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.errors import SimulationError
+from wt_gym.multibody.stability import undamped_limit
 
 __all__ = ["FIDELITIES", "Fidelity", "fidelity"]
 
 
-STABLE_PHASE = 0.8
-"""Largest ω h of the structural integration."""
+RESERVE = 0.75
+"""Largest ω h of the structural integration, in limits of an undamped mode: modes stiffen with rotation."""
 
 
 @dataclass(frozen=True)
@@ -73,16 +75,20 @@ class Fidelity:
         if self.time_step is not None and not 0.0 < self.time_step < 10.0:
             raise SimulationError(f"Fidelity.time_step is {self.time_step}; allowed: None or 0 … 10 s")
         for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
-            if getattr(self, name) < low:
-                raise SimulationError(f"Fidelity.{name} is {getattr(self, name)}; it must be at least {low}")
+            value = getattr(self, name)
+            if not isinstance(value, numbers.Integral) or value < low:
+                raise SimulationError(f"Fidelity.{name} is {value!r}; a whole number of at least {low} is needed")
         if not 0.0 < self.max_substep <= 0.5:
             raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; allowed: 0 … 0.5 s")
         if self.formulation not in ("embedded", "constrained"):
             raise SimulationError(f"formulation {self.formulation!r} is unknown; allowed: embedded, constrained")
         for name in ("tower_modes", "blade_modes"):
             modes = getattr(self, name)
-            if len(modes) != 3 or min(modes) < 0 or sum(modes) < 1:
-                raise SimulationError(f"Fidelity.{name} is {modes}; three counts with at least one mode are needed")
+            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and count >= 0 for count in modes)
+            if not whole or sum(modes) < 1:
+                raise SimulationError(
+                    f"Fidelity.{name} is {modes}; three whole counts with at least one mode are needed"
+                )
 
     def step_for(self, rated_speed):
         """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
@@ -94,10 +100,11 @@ class Fidelity:
     def substeps_for(self, time_step, highest):
         """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s].
 
-        Three corrector passes are stable up to ω h = 1.08 without damping; a quarter is kept in reserve for modes that
-        stiffen with rotation.
+        One, two and three corrector passes are stable up to ω h = 0.276, 0.78 and 1.08 without damping; a quarter is
+        kept in reserve.
         """
-        return math.ceil(time_step / min(self.max_substep, STABLE_PHASE / highest) - 1e-9)
+        phase = RESERVE * undamped_limit(self.corrections)
+        return math.ceil(time_step / min(self.max_substep, phase / highest) - 1e-9)
 
 
 FIDELITIES = {

@@ -11,8 +11,10 @@ from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.tower_flow import tower_perturbation
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody import point_kernels, tree_kernels
+from wt_gym.multibody.checks import check_state
+from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.integrator_kernels import hamming_advance
-from wt_gym.multibody.system import FAILURES, HammingIntegrator, MultibodyError
+from wt_gym.multibody.system import HammingIntegrator, MultibodyError
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.blade_lattice import blade_planform
 from wt_gym.simulation.channels import Signals
@@ -234,9 +236,14 @@ class Simulator:
         Raises
         ------
         SimulationError
-            When the snapshot does not fit.
+            When the snapshot does not fit, or its motion has no meaning.
         """
+        self._started = False
         state.put(self._state_arrays(), self._model)
+        try:
+            check_state(self.structure.system, self._integrator.state)
+        except MultibodyError as error:
+            raise SimulationError(f"the snapshot holds no state: {error}") from error
         self._n_steps = state.n_steps
         self._started = True
 
@@ -370,7 +377,7 @@ class Simulator:
                 history, inputs, tree, work, self._h, self._n_sub, integrator.n_corrections, constrained
             )
             if code != tree_kernels.OK:
-                raise SimulationError(FAILURES[code])
+                raise SimulationError(failure_of_a_step(code, self._h))
             change, wind = self._exchange(history.y[3], dt, time + dt, wind)
             if change < fid.coupling_tolerance:
                 break
@@ -378,7 +385,7 @@ class Simulator:
         # the stored rate belongs to the stored state and the final loads
         code = hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained)
         if code != tree_kernels.OK:
-            raise SimulationError(FAILURES[code])
+            raise SimulationError(failure_of_a_step(code, self._h))
         self._previous_loads[:] = first
         for array in inputs:
             array[0] = array[1]

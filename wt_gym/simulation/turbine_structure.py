@@ -159,7 +159,13 @@ def _blade(blade, fidelity):
     beam = Beam(sections, fidelity.blade_elements)
     flap, edge, torsion = fidelity.blade_modes
     modes = clamped_modes(beam, min(beam.n_dof - 6, 40))
-    chosen = select_modes(modes, flap=flap, edge=edge, torsion=torsion)
+    try:
+        chosen = select_modes(modes, flap=flap, edge=edge, torsion=torsion)
+    except ValueError as error:
+        raise SimulationError(
+            f"Fidelity.blade_modes is {fidelity.blade_modes}: {error}, from Fidelity.blade_elements = "
+            f"{fidelity.blade_elements}"
+        ) from error
     names = [f"flap_{i + 1}" for i in range(flap)] + [f"edge_{i + 1}" for i in range(edge)]
     names += [f"torsion_{i + 1}" for i in range(torsion)]
     basis = modes.shape[:, chosen]
@@ -217,6 +223,12 @@ def _tower(turbine, fidelity, blade_body):
     for (plane, dofs), wanted in zip(planes.items(), fidelity.tower_modes, strict=True):
         if wanted == 0:
             continue
+        most = len(dofs) * fidelity.tower_elements
+        if wanted > most:
+            raise SimulationError(
+                f"Fidelity.tower_modes is {fidelity.tower_modes}: {wanted} {plane} modes wanted, "
+                f"Fidelity.tower_elements = {fidelity.tower_elements} make {most}"
+            )
         modes = clamped_modes(beam, wanted, tip_mass=top, node_dofs=dofs)
         basis.append(modes.shape)
         frequency.append(modes.frequency)

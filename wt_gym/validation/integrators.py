@@ -6,11 +6,12 @@ import numpy as np
 from scipy.special import ellipj, ellipk
 
 from wt_gym.multibody.integrators import make_integrator
+from wt_gym.multibody.stability import hamming_matrix
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.validation.case import CaseResult, Check, Curve, Figure, case
 
-__all__ = ["amplification", "hamming_amplification", "oscillator", "spectral_radius", "stability_limit"]
+__all__ = ["amplification", "oscillator", "spectral_radius", "stability_limit"]
 
 GROWTH = 1e-7
 """Growth in a step above which a scheme counts as unstable. Weak instabilities make the limit depend on it: the scheme
@@ -73,26 +74,6 @@ def amplification(integrator, step):
     return np.array(columns).T
 
 
-def hamming_amplification(z, passes, final=True):
-    """The Hamming scheme on y' = λ y with z = λ h, from its formulas; ``passes=None`` is the converged corrector.
-
-    Carried are y and h f of four points and the error estimate; f is evaluated again at the final y.
-    """
-    unit = np.eye(8, dtype=complex)
-    y, f, e = unit[[3, 2, 1, 0]], [None, *unit[[6, 5, 4]]], unit[7]
-    predicted = y[0] + 4.0 / 3.0 * (2.0 * f[3] - f[2] + 2.0 * f[1])
-    known = (9.0 * y[3] - y[1] + 3.0 * (2.0 * f[3] - f[2])) / 8.0
-    if passes is None:
-        corrected = known / (1.0 - 3.0 * z / 8.0)
-    else:
-        corrected = predicted + 112.0 / 9.0 * e
-        for _ in range(passes):
-            corrected = known + 3.0 * z / 8.0 * corrected
-    error = 9.0 / 121.0 * (corrected - predicted)
-    new = corrected - error if final else corrected
-    return np.array([new, y[3], y[2], y[1], z * new, f[3], f[2], error])
-
-
 def spectral_radius(matrix):
     """Largest absolute eigenvalue."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())
@@ -130,7 +111,7 @@ def stability():
                 obtained = stability_limit(lambda h, i=integrator: spectral_radius(amplification(i, h)))
             else:
                 obtained = stability_limit(
-                    lambda h, k=line: spectral_radius(hamming_amplification(_eigenvalue(k, h), None, False)), width=0.01
+                    lambda h, k=line: spectral_radius(hamming_matrix(_eigenvalue(k, h), None, False)), width=0.01
                 )
             checks.append(Check(f"{label}: {LINES[line]}", expected, obtained, 0.01))
     for rho in (0.0, 0.5, 0.8, 1.0):
@@ -244,7 +225,7 @@ def energy():
         integrator.advance(n_steps)
         kept = float(np.sum(np.square(integrator.state)))
         checks.append(Check(f"{label}: energy left of the oscillator", 1.0, kept, tolerance))
-    roots = np.linalg.eigvals(hamming_amplification(1j * h, 3))
+    roots = np.linalg.eigvals(hamming_matrix(1j * h, 3))
     principal = float(np.abs(roots[np.argmin(np.abs(roots - np.exp(1j * h)))]))
     integrator = make_integrator("hamming", oscillator(), h)
     integrator.start(np.array([1.0, 0.0]))
