@@ -162,6 +162,6 @@ def check_residuals(system, residual, residual_rate):
         if not worst[k] <= CONSISTENT:
             name = system.constraints[k].name or f"number {k}"
             raise MultibodyError(
-                f"the start does not satisfy constraint {name!r}: its {what} residual is {worst[k]:.3g} {unit}, allowed: "
-                f"{CONSISTENT:g} (place_free_bodies puts welded free bodies in place)"
+                f"the start does not satisfy constraint {name!r}: its {what} residual is {worst[k]:.3g} {unit}, "
+                f"allowed: {CONSISTENT:g} (place_free_bodies puts welded free bodies in place)"
             )

@@ -91,7 +91,7 @@ class Simulator:
             self._embedded = Simulator(turbine, self.inflow, replace(fid, formulation="embedded"))
             self._n_sub = self._embedded._n_sub
         self._h = self.time_step / self._n_sub
-        self._integrator = HammingIntegrator(self.structure.system, self._h, fid.corrections)
+        self._integrator = HammingIntegrator(self.structure.system, self._h, fid.corrections, fid.starter)
         self._blades = np.array(self.structure.blades)
 
     def _allocate(self):
