@@ -57,6 +57,14 @@ def check(parser, arguments) -> None:
         parser.error(f"--pitch {arguments.pitch}: allowed are -180 ... 180 degrees")
     if arguments.azimuths < 1:
         parser.error(f"--azimuths {arguments.azimuths}: at least one is needed")
+    from wt_gym.simulation import FIDELITIES
+
+    if arguments.fidelity not in FIDELITIES:
+        parser.error(f"unknown fidelity {arguments.fidelity}; known: {', '.join(FIDELITIES)}")
+    if FIDELITIES[arguments.fidelity].formulation != "embedded":
+        parser.error(
+            f"--fidelity {arguments.fidelity}: linear models need the embedded formulation, not the constrained"
+        )
     if arguments.out:
         from matplotlib.backend_bases import FigureCanvasBase
 

@@ -96,7 +96,7 @@ def test_fewer_corrector_passes_take_shorter_steps():
     steps = [simulator._h for _, simulator in runs]
     assert steps[0] < steps[1] <= steps[2]
     for signals, _ in runs[:2]:
-        assert signals.rotor_speed == pytest.approx(runs[2][0].rotor_speed, rel=1e-5)
+        assert signals.rotor_speed == pytest.approx(runs[2][0].rotor_speed, rel=1e-4)
 
 
 def test_a_snapshot_with_a_stretched_quaternion_is_refused():

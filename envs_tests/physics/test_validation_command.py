@@ -151,6 +151,8 @@ class TestOtherCommands:
             ("campbell", ["--rotor-speed", "-1"], "--rotor-speed -1.0"),
             ("campbell", ["--wind-speed", "8", "--pitch", "3"], "--pitch goes with --rotor-speed"),
             ("campbell", ["--azimuths", "0"], "at least one"),
+            ("campbell", ["--fidelity", "gebhardt"], "linear models need the embedded formulation"),
+            ("campbell", ["--fidelity", "nope"], "unknown fidelity nope"),
             ("bench", ["--fidelity", "nope"], "unknown fidelity nope; known: training"),
             ("bench", ["--seconds", "0"], "--seconds 0.0"),
         ],

@@ -5,7 +5,7 @@ turned by the tilt about y; blade i hangs on the hub turned by 2πi/n about the 
 pitch turns the blade about its z axis by minus the angle.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -157,12 +157,12 @@ def _blade(blade, fidelity):
     axis = _axis_at_stations(blade)
     sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
     beam = Beam(sections, fidelity.blade_elements)
-    if fidelity.blade_coordinates != "modal":
-        dofs = _moving_dofs(fidelity.blade_modes)
-        basis, frequency, names = _node_basis(beam, dofs if fidelity.blade_coordinates == "nodal" else ())
-    else:
+    if fidelity.blade_coordinates == "modal":
         basis, frequency, names = _blade_modes(beam, fidelity)
-    body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, frequency, None, names)
+        body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, frequency, None, names)
+    else:
+        dofs = _moving_dofs(fidelity.blade_modes) if fidelity.blade_coordinates == "nodal" else ()
+        basis, body = _node_body("blade", beam, dofs, blade.damping_ratio)
     return beam, basis, body
 
 
@@ -172,18 +172,27 @@ def _moving_dofs(modes):
     return tuple(sorted(dof for plane, count in zip(planes, modes, strict=True) if count for dof in plane))
 
 
-def _node_basis(beam, dofs, tip_mass=None):
-    """Unit displacements of all nodes but the root, the frequency to which damping refers, and names.
+def _node_body(name, beam, dofs, damping_ratio, tip_mass=None):
+    """Basis and body of the unit displacements of all nodes but the root, with the given damping of each of its modes.
 
-    Damping is in proportion to the stiffness, with the given ratio at the first frequency.
+    Damping in proportion to the stiffness would overdamp the highest modes beyond what explicit steps can follow.
     """
     keep = [(node, dof) for node in range(1, len(beam.nodes)) for dof in dofs]
-    basis = np.eye(beam.n_dof)[:, [6 * node + dof for node, dof in keep]]
-    if not keep:
-        return basis, np.zeros(0), ()
+    rows = [6 * node + dof for node, dof in keep]
+    basis = np.eye(beam.n_dof)[:, rows]
     kind = ("x", "y", "z", "turn_x", "turn_y", "turn_z")
-    first = clamped_modes(beam, 1, tip_mass=tip_mass, node_dofs=dofs).frequency[0]
-    return basis, np.full(len(keep), first), [f"node_{node}_{kind[dof]}" for node, dof in keep]
+    prefix = "tower_" if name == "tower" else ""  # blades are named when they are hung on the hub
+    names = [f"{prefix}node_{node}_{kind[dof]}" for node, dof in keep]
+    body = FlexibleBody.from_beam(name, beam, basis, coordinate_names=names)
+    if not keep:
+        return basis, body
+    mass = beam.mass.copy()
+    if tip_mass is not None:
+        mass[-6:, -6:] += tip_mass
+    modes = clamped_modes(beam, len(keep), tip_mass=tip_mass, node_dofs=dofs)
+    momentum = mass[np.ix_(rows, rows)] @ modes.shape[rows]
+    damping = (momentum * (4.0 * np.pi * damping_ratio * modes.frequency)) @ momentum.T
+    return basis, replace(body, damping=damping)
 
 
 def _blade_modes(beam, fidelity):
@@ -247,13 +256,12 @@ def _tower(turbine, fidelity, blade_body):
     axis[:, 2] = stations.station
     beam = Beam(BeamSections(stations.station, stations.stiffness, stations.inertia, axis), fidelity.tower_elements)
     top = rotor_nacelle_inertia(turbine, blade_body.inertia)
-    if fidelity.tower_coordinates != "modal":
-        dofs = _moving_dofs(fidelity.tower_modes)
-        basis, frequency, names = _node_basis(beam, dofs if fidelity.tower_coordinates == "nodal" else (), top)
-        names = [f"tower_{name}" for name in names]
-    else:
+    if fidelity.tower_coordinates == "modal":
         basis, frequency, names = _tower_modes(beam, fidelity, top)
-    body = FlexibleBody.from_beam("tower", beam, basis, tower.damping_ratio, frequency, None, names)
+        body = FlexibleBody.from_beam("tower", beam, basis, tower.damping_ratio, frequency, None, names)
+    else:
+        dofs = _moving_dofs(fidelity.tower_modes) if fidelity.tower_coordinates == "nodal" else ()
+        basis, body = _node_body("tower", beam, dofs, tower.damping_ratio, top)
     height = np.linspace(0.0, stations.station[-1], 13)
     points = np.column_stack([0.0 * height, 0.0 * height, height])
     return body, body_points(beam, basis, points), 0.5 * np.asarray(tower.diameter_at(height))

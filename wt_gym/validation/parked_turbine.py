@@ -7,9 +7,9 @@ The published frequencies (generator locked, rotor at rest, pitch 0, no air, gra
   by 3.4 %. FAST has no tower torsion; the yaw drive is a spring.
 * ADAMS has elements with torsion in the tower, which lowers the modes in which the rotor turns about the vertical.
 
-Both sets of assumptions are options of a `Fidelity`; the frequencies are those of ``Simulator.linearize``. `AS_FAST` takes
-FAST's tower polynomials, no torsion, and the yaw spring; `AS_ADAMS` takes finite-element modes with the true tower-top
-inertia, tower torsion and the yaw spring. Both are otherwise the catalogue's turbine.
+Both sets of assumptions are options of a `Fidelity`; the frequencies are those of ``Simulator.linearize``. `AS_FAST`
+takes FAST's tower polynomials, no torsion, and the yaw spring; `AS_ADAMS` takes finite-element modes with the true
+tower-top inertia, tower torsion and the yaw spring. Both are otherwise the catalogue's turbine.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def parked_frequencies(fidelity, gravity=True):
 
 @case("parked-nrel-5mw", "Natural frequencies of the parked NREL 5-MW turbine", JONKMAN)
 def parked_nrel_5mw():
-    """First ten published modes within 3 % of either column under its assumptions; the shipped fidelities beside them."""
+    """First ten published modes within 3 % of either column under its assumptions; shipped fidelities beside them."""
     fast, adams = parked_frequencies(AS_FAST), parked_frequencies(AS_ADAMS)
     weightless = parked_frequencies(AS_ADAMS, gravity=False)
     plain = {name: parked_frequencies(FIDELITIES[name]) for name in ("training", "engineering")}
@@ -156,10 +156,11 @@ def parked_nrel_5mw():
             )
             for row in PUBLISHED
         ),
-        "'as FAST': FAST's tower polynomials, no tower torsion and the yaw spring (tower_shapes, tower_modes, yaw_drive).",
-        "'as ADAMS': finite-element tower modes (4 + 4 + 2), 4 + 3 + 1 modes a blade and the yaw spring; 'no grav.' is the",
-        "same without gravity, with which ADAMS' first two tower frequencies agree to 0.1 %. The shipped fidelities hold",
-        "the yaw drive and have tower torsion, which FAST lacks and ADAMS has: the modes about the vertical lie between.",
+        "'as FAST': FAST's tower polynomials, no tower torsion, the yaw spring (tower_shapes, tower_modes, yaw_drive).",
+        "'as ADAMS': finite-element tower modes (4 + 4 + 2), 4 + 3 + 1 modes a blade and the yaw spring; 'no grav.' is",
+        "the same without gravity, with which ADAMS' first two tower frequencies agree to 0.1 %.",
+        "The shipped fidelities hold the yaw drive and have tower torsion, which FAST lacks and ADAMS has: their modes",
+        "about the vertical lie between the columns.",
         "The tower's second side-side motion is shared by two modes (as ADAMS: 2.66 and 2.94 Hz, with the collective",
         "second edge mode), so that the last row depends on which of them carries the name; it is not checked.",
     ]
