@@ -16,7 +16,7 @@ __all__ = ["amplification", "oscillator", "spectral_radius", "stability_limit"]
 GROWTHS = (1e-8, 1e-6)
 """Growths in a step above which a scheme counts as unstable: a published limit, whose growth is not told, must lie
 between the limits at these two. Only weak instabilities depend on it: on an undamped structure the scheme without final
-step has 0.079 … 0.171 and that with one corrector pass 0.275 … 0.286; all other limits change by less than a hundredth."""
+step has 0.079 … 0.171 and that with one corrector pass 0.275 … 0.286; others change by less than a hundredth."""
 
 HAMMING_TABLE = (  # corrector passes (None: converged), final step, −λh real, ωh undamped, ωh with 1 % damping
     (None, False, 2.67, 0.116, 0.84),

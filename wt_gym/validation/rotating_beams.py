@@ -117,7 +117,7 @@ LAG = "; lag² = flap² − η², exact for a beam with equal stiffness in both 
 
 
 def lag_of(flap, eta):
-    """Exact frequency in the plane of rotation: its equation differs from that of flap by the softening −m Ω² v alone."""
+    """Exact frequency in the plane of rotation, whose equation differs from that of flap by the softening −m Ω² v."""
     return np.sqrt(flap**2 - eta**2)
 
 
