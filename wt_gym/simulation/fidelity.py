@@ -61,8 +61,8 @@ class Fidelity:
         Finite elements from which the modes come.
     tower_coordinates, blade_coordinates : str
         "modal": the modes counted above; "nodal": displacements and rotations of the finite-element nodes in the
-        directions of which at least one mode is counted (fore-aft or flap, side-side or edge, torsion), which needs few
-        elements and short steps; "rigid": no deformation.
+        directions of which at least one mode is counted (fore-aft or flap, side-side or edge, torsion; along a curved
+        blade too), which needs few elements and short steps; "rigid": no deformation.
     tower_shapes : tuple or None
         Prescribed bending shapes of the tower instead of its modes: two tuples (fore-aft, side-side) with the
         coefficients of (z/H)², (z/H)³, … of each shape, as many as ``tower_modes`` counts, for example

@@ -162,6 +162,8 @@ def _blade(blade, fidelity):
         body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, frequency, None, names)
     else:
         dofs = _moving_dofs(fidelity.blade_modes) if fidelity.blade_coordinates == "nodal" else ()
+        if dofs and np.ptp(axis[:, :2], axis=0).max() > 1e-6 * blade.length:
+            dofs = tuple(sorted({*dofs, 2}))  # a curved axis bends only if its nodes may also move along z
         basis, body = _node_body("blade", beam, dofs, blade.damping_ratio)
     return beam, basis, body
 

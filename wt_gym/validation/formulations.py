@@ -220,8 +220,8 @@ def drift():
             Check("largest rotor speed", f"<= {1.2 * SPEED}", run.speed[1], 0.0, "rad/s"),
         ],
         notes=(
-            f"Step {step:.4g} s, starter {starter}; largest residual of the velocities {run.velocity:.2e} m/s or rad/s; "
-            f"rotor speed in the wind at the end {speed:.3f} rad/s. States are put back onto the constraints after each "
-            "step, quaternions rescaled; the residuals are those of the stored states, from which the next step starts."
+            f"Step {step:.4g} s, starter {starter}; largest residual of velocities {run.velocity:.2e} m/s or rad/s. "
+            f"Rotor speed in the wind at the end {speed:.3f} rad/s. States are put back onto the constraints after "
+            "each step, quaternions rescaled; the residuals are those of the stored states, from which the next step starts."
         ),
     )
