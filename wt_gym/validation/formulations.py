@@ -222,6 +222,6 @@ def drift():
         notes=(
             f"Step {step:.4g} s, starter {starter}; largest residual of velocities {run.velocity:.2e} m/s or rad/s. "
             f"Rotor speed in the wind at the end {speed:.3f} rad/s. States are put back onto the constraints after "
-            "each step, quaternions rescaled; the residuals are those of the stored states, from which the next step starts."
+            "each step, quaternions rescaled; the residuals are those of the stored states, from which steps start."
         ),
     )
