@@ -11,6 +11,7 @@ baseline controller).
 
 import argparse
 import json
+import math
 import os
 import platform
 import resource
@@ -31,7 +32,21 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--no-cold", action="store_true", help="skip the start with an empty compilation cache")
     parser.add_argument("--json", action="store_true", help="print all figures as JSON at the end")
     parser.add_argument("--worker", nargs=2, metavar=("WHAT", "FIDELITY"), help=argparse.SUPPRESS)
-    return parser.parse_args()
+    arguments = parser.parse_args()
+    if not arguments.worker:
+        check(parser, arguments)
+    return arguments
+
+
+def check(parser, arguments) -> None:
+    """Refuse what cannot be measured before anything is."""
+    from wt_gym.simulation import FIDELITIES
+
+    unknown = [name for name in arguments.fidelity if name not in FIDELITIES]
+    if unknown:
+        parser.error(f"unknown fidelity {', '.join(unknown)}; known: {', '.join(FIDELITIES)}")
+    if not (math.isfinite(arguments.seconds) and arguments.seconds > 0.0):
+        parser.error(f"--seconds {arguments.seconds}: a finite time above 0 is needed")
 
 
 # ---- measurements, each in its own process ----

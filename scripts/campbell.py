@@ -11,6 +11,7 @@ speed unless --free-generator is given.
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -19,12 +20,13 @@ def parse_arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
-    parser.add_argument("--fidelity", default="training", help="training, engineering or reference")
+    parser.add_argument(
+        "--fidelity", default="training",
+        help="training, engineering or reference; not gebhardt, whose constrained form has no linear model",
+    )  # fmt: skip
     parser.add_argument("--rotor-speed", type=float, nargs="+", metavar="RPM", help="rotor speeds [rpm]")
     parser.add_argument("--wind-speed", type=float, nargs="+", metavar="M_S", help="wind speeds [m/s]")
-    parser.add_argument(
-        "--pitch", type=float, default=0.0, metavar="DEG", help="with rotor speeds (default: %(default)s)"
-    )
+    parser.add_argument("--pitch", type=float, metavar="DEG", help="blade pitch, with rotor speeds only (default: 0)")
     parser.add_argument("--aerodynamics", choices=("none", "frozen_wake", "quasi_steady"), help="default: see above")
     parser.add_argument("--free-generator", action="store_true", help="constant torque instead of constant speed")
     parser.add_argument("--azimuths", type=int, default=6, help="over which models are averaged (default: %(default)s)")
@@ -32,9 +34,43 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--csv", type=Path, help="tidy table")
     parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
     arguments = parser.parse_args()
+    check(parser, arguments)
+    return arguments
+
+
+def check(parser, arguments) -> None:
+    """Refuse what cannot be drawn before anything is computed."""
     if arguments.rotor_speed and arguments.wind_speed:
         parser.error("give --rotor-speed or --wind-speed, not both")
-    return arguments
+    if arguments.wind_speed and arguments.pitch is not None:
+        parser.error(
+            "--pitch goes with --rotor-speed; with --wind-speed the schedule of the controller gives the pitch"
+        )
+    for name, values, low in (
+        ("--rotor-speed", arguments.rotor_speed, 0.0),
+        ("--wind-speed", arguments.wind_speed, None),
+    ):
+        for value in values or ():
+            if not math.isfinite(value) or (value < 0.0 if low is not None else value <= 0.0):
+                parser.error(f"{name} {value}: allowed are finite speeds {'from 0' if low is not None else 'above 0'}")
+    if arguments.pitch is not None and not abs(arguments.pitch) <= 180.0:
+        parser.error(f"--pitch {arguments.pitch}: allowed are -180 ... 180 degrees")
+    if arguments.azimuths < 1:
+        parser.error(f"--azimuths {arguments.azimuths}: at least one is needed")
+    from wt_gym.simulation import FIDELITIES
+
+    if arguments.fidelity not in FIDELITIES:
+        parser.error(f"unknown fidelity {arguments.fidelity}; known: {', '.join(FIDELITIES)}")
+    if FIDELITIES[arguments.fidelity].formulation != "embedded":
+        parser.error(
+            f"--fidelity {arguments.fidelity}: linear models need the embedded formulation, not the constrained"
+        )
+    if arguments.out:
+        from matplotlib.backend_bases import FigureCanvasBase
+
+        known = FigureCanvasBase.get_supported_filetypes()
+        if arguments.out.suffix.lower().lstrip(".") not in known:
+            parser.error(f"--out {arguments.out}: endings of figures are {', '.join(sorted(known))}")
 
 
 def main() -> None:
@@ -65,7 +101,7 @@ def main() -> None:
             rotor_speeds=None if arguments.wind_speed else np.asarray(speeds) * np.pi / 30.0,
             wind_speeds=arguments.wind_speed,
             schedule=lambda wind: operating_point(turbine, wind),
-            pitch=np.radians(arguments.pitch),
+            pitch=np.radians(arguments.pitch or 0.0),
             aerodynamics=arguments.aerodynamics,
             generator="free" if arguments.free_generator else "locked",
             n_azimuths=arguments.azimuths,

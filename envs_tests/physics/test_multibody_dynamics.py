@@ -224,7 +224,7 @@ def test_step_beyond_the_stability_limit_is_named():
     system.add(body, Joint("prismatic", (1.0, 0.0, 0.0), stiffness=1.0, name="slide"))
     system.build()
     integrator = HammingIntegrator(system, 3.0)
-    integrator.start(np.array([1.0, 0.0]))
+    integrator.start(np.array([1.0, 0.0]), check=False)
     with pytest.raises(MultibodyError, match="stability limit"):
         integrator.advance(2000)
 
@@ -237,6 +237,6 @@ def test_divergence_that_spoils_the_mass_matrix_is_still_called_divergence():
     y = system.initial_state()
     y[7:11] = 0.02
     integrator = HammingIntegrator(system, 0.05)
-    integrator.start(y)
+    integrator.start(y, check=False)
     with pytest.raises(MultibodyError, match="stability limit"):
         integrator.advance(20000)

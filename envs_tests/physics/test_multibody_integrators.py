@@ -5,12 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wt_gym.multibody.integrators import INTEGRATORS, make_integrator
+from wt_gym.multibody.stability import hamming_matrix
 from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.validation.integrators import (
     HAMMING_TABLE,
     amplification,
-    hamming_amplification,
     oscillator,
     pendulum,
     pendulum_error,
@@ -36,7 +36,7 @@ def test_hamming_matches_its_formulas():
     """The compiled step has the roots of the written scheme with f evaluated again at the final state."""
     for h in (0.3, 0.9):
         integrator = make_integrator("hamming", oscillator(), h)
-        expected = spectral_radius(hamming_amplification(1j * h, 3))
+        expected = spectral_radius(hamming_matrix(1j * h, 3))
         assert spectral_radius(amplification(integrator, h)) == pytest.approx(expected, abs=1e-9)
 
 
@@ -240,12 +240,48 @@ def test_newton_that_does_not_converge_says_so():
         integrator.advance(50)
 
 
-@pytest.mark.parametrize(("name", "options", "step"), [("hamming", {}, 1.2), ("newmark", {"beta": 0.0}, 2.1)])
-def test_step_beyond_the_stability_limit_is_named(name, options, step):
+BEYOND = [
+    ("hamming", {}, 1.2),
+    ("hamming", {"n_corrections": 2}, 0.85),
+    ("hamming", {"n_corrections": 1}, 0.4),
+    ("newmark", {"beta": 0.0}, 2.1),
+]
+
+
+@pytest.mark.parametrize(("name", "options", "step"), BEYOND)
+def test_step_beyond_the_stability_limit_is_refused_at_the_start(name, options, step):
     integrator = make_integrator(name, oscillator(), step, **options)
-    integrator.start(np.array([1.0, 0.0]))
+    with pytest.raises(MultibodyError, match=rf"stability limit: a motion with ω = 1 rad/s .* ω h = {step}"):
+        integrator.start(np.array([1.0, 0.0]))
+
+
+@pytest.mark.parametrize(("name", "options", "step"), [BEYOND[0], BEYOND[3]])
+def test_instability_during_a_run_is_named_too(name, options, step):
+    integrator = make_integrator(name, oscillator(), step, **options)
+    integrator.start(np.array([1.0, 0.0]), check=False)
     with pytest.raises(MultibodyError, match="stability limit"):
         integrator.advance(5000)
+
+
+@pytest.mark.parametrize(("passes", "step"), [(1, 0.26), (2, 0.76), (3, 1.06)])
+def test_step_within_the_stability_limit_is_taken(passes, step):
+    integrator = make_integrator("hamming", oscillator(), step, n_corrections=passes)
+    integrator.start(np.array([1.0, 0.0]))
+    integrator.advance(1000)
+    assert abs(integrator.state[0]) <= 1.01
+
+
+def test_falling_pendulum_is_no_unstable_scheme():
+    """The upright pendulum falls: a root that grows belongs to the motion."""
+    integrator = make_integrator("hamming", pendulum(), 0.02)
+    integrator.start(np.array([np.pi - 1e-3, 0.0]))
+    integrator.advance(100)
+
+
+@pytest.mark.parametrize("kwargs", [{"step": np.inf}, {"n_corrections": 0}, {"n_corrections": 1.5}])
+def test_hamming_options_out_of_range_are_refused(kwargs):
+    with pytest.raises(MultibodyError, match=r"step|n_corrections"):
+        make_integrator("hamming", pendulum(), **({"step": 0.01} | kwargs))
 
 
 def test_singular_mass_is_named():

@@ -174,6 +174,18 @@ def test_present_state_can_be_linearised_and_stays(simulator):
     np.testing.assert_array_equal(model.operating_point.states[0], y)
 
 
+def test_inputs_of_a_multiblade_model_are_told_apart(operating, weightless):
+    """Each name once; the collective demand is that of the model of the single blades."""
+    assert len(set(operating.input_names)) == len(operating.input_names) == operating.B.shape[1]
+    assert {"pitch_collective", "pitch_cosine", "pitch_sine"} <= set(operating.input_names)
+    pitch = [operating.input_names.index(f"pitch_{part}") for part in ("collective", "cosine", "sine")]
+    assert np.linalg.matrix_rank(operating.B[:, pitch]) == 3
+    single = linearize(weightless, rotor_speed=RATED, n_azimuths=1, aerodynamics="none")
+    blades = [single.input_names.index(f"pitch_{i}") for i in (1, 2, 3)]
+    collective = single.B[:, single.input_names.index("pitch_collective")]
+    np.testing.assert_allclose(single.B[:, blades].sum(axis=1), collective, atol=1e-6 * np.abs(collective).max())
+
+
 def test_multiblade_transform_keeps_rates_consistent():
     """L(ψ) maps multi-blade positions and rates so that the rates are the time derivatives of the positions."""
     names = tuple(f"blade_{i}_flap_1{s}" for s in ("", "_rate") for i in (1, 2, 3))

@@ -13,18 +13,18 @@ from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.validation import case as module
 from wt_gym.validation.case import Case, CaseResult, Check, Curve, Figure, case, load_cases, run_case
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "validate.py"
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 
 
-def load_script():
-    """The command line as a module; scripts are no package."""
-    spec = importlib.util.spec_from_file_location("validate_script", SCRIPT)
+def load_script(name):
+    """A command line as a module; scripts are no package."""
+    spec = importlib.util.spec_from_file_location(f"{name}_script", SCRIPTS / f"{name}.py")
     loaded = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(loaded)
     return loaded
 
 
-validate = load_script()
+validate = load_script("validate")
 
 
 class TestCheck:
@@ -98,6 +98,25 @@ class TestCommand:
         assert "no solution" in capsys.readouterr().out
         assert validate.main(["run", "all", "--fast"]) == 0
 
+    @pytest.mark.parametrize("error", [KeyError("no"), RuntimeError("numba"), AssertionError("wrong"), OSError("disk")])
+    def test_any_failing_case_leaves_the_others_running(self, capsys, monkeypatch, error):
+        def broken():
+            raise error
+
+        known = {"bad": Case("bad", "Bad", "source", broken), "good": module.load_cases()["good"]}
+        monkeypatch.setattr(validate, "load_cases", lambda: known)
+        monkeypatch.setattr(validate, "all_cases", lambda: tuple(known.values()))
+        assert validate.main(["run", "all"]) == 1
+        shown = capsys.readouterr().out
+        assert "Traceback" in shown
+        assert type(error).__name__ in shown
+        assert "2 cases, 2 checks, 1 failed: bad" in shown
+
+    def test_nothing_to_run(self, capsys):
+        with pytest.raises(SystemExit, match="2"):
+            validate.main(["run", "bad", "--fast"])
+        assert "no case is left of bad" in capsys.readouterr().err
+
     def test_unknown_case(self, capsys):
         with pytest.raises(SystemExit, match="2"):
             validate.main(["run", "nothing"])
@@ -119,6 +138,30 @@ class TestCommand:
         assert page.count("data:image/png;base64,") == 2
         assert "one &lt;&amp;&gt;" in page
         assert 'src="http' not in page
+
+
+class TestOtherCommands:
+    """What the command lines of the measurements and diagrams refuse before they compute anything."""
+
+    @pytest.mark.parametrize(
+        ("script", "arguments", "message"),
+        [
+            ("campbell", ["--out", "a.xyz"], "endings of figures are"),
+            ("campbell", ["--wind-speed", "0"], "--wind-speed 0.0: allowed are finite speeds above 0"),
+            ("campbell", ["--rotor-speed", "-1"], "--rotor-speed -1.0"),
+            ("campbell", ["--wind-speed", "8", "--pitch", "3"], "--pitch goes with --rotor-speed"),
+            ("campbell", ["--azimuths", "0"], "at least one"),
+            ("campbell", ["--fidelity", "gebhardt"], "linear models need the embedded formulation"),
+            ("campbell", ["--fidelity", "nope"], "unknown fidelity nope"),
+            ("bench", ["--fidelity", "nope"], "unknown fidelity nope; known: training"),
+            ("bench", ["--seconds", "0"], "--seconds 0.0"),
+        ],
+    )
+    def test_refusals(self, capsys, monkeypatch, script, arguments, message):
+        monkeypatch.setattr("sys.argv", [script, *arguments])
+        with pytest.raises(SystemExit, match="2"):
+            load_script(script).parse_arguments()
+        assert message in capsys.readouterr().err
 
 
 class TestCoordinates:

@@ -74,6 +74,11 @@ def descriptor_form(system, y, inputs=None):
     -------
     DescriptorForm
         x has the order of the positions ``system.coordinate_names``.
+
+    Raises
+    ------
+    MultibodyError
+        For a state without meaning, such as a quaternion that is no unit quaternion.
     """
     inputs, work = inputs or system.new_inputs(), system.new_work()
     y = np.ascontiguousarray(y, dtype=float)

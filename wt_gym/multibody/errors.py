@@ -3,7 +3,7 @@
 from wt_gym.errors import WtGymError
 from wt_gym.multibody import tree_kernels
 
-__all__ = ["FAILURES", "MultibodyError"]
+__all__ = ["FAILURES", "MultibodyError", "failure_of_a_step"]
 
 
 class MultibodyError(WtGymError, ValueError):
@@ -16,3 +16,14 @@ FAILURES = {
     tree_kernels.DIVERGED: "the integration diverged; the step may exceed the stability limit",
 }
 """Messages for the codes that the compiled kernels return."""
+
+
+def failure_of_a_step(code, step):
+    """Message for a code that a compiled integrator returned during a step [s], for everything that takes steps.
+
+    The mass matrix was sound at the start: when it is singular in a step, a diverging state has spoilt it before its
+    numbers overflowed.
+    """
+    if code in (tree_kernels.DIVERGED, tree_kernels.SINGULAR_MASS):
+        return f"{FAILURES[tree_kernels.DIVERGED]} (step {step:.6g} s)"
+    return FAILURES[code]

@@ -7,10 +7,13 @@ and the loads of the air need accelerations that belong to the stored state.
 
 The first starter leaves an error of order h³, and so the whole run. The classical Runge–Kutta scheme may take the first
 three steps instead: the error it leaves is that of the scheme itself.
+
+Positions and velocities that have left the constraint equations during a step are put back at its end (the closest
+state, in the norm of the mass matrix), before the last evaluation; Baumgarte's terms then have nothing left to do.
 """
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.rate_kernels import rates
+from wt_gym.multibody.rate_kernels import project, rates
 from wt_gym.multibody.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
 
 
@@ -64,7 +67,8 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
             else:  # p gathers the weighted slopes
                 p[i] = y[3, i] + h / 6.0 * f[3, i]
                 c[i] = y[3, i] + h / 2.0 * f[3, i]
-        for k in range(n_passes + 1 if n_steps else 1):
+        n_evaluations = n_passes + 1 if constrained is None else n_passes + 2
+        for k in range(n_evaluations if n_steps else 1):
             middle = 0.5 / n_steps if filled < 0 and k < 2 and n_steps else 0.0
             code = rates(c, tau - middle, inputs, tree, work, fn, constrained)
             if code != OK:
@@ -73,8 +77,11 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                 for i in range(n):
                     f[3, i] = fn[i]
                 return OK
-            if k == n_passes:
+            if k == n_evaluations - 1:
                 break
+            if k == n_passes:  # only with constraint equations
+                project(c, tree, work, p, fn)
+                continue
             for i in range(n):
                 if filled >= 3:
                     c[i] = 0.125 * (9.0 * y[3, i] - y[1, i] + 3.0 * h * (fn[i] + 2.0 * f[3, i] - f[2, i]))
@@ -95,7 +102,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                         c[i] -= e[i]
                     if not abs(c[i]) < 1e12:
                         return DIVERGED
-                normalise_quaternions(c, tree.kind, tree.joint_q)
+                normalise_quaternions(c, tree.kind, tree.joint_q, work.norm_error)
         for i in range(n):
             y[0, i], y[1, i], y[2, i], y[3, i] = y[1, i], y[2, i], y[3, i], c[i]
             f[0, i], f[1, i], f[2, i], f[3, i] = f[1, i], f[2, i], f[3, i], fn[i]
@@ -105,8 +112,8 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
 
 
 @kernel
-def normalise_quaternions(y, kinds, joint_q):
-    """Scale the quaternions of spherical and free joints to unit length."""
+def normalise_quaternions(y, kinds, joint_q, error):
+    """Scale the quaternions of spherical and free joints to unit length; error (1,) keeps the largest | |q| − 1 |."""
     for b in range(kinds.shape[0]):
         if kinds[b] == SPHERICAL or kinds[b] == FREE:
             q = joint_q[b] + (0 if kinds[b] == SPHERICAL else 3)
@@ -114,5 +121,6 @@ def normalise_quaternions(y, kinds, joint_q):
             for i in range(4):
                 n += y[q + i] * y[q + i]
             scale = 1.0 / n**0.5
+            error[0] = max(error[0], abs(n**0.5 - 1.0))
             for i in range(4):
                 y[q + i] *= scale

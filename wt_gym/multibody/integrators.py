@@ -17,7 +17,10 @@ from collections import namedtuple
 import numpy as np
 
 from wt_gym.multibody import implicit_kernels, tree_kernels
-from wt_gym.multibody.system import FAILURES, HammingIntegrator, MultibodyError
+from wt_gym.multibody.checks import check_state
+from wt_gym.multibody.errors import MultibodyError, failure_of_a_step
+from wt_gym.multibody.hamming import HammingIntegrator, checked_start
+from wt_gym.multibody.stability import check_conditional_step
 
 __all__ = ["INTEGRATORS", "GeneralizedAlphaIntegrator", "NewmarkIntegrator", "make_integrator"]
 
@@ -50,6 +53,7 @@ class _ImplicitIntegrator:
     """
 
     def __init__(self, system, step, scheme, tolerance, max_iterations, difference):
+        system.require_built()
         for name, value in (("step", step), ("tolerance", tolerance), ("difference", difference)):
             if not 0.0 < value < np.inf:
                 raise MultibodyError(f"integration {name} must be positive and finite, got {value}")
@@ -66,10 +70,34 @@ class _ImplicitIntegrator:
         )  # fmt: skip
         self._scratch = ImplicitScratch(np.zeros(n), np.zeros(n), *(np.zeros(n_v) for _ in range(5)))
 
-    def start(self, y):
-        """Begin at the state y (n_state,)."""
+    @property
+    def phase_limit(self):
+        """Largest ω h of an undamped mode: (γ/2 − β)^(−½), infinite for an unconditionally stable scheme."""
+        beta, gamma, alpha_m, _ = self.scheme
+        if alpha_m != 0.0 or gamma <= 2.0 * beta:
+            return np.inf
+        return float((0.5 * gamma - beta) ** -0.5)
+
+    def start(self, y, check=True):
+        """Begin at a state.
+
+        Parameters
+        ----------
+        y : array (n_state,)
+        check : bool
+            Refuse states off the constraint equations and steps beyond the stability limit.
+
+        Raises
+        ------
+        MultibodyError
+            As for :meth:`HammingIntegrator.start`.
+        """
         system, history = self.system, self.history
-        history.y[:] = y
+        if check:
+            y = checked_start(system, y, self.inputs, self.work)
+            if np.isfinite(self.phase_limit):
+                check_conditional_step(system, y, self.step, self.phase_limit, self.inputs, self.work)
+        history.y[:] = check_state(system, y)
         history.f[:] = system.rates(history.y, self.inputs, self.work)
         n_y = system.n_q + system.n_u
         history.pseudo[: system.n_u] = history.f[system.n_q : n_y]
@@ -111,9 +139,7 @@ class _ImplicitIntegrator:
                 f"Newton's iteration did not converge in {self.max_iterations} iterations; the step {self.step} s may "
                 "be too long for the motion"
             )
-        if code == tree_kernels.DIVERGED:
-            raise MultibodyError(f"{FAILURES[code]} (step {self.step} s)")
-        raise MultibodyError(FAILURES[code])
+        raise MultibodyError(failure_of_a_step(code, self.step))
 
 
 class NewmarkIntegrator(_ImplicitIntegrator):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wt_gym.multibody import constraint_kernels, tree_kernels
+from wt_gym.multibody.checks import check_number, check_rotation, check_vector
 from wt_gym.multibody.errors import MultibodyError
 
 __all__ = ["Constraint", "Joint"]
@@ -40,11 +41,17 @@ class Joint:
     offset : array (3,)
         Origin of the joint frame relative to the marker, marker axes [m].
     stiffness, damping : float
-        Spring [N m/rad or N/m] and damper about the reference given as an input (revolute and prismatic).
+        Spring [N m/rad or N/m] and damper about the reference given as an input (revolute and prismatic only).
     servo_frequency, servo_damping : float
         ω [rad/s] and ζ of a servo.
     name : str
         Name of the coordinate(s).
+
+    Raises
+    ------
+    MultibodyError
+        For an unknown kind, vectors that are not three finite numbers, an axis that is no unit vector, a matrix that is
+        no proper rotation, negative values, and springs, dampers or servos that the kind does not have.
     """
 
     kind: str = "fixed"
@@ -60,12 +67,18 @@ class Joint:
     def __post_init__(self):
         if self.kind not in _JOINTS:
             raise MultibodyError(f"joint kind {self.kind!r} is unknown; allowed: {', '.join(_JOINTS)}")
-        if self.kind == "servo" and not self.servo_frequency > 0.0:
-            raise MultibodyError(f"servo joint {self.name!r} needs servo_frequency > 0, got {self.servo_frequency}")
-        if self.kind in ("revolute", "prismatic", "servo") and not np.isclose(
-            np.linalg.norm(self.axis), 1.0, atol=1e-9
-        ):
-            raise MultibodyError(f"joint {self.name!r}: axis {tuple(self.axis)} is not a unit vector")
+        owner = f"{self.kind} joint {self.name!r}"
+        check_vector(owner, "axis", self.axis, unit=self.kind in ("revolute", "prismatic", "servo"))
+        check_vector(owner, "offset", self.offset)
+        check_rotation(owner, "rotation", self.rotation)
+        for name in ("stiffness", "damping", "servo_frequency"):
+            bears = ("servo",) if name == "servo_frequency" else ("revolute", "prismatic")
+            check_number(owner, name, getattr(self, name), positive=self.kind == "servo" and name == "servo_frequency")
+            if getattr(self, name) != 0.0 and self.kind not in bears:
+                raise MultibodyError(
+                    f"{owner} bears no {name}, got {getattr(self, name)}; allowed: {' and '.join(bears)}"
+                )
+        check_number(owner, "servo_damping", self.servo_damping)
 
     @property
     def code(self):
@@ -115,8 +128,13 @@ class Constraint:
     def __post_init__(self):
         if self.kind not in _CONSTRAINTS:
             raise MultibodyError(f"constraint kind {self.kind!r} is unknown; allowed: {', '.join(_CONSTRAINTS)}")
-        if not np.isclose(np.linalg.norm(self.axis), 1.0, atol=1e-9):
-            raise MultibodyError(f"constraint {self.name!r}: axis {tuple(self.axis)} is not a unit vector")
+        owner = f"{self.kind} constraint {self.name!r}"
+        check_vector(owner, "axis", self.axis, unit=True)
+        for frame in ("", "second_"):
+            check_vector(owner, f"{frame}offset", getattr(self, f"{frame}offset"))
+            check_rotation(owner, f"{frame}rotation", getattr(self, f"{frame}rotation"))
+        for name in ("servo_frequency", "servo_damping"):
+            check_number(owner, name, getattr(self, name))
 
     @property
     def code(self):

@@ -74,3 +74,32 @@ def position_rates(y, yd, dof_q, kinds, joint_q, joint_u, dy):
             dy[q + 1] = 0.5 * (a * w0 + yy * w2 - z * w1)
             dy[q + 2] = 0.5 * (a * w1 + z * w0 - x * w2)
             dy[q + 3] = 0.5 * (a * w2 + x * w1 - yy * w0)
+
+
+@kernel
+def project(y, tree, work, change, shift):
+    """Put a state back onto the constraint equations φ = 0, φ̇ = 0, in place.
+
+    One Newton step to the closest state in the norm of the augmented mass matrix L Lᵀ = M + Bᵀ W B:
+    δ = L⁻ᵀ X (XᵀX)⁻¹ φ with X = L⁻¹ Bᵀ, for positions with φ and for velocities with φ̇. Factors and residuals are those
+    that the right-hand side left in ``work`` for the same state. change, shift (n_state,) are scratch.
+    """
+    n_q, n_u, n_c = tree.n_q, tree.n_u, work.residual.shape[0]
+    delta, pull = change[:n_u], work.weight
+    for level in range(2):
+        for i in range(n_c):
+            pull[i] = work.residual[i] if level == 0 else work.residual_rate[i]
+        solve_lower(work.schur, pull)
+        solve_upper(work.schur, pull)
+        for u in range(n_u):
+            delta[u] = 0.0
+            for i in range(n_c):
+                delta[u] += work.half_jacobian[i, u] * pull[i]
+        solve_upper(work.mass, delta)
+        if level == 0:
+            position_rates(y, delta, tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, shift)
+            for i in range(n_q):
+                y[i] -= shift[i]
+        else:
+            for u in range(n_u):
+                y[n_q + u] -= delta[u]

@@ -9,7 +9,8 @@ from collections import namedtuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody import constraint_kernels, integrator_kernels, output_kernels, tree_kernels
+from wt_gym.multibody import constraint_kernels, integrator_kernels, output_kernels, rate_kernels, tree_kernels
+from wt_gym.multibody.checks import check_body, check_number, check_state, check_unique, check_vector
 from wt_gym.multibody.errors import FAILURES, MultibodyError
 from wt_gym.multibody.hamming import HammingIntegrator, new_history
 from wt_gym.multibody.joints import Constraint, Joint
@@ -27,7 +28,7 @@ WORK_FIELDS = (
     "rot r v omega vl va bias_lin bias_ang nl na nb_lin nb_ang nv wn wb x xd xb th thd lever rn ti rj rb s_eff mc jj "
     "jd cc dk cd dd h a al c1 c2 mass force loads servo_acceleration predictor corrector rate "
     "frame_r frame_v frame_w frame_bl frame_ba frame_rot frame_jl frame_ja jacobian half_jacobian gamma residual "
-    "residual_rate multipliers weight schur"
+    "residual_rate multipliers weight schur norm_error"
 )
 Tree = namedtuple("Tree", TREE_FIELDS)
 Work = namedtuple("Work", WORK_FIELDS)
@@ -43,7 +44,8 @@ class MultibodySystem:
     gravity : array (3,)
         [m/s²], default (0, 0, −9.81).
     stabilisation : float
-        Baumgarte's α = β [1/s]: constraint errors decay like exp(−α t). Explicit schemes need α h < 1.29.
+        Baumgarte's α = β [1/s]: constraint errors decay like exp(−α t). Explicit schemes need α h < 1.29 (0.87 with one
+        corrector pass, 0.72 with two).
 
     Examples
     --------
@@ -56,6 +58,8 @@ class MultibodySystem:
     """
 
     def __init__(self, gravity=(0.0, 0.0, -9.81), stabilisation=10.0):
+        check_vector("multibody system", "gravity", gravity)
+        check_number("multibody system", "stabilisation", stabilisation)
         self.gravity, self.stabilisation = np.asarray(gravity, dtype=float), float(stabilisation)
         self.bodies: list[FlexibleBody] = []
         self.joints: list[Joint] = []
@@ -80,8 +84,10 @@ class MultibodySystem:
         Raises
         ------
         MultibodyError
-            For an unknown parent or marker.
+            For an unknown parent or marker, a body with negative mass or inertia, or a system that is already built.
         """
+        self._check_open(f"body {body.name!r}")
+        check_body(body)
         if parent is None:
             self._markers.append(None)
         else:
@@ -113,8 +119,9 @@ class MultibodySystem:
         Raises
         ------
         MultibodyError
-            For unknown bodies or markers.
+            For unknown bodies or markers, or a system that is already built.
         """
+        self._check_open(f"constraint {constraint.name!r}")
         ends = []
         for body, name in ((first, marker), (second, second_marker)):
             if body is None:
@@ -135,12 +142,33 @@ class MultibodySystem:
         return len(self.constraints) - 1
 
     def build(self):
-        """Pack everything into arrays; returns self."""
+        """Pack everything into arrays; returns self.
+
+        Raises
+        ------
+        MultibodyError
+            Without bodies or degrees of freedom, and for names of coordinates that occur twice.
+        """
         if not self.bodies:
             raise MultibodyError("a multibody system needs at least one body")
         self._number_coordinates()
+        check_unique("state", self.state_names)
         self.tree = Tree(**self._topology(), **self._joint_arrays(), **self._body_arrays())
         return self
+
+    def _check_open(self, what):
+        if self.tree is not None:
+            raise MultibodyError(f"{what} comes too late: the system is built; add everything before build()")
+
+    def require_built(self):
+        """Refuse the use of a system that is not built.
+
+        Raises
+        ------
+        MultibodyError
+        """
+        if self.tree is None:
+            raise MultibodyError("the system is not built yet: call build() after adding bodies and constraints")
 
     # ---- coordinates -----------------------------------------------------------------------------------------------
 
@@ -193,6 +221,22 @@ class MultibodySystem:
         """Joints and constraints with a servo, in the order of their states."""
         return [j for j in self.joints if j.kind == "servo"] + [c for c in self.constraints if c.servo_frequency > 0.0]
 
+    @property
+    def quaternions(self):
+        """First index of each quaternion among the coordinates, with the name of its body: list of (int, str)."""
+        return [
+            (entry["joint_q"] + (3 if joint.kind == "free" else 0), body.name)
+            for entry, joint, body in zip(self._index, self.joints, self.bodies, strict=True)
+            if joint.kind in ("spherical", "free")
+        ]
+
+    def position_change(self, y, u):
+        """Change of the positions (n_q,) per motion along the velocity number u, in the state y."""
+        velocity, change, tree = np.zeros(self.n_u), np.zeros(self.n_state), self.tree
+        velocity[u] = 1.0
+        rate_kernels.position_rates(y, velocity, tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, change)
+        return change[: self.n_q]
+
     def multiplier_rows(self, constraint):
         """Slice of ``work.multipliers`` that belongs to a constraint."""
         rows = [c.n_rows for c in self.constraints]
@@ -205,6 +249,7 @@ class MultibodySystem:
 
     def initial_state(self):
         """State (n_state,) at rest with all coordinates zero and unit quaternions."""
+        self.require_built()
         y = np.zeros(self.n_state)
         for entry, joint in zip(self._index, self.joints, strict=True):
             if joint.kind == "spherical":
@@ -339,6 +384,7 @@ class MultibodySystem:
 
     def new_work(self):
         """Scratch arrays for one user of the compiled kernels."""
+        self.require_built()
         n_b, nf, n_u = len(self.bodies), self._max_elastic, self.n_u
         shapes = dict.fromkeys(WORK_FIELDS.split(), (3,))
         shapes |= dict.fromkeys(("r", "v", "omega", "bias_lin", "bias_ang", "mc"), (n_b, 3))
@@ -354,11 +400,13 @@ class MultibodySystem:
         shapes |= {"frame_rot": (2, 3, 3), "frame_jl": (2, 3, n_u), "frame_ja": (2, 3, n_u), "schur": (n_c, n_c)}
         shapes |= dict.fromkeys(("jacobian", "half_jacobian"), (n_c, n_u))
         shapes |= dict.fromkeys(("gamma", "residual", "residual_rate", "multipliers", "weight"), (n_c,))
+        shapes |= {"norm_error": (1,)}
         shapes |= {"s_eff": (3, nf), "mass": (n_u, n_u), "force": (n_u,), "servo_acceleration": (self.n_servo,)}
         return Work(**{key: np.zeros(shapes[key]) for key in WORK_FIELDS.split()})
 
     def new_inputs(self):
         """Inputs at the start [0] and the end [1] of an interval, all zero."""
+        self.require_built()
         n_b, nf, n_u = len(self.bodies), self._max_elastic, self.n_u
         z = np.zeros
         return Inputs(z((2, n_b, 6 + nf)), z((2, n_u)), z((2, n_u)), z((2, n_u)), z((2, self.n_servo)))
@@ -371,8 +419,11 @@ class MultibodySystem:
         Raises
         ------
         MultibodyError
-            When the mass matrix is singular or constraints depend on each other.
+            When the system is not built, the state has no meaning (length, finite numbers, unit quaternions), the mass
+            matrix is singular or constraints depend on each other.
         """
+        self.require_built()
+        y = check_state(self, y)
         history = new_history(self.n_state)
         history.y[3] = y
         code = integrator_kernels.hamming_advance(
@@ -383,10 +434,29 @@ class MultibodySystem:
         return history.f[3].copy()
 
     def constraint_residuals(self, y):
-        """Residuals φ and φ̇ (n_constraints,) of the constraint equations for a state [m, rad; 1/s]."""
+        """Residuals φ and φ̇ (n_constraints,) of the constraint equations for a state [m, rad; m/s, rad/s]."""
         work = self.new_work()
         self.rates(y, work=work)
         return work.residual, work.residual_rate
+
+    def project(self, y, inputs=None, passes=2):
+        """Move a state onto the constraint equations φ = 0, φ̇ = 0, by the smallest change; y changes in place.
+
+        Parameters
+        ----------
+        y : array (n_state,)
+            Close to the constraints.
+        inputs : Inputs, optional
+            Of the commands of the servos only their acceleration matters.
+        passes : int
+            Newton steps, each of which squares the error.
+        """
+        work, change, shift = self.new_work(), np.zeros(self.n_state), np.zeros(self.n_state)
+        for _ in range(passes if self.constraints else 0):
+            self.rates(y, inputs, work)
+            rate_kernels.project(y, self.tree, work, change, shift)
+            for first, _ in self.quaternions:
+                y[first : first + 4] /= np.linalg.norm(y[first : first + 4])
 
     def place_free_bodies(self, y):
         """Put every free body that a weld ties to an earlier one in its place, with its velocity; y changes in place.
@@ -414,7 +484,8 @@ class MultibodySystem:
 
     def energy(self, y):
         """Kinetic, elastic and gravitational energy [J]."""
-        return output_kernels.energies(np.ascontiguousarray(y, dtype=float), self.tree, self.new_work())
+        self.require_built()
+        return output_kernels.energies(check_state(self, y), self.tree, self.new_work())
 
 
 def _quaternion(rotation):

@@ -27,9 +27,11 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
     MultibodyError
         When the mass matrix is singular.
     """
-    q = np.array([i for i in range(system.n_q) if i != azimuth_q])
-    u = np.array([i for i in range(system.n_u) if i != azimuth_u]) + system.n_q
+    q = np.array([i for i in range(system.n_q) if i != azimuth_q], dtype=int)
+    u = np.array([i for i in range(system.n_u) if i != azimuth_u], dtype=int) + system.n_q
     step = 1e-4
+    if len(q) == 0:
+        return
 
     def residual(state):
         return system.rates(state, inputs, work)[u]

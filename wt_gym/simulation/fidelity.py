@@ -1,16 +1,29 @@
 """Fidelities: how finely air and structure are resolved, and at what price."""
 
 import math
+import numbers
 from dataclasses import dataclass, field
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.errors import SimulationError
+from wt_gym.multibody.hamming import STARTERS
+from wt_gym.multibody.stability import undamped_limit
 
-__all__ = ["FIDELITIES", "Fidelity", "fidelity"]
+__all__ = ["ELASTODYN_NREL_5MW_TOWER", "FIDELITIES", "Fidelity", "fidelity"]
 
 
-STABLE_PHASE = 0.8
-"""Largest ω h of the structural integration."""
+RESERVE = 0.75
+"""Largest ω h of the structural integration, in limits of an undamped mode: modes stiffen with rotation."""
+
+
+COORDINATES = ("modal", "nodal", "rigid")
+INTEGRATORS = ("hamming", "newmark", "generalised_alpha")
+ELASTODYN_NREL_5MW_TOWER = (
+    ((0.7004, 2.1963, -5.6202, 6.2275, -2.504), (-70.5319, -63.7623, 289.737, -176.513, 22.0706)),
+    ((1.385, -1.7684, 3.0871, -2.2395, 0.5357), (-121.21, 184.415, -224.904, 298.536, -135.838)),
+)
+"""Tower shapes of the ElastoDyn input file of the NREL 5-MW turbine, for ``Fidelity.tower_shapes`` with
+``tower_modes=(2, 2, 0)``: what OpenFAST assumes, not what this tower vibrates in."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,8 @@ class Fidelity:
         A drivetrain whose torsional frequency [Hz] is higher than this is taken as rigid.
     corrections : int
         Corrector passes of the Hamming scheme in each sub-step.
+    starter : str
+        First three steps of the Hamming scheme: "adams", as published, or "runge-kutta", which leaves a smaller error.
     coupling_iterations : int
         Most passes of structure and loads through one aerodynamic step.
     coupling_tolerance : float
@@ -44,6 +59,22 @@ class Fidelity:
         Flap, edge and torsion modes of each blade.
     tower_elements, blade_elements : int
         Finite elements from which the modes come.
+    tower_coordinates, blade_coordinates : str
+        "modal": the modes counted above; "nodal": displacements and rotations of the finite-element nodes in the
+        directions of which at least one mode is counted (fore-aft or flap, side-side or edge, torsion; along a curved
+        blade too), which needs few elements and short steps; "rigid": no deformation.
+    tower_shapes : tuple or None
+        Prescribed bending shapes of the tower instead of its modes: two tuples (fore-aft, side-side) with the
+        coefficients of (z/H)², (z/H)³, … of each shape, as many as ``tower_modes`` counts, for example
+        :data:`ELASTODYN_NREL_5MW_TOWER`.
+    yaw_drive : str
+        "stiff": the nacelle follows the yaw drive; "spring": through the yaw spring and damper of the turbine.
+    blade_bodies : int
+        Floating-frame bodies of a blade. The coupled simulation takes one; blades cut into more are built with
+        :mod:`wt_gym.structure.substructure`.
+    integrator : str
+        "hamming". Newmark's and the generalised-α scheme integrate any multibody system by
+        :mod:`wt_gym.multibody.integrators`, but not yet the coupled one.
     tower_shadow : bool
         Potential flow round a cylinder acts on the blades near the tower: the cheap form of a tower in the flow.
     tower_body : (int, int) or None
@@ -62,12 +93,19 @@ class Fidelity:
     max_substep: float = 0.034
     stiffest_shaft: float = 8.0
     corrections: int = 3
+    starter: str = "adams"
     coupling_iterations: int = 2
     coupling_tolerance: float = 1e-3
     tower_modes: tuple = (2, 2, 1)
     blade_modes: tuple = (2, 1, 0)
     tower_elements: int = 12
     blade_elements: int = 24
+    tower_coordinates: str = "modal"
+    blade_coordinates: str = "modal"
+    tower_shapes: tuple | None = None
+    yaw_drive: str = "stiff"
+    blade_bodies: int = 1
+    integrator: str = "hamming"
     tower_shadow: bool = True
     tower_body: tuple | None = None
     formulation: str = "embedded"
@@ -77,20 +115,59 @@ class Fidelity:
         if self.time_step is not None and not 0.0 < self.time_step < 10.0:
             raise SimulationError(f"Fidelity.time_step is {self.time_step}; allowed: None or 0 … 10 s")
         for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
-            if getattr(self, name) < low:
-                raise SimulationError(f"Fidelity.{name} is {getattr(self, name)}; it must be at least {low}")
+            value = getattr(self, name)
+            if not isinstance(value, numbers.Integral) or value < low:
+                raise SimulationError(f"Fidelity.{name} is {value!r}; a whole number of at least {low} is needed")
         if not 0.0 < self.max_substep <= 0.5:
             raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; allowed: 0 … 0.5 s")
-        if self.formulation not in ("embedded", "constrained"):
-            raise SimulationError(f"formulation {self.formulation!r} is unknown; allowed: embedded, constrained")
+        for name, allowed in (
+            ("formulation", ("embedded", "constrained")),
+            ("tower_coordinates", COORDINATES),
+            ("blade_coordinates", COORDINATES),
+            ("yaw_drive", ("stiff", "spring")),
+            ("integrator", INTEGRATORS),
+            ("starter", tuple(STARTERS)),
+        ):
+            if getattr(self, name) not in allowed:
+                raise SimulationError(
+                    f"Fidelity.{name} {getattr(self, name)!r} is unknown; allowed: {', '.join(allowed)}"
+                )
+        if self.integrator != "hamming":
+            raise SimulationError(
+                f"Fidelity.integrator is {self.integrator!r}: the coupled step takes 'hamming' only; the other schemes "
+                "integrate multibody systems (wt_gym.multibody.integrators)"
+            )
+        if self.blade_bodies != 1:
+            raise SimulationError(
+                f"Fidelity.blade_bodies is {self.blade_bodies!r}: the coupled simulation takes 1; blades of several "
+                "bodies are built with wt_gym.structure.substructure"
+            )
         if self.tower_body is not None and (len(self.tower_body) != 2 or min(self.tower_body) < 3):
             raise SimulationError(
                 f"Fidelity.tower_body is {self.tower_body}; allowed: None or two counts of at least 3"
             )
         for name in ("tower_modes", "blade_modes"):
             modes = getattr(self, name)
-            if len(modes) != 3 or min(modes) < 0 or sum(modes) < 1:
-                raise SimulationError(f"Fidelity.{name} is {modes}; three counts with at least one mode are needed")
+            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and count >= 0 for count in modes)
+            if not whole or sum(modes) < 1:
+                raise SimulationError(
+                    f"Fidelity.{name} is {modes}; three whole counts with at least one mode are needed"
+                )
+
+        self._check_shapes()
+
+    def _check_shapes(self):
+        """Prescribed shapes of the tower, if any, fit the counted modes."""
+        if self.tower_shapes is None:
+            return
+        if self.tower_coordinates != "modal":
+            raise SimulationError(f"Fidelity.tower_shapes needs modal coordinates, not {self.tower_coordinates!r}")
+        counts = tuple(len(plane) for plane in self.tower_shapes)
+        if counts != tuple(self.tower_modes[:2]) or not all(len(c) for plane in self.tower_shapes for c in plane):
+            raise SimulationError(
+                f"Fidelity.tower_shapes holds {counts} shapes; fore-aft and side-side shapes for tower_modes = "
+                f"{self.tower_modes} are needed, each a sequence of coefficients"
+            )
 
     def step_for(self, rated_speed):
         """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
@@ -102,10 +179,11 @@ class Fidelity:
     def substeps_for(self, time_step, highest):
         """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s].
 
-        Three corrector passes are stable up to ω h = 1.08 without damping; a quarter is kept in reserve for modes that
-        stiffen with rotation.
+        One, two and three corrector passes are stable up to ω h = 0.276, 0.78 and 1.08 without damping; a quarter is
+        kept in reserve.
         """
-        return math.ceil(time_step / min(self.max_substep, STABLE_PHASE / highest) - 1e-9)
+        phase = RESERVE * undamped_limit(self.corrections)
+        return math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
 
 
 FIDELITIES = {
@@ -123,10 +201,13 @@ FIDELITIES = {
         tower_modes=(2, 2, 1),
         blade_modes=(4, 3, 1),
     ),
-    # the 13 degrees of freedom of Gebhardt et al. 2012: three of the tower, the rotor, three of each blade
+    # the 13 degrees of freedom of Gebhardt et al. 2012: three of the tower, the rotor, three of each blade; step and
+    # starter are such that a step changes the norm of a quaternion by less than 1e-8 before it is rescaled
     "gebhardt": Fidelity(
         "gebhardt",
         TRAINING,
+        max_substep=0.0125,
+        starter="runge-kutta",
         tower_modes=(1, 1, 1),
         blade_modes=(2, 1, 0),
         blade_elements=21,

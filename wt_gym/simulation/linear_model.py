@@ -324,13 +324,16 @@ def multiblade_model(model, azimuth, rotor_speed):
     t = coleman(azimuth)[0]
     inputs, input_names = _block(model.input_names, t)
     outputs, output_names = _block(model.output_names, t)
+    # the collective part of the blades is the collective demand, which the model has under the same name already
+    once = [i for i, name in enumerate(input_names) if name not in input_names[:i]]
+    input_names = tuple(input_names[i] for i in once)
     back = np.linalg.inv(transform)
     return replace(
         model,
         A=back @ (model.A @ transform - change),
-        B=back @ model.B @ inputs,
+        B=back @ model.B @ inputs[:, once],
         C=np.linalg.solve(outputs, model.C @ transform),
-        D=np.linalg.solve(outputs, model.D @ inputs),
+        D=np.linalg.solve(outputs, model.D @ inputs[:, once]),
         state_names=states, input_names=input_names, output_names=output_names, multiblade=True,
     )  # fmt: skip
 

@@ -11,7 +11,9 @@ from wt_gym.aerodynamics import BodySet, TowerFlow, VortexLattice, tower_body
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody import point_kernels, tree_kernels
-from wt_gym.multibody.system import FAILURES, HammingIntegrator, MultibodyError
+from wt_gym.multibody.checks import check_state
+from wt_gym.multibody.errors import failure_of_a_step
+from wt_gym.multibody.system import HammingIntegrator, MultibodyError
 from wt_gym.simulation import coupled_step_kernels, coupling_kernels
 from wt_gym.simulation.blade_lattice import blade_planform
 from wt_gym.simulation.channels import Signals
@@ -114,7 +116,7 @@ class Simulator:
             self._embedded = Simulator(turbine, self.inflow, replace(fid, formulation="embedded"))
             self._n_sub = self._embedded._n_sub
         self._h = self.time_step / self._n_sub
-        self._integrator = HammingIntegrator(self.structure.system, self._h, fid.corrections)
+        self._integrator = HammingIntegrator(self.structure.system, self._h, fid.corrections, fid.starter)
 
     def _allocate(self):
         """Arrays of the state and of the exchange between structure and air."""
@@ -264,9 +266,14 @@ class Simulator:
         Raises
         ------
         SimulationError
-            When the snapshot does not fit.
+            When the snapshot does not fit, or its motion has no meaning.
         """
+        self._started = False
         state.put(self._state_arrays(), self._model)
+        try:
+            check_state(self.structure.system, self._integrator.state)
+        except MultibodyError as error:
+            raise SimulationError(f"the snapshot holds no state: {error}") from error
         self._n_steps = state.n_steps
         self._started = True
         self._move_lattice(self._integrator.state)
@@ -425,7 +432,7 @@ class Simulator:
         if code == coupled_step_kernels.DEFLECTION:
             largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
-        return FAILURES[code]
+        return failure_of_a_step(code, self._h)
 
     def _move_lattice(self, y):
         """Lattice nodes and their velocities for the state y; the kinematics are then up to date."""

@@ -5,7 +5,7 @@ turned by the tilt about y; blade i hangs on the hub turned by 2πi/n about the 
 pitch turns the blade about its z axis by minus the angle.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -131,7 +131,7 @@ def build_structure(turbine, fidelity, lattice_nodes):
     system = MultibodySystem()
     tower_body, tower_points, tower_radius = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
-    nacelle = _add_nacelle(system, turbine, tower)
+    nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)
     generator, hub = _add_drivetrain(system, turbine, nacelle, blade_body.inertia, fidelity.stiffest_shaft)
     blades = tuple(
         _add_blade(system, turbine, hub, blade_body, i, fidelity.formulation) for i in range(turbine.n_blades)
@@ -157,17 +157,63 @@ def _blade(blade, fidelity):
     axis = _axis_at_stations(blade)
     sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
     beam = Beam(sections, fidelity.blade_elements)
+    if fidelity.blade_coordinates == "modal":
+        basis, frequency, names = _blade_modes(beam, fidelity)
+        body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, frequency, None, names)
+    else:
+        dofs = _moving_dofs(fidelity.blade_modes) if fidelity.blade_coordinates == "nodal" else ()
+        if dofs and np.ptp(axis[:, :2], axis=0).max() > 1e-6 * blade.length:
+            dofs = tuple(sorted({*dofs, 2}))  # a curved axis bends only if its nodes may also move along z
+        basis, body = _node_body("blade", beam, dofs, blade.damping_ratio)
+    return beam, basis, body
+
+
+def _moving_dofs(modes):
+    """Degrees of freedom of a node for the counts of modes along x, along y and in torsion."""
+    planes = ((0, 4), (1, 3), (5,))
+    return tuple(sorted(dof for plane, count in zip(planes, modes, strict=True) if count for dof in plane))
+
+
+def _node_body(name, beam, dofs, damping_ratio, tip_mass=None):
+    """Basis and body of the unit displacements of all nodes but the root, with the given damping of each of its modes.
+
+    Damping in proportion to the stiffness would overdamp the highest modes beyond what explicit steps can follow.
+    """
+    keep = [(node, dof) for node in range(1, len(beam.nodes)) for dof in dofs]
+    rows = [6 * node + dof for node, dof in keep]
+    basis = np.eye(beam.n_dof)[:, rows]
+    kind = ("x", "y", "z", "turn_x", "turn_y", "turn_z")
+    prefix = "tower_" if name == "tower" else ""  # blades are named when they are hung on the hub
+    names = [f"{prefix}node_{node}_{kind[dof]}" for node, dof in keep]
+    body = FlexibleBody.from_beam(name, beam, basis, coordinate_names=names)
+    if not keep:
+        return basis, body
+    mass = beam.mass.copy()
+    if tip_mass is not None:
+        mass[-6:, -6:] += tip_mass
+    modes = clamped_modes(beam, len(keep), tip_mass=tip_mass, node_dofs=dofs)
+    momentum = mass[np.ix_(rows, rows)] @ modes.shape[rows]
+    damping = (momentum * (4.0 * np.pi * damping_ratio * modes.frequency)) @ momentum.T
+    return basis, replace(body, damping=damping)
+
+
+def _blade_modes(beam, fidelity):
+    """Modes of a blade, their frequencies and names."""
     flap, edge, torsion = fidelity.blade_modes
     # A bending mode carries the twist that its inertial loads make as it vibrates. Without torsion modes nothing could
     # undo that twist under other loads: flap would feather the blade by 0.3 degrees a metre, so bending stays bending.
     node_dofs = (0, 1, 2, 3, 4, 5) if torsion else (0, 1, 2, 3, 4)
     modes = clamped_modes(beam, min(len(node_dofs) * fidelity.blade_elements, 40), node_dofs=node_dofs)
-    chosen = select_modes(modes, flap=flap, edge=edge, torsion=torsion)
+    try:
+        chosen = select_modes(modes, flap=flap, edge=edge, torsion=torsion)
+    except ValueError as error:
+        raise SimulationError(
+            f"Fidelity.blade_modes is {fidelity.blade_modes}: {error}, from Fidelity.blade_elements = "
+            f"{fidelity.blade_elements}"
+        ) from error
     names = [f"flap_{i + 1}" for i in range(flap)] + [f"edge_{i + 1}" for i in range(edge)]
     names += [f"torsion_{i + 1}" for i in range(torsion)]
-    basis = modes.shape[:, chosen]
-    body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, modes.frequency[chosen], None, names)
-    return beam, basis, body
+    return modes.shape[:, chosen], modes.frequency[chosen], names
 
 
 def _axis_at_stations(blade):
@@ -215,32 +261,80 @@ def _tower(turbine, fidelity, blade_body):
     axis[:, 2] = stations.station
     beam = Beam(BeamSections(stations.station, stations.stiffness, stations.inertia, axis), fidelity.tower_elements)
     top = rotor_nacelle_inertia(turbine, blade_body.inertia)
-    planes = {"fore_aft": (0, 4), "side_side": (1, 3), "torsion": (5,)}
-    basis, frequency, names = [], [], []
-    for (plane, dofs), wanted in zip(planes.items(), fidelity.tower_modes, strict=True):
-        if wanted == 0:
-            continue
-        modes = clamped_modes(beam, wanted, tip_mass=top, node_dofs=dofs)
-        basis.append(modes.shape)
-        frequency.append(modes.frequency)
-        names += [f"{plane}_{i + 1}" for i in range(wanted)]
-    basis, frequency = np.hstack(basis), np.concatenate(frequency)
-    body = FlexibleBody.from_beam("tower", beam, basis, tower.damping_ratio, frequency, None, names)
+    if fidelity.tower_coordinates == "modal":
+        basis, frequency, names = _tower_modes(beam, fidelity, top)
+        body = FlexibleBody.from_beam("tower", beam, basis, tower.damping_ratio, frequency, None, names)
+    else:
+        dofs = _moving_dofs(fidelity.tower_modes) if fidelity.tower_coordinates == "nodal" else ()
+        basis, body = _node_body("tower", beam, dofs, tower.damping_ratio, top)
     height = np.linspace(0.0, stations.station[-1], 13)
     points = np.column_stack([0.0 * height, 0.0 * height, height])
     return body, body_points(beam, basis, points), 0.5 * np.asarray(tower.diameter_at(height))
 
 
-def _add_nacelle(system, turbine, tower):
-    """Rigid nacelle with the yaw bearing, driven about the tower's z axis."""
+def _tower_modes(beam, fidelity, top):
+    """Plane modes or prescribed shapes of the tower under its top mass, their frequencies [Hz] and names."""
+    planes = {"fore_aft": (0, 4), "side_side": (1, 3), "torsion": (5,)}
+    basis, frequency, names = [], [], []
+    for (plane, dofs), wanted in zip(planes.items(), fidelity.tower_modes, strict=True):
+        if wanted == 0:
+            continue
+        names += [f"{plane}_{i + 1}" for i in range(wanted)]
+        if fidelity.tower_shapes is not None and plane != "torsion":
+            shapes = _polynomial_shapes(beam, plane, fidelity.tower_shapes[plane == "side_side"])
+            basis.append(shapes)
+            mass = beam.mass.copy()
+            mass[-6:, -6:] += top
+            modal = [np.einsum("ak,ab,bk->k", shapes, matrix, shapes) for matrix in (beam.stiffness, mass)]
+            frequency.append(np.sqrt(modal[0] / modal[1]) / (2.0 * np.pi))
+            continue
+        most = len(dofs) * fidelity.tower_elements
+        if wanted > most:
+            raise SimulationError(
+                f"Fidelity.tower_modes is {fidelity.tower_modes}: {wanted} {plane} modes wanted, "
+                f"Fidelity.tower_elements = {fidelity.tower_elements} make {most}"
+            )
+        modes = clamped_modes(beam, wanted, tip_mass=top, node_dofs=dofs)
+        basis.append(modes.shape)
+        frequency.append(modes.frequency)
+    return np.hstack(basis), np.concatenate(frequency), names
+
+
+def _polynomial_shapes(beam, plane, shapes):
+    """Nodal displacements (n_dof, n) of bending shapes given by the coefficients of (z/H)², (z/H)³, …"""
+    height = beam.nodes[-1]
+    basis = np.zeros((beam.n_dof, len(shapes)))
+    # a displacement along y turns the section about −x
+    move, turn, sign = (0, 4, 1.0) if plane == "fore_aft" else (1, 3, -1.0)
+    for k, coefficients in enumerate(shapes):
+        polynomial = np.polynomial.Polynomial([0.0, 0.0, *coefficients])
+        scale = 1.0 / polynomial(1.0)
+        basis[move::6, k] = scale * polynomial(beam.nodes / height)
+        basis[turn::6, k] = sign * scale * polynomial.deriv()(beam.nodes / height) / height
+    return basis
+
+
+def _add_nacelle(system, turbine, tower, yaw_drive):
+    """Rigid nacelle with the yaw bearing, driven about the tower's z axis, on request through the yaw spring."""
     nacelle = turbine.nacelle
     mass = nacelle.mass + nacelle.yaw_bearing_mass
     centre = nacelle.mass * nacelle.cm / mass
     r, b = skew(nacelle.cm - centre), skew(-centre)
     inertia = nacelle.inertia - nacelle.mass * r @ r - nacelle.yaw_bearing_mass * b @ b
     body = FlexibleBody.rigid("nacelle", mass, centre, inertia)
-    joint = Joint("servo", (0.0, 0.0, 1.0), servo_frequency=YAW_SERVO, servo_damping=1.0, name="yaw")
-    return system.add(body, joint, tower, "tip")
+    drive = Joint("servo", (0.0, 0.0, 1.0), servo_frequency=YAW_SERVO, servo_damping=1.0, name="yaw")
+    if yaw_drive == "stiff":
+        return system.add(body, drive, tower, "tip")
+    if not nacelle.yaw_spring > 0.0:
+        raise SimulationError(
+            f"turbine {turbine.name!r}: yaw spring is {nacelle.yaw_spring}; yaw_drive='spring' needs one"
+        )
+    gear = FlexibleBody.rigid("yaw_drive", 0.0, np.zeros(3), np.zeros((3, 3)))
+    gear = system.add(gear, drive, tower, "tip")
+    spring = Joint(
+        "revolute", (0.0, 0.0, 1.0), None, (0.0, 0.0, 0.0), nacelle.yaw_spring, nacelle.yaw_damper, name="yaw_twist"
+    )
+    return system.add(body, spring, gear)
 
 
 def rotor_axial_inertia(turbine, blade_inertia):

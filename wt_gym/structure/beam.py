@@ -383,7 +383,7 @@ class SecondOrderField:
         rows = np.array([_integration_row(self._beam._xi, x) for x in self._beam._xi])
         inner = np.einsum("gh,ehijk->egijk", rows, self._integrand) * self._beam._length[:, None, None, None, None]
         out = self._start[:-1, None] + inner
-        return out.reshape(-1, *out.shape[2:])
+        return out.reshape(out.shape[0] * out.shape[1], *out.shape[2:])
 
     @classmethod
     def of_offset(cls, theta, offset):

@@ -170,7 +170,8 @@ class ParticleFields:
 def particle_fields(beam, basis):
     """Displacement fields of a beam's mass points for a basis (n_dof, n)."""
     basis = np.asarray(basis, dtype=float)
-    theta = beam.gauss_rotation(basis).reshape(-1, 3, basis.shape[1])
+    theta = beam.gauss_rotation(basis)
+    theta = theta.reshape(theta.shape[0] * theta.shape[1], 3, basis.shape[1])  # a basis may be empty
     return ParticleFields(
         position=beam.particle_position,
         linear=np.einsum("pia,an->pin", beam.particle_shape, basis, optimize=True),

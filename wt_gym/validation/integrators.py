@@ -6,15 +6,17 @@ import numpy as np
 from scipy.special import ellipj, ellipk
 
 from wt_gym.multibody.integrators import make_integrator
+from wt_gym.multibody.stability import hamming_matrix
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.validation.case import CaseResult, Check, Curve, Figure, case
 
-__all__ = ["amplification", "hamming_amplification", "oscillator", "spectral_radius", "stability_limit"]
+__all__ = ["amplification", "oscillator", "spectral_radius", "stability_limit"]
 
-GROWTH = 1e-7
-"""Growth in a step above which a scheme counts as unstable. Weak instabilities make the limit depend on it: the scheme
-without final step, 0.116 at this growth, has 0.095 at 3e-8 and 0.153 at 5e-7."""
+GROWTHS = (1e-8, 1e-6)
+"""Growths in a step above which a scheme counts as unstable: a published limit, whose growth is not told, must lie
+between the limits at these two. Only weak instabilities depend on it: on an undamped structure the scheme without final
+step has 0.079 … 0.171 and that with one corrector pass 0.275 … 0.286; others change by less than a hundredth."""
 
 HAMMING_TABLE = (  # corrector passes (None: converged), final step, −λh real, ωh undamped, ωh with 1 % damping
     (None, False, 2.67, 0.116, 0.84),
@@ -73,39 +75,19 @@ def amplification(integrator, step):
     return np.array(columns).T
 
 
-def hamming_amplification(z, passes, final=True):
-    """The Hamming scheme on y' = λ y with z = λ h, from its formulas; ``passes=None`` is the converged corrector.
-
-    Carried are y and h f of four points and the error estimate; f is evaluated again at the final y.
-    """
-    unit = np.eye(8, dtype=complex)
-    y, f, e = unit[[3, 2, 1, 0]], [None, *unit[[6, 5, 4]]], unit[7]
-    predicted = y[0] + 4.0 / 3.0 * (2.0 * f[3] - f[2] + 2.0 * f[1])
-    known = (9.0 * y[3] - y[1] + 3.0 * (2.0 * f[3] - f[2])) / 8.0
-    if passes is None:
-        corrected = known / (1.0 - 3.0 * z / 8.0)
-    else:
-        corrected = predicted + 112.0 / 9.0 * e
-        for _ in range(passes):
-            corrected = known + 3.0 * z / 8.0 * corrected
-    error = 9.0 / 121.0 * (corrected - predicted)
-    new = corrected - error if final else corrected
-    return np.array([new, y[3], y[2], y[1], z * new, f[3], f[2], error])
-
-
 def spectral_radius(matrix):
     """Largest absolute eigenvalue."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
-def stability_limit(radius, highest=3.0, width=0.04):
-    """Smallest step at which the function radius(h) exceeds one."""
+def stability_limit(radius, growth=1e-7, highest=3.0, width=0.04):
+    """Smallest step at which the function radius(h) exceeds 1 + growth."""
     steps = np.arange(width, highest, width)
-    high = next((h for h in steps if radius(h) > 1.0 + GROWTH), np.inf)
+    high = next((h for h in steps if radius(h) > 1.0 + growth), np.inf)
     low = high - width
     while np.isfinite(high) and high - low > 1e-4:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if radius(middle) > 1.0 + GROWTH else (middle, high)
+        low, high = (low, middle) if radius(middle) > 1.0 + growth else (middle, high)
     return high
 
 
@@ -127,12 +109,21 @@ def stability():
             if final:
                 # a hundred passes stand for the converged corrector
                 integrator = make_integrator("hamming", _line_system(line), 1.0, n_corrections=passes or 100)
-                obtained = stability_limit(lambda h, i=integrator: spectral_radius(amplification(i, h)))
+
+                def radius(h, i=integrator):
+                    return spectral_radius(amplification(i, h))
             else:
-                obtained = stability_limit(
-                    lambda h, k=line: spectral_radius(hamming_amplification(_eigenvalue(k, h), None, False)), width=0.01
-                )
-            checks.append(Check(f"{label}: {LINES[line]}", expected, obtained, 0.01))
+
+                def radius(h, k=line):
+                    return spectral_radius(hamming_matrix(_eigenvalue(k, h), None, False))
+
+            low, high = (stability_limit(radius, growth, width=0.04 if final else 0.01) for growth in GROWTHS)
+            name = f"{label}: {LINES[line]}"
+            if high - low < 0.01 * expected:
+                checks.append(Check(name, expected, 0.5 * (low + high), 0.01))
+            else:
+                text = f"{name}, weak: published {expected} within the limits at growths of 1e-8 and 1e-6 a step"
+                checks.append(Check(text, f"in [{low:.4f}, {high:.4f}]", expected, 0.0))
     for rho in (0.0, 0.5, 0.8, 1.0):
         integrator = make_integrator("generalized-alpha", oscillator(), 1.0, rho_inf=rho, tolerance=1e-6)
         obtained = spectral_radius(amplification(integrator, 1e4))
@@ -244,7 +235,7 @@ def energy():
         integrator.advance(n_steps)
         kept = float(np.sum(np.square(integrator.state)))
         checks.append(Check(f"{label}: energy left of the oscillator", 1.0, kept, tolerance))
-    roots = np.linalg.eigvals(hamming_amplification(1j * h, 3))
+    roots = np.linalg.eigvals(hamming_matrix(1j * h, 3))
     principal = float(np.abs(roots[np.argmin(np.abs(roots - np.exp(1j * h)))]))
     integrator = make_integrator("hamming", oscillator(), h)
     integrator.start(np.array([1.0, 0.0]))

@@ -12,7 +12,7 @@ of the same kind (``data/nada_small.json``). The air is a quasi-steady disc: thr
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 
@@ -138,7 +138,9 @@ def small_turbine(tower="modal", blades="nodal", reference="cartesian", speed=0.
         angle = 2.0 * np.pi * i / n_blades
         turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
         offset = turn @ [0.0, 0.0, hub_data["radius_m"]]
-        system.add(body, Joint("fixed", rotation=turn @ pitch, offset=offset), hub)
+        names = tuple(name.replace("blade", f"blade_{i + 1}", 1) for name in body.coordinate_names)
+        blade = replace(body, name=f"blade_{i + 1}", coordinate_names=names)
+        system.add(blade, Joint("fixed", rotation=turn @ pitch, offset=offset), hub)
     system.build()
 
     y = system.initial_state()

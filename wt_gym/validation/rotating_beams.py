@@ -113,23 +113,35 @@ def rotating_cantilever():
     return CaseResult(checks, figures)
 
 
-@case("rotating-cantilever-hub", "Rotating cantilever on hubs of radius 0.05 L … 5 L: flap 1–3", WRIGHT)
+LAG = "; lag² = flap² − η², exact for a beam with equal stiffness in both planes"
+
+
+def lag_of(flap, eta):
+    """Exact frequency in the plane of rotation, whose equation differs from that of flap by the softening −m Ω² v."""
+    return np.sqrt(flap**2 - eta**2)
+
+
+@case("rotating-cantilever-hub", "Rotating cantilever on hubs of radius 0.05 L … 5 L: flap 1–3, lag 1", WRIGHT)
 def rotating_cantilever_hub():
-    """Speeds up to η = 12 are checked; η = 50 of the table belongs to a string rather than a beam and is plotted."""
+    """Speeds up to η = 12 are checked; η = 50 of the table belongs to a string rather than a beam."""
     table, _ = read_table("rotating_uniform_cantilever_hub_offset.csv")
     checks, figures = [], {}
     for coordinates in ("modal", "nodal"):
-        found = np.zeros((len(table), 3))
+        found = np.zeros((len(table), 4))
         for delta in np.unique(table[:, 0]):
             model = spinning_beam(uniform_sections(), coordinates, delta)
             for k in np.flatnonzero((table[:, 0] == delta) & (table[:, 1] <= 12.0)):
-                found[k] = spinning_frequencies(model, table[k, 1])[0][:3]
+                flap, lag = spinning_frequencies(model, table[k, 1])
+                found[k] = [*flap[:3], lag[0]]
         rows = table[:, 1] <= 12.0
         for delta in np.unique(table[:, 0]):
             k = rows & (table[:, 0] == delta)
             for i in range(3):
                 name = f"hub {delta:g} L, flap {i + 1}, {coordinates}"
                 checks.append(worst(name, table[k, 1], table[k, 2 + i], found[k, i], WRIGHT))
+            exact = lag_of(table[k, 2], table[k, 1])
+            name = f"hub {delta:g} L, lag 1, {coordinates}"
+            checks.append(worst(name, table[k, 1], exact, found[k, 3], WRIGHT + LAG))
         figures[f"hub offsets, {coordinates} coordinates"] = Figure(
             tuple(
                 curve
@@ -147,7 +159,9 @@ def rotating_cantilever_hub():
 
 
 @case(
-    "rotating-tapered", "Tapered rotating cantilever: flap 1–3", "Hodges & Rutkowski 1981, AIAA J. 19, case 2; computed"
+    "rotating-tapered",
+    "Tapered rotating cantilever: flap 1–3, lag 1",
+    "Hodges & Rutkowski 1981, AIAA J. 19, case 2; computed",
 )
 def rotating_tapered():
     """Linearly tapered wedge, hub radius zero."""
@@ -155,7 +169,8 @@ def rotating_tapered():
     eta, checks, curves = table[:, 0], [], []
     for coordinates in ("modal", "nodal"):
         model = spinning_beam(tapered_sections(), coordinates)
-        flap = np.array([spinning_frequencies(model, e)[0][:3] for e in eta])
+        both = [spinning_frequencies(model, e) for e in eta]
+        flap, lag = np.array([f[0][:3] for f in both]), np.array([f[1][0] for f in both])
         for i in range(3):
             checks.append(
                 worst(f"flap {i + 1}, {coordinates}", eta, table[:, 1 + i], flap[:, i], "Hodges & Rutkowski 1981")
@@ -163,6 +178,8 @@ def rotating_tapered():
             curves.append(
                 Curve(eta, flap[:, i], f"flap {i + 1}, {coordinates}", "o" if coordinates == "modal" else "x")
             )
+        exact = lag_of(table[:, 1], eta)
+        checks.append(worst(f"lag 1, {coordinates}", eta, exact, lag, "Hodges & Rutkowski 1981" + LAG))
     curves += [Curve(eta, table[:, 1 + i], f"flap {i + 1}, reference") for i in range(3)]
     return CaseResult(checks, {"tapered cantilever": Figure(tuple(curves), "η", "ω √(m₀ L⁴/EI₀)")})
 

@@ -1,0 +1,184 @@
+"""Largest steps of the integrators: amplification of the schemes, and the roots of a system about a state.
+
+A scheme is stable for a mode with eigenvalue λ when no root of its difference equation on y' = λy exceeds one. The
+roots of a system come from its equations of motion linearised about the state from which it starts. They hold near
+that state; a rotor that speeds up stiffens, so that the step should leave some reserve.
+"""
+
+from functools import cache
+
+import numpy as np
+
+from wt_gym.multibody.errors import MultibodyError
+
+__all__ = ["BAUMGARTE_LIMIT", "check_conditional_step", "check_hamming_step", "damped_limit", "hamming_growth",
+           "hamming_matrix", "system_eigenvalues", "undamped_limit"]  # fmt: skip
+
+BAUMGARTE_LIMIT = 1.29
+"""Largest α h of the modified Hamming scheme with a converged corrector."""
+GROWTH = 1e-7
+"""Growth in a step above which a scheme counts as unstable in a limit."""
+NOTABLE = 1e-6
+"""Growth in a step from which a start is refused; difference quotients know the damping of a mode no better."""
+
+
+def hamming_matrix(z, passes, final=True):
+    """The modified Hamming scheme on y' = λ y with z = λ h, from its formulas.
+
+    Carried are y and h f of four points and the error estimate; f is evaluated again at the final y.
+
+    Parameters
+    ----------
+    z : complex
+    passes : int or None
+        Corrector passes; None is the converged corrector.
+    final : bool
+        With the final correction.
+
+    Returns
+    -------
+    array (8, 8), complex
+    """
+    unit = np.eye(8, dtype=complex)
+    y, f, e = unit[[3, 2, 1, 0]], [None, *unit[[6, 5, 4]]], unit[7]
+    predicted = y[0] + 4.0 / 3.0 * (2.0 * f[3] - f[2] + 2.0 * f[1])
+    known = (9.0 * y[3] - y[1] + 3.0 * (2.0 * f[3] - f[2])) / 8.0
+    if passes is None:
+        corrected = known / (1.0 - 3.0 * z / 8.0)
+    else:
+        corrected = predicted + 112.0 / 9.0 * e
+        for _ in range(passes):
+            corrected = known + 3.0 * z / 8.0 * corrected
+    error = 9.0 / 121.0 * (corrected - predicted)
+    new = corrected - error if final else corrected
+    return np.array([new, y[3], y[2], y[1], z * new, f[3], f[2], error])
+
+
+def _limit(direction, passes):
+    """Length of z along a direction of the complex plane up to which the scheme is stable."""
+    step = 0.002
+    for size in np.arange(step, 3.0, step):
+        if np.abs(np.linalg.eigvals(hamming_matrix(direction * size, passes))).max() > 1.0 + GROWTH:
+            return float(size - step)
+    return 3.0
+
+
+@cache
+def undamped_limit(passes):
+    """Largest ω h of an undamped mode: 0.276, 0.78 and 1.08 for one, two and three corrector passes."""
+    return _limit(1j, passes)
+
+
+@cache
+def damped_limit(passes):
+    """Largest α h of a real root −α: 0.87, 0.72 and 1.46 for one, two and three corrector passes."""
+    return _limit(-1.0, passes)
+
+
+def system_eigenvalues(system, y, inputs=None, work=None, step=1e-6):
+    """Eigenvalues [1/s] of small motions about a state, servos included.
+
+    Positions are perturbed along the velocities, so that quaternions turn by small rotations about body axes.
+
+    Parameters
+    ----------
+    system : MultibodySystem
+    y : array (n_state,)
+    inputs, work : arrays of the system, optional
+    step : float
+        Size of the differences, in positions and (times the largest rate) in velocities.
+
+    Returns
+    -------
+    array (2 n_u + 2 n_servo,), complex
+    """
+    n_q, n_u = system.n_q, system.n_u
+    accelerations = slice(n_q, n_q + n_u)
+    inputs, work = inputs or system.new_inputs(), work or system.new_work()
+    matrix = np.zeros((2 * n_u, 2 * n_u))
+    matrix[:n_u, n_u:] = np.eye(n_u)
+    for u in range(n_u):
+        direction = system.position_change(y, u)
+        columns = []
+        for sign in (1.0, -1.0):
+            moved = y.copy()
+            moved[:n_q] += sign * step * direction
+            for first, _ in system.quaternions:
+                moved[first : first + 4] /= np.linalg.norm(moved[first : first + 4])
+            columns.append(system.rates(moved, inputs, work)[accelerations])
+        matrix[n_u:, u] = (columns[0] - columns[1]) / (2.0 * step)
+        columns = []
+        for sign in (1.0, -1.0):
+            moved = y.copy()
+            moved[n_q + u] += sign * step
+            columns.append(system.rates(moved, inputs, work)[accelerations])
+        matrix[n_u:, n_u + u] = (columns[0] - columns[1]) / (2.0 * step)
+    servos = [
+        root
+        for w, z in zip(system.tree.servo_frequency, system.tree.servo_damping, strict=True)
+        for root in np.roots([1.0, 2.0 * z * w, w * w])
+    ]
+    return np.concatenate([np.linalg.eigvals(matrix), servos])
+
+
+def hamming_growth(roots, step, passes):
+    """Growth in a step of the modified Hamming scheme beyond that of the motion itself, for roots λ (n,) [1/s]."""
+    z = np.asarray(roots) * step
+    radius = np.abs(np.linalg.eigvals(np.array([hamming_matrix(value, passes) for value in z]))).max(axis=1)
+    true = np.maximum(np.abs(np.exp(z)), 1.0)
+    return radius - true - 0.5 * (true - 1.0)
+
+
+def check_hamming_step(system, y, step, passes, inputs=None, work=None):
+    """Refuse a step with which the modified Hamming scheme is unstable near a state.
+
+    Every root of the system is held against the roots of the scheme, Baumgarte's stabilisation against its limit too.
+
+    Parameters
+    ----------
+    system : MultibodySystem
+    y : array (n_state,)
+    step : float
+        [s].
+    passes : int
+        Corrector passes.
+    inputs, work : arrays of the system, optional
+
+    Raises
+    ------
+    MultibodyError
+        Naming ω or α, the step, their product and what is allowed.
+    """
+    alpha, limit = system.stabilisation, min(BAUMGARTE_LIMIT, damped_limit(passes))
+    if system.constraints and alpha * step > limit:
+        raise MultibodyError(
+            f"the step exceeds the stability limit: the stabilisation α = {alpha:.4g} 1/s at a step of {step:.4g} s "
+            f"gives α h = {alpha * step:.3g}; allowed with {passes} corrector pass(es): {limit:.3g}"
+        )
+    roots = system_eigenvalues(system, y, inputs, work)
+    growth = hamming_growth(roots, step, passes)
+    k = int(np.argmax(growth))
+    if growth[k] > NOTABLE:
+        _refuse(roots[k], step, undamped_limit(passes), f"with {passes} corrector pass(es)")
+
+
+def check_conditional_step(system, y, step, limit, inputs=None, work=None):
+    """Refuse a step with ω h beyond the limit of a conditionally stable implicit scheme; arguments as above.
+
+    Raises
+    ------
+    MultibodyError
+        Naming ω, the step, their product and what is allowed.
+    """
+    roots = system_eigenvalues(system, y, inputs, work)
+    k = int(np.argmax(np.abs(roots)))
+    if abs(roots[k]) * step > limit:
+        _refuse(roots[k], step, limit, "of this scheme")
+
+
+def _refuse(root, step, limit, scheme):
+    raise MultibodyError(
+        f"the step exceeds the stability limit: a motion with ω = {abs(root):.5g} rad/s (damping ratio "
+        f"{-root.real / abs(root) + 0.0:.3g}) at a step of {step:.4g} s gives ω h = {abs(root) * step:.3g}; "
+        f"the undamped limit {scheme} is {limit:.3g}"
+    )
