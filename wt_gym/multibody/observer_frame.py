@@ -94,17 +94,17 @@ __all__ = [
 ]
 
 LOAD_AXES = {"fixed": constraint.FIXED, "undeformed": constraint.UNDEFORMED, "deformed": constraint.DEFORMED}
-LOAD_AXES["turned"] = constraint.TURNED
+LOAD_AXES |= {"turned": constraint.TURNED, "consistent": constraint.CONSISTENT}
 RIGID_MODES = ("deformed", "undeformed")
 
 Model = namedtuple(
     "Model",
-    "n first stiffness damping_time gyro second first_moment reference_moment ends mass_low mass_up gravity "
+    "n first stiffness damping_time gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
     "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
-    "load_marker load_axes marker_lever reference_first reference_second deformed_modes accelerated",
+    "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes prediction",
 )
 State = namedtuple(
-    "State", "position rotation velocity omega acceleration alpha q v a deformed multiplier age n_updates"
+    "State", "position rotation velocity omega acceleration alpha q v a deformed multiplier age turned n_updates"
 )
 Work = namedtuple(
     "Work",
@@ -308,7 +308,7 @@ class ObserverFrameSystem:
 
     # ---- packing ---------------------------------------------------------------------------------------------------
 
-    def pack(self, accelerated=False):
+    def pack(self, prediction=0):
         """Arrays for the constraint.
 
         Returns
@@ -340,6 +340,7 @@ class ObserverFrameSystem:
             first_moment=z((n_b, n_max, 3)),
             reference_moment=z((n_b, n_max, 9)),
             ends=np.array([b.beam.node_position[[0, -1]] for b in self.bodies]),
+            reach=max(np.linalg.norm(b.beam.node_position, axis=1).max() for b in self.bodies),
             mass_low=z((n_b, n_max, n_max)),
             mass_up=z((n_b, n_max, n_max)),
             gravity=self.gravity,
@@ -354,11 +355,13 @@ class ObserverFrameSystem:
             row_vector=np.array([r.vectors for r in self._rows], dtype=float).reshape(n_row, 2, 3),
             load_marker=np.array([m for m, _, _ in self.loads], dtype=np.int64),
             load_axes=np.array([LOAD_AXES[axes] for _, _, axes in self.loads], dtype=np.int64),
+            load_field=np.cumsum([axes == "consistent" for _, _, axes in self.loads], dtype=np.int64) - 1,
+            load_second=self._second_order_fields(n_max),
             marker_lever=z((n_m, 3)),
             reference_first=z((n_b, 3)),
             reference_second=z((n_b, 3, 3)),
             deformed_modes=self.rigid_modes == "deformed",
-            accelerated=float(accelerated),
+            prediction=prediction,
         )
         self._pack_bodies(model)
         self._pack_markers(model)
@@ -393,6 +396,18 @@ class ObserverFrameSystem:
                 matrix.solve(body.n, model.first[index], model.mass_low[index], model.mass_up[index], column)
         constraint.marker_pairs(model, model.mass_columns, model.mass_pairs)
 
+    def _second_order_fields(self, n_max):
+        """Second-order displacement H of the points of consistent loads (n, 3, n_max, n_max)."""
+        fields = []
+        for marker, _, axes in self.loads:
+            if axes == "consistent":
+                index, name = self._markers[marker]
+                body, out = self.bodies[index], np.zeros((3, n_max, n_max))
+                nf = body.n_elastic
+                out[:, :nf, :nf] = body.beam.second_order_field(body.basis[:, :nf]).at(body.markers[name])
+                fields.append(out)
+        return np.array(fields).reshape(-1, 3, n_max, n_max)
+
     def _new_state(self, n_b, n_max, n_row):
         z = np.zeros
         state = State(
@@ -408,6 +423,7 @@ class ObserverFrameSystem:
             deformed=z((n_b, n_max)),
             multiplier=z(n_row),
             age=z(n_b),
+            turned=z((n_b, 3)),
             n_updates=np.zeros(n_b, dtype=np.int64),
         )
         for i, ((position, rotation), motion) in enumerate(zip(self.frames, self.motions, strict=True)):

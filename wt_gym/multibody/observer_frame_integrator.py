@@ -12,7 +12,7 @@ from wt_gym.structure.beam import skew
 
 __all__ = ["PREDICTIONS", "ObserverFrameIntegrator"]
 
-PREDICTIONS = ("uniform", "accelerated")
+PREDICTIONS = {"uniform": kernels.UNIFORM, "accelerated": kernels.MEAN, "printed": kernels.PRINTED}
 
 
 class ObserverFrameIntegrator:
@@ -56,7 +56,7 @@ class ObserverFrameIntegrator:
         if prediction not in PREDICTIONS:
             raise ObserverFrameError(f"prediction {prediction!r} is unknown; allowed: {', '.join(PREDICTIONS)}")
         self._threshold = 0.0 if update == "step" else float(update)
-        self.model, self.state, self._work = system.pack(prediction == "accelerated")
+        self.model, self.state, self._work = system.pack(PREDICTIONS[prediction])
         self.time = 0.0
         self._shapes = {}
         self._start()
@@ -67,7 +67,7 @@ class ObserverFrameIntegrator:
             self._check(kernels.hold_velocities(self.model, self.state, self._work))
         values = self._load_values(self.time, 1)[0]
         # the first accelerations of the bodies become those of the frames
-        for _ in range(2 if self.model.accelerated else 0):
+        for _ in range(2 if self.model.prediction != kernels.UNIFORM else 0):
             self._check(kernels.accelerations(values, self.model, self.state, self._work))
             for b, body in enumerate(self.system.bodies):
                 rigid = self.state.a[b, body.n - 6 : body.n]
