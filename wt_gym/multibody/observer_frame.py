@@ -81,7 +81,7 @@ from scipy.spatial.transform import Rotation
 
 from wt_gym.multibody import observer_frame_constraint_kernels as constraint
 from wt_gym.multibody import observer_frame_matrix_kernels as matrix
-from wt_gym.multibody.observer_frame_body import REFERENCE_CONDITIONS, ObserverFrameError, Substructure
+from wt_gym.multibody.observer_frame_body import REFERENCE_CONDITIONS, ObserverFrameError, Place, Substructure
 from wt_gym.multibody.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.observer_frame_kernels import renew
 
@@ -90,6 +90,7 @@ __all__ = [
     "ObserverFrameError",
     "ObserverFrameIntegrator",
     "ObserverFrameSystem",
+    "Place",
     "Substructure",
 ]
 
@@ -99,7 +100,7 @@ RIGID_MODES = ("deformed", "undeformed")
 
 Model = namedtuple(
     "Model",
-    "n first stiffness damping_time gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
+    "n first stiffness damping gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
     "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
     "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes prediction",
 )
@@ -235,15 +236,29 @@ class ObserverFrameSystem:
                 raise ObserverFrameError(f"support of {body}.{marker}: direction {tuple(d)} is not a unit vector")
             self._rows.append(_Row(constraint.DISPLACEMENT, (a, -1), (d, place), f"support of {body}.{marker}"))
 
-    def hinge(self, body, marker, axis):
-        """Support a marker and let its section turn about a unit axis (3,) of the fixed frame only."""
+    def hinge(self, body, marker, axis, other=None, other_marker=None):
+        """Hold a marker on the ground or on another marker and let its section turn about a unit axis only.
+
+        Parameters
+        ----------
+        body, marker : str
+        axis : array (3,)
+            In the fixed frame, as things stand now; it stays with the second section.
+        other, other_marker : str, optional
+            The second section; None is the ground.
+        """
         axis = np.asarray(axis, dtype=float)
         if axis.shape != (3,) or not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9):
             raise ObserverFrameError(f"hinge of {body}.{marker}: axis {tuple(axis)} is not a unit vector")
-        self.support(body, marker)
+        yours = np.eye(3)
+        if other is None:
+            self.support(body, marker)
+        else:
+            self.join(body, marker, other, other_marker)
+            yours = self._displaced(self._index(other), other_marker)[1]
         mine = self._displaced(self._index(body), marker)[1]
         across = np.linalg.svd(axis[None])[2][1:]
-        self._orthogonal(body, marker, None, None, [(mine.T @ axis, t) for t in across], "hinge")
+        self._orthogonal(body, marker, other, other_marker, [(mine.T @ axis, yours.T @ t) for t in across], "hinge")
 
     def clamp(self, body, marker):
         """Hold a marker and its section fast."""
@@ -299,8 +314,8 @@ class ObserverFrameSystem:
 
     def _marker(self, body, marker):
         index = self._index(body)
-        if marker not in self.bodies[index].markers:
-            known = sorted(self.bodies[index].markers)
+        if marker not in self.bodies[index].places:
+            known = sorted(self.bodies[index].places)
             raise ObserverFrameError(f"substructure {body!r} has no marker {marker!r}, only {known}")
         if (index, marker) not in self._markers:
             self._markers.append((index, marker))
@@ -334,13 +349,13 @@ class ObserverFrameSystem:
             n=np.array([b.n for b in self.bodies]),
             first=np.zeros((n_b, n_max), dtype=np.int64),
             stiffness=z((n_b, n_max, n_max)),
-            damping_time=np.array([b.damping_time for b in self.bodies]),
+            damping=z((n_b, n_max, n_max)),
             gyro=z((n_b, 3, n_max, n_max)),
             second=z((n_b, 6, n_max, n_max)),
             first_moment=z((n_b, n_max, 3)),
             reference_moment=z((n_b, n_max, 9)),
-            ends=np.array([b.beam.node_position[[0, -1]] for b in self.bodies]),
-            reach=max(np.linalg.norm(b.beam.node_position, axis=1).max() for b in self.bodies),
+            ends=np.array([b.ends for b in self.bodies]),
+            reach=max(np.linalg.norm(b.ends, axis=1).max() for b in self.bodies),
             mass_low=z((n_b, n_max, n_max)),
             mass_up=z((n_b, n_max, n_max)),
             gravity=self.gravity,
@@ -377,11 +392,11 @@ class ObserverFrameSystem:
         for i, body in enumerate(self.bodies):
             n = body.n
             model.first[i, :n] = body.envelope()
-            model.stiffness[i, :n, :n] = body.stiffness
+            model.stiffness[i, :n, :n], model.damping[i, :n, :n] = body.stiffness, body.damping
             model.gyro[i, :, :n, :n], model.second[i, :, :n, :n] = body.gyro, body.second
             model.first_moment[i, :n], model.reference_moment[i, :n] = body.first_moment, body.reference_moment
             model.mass_low[i, :n, :n] = model.mass_up[i, :n, :n] = body.mass_matrix
-            m, s = body.beam.particle_mass, body.beam.particle_position
+            m, s = body.particle_mass, body.particle_position
             model.reference_first[i], model.reference_second[i] = m @ s, (m[:, None] * s).T @ s
             if not matrix.factorize(0, n, model.first[i], model.mass_low[i], model.mass_up[i]):
                 raise ObserverFrameError(f"substructure {body.name!r}: the mass matrix is singular")
@@ -404,7 +419,7 @@ class ObserverFrameSystem:
                 index, name = self._markers[marker]
                 body, out = self.bodies[index], np.zeros((3, n_max, n_max))
                 nf = body.n_elastic
-                out[:, :nf, :nf] = body.beam.second_order_field(body.basis[:, :nf]).at(body.markers[name])
+                out[:, :nf, :nf] = body.places[name].second_order()
                 fields.append(out)
         return np.array(fields).reshape(-1, 3, n_max, n_max)
 

@@ -176,7 +176,7 @@ class ObserverFrameIntegrator:
         for b, body in enumerate(self.system.bodies):
             q, v = self.state.q[b, : body.n], self.state.v[b, : body.n]
             point, rate = _particle_motion(self, b, body, q, v)
-            m = body.beam.particle_mass
+            m = body.particle_mass
             total += [
                 0.5 * np.sum(m[:, None] * rate**2),
                 0.5 * q @ body.stiffness @ q,
@@ -190,15 +190,15 @@ class ObserverFrameIntegrator:
         for b, body in enumerate(self.system.bodies):
             q, v = self.state.q[b, : body.n], self.state.v[b, : body.n]
             point, rate = _particle_motion(self, b, body, q, v)
-            m = body.beam.particle_mass[:, None]
+            m = body.particle_mass[:, None]
             total += np.concatenate([np.sum(m * rate, axis=0), np.sum(m * np.cross(point, rate), axis=0)])
         return total
 
 
 def _particle_motion(integrator, b, body, q, v):
     """Positions and velocities (n_p, 3) of the mass points of a body in fixed axes."""
-    s, beam = integrator.state, body.beam
-    known = beam.particle_shape @ (body.basis @ s.deformed[b, : body.n])
-    local = beam.particle_position + beam.particle_shape @ (body.basis @ q) + np.cross(q[-3:], known)
-    rate = local @ skew(s.omega[b]).T + beam.particle_shape @ (body.basis @ v) + np.cross(v[-3:], known)
+    s = integrator.state
+    known = body.particle_shape @ s.deformed[b, : body.n]
+    local = body.particle_position + body.particle_shape @ q + np.cross(q[-3:], known)
+    rate = local @ skew(s.omega[b]).T + body.particle_shape @ v + np.cross(v[-3:], known)
     return s.position[b] + local @ s.rotation[b].T, s.velocity[b] + rate @ s.rotation[b].T
