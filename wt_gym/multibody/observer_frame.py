@@ -39,11 +39,14 @@ turns about its axis only.
 Frames
 ------
 Over a step the frame moves uniformly (``prediction="uniform"``, a_c = α = 0), or with the mean acceleration since its
-last update, constant in fixed axes, and the mean α, constant in frame axes (``"accelerated"``). Taking φ̈ of the last
-instant instead, as (11) does, feeds the step-to-step oscillation of the accelerations of stiff modes back into the
-frame, which is unstable for a rotating finite-element model. At the end of the step the frame is moved onto the
-rigid-body motion (eqs 9–12, with ω_s turned into the new axes), either every step or when the rigid-body displacement
-of an end exceeds a threshold; then q_r = 0.
+last update, constant in fixed axes, and the mean α, constant in frame axes (``"accelerated"``). At the end of the step
+the frame is moved onto the rigid-body motion (eqs 9–12, with ω_s turned into the new axes), either every step or when
+the rigid-body displacement exceeds a threshold; then q_r = 0. Rotations count towards the threshold with the largest
+distance that any body has from its origin: a shaft that turns about its own axis is updated with the blade it carries.
+
+``"printed"`` takes equations (9)–(12) literally: θ_s is a sum of rotation vectors, ω_s is not turned, and a_s and α_s
+contain ü and φ̈ of the last instant. That feeds the step-to-step oscillation of the accelerations of stiff modes back
+into the frame: fine for a reduced model and for slow rotation, unstable for finite elements at 1.6 rad/s.
 
 The rotation modes of eq. (2) turn the body about the frame origin. With ``rigid_modes="undeformed"`` they are e_k × s
 throughout and M, K, M₀ are constant; inertia forces, weight and (unless eq. (4) adds a moment) loads then act on the
@@ -68,9 +71,15 @@ A load is given in the fixed frame, or in the moving frame and applied at the un
 
     p = R′p′,    m = u × p + R′m′,    R′ = 1 + φ̃                                                       (eq. 4).
 
-The moment u × p refers p to the undeformed axis. As a nodal moment it gives every section the moment of an axial force
-at the lever u, which a linear beam lacks: right at the root, too much near the load, where the true lever is u less the
-local u. ``"turned"`` is eq. (4) without that moment, the virtual work p·δu of a force that sits on the material point.
+The moment u × p refers p to the undeformed axis. As a couple at the loaded section (``"deformed"``) it gives every
+section σ the moment (s + u − σ) × p: right at the root, too much by u(σ) × p near the load. Where the beam is soft the
+couple turns the section, the turned force has a longer lever, and above some load no state of rest exists.
+``"consistent"`` acts in the deformed state for every section, (s + u − σ − u(σ)) × p. By parts, and for an
+inextensible axis, that is the virtual work of p on the second-order displacement ½ qᵀ H q of its point, the field that
+gives the floating frame its geometric stiffness: Q = (N + H q)ᵀ p. ``"turned"`` is p = R′p′ alone, Q = Nᵀ p.
+
+None of them shortens the lever of p itself, (s − σ), by the deflection, so that none is exact to second order; and since
+u and φ are relative to the frame, the result depends on the reference condition when deflections are large.
 """
 
 from collections import namedtuple
@@ -102,7 +111,8 @@ Model = namedtuple(
     "Model",
     "n first stiffness damping gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
     "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
-    "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes prediction",
+    "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes "
+    "prediction",
 )
 State = namedtuple(
     "State", "position rotation velocity omega acceleration alpha q v a deformed multiplier age turned n_updates"
@@ -277,8 +287,9 @@ class ObserverFrameSystem:
         value : array (6,) or callable
             Force [N] and moment [N m], constant or as a function of time [s].
         axes : str
-            "fixed": components in the fixed frame; "undeformed": in the moving frame; "deformed": in the axes of the
-            deformed section and acting in the deformed state (eq. 4); "turned": the same without the moment u × p.
+            "fixed": components in the fixed frame; "undeformed": in the moving frame; the others in the axes of the
+            deformed section: "deformed" with the moment u × p at the section (eq. 4 as printed), "consistent" with the
+            lever of the deformed axis in every section, "turned" without a moment of the deflection.
 
         Raises
         ------

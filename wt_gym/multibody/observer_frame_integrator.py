@@ -27,9 +27,11 @@ class ObserverFrameIntegrator:
         Solutions of a step; above one, loads and constraint directions are renewed with the new q.
     update : str or float
         "step" updates the frames every step; a number [m] is the rigid-body displacement of either end of a body
-        from its frame beyond which that body's frame is updated.
+        from its frame beyond which that body's frame is updated. A rotation counts as the displacement that it gives a
+        point at the largest distance which any body of the system has from its origin.
     prediction : str
-        Motion of the frames over a step: "uniform" or "accelerated".
+        Motion of the frames over a step: "uniform", "accelerated" with the mean acceleration since the last update, or
+        "printed" with the accelerations of the last instant (eqs 9–12 to the letter).
 
     Attributes
     ----------

@@ -62,7 +62,7 @@ def predict_frame(b, h, model, state, work):
 
 @inner
 def needs_update(b, threshold, model, state):
-    """Whether the rigid-body displacement of an end, or the rotation times the reach, exceeds the threshold (0: always).
+    """Whether the rigid-body displacement of an end or the rotation times the reach exceeds the threshold (0: always).
 
     A body that turns about its own axis moves neither of its ends: the largest distance from an origin that any body of
     the system has makes a displacement of its rotation too.

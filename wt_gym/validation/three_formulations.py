@@ -1,8 +1,8 @@
 """One rotor in the embedded, the constrained and the observer-frame form.
 
-A flexible shaft turns in a bearing at its rear end and carries a rigid hub with three flexible blades. The bodies, their
-joints and their loads are described once; the constrained form hangs the blades on the hub by Lagrange multipliers, and
-both descriptions are translated to local observer frames.
+A flexible shaft turns in a bearing at its rear end and carries a rigid hub with three flexible blades. The bodies,
+their joints and their loads are described once; the constrained form hangs the blades on the hub by Lagrange
+multipliers, and both descriptions are translated to local observer frames.
 
 What may differ: the observer frame has a linear strain energy. Without the second-order displacement of the blades it
 lacks the geometric stiffness K Ω² of rotation, K = 1.193 for the first flap mode of a uniform blade (Southwell). The
@@ -109,7 +109,7 @@ def observed(system, speed=0.0):
     return other
 
 
-# ---- frequencies at rest -----------------------------------------------------------------------------------------------
+# ---- frequencies at rest ---------------------------------------------------------------------------------------------
 
 
 def observed_frequencies(system):
@@ -152,7 +152,7 @@ def constrained_frequencies(system, y, step=1e-5):
     return np.sqrt(np.maximum(np.sort(np.linalg.eigvals(-jacobian).real), 0.0))
 
 
-# ---- response ----------------------------------------------------------------------------------------------------------
+# ---- response --------------------------------------------------------------------------------------------------------
 
 
 def tree_response(form, speed, geometric=True, step=0.002, every=10):
@@ -191,7 +191,7 @@ def observed_response(system, speed, step=0.002, every=10, **options):
     return tuple(np.array(x) for x in zip(*out, strict=True))
 
 
-# ---- the case ----------------------------------------------------------------------------------------------------------
+# ---- the case --------------------------------------------------------------------------------------------------------
 
 
 def collective_flap(geometric, speed):
@@ -251,7 +251,7 @@ def one_rotor():
     embedded, constrained = build(), build("constrained")
     flap, southwell = collective_flap(True, 0.0), _southwell()
     figures = {}
-    for speed, name in ((SLOW, "slow"), (FAST, "fast")):
+    for speed in (SLOW, FAST):
         full = tree_response("embedded", speed)
         tied = tree_response("constrained", speed)
         linear = tree_response("embedded", speed, geometric=False)
@@ -269,7 +269,7 @@ def one_rotor():
                 source="the same equations",
             ),
             Check(
-                f"{at}: tips, observer frame against the embedded form without second-order displacements, step 0.001 s",
+                f"{at}: tips, observer frame against the embedded form without second-order displacements, step 1 ms",
                 "<= 2e-4",
                 gap[0.001] / amplitude,
                 0.0,
