@@ -43,6 +43,8 @@ last update, constant in fixed axes, and the mean α, constant in frame axes (``
 the frame is moved onto the rigid-body motion (eqs 9–12, with ω_s turned into the new axes), either every step or when
 the rigid-body displacement exceeds a threshold; then q_r = 0. Rotations count towards the threshold with the largest
 distance that any body has from its origin: a shaft that turns about its own axis is updated with the blade it carries.
+The main error of rare updates is linear in the rotation φ from the frame: D gives a body with the moment of inertia J
+the moment J ω² φ, since its points move along the tangents of the undeformed place.
 
 ``"printed"`` takes equations (9)–(12) literally: θ_s is a sum of rotation vectors, ω_s is not turned, and a_s and α_s
 contain ü and φ̈ of the last instant. That feeds the step-to-step oscillation of the accelerations of stiff modes back
@@ -78,8 +80,8 @@ couple turns the section, the turned force has a longer lever, and above some lo
 inextensible axis, that is the virtual work of p on the second-order displacement ½ qᵀ H q of its point, the field that
 gives the floating frame its geometric stiffness: Q = (N + H q)ᵀ p. ``"turned"`` is p = R′p′ alone, Q = Nᵀ p.
 
-None of them shortens the lever of p itself, (s − σ), by the deflection, so that none is exact to second order; and since
-u and φ are relative to the frame, the result depends on the reference condition when deflections are large.
+None of them shortens the lever of p itself, (s − σ), by the deflection, so that none is exact to second order; and
+since u and φ are relative to the frame, the result depends on the reference condition when deflections are large.
 """
 
 from collections import namedtuple

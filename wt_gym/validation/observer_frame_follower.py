@@ -297,8 +297,8 @@ def printed():
         f"The largest load of the stand-in blade at rest is {limit / 1e3:.1f} kN (u/L = "
         f"{printed_balance(limit) / LENGTH:.3f}). Loaded within 2 s the blade is at u/L = {full[end]:.3f} when the "
         "time stepping ceases to converge, so that the published comparison at u/L ≈ 0.15 cannot be made with this "
-        f"reading: at {full[end]:.3f} modal models reach {ratios} modes of finite elements. The couple bends the softest "
-        "element of the blade, which few modes describe. The consistent reading gives the published picture."
+        f"reading: at {full[end]:.3f} modal models reach {ratios} modes of finite elements. The couple bends the "
+        "softest element of the blade, which few modes describe. The consistent reading gives the published picture."
     )
     return CaseResult(checks, figures_of(runs, ", eq. (4) as printed"), notes)
 
@@ -413,8 +413,8 @@ def references():
     linear_error = 100 * (static_tip(force, "undeformed") / exact - 1.0)
     notes = (
         "A load in the deformed state depends on the frame, because displacements and rotations that are small "
-        f"relative to one frame are smaller relative to another. At rest under 50 kN the tip is off the exact rod by "
-        "{per_cent} (clamped, 3/4 point, end points) with the consistent load, by "
+        "relative to one frame are smaller relative to another. At rest under 50 kN the tip is off the exact rod by "
+        f"{per_cent} (clamped, 3/4 point, end points) with the consistent load, by "
         f"{printed_error} with eq. (4) as printed, and by {linear_error:+.1f} % with the linear "
         "load: a follower force bends the exact rod less than the linear theory says, since its lever shortens, which "
         "no reading of eq. (4) contains. It is the paper's model, not a better one; large deflections are for several "
