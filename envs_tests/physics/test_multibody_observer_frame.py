@@ -324,7 +324,7 @@ def test_shaft_about_its_own_axis_is_updated_on_demand():
     run.advance(400)
     inertia = LENGTH * 0.07
     turned = np.arctan2(*run.orientation("shaft", "tip")[1::-1, 0])
-    assert run.state.n_updates[0] > 10
+    assert run.state.n_updates[0] >= 5
     assert turned == pytest.approx(0.5 * 0.05 / inertia * 16.0, rel=0.01)
 
 

@@ -169,7 +169,7 @@ def thresholds():
         f"{d:g} m: tip {100 * t:.1f} %, Ω {100 * s:.2f} %, {100 * n:.1f} % of the updates" for d, t, s, n in table
     )
     notes = (
-        f"{listed}. A threshold of 2 m is a rotation φ of {2.0 / LENGTH:.3f} rad: linear rotations leave a moment J ω² φ. "
+        f"{listed}. A threshold of 2 m is a rotation φ of {2.0 / LENGTH:.3f} rad: linear theory adds a moment J ω² φ. "
         "Rotations count with the largest distance of the machine, so that a shaft turning about its own axis is "
         "updated with the blade that it carries."
     )
