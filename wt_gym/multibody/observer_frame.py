@@ -39,11 +39,16 @@ turns about its axis only.
 Frames
 ------
 Over a step the frame moves uniformly (``prediction="uniform"``, a_c = α = 0), or with the mean acceleration since its
-last update, constant in fixed axes, and the mean α, constant in frame axes (``"accelerated"``). Taking φ̈ of the last
-instant instead, as (11) does, feeds the step-to-step oscillation of the accelerations of stiff modes back into the
-frame, which is unstable for a rotating finite-element model. At the end of the step the frame is moved onto the
-rigid-body motion (eqs 9–12, with ω_s turned into the new axes), either every step or when the rigid-body displacement
-of an end exceeds a threshold; then q_r = 0.
+last update, constant in fixed axes, and the mean α, constant in frame axes (``"accelerated"``). At the end of the step
+the frame is moved onto the rigid-body motion (eqs 9–12, with ω_s turned into the new axes), either every step or when
+the rigid-body displacement exceeds a threshold; then q_r = 0. Rotations count towards the threshold with the largest
+distance that any body has from its origin: a shaft that turns about its own axis is updated with the blade it carries.
+The main error of rare updates is linear in the rotation φ from the frame: D gives a body with the moment of inertia J
+the moment J ω² φ, since its points move along the tangents of the undeformed place.
+
+``"printed"`` takes equations (9)–(12) literally: θ_s is a sum of rotation vectors, ω_s is not turned, and a_s and α_s
+contain ü and φ̈ of the last instant. That feeds the step-to-step oscillation of the accelerations of stiff modes back
+into the frame: fine for a reduced model and for slow rotation, unstable for finite elements at 1.6 rad/s.
 
 The rotation modes of eq. (2) turn the body about the frame origin. With ``rigid_modes="undeformed"`` they are e_k × s
 throughout and M, K, M₀ are constant; inertia forces, weight and (unless eq. (4) adds a moment) loads then act on the
@@ -68,9 +73,15 @@ A load is given in the fixed frame, or in the moving frame and applied at the un
 
     p = R′p′,    m = u × p + R′m′,    R′ = 1 + φ̃                                                       (eq. 4).
 
-The moment u × p refers p to the undeformed axis. As a nodal moment it gives every section the moment of an axial force
-at the lever u, which a linear beam lacks: right at the root, too much near the load, where the true lever is u less the
-local u. ``"turned"`` is eq. (4) without that moment, the virtual work p·δu of a force that sits on the material point.
+The moment u × p refers p to the undeformed axis. As a couple at the loaded section (``"deformed"``) it gives every
+section σ the moment (s + u − σ) × p: right at the root, too much by u(σ) × p near the load. Where the beam is soft the
+couple turns the section, the turned force has a longer lever, and above some load no state of rest exists.
+``"consistent"`` acts in the deformed state for every section, (s + u − σ − u(σ)) × p. By parts, and for an
+inextensible axis, that is the virtual work of p on the second-order displacement ½ qᵀ H q of its point, the field that
+gives the floating frame its geometric stiffness: Q = (N + H q)ᵀ p. ``"turned"`` is p = R′p′ alone, Q = Nᵀ p.
+
+None of them shortens the lever of p itself, (s − σ), by the deflection, so that none is exact to second order; and
+since u and φ are relative to the frame, the result depends on the reference condition when deflections are large.
 """
 
 from collections import namedtuple
@@ -81,7 +92,7 @@ from scipy.spatial.transform import Rotation
 
 from wt_gym.multibody import observer_frame_constraint_kernels as constraint
 from wt_gym.multibody import observer_frame_matrix_kernels as matrix
-from wt_gym.multibody.observer_frame_body import REFERENCE_CONDITIONS, ObserverFrameError, Substructure
+from wt_gym.multibody.observer_frame_body import REFERENCE_CONDITIONS, ObserverFrameError, Place, Substructure
 from wt_gym.multibody.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.observer_frame_kernels import renew
 
@@ -90,21 +101,23 @@ __all__ = [
     "ObserverFrameError",
     "ObserverFrameIntegrator",
     "ObserverFrameSystem",
+    "Place",
     "Substructure",
 ]
 
 LOAD_AXES = {"fixed": constraint.FIXED, "undeformed": constraint.UNDEFORMED, "deformed": constraint.DEFORMED}
-LOAD_AXES["turned"] = constraint.TURNED
+LOAD_AXES |= {"turned": constraint.TURNED, "consistent": constraint.CONSISTENT}
 RIGID_MODES = ("deformed", "undeformed")
 
 Model = namedtuple(
     "Model",
-    "n first stiffness damping_time gyro second first_moment reference_moment ends mass_low mass_up gravity "
+    "n first stiffness damping gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
     "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
-    "load_marker load_axes marker_lever reference_first reference_second deformed_modes accelerated",
+    "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes "
+    "prediction",
 )
 State = namedtuple(
-    "State", "position rotation velocity omega acceleration alpha q v a deformed multiplier age n_updates"
+    "State", "position rotation velocity omega acceleration alpha q v a deformed multiplier age turned n_updates"
 )
 Work = namedtuple(
     "Work",
@@ -235,15 +248,29 @@ class ObserverFrameSystem:
                 raise ObserverFrameError(f"support of {body}.{marker}: direction {tuple(d)} is not a unit vector")
             self._rows.append(_Row(constraint.DISPLACEMENT, (a, -1), (d, place), f"support of {body}.{marker}"))
 
-    def hinge(self, body, marker, axis):
-        """Support a marker and let its section turn about a unit axis (3,) of the fixed frame only."""
+    def hinge(self, body, marker, axis, other=None, other_marker=None):
+        """Hold a marker on the ground or on another marker and let its section turn about a unit axis only.
+
+        Parameters
+        ----------
+        body, marker : str
+        axis : array (3,)
+            In the fixed frame, as things stand now; it stays with the second section.
+        other, other_marker : str, optional
+            The second section; None is the ground.
+        """
         axis = np.asarray(axis, dtype=float)
         if axis.shape != (3,) or not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9):
             raise ObserverFrameError(f"hinge of {body}.{marker}: axis {tuple(axis)} is not a unit vector")
-        self.support(body, marker)
+        yours = np.eye(3)
+        if other is None:
+            self.support(body, marker)
+        else:
+            self.join(body, marker, other, other_marker)
+            yours = self._displaced(self._index(other), other_marker)[1]
         mine = self._displaced(self._index(body), marker)[1]
         across = np.linalg.svd(axis[None])[2][1:]
-        self._orthogonal(body, marker, None, None, [(mine.T @ axis, t) for t in across], "hinge")
+        self._orthogonal(body, marker, other, other_marker, [(mine.T @ axis, yours.T @ t) for t in across], "hinge")
 
     def clamp(self, body, marker):
         """Hold a marker and its section fast."""
@@ -262,8 +289,9 @@ class ObserverFrameSystem:
         value : array (6,) or callable
             Force [N] and moment [N m], constant or as a function of time [s].
         axes : str
-            "fixed": components in the fixed frame; "undeformed": in the moving frame; "deformed": in the axes of the
-            deformed section and acting in the deformed state (eq. 4); "turned": the same without the moment u × p.
+            "fixed": components in the fixed frame; "undeformed": in the moving frame; the others in the axes of the
+            deformed section: "deformed" with the moment u × p at the section (eq. 4 as printed), "consistent" with the
+            lever of the deformed axis in every section, "turned" without a moment of the deflection.
 
         Raises
         ------
@@ -299,8 +327,8 @@ class ObserverFrameSystem:
 
     def _marker(self, body, marker):
         index = self._index(body)
-        if marker not in self.bodies[index].markers:
-            known = sorted(self.bodies[index].markers)
+        if marker not in self.bodies[index].places:
+            known = sorted(self.bodies[index].places)
             raise ObserverFrameError(f"substructure {body!r} has no marker {marker!r}, only {known}")
         if (index, marker) not in self._markers:
             self._markers.append((index, marker))
@@ -308,7 +336,7 @@ class ObserverFrameSystem:
 
     # ---- packing ---------------------------------------------------------------------------------------------------
 
-    def pack(self, accelerated=False):
+    def pack(self, prediction=0):
         """Arrays for the constraint.
 
         Returns
@@ -334,12 +362,13 @@ class ObserverFrameSystem:
             n=np.array([b.n for b in self.bodies]),
             first=np.zeros((n_b, n_max), dtype=np.int64),
             stiffness=z((n_b, n_max, n_max)),
-            damping_time=np.array([b.damping_time for b in self.bodies]),
+            damping=z((n_b, n_max, n_max)),
             gyro=z((n_b, 3, n_max, n_max)),
             second=z((n_b, 6, n_max, n_max)),
             first_moment=z((n_b, n_max, 3)),
             reference_moment=z((n_b, n_max, 9)),
-            ends=np.array([b.beam.node_position[[0, -1]] for b in self.bodies]),
+            ends=np.array([b.ends for b in self.bodies]),
+            reach=max(np.linalg.norm(b.ends, axis=1).max() for b in self.bodies),
             mass_low=z((n_b, n_max, n_max)),
             mass_up=z((n_b, n_max, n_max)),
             gravity=self.gravity,
@@ -354,11 +383,13 @@ class ObserverFrameSystem:
             row_vector=np.array([r.vectors for r in self._rows], dtype=float).reshape(n_row, 2, 3),
             load_marker=np.array([m for m, _, _ in self.loads], dtype=np.int64),
             load_axes=np.array([LOAD_AXES[axes] for _, _, axes in self.loads], dtype=np.int64),
+            load_field=np.cumsum([axes == "consistent" for _, _, axes in self.loads], dtype=np.int64) - 1,
+            load_second=self._second_order_fields(n_max),
             marker_lever=z((n_m, 3)),
             reference_first=z((n_b, 3)),
             reference_second=z((n_b, 3, 3)),
             deformed_modes=self.rigid_modes == "deformed",
-            accelerated=float(accelerated),
+            prediction=prediction,
         )
         self._pack_bodies(model)
         self._pack_markers(model)
@@ -374,11 +405,11 @@ class ObserverFrameSystem:
         for i, body in enumerate(self.bodies):
             n = body.n
             model.first[i, :n] = body.envelope()
-            model.stiffness[i, :n, :n] = body.stiffness
+            model.stiffness[i, :n, :n], model.damping[i, :n, :n] = body.stiffness, body.damping
             model.gyro[i, :, :n, :n], model.second[i, :, :n, :n] = body.gyro, body.second
             model.first_moment[i, :n], model.reference_moment[i, :n] = body.first_moment, body.reference_moment
             model.mass_low[i, :n, :n] = model.mass_up[i, :n, :n] = body.mass_matrix
-            m, s = body.beam.particle_mass, body.beam.particle_position
+            m, s = body.particle_mass, body.particle_position
             model.reference_first[i], model.reference_second[i] = m @ s, (m[:, None] * s).T @ s
             if not matrix.factorize(0, n, model.first[i], model.mass_low[i], model.mass_up[i]):
                 raise ObserverFrameError(f"substructure {body.name!r}: the mass matrix is singular")
@@ -392,6 +423,18 @@ class ObserverFrameSystem:
             for column in model.mass_columns[m]:
                 matrix.solve(body.n, model.first[index], model.mass_low[index], model.mass_up[index], column)
         constraint.marker_pairs(model, model.mass_columns, model.mass_pairs)
+
+    def _second_order_fields(self, n_max):
+        """Second-order displacement H of the points of consistent loads (n, 3, n_max, n_max)."""
+        fields = []
+        for marker, _, axes in self.loads:
+            if axes == "consistent":
+                index, name = self._markers[marker]
+                body, out = self.bodies[index], np.zeros((3, n_max, n_max))
+                nf = body.n_elastic
+                out[:, :nf, :nf] = body.places[name].second_order()
+                fields.append(out)
+        return np.array(fields).reshape(-1, 3, n_max, n_max)
 
     def _new_state(self, n_b, n_max, n_row):
         z = np.zeros
@@ -408,6 +451,7 @@ class ObserverFrameSystem:
             deformed=z((n_b, n_max)),
             multiplier=z(n_row),
             age=z(n_b),
+            turned=z((n_b, 3)),
             n_updates=np.zeros(n_b, dtype=np.int64),
         )
         for i, ((position, rotation), motion) in enumerate(zip(self.frames, self.motions, strict=True)):

@@ -16,7 +16,9 @@ angular velocity can be inserted afterwards (eqs 7–8 without their ω):
 (K. Holm-Jørgensen, S. R. K. Nielsen, R. Rubak, System reduction in nonlinear multibody dynamics of wind turbines.)
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from scipy.linalg import eigh, null_space
@@ -24,7 +26,7 @@ from scipy.linalg import eigh, null_space
 from wt_gym.errors import WtGymError
 from wt_gym.structure.beam import skew
 
-__all__ = ["REFERENCE_CONDITIONS", "ObserverFrameError", "Substructure", "reference_condition"]
+__all__ = ["REFERENCE_CONDITIONS", "ObserverFrameError", "Place", "Substructure", "reference_condition"]
 
 REFERENCE_CONDITIONS = ("clamped", "simply_supported", "three_quarter")
 
@@ -89,22 +91,58 @@ def _complying_vectors(rows):
 
 
 @dataclass(frozen=True)
+class Place:
+    """A named section of a body: where it is and how the elastic coordinates move it.
+
+    Attributes
+    ----------
+    position : array (3,)
+        Undeformed, in the body frame [m].
+    field : array (6, n_f)
+        Displacement and rotation per elastic coordinate.
+    second_order : callable
+        Without arguments; the second-order displacement H (3, n_f, n_f) of the point, computed when it is needed.
+    """
+
+    position: np.ndarray
+    field: np.ndarray
+    second_order: Callable = field(repr=False)
+
+    @classmethod
+    def on_beam(cls, beam, basis, s):
+        """The section of a beam at the arc length s [m]."""
+        linear = np.vstack(beam.linear_field(s, basis))
+        return cls(beam.sections.axis_at(s), linear, partial(_second_order, beam, basis, s))
+
+    def shape(self):
+        """Displacement and rotation (6, n) per coordinate, rigid-body motions last."""
+        rigid = np.eye(6)
+        rigid[:3, 3:] = -skew(self.position)
+        return np.hstack([self.field, rigid])
+
+
+def _second_order(beam, basis, s):
+    return beam.second_order_field(basis).at(s)
+
+
+@dataclass(frozen=True)
 class Substructure:
-    """A beam in a moving frame, in q = [q_f (n_f), q_r (6)].
+    """A body in a moving frame, in q = [q_f (n_f), q_r (6)].
 
     Attributes
     ----------
     name, reference : str
-    beam : Beam
-    basis : array (n_dof, n)
-        Nodal displacements of the coordinates; the last six columns are the rigid-body modes.
+    places : dict of str to Place
+        Named sections; "root" and "tip" exist on every beam.
     frequency : array (n_f,)
-        Natural frequencies [rad/s] of the elastic modes at rest in the reference condition; empty for finite elements.
-    damping_time : float
-        C = damping_time · K [s].
-    markers : dict of str to float
-        Named arc lengths [m] on the axis; "root" and "tip" exist always.
-    stiffness : array (n, n)
+        Natural frequencies [rad/s] of the elastic modes at rest in the reference condition; empty when not computed.
+    ends : array (2, 3)
+        Points whose rigid-body displacement is watched for updates on demand [m].
+    particle_mass : array (n_p,)
+    particle_position : array (n_p, 3)
+    particle_shape : array (n_p, 3, n)
+        Mass points and their displacement per coordinate.
+    stiffness, damping : array (n, n)
     first_moment : array (n, 3)
         M₀ᵀ.
     gyro : array (3, n, n)
@@ -113,24 +151,61 @@ class Substructure:
         ∫ N_kᵀN_l for kl = 11, 22, 33 and the symmetric pairs 12, 13, 23.
     reference_moment : array (n, 9)
         X.
+    beam : Beam or None
+    basis : array (n_dof, n) or None
+        Nodal displacements of the coordinates of a beam; the last six columns are the rigid-body modes.
     """
 
     name: str
     reference: str
-    beam: object
-    basis: np.ndarray
+    places: dict
     frequency: np.ndarray
-    damping_time: float
-    markers: dict
+    ends: np.ndarray
+    particle_mass: np.ndarray = field(repr=False)
+    particle_position: np.ndarray = field(repr=False)
+    particle_shape: np.ndarray = field(repr=False)
     stiffness: np.ndarray = field(repr=False)
+    damping: np.ndarray = field(repr=False)
     first_moment: np.ndarray = field(repr=False)
     gyro: np.ndarray = field(repr=False)
     second: np.ndarray = field(repr=False)
     reference_moment: np.ndarray = field(repr=False)
+    beam: object = field(default=None, repr=False)
+    basis: np.ndarray | None = field(default=None, repr=False)
+
+    @classmethod
+    def from_points(cls, name, points, stiffness, damping, places, ends, *, reference="given", **more):
+        """Build a substructure from mass points.
+
+        Parameters
+        ----------
+        name : str
+        points : (array (n_p,), array (n_p, 3), array (n_p, 3, n_f))
+            Masses [kg], positions [m] and displacements per elastic coordinate, in the body frame.
+        stiffness, damping : array (n_f, n_f)
+            Of the elastic coordinates.
+        places : dict of str to Place
+        ends : array (2, 3)
+            Points whose rigid-body displacement is watched [m].
+        reference : str
+            Name of the condition with which the elastic shapes comply.
+        **more
+            ``frequency``, ``beam`` and ``basis``.
+        """
+        mass, position, linear = points
+        rigid = np.concatenate([np.tile(np.eye(3), (len(mass), 1, 1)), -skew(position)], axis=2)
+        shape = np.concatenate([linear, rigid], axis=2)
+        n = shape.shape[2]
+        strain = np.zeros((2, n, n))
+        strain[0, :-6, :-6], strain[1, :-6, :-6] = stiffness, damping
+        more.setdefault("frequency", np.zeros(0))
+        constants = _integrals(mass, position, shape)
+        return cls(name, reference, places, ends=ends, particle_mass=mass, particle_position=position,
+                   particle_shape=shape, stiffness=strain[0], damping=strain[1], **constants, **more)  # fmt: skip
 
     @classmethod
     def from_beam(cls, name, beam, reference="clamped", n_modes=None, damping_time=0.0, markers=None):
-        """Build a substructure.
+        """Build a substructure from a beam.
 
         Parameters
         ----------
@@ -168,18 +243,23 @@ class Substructure:
             except np.linalg.LinAlgError as error:
                 raise ObserverFrameError(f"substructure {name!r}: the mass matrix is singular") from error
             frequency, complying = np.sqrt(np.maximum(value, 0.0)), complying @ vector
-        basis = np.hstack([complying, rigid_modes(beam)])
-        points = {"root": beam.nodes[0], "tip": beam.nodes[-1]} | dict(markers or {})
-        for key, s in points.items():
+        stations = {"root": beam.nodes[0], "tip": beam.nodes[-1]} | dict(markers or {})
+        for key, s in stations.items():
             if not beam.nodes[0] <= s <= beam.nodes[-1]:
                 allowed = f"[{beam.nodes[0]}, {beam.nodes[-1]}]"
                 raise ObserverFrameError(f"substructure {name!r}: marker {key!r} at {s} m lies outside {allowed} m")
-        return cls(name, reference, beam, basis, frequency, float(damping_time), points, **_integrals(beam, basis))
+        places = {key: Place.on_beam(beam, complying, s) for key, s in stations.items()}
+        stiffness = complying.T @ beam.stiffness @ complying
+        linear = np.einsum("pia,an->pin", beam.particle_shape, complying, optimize=True)
+        points = beam.particle_mass, beam.particle_position, linear
+        ends, basis = beam.node_position[[0, -1]], np.hstack([complying, rigid_modes(beam)])
+        return cls.from_points(name, points, stiffness, damping_time * stiffness, places, ends, reference=reference,
+                               frequency=frequency, beam=beam, basis=basis)  # fmt: skip
 
     @property
     def n(self):
         """Number of coordinates, elastic and rigid."""
-        return self.basis.shape[1]
+        return self.stiffness.shape[0]
 
     @property
     def n_elastic(self):
@@ -203,16 +283,15 @@ class Substructure:
 
     def marker_shape(self, name):
         """Displacement and rotation (6, n) of the axis at a marker per coordinate, in frame axes."""
-        element, xi = self.beam.locate(self.markers[name])
-        return self.beam.shape(element, xi)[0] @ self.basis[6 * element : 6 * element + 12]
+        return self.places[name].shape()
 
     def marker_position(self, name):
         """Undeformed position (3,) of a marker in the frame [m]."""
-        return self.beam.sections.axis_at(self.markers[name])
+        return self.places[name].position
 
     def envelope(self):
         """First non-zero column (n,) of each row of the lower triangles of all matrices."""
-        matrices = np.concatenate([self.stiffness[None], self.gyro, self.second])
+        matrices = np.concatenate([self.stiffness[None], self.damping[None], self.gyro, self.second])
         scale = np.abs(matrices).max(axis=(1, 2), keepdims=True)
         filled = (np.abs(matrices) > 1e-14 * np.maximum(scale, 1e-300)).any(axis=0)
         np.fill_diagonal(filled, True)
@@ -221,20 +300,16 @@ class Substructure:
         return first
 
 
-def _integrals(beam, basis):
-    """Constant matrices of a basis by sums over the mass points of the beam."""
-    m, s = beam.particle_mass, beam.particle_position
-    n = np.einsum("pia,an->ipn", beam.particle_shape, basis, optimize=True)
+def _integrals(m, s, shape):
+    """Constant matrices of mass points m (n_p,) at s (n_p, 3) with shapes (n_p, 3, n)."""
+    n = np.swapaxes(shape, 0, 1)
     weighted = m[:, None] * n
     e = np.array([[weighted[a].T @ n[b] for b in range(3)] for a in range(3)])
     pairs = [e[0, 1] + e[1, 0], e[0, 2] + e[2, 0], e[1, 2] + e[2, 1]]
-    stiffness = basis.T @ beam.stiffness @ basis
-    stiffness[-6:], stiffness[:, -6:] = 0.0, 0.0  # rigid-body motions strain nothing; removes rounding errors
     return {
-        "stiffness": stiffness,
         "first_moment": weighted.sum(axis=1).T,
         # Nᵀ ẽ_k N with (ẽ₁)₃₂ = 1, (ẽ₁)₂₃ = −1 and cyclic
         "gyro": np.array([e[2, 1] - e[1, 2], e[0, 2] - e[2, 0], e[1, 0] - e[0, 1]]),
         "second": np.array([e[0, 0], e[1, 1], e[2, 2], *pairs]),
-        "reference_moment": np.einsum("ipn,pj->nij", weighted, s).reshape(-1, 9),
+        "reference_moment": np.einsum("ipn,pj->nij", weighted, s, optimize=True).reshape(-1, 9),
     }

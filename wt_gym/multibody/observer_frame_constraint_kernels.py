@@ -9,7 +9,7 @@ from wt_gym.multibody.observer_frame_matrix_kernels import inner
 from wt_gym.multibody.rotation_kernels import rotation_exp, tangent_bias
 
 DISPLACEMENT, ORTHOGONAL = range(2)
-FIXED, UNDEFORMED, DEFORMED, TURNED = range(4)
+FIXED, UNDEFORMED, DEFORMED, TURNED, CONSISTENT = range(5)
 
 # ---- loads ---------------------------------------------------------------------------------------------------------
 
@@ -27,7 +27,10 @@ def marker_field(m, model, x, out):
 
 @inner
 def add_loads(value, model, state, q, work, out):
-    """Out += Nᵀ p + Pᵀ m of all loads (n_loads, 6: force, moment) at the coordinates q (eq. 4)."""
+    """Out += Nᵀ p + Pᵀ m of all loads (n_loads, 6: force, moment) at the coordinates q (eq. 4).
+
+    Consistent loads add p · H q, the work of p on the second-order displacement ½ qᵀ H q of their point.
+    """
     f, u, p = work.pull, work.field, work.load
     for l in range(model.load_marker.shape[0]):
         m, axes = model.load_marker[l], model.load_axes[l]
@@ -42,7 +45,7 @@ def add_loads(value, model, state, q, work, out):
         else:
             for i in range(6):
                 p[i] = f[i]
-        if axes == DEFORMED or axes == TURNED:
+        if axes >= DEFORMED:
             marker_field(m, model, q, u)
             for i in range(3):
                 j, k = (i + 1) % 3, (i + 2) % 3
@@ -63,6 +66,14 @@ def add_loads(value, model, state, q, work, out):
             for i in range(3):
                 j, k = (i + 1) % 3, (i + 2) % 3
                 out[b, model.n[b] - 3 + i] -= x[j] * p[k] - x[k] * p[j]
+        if axes == CONSISTENT:
+            second = model.load_second[model.load_field[l]]
+            for k in range(model.n[b] - 6):
+                total = 0.0
+                for j in range(model.n[b] - 6):
+                    h = p[0] * second[0, k, j] + p[1] * second[1, k, j] + p[2] * second[2, k, j]
+                    total += h * q[b, j]
+                out[b, k] += total
 
 
 # ---- constraints ---------------------------------------------------------------------------------------------------

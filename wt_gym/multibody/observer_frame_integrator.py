@@ -12,7 +12,7 @@ from wt_gym.structure.beam import skew
 
 __all__ = ["PREDICTIONS", "ObserverFrameIntegrator"]
 
-PREDICTIONS = ("uniform", "accelerated")
+PREDICTIONS = {"uniform": kernels.UNIFORM, "accelerated": kernels.MEAN, "printed": kernels.PRINTED}
 
 
 class ObserverFrameIntegrator:
@@ -27,9 +27,11 @@ class ObserverFrameIntegrator:
         Solutions of a step; above one, loads and constraint directions are renewed with the new q.
     update : str or float
         "step" updates the frames every step; a number [m] is the rigid-body displacement of either end of a body
-        from its frame beyond which that body's frame is updated.
+        from its frame beyond which that body's frame is updated. A rotation counts as the displacement that it gives a
+        point at the largest distance which any body of the system has from its origin.
     prediction : str
-        Motion of the frames over a step: "uniform" or "accelerated".
+        Motion of the frames over a step: "uniform", "accelerated" with the mean acceleration since the last update, or
+        "printed" with the accelerations of the last instant (eqs 9–12 to the letter).
 
     Attributes
     ----------
@@ -56,7 +58,7 @@ class ObserverFrameIntegrator:
         if prediction not in PREDICTIONS:
             raise ObserverFrameError(f"prediction {prediction!r} is unknown; allowed: {', '.join(PREDICTIONS)}")
         self._threshold = 0.0 if update == "step" else float(update)
-        self.model, self.state, self._work = system.pack(prediction == "accelerated")
+        self.model, self.state, self._work = system.pack(PREDICTIONS[prediction])
         self.time = 0.0
         self._shapes = {}
         self._start()
@@ -67,7 +69,7 @@ class ObserverFrameIntegrator:
             self._check(kernels.hold_velocities(self.model, self.state, self._work))
         values = self._load_values(self.time, 1)[0]
         # the first accelerations of the bodies become those of the frames
-        for _ in range(2 if self.model.accelerated else 0):
+        for _ in range(2 if self.model.prediction != kernels.UNIFORM else 0):
             self._check(kernels.accelerations(values, self.model, self.state, self._work))
             for b, body in enumerate(self.system.bodies):
                 rigid = self.state.a[b, body.n - 6 : body.n]
@@ -176,7 +178,7 @@ class ObserverFrameIntegrator:
         for b, body in enumerate(self.system.bodies):
             q, v = self.state.q[b, : body.n], self.state.v[b, : body.n]
             point, rate = _particle_motion(self, b, body, q, v)
-            m = body.beam.particle_mass
+            m = body.particle_mass
             total += [
                 0.5 * np.sum(m[:, None] * rate**2),
                 0.5 * q @ body.stiffness @ q,
@@ -190,15 +192,15 @@ class ObserverFrameIntegrator:
         for b, body in enumerate(self.system.bodies):
             q, v = self.state.q[b, : body.n], self.state.v[b, : body.n]
             point, rate = _particle_motion(self, b, body, q, v)
-            m = body.beam.particle_mass[:, None]
+            m = body.particle_mass[:, None]
             total += np.concatenate([np.sum(m * rate, axis=0), np.sum(m * np.cross(point, rate), axis=0)])
         return total
 
 
 def _particle_motion(integrator, b, body, q, v):
     """Positions and velocities (n_p, 3) of the mass points of a body in fixed axes."""
-    s, beam = integrator.state, body.beam
-    known = beam.particle_shape @ (body.basis @ s.deformed[b, : body.n])
-    local = beam.particle_position + beam.particle_shape @ (body.basis @ q) + np.cross(q[-3:], known)
-    rate = local @ skew(s.omega[b]).T + beam.particle_shape @ (body.basis @ v) + np.cross(v[-3:], known)
+    s = integrator.state
+    known = body.particle_shape @ s.deformed[b, : body.n]
+    local = body.particle_position + body.particle_shape @ q + np.cross(q[-3:], known)
+    rate = local @ skew(s.omega[b]).T + body.particle_shape @ v + np.cross(v[-3:], known)
     return s.position[b] + local @ s.rotation[b].T, s.velocity[b] + rate @ s.rotation[b].T

@@ -24,6 +24,8 @@ from wt_gym.multibody.observer_frame_matrix_kernels import (
 from wt_gym.multibody.rotation_kernels import rotation_exp
 
 OK, SINGULAR_BODY, SINGULAR_CONSTRAINTS, DIVERGED = range(4)
+UNIFORM, MEAN, PRINTED = range(3)
+"""What the frame's accelerations become in an update: nothing, their mean since the last one, or eqs (10), (11)."""
 
 # ---- frames --------------------------------------------------------------------------------------------------------
 
@@ -40,15 +42,17 @@ def turn_frame(b, angle, state, work):
 
 
 @inner
-def predict_frame(b, h, state, work):
+def predict_frame(b, h, model, state, work):
     """Carry a frame over one step with constant acceleration (fixed axes) and angular acceleration (frame axes).
 
-    The third-order term makes exp exact to O(h⁵) for an angular velocity that grows linearly (Magnus expansion).
+    The third-order term makes exp exact to O(h⁵) for an angular velocity that grows linearly (Magnus expansion); the
+    printed form does without. The angle is kept in state.turned.
     """
-    w, a, angle = state.omega[b], state.alpha[b], work.angle
+    w, a, angle = state.omega[b], state.alpha[b], state.turned[b]
+    third = 0.0 if model.prediction == PRINTED else h**3 / 12.0
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        angle[i] = h * w[i] + 0.5 * h * h * a[i] + h**3 / 12.0 * (w[j] * a[k] - w[k] * a[j])
+        angle[i] = h * w[i] + 0.5 * h * h * a[i] + third * (w[j] * a[k] - w[k] * a[j])
     turn_frame(b, angle, state, work)
     for i in range(3):
         w[i] += h * a[i]
@@ -58,11 +62,18 @@ def predict_frame(b, h, state, work):
 
 @inner
 def needs_update(b, threshold, model, state):
-    """Whether the rigid-body displacement of the first or the last node exceeds the threshold (0: always)."""
+    """Whether the rigid-body displacement of an end or the rotation times the reach exceeds the threshold (0: always).
+
+    A body that turns about its own axis moves neither of its ends: the largest distance from an origin that any body of
+    the system has makes a displacement of its rotation too.
+    """
     if threshold <= 0.0:
         return True
     n = model.n[b]
     rigid = state.q[b, n - 6 : n]
+    angle = rigid[3] * rigid[3] + rigid[4] * rigid[4] + rigid[5] * rigid[5]
+    if angle * model.reach * model.reach > threshold * threshold:
+        return True
     for end in range(2):
         s = model.ends[b, end]
         square = 0.0
@@ -91,6 +102,43 @@ def take_out(b, w, model, state, work):
 
 
 @inner
+def update_printed(b, model, state, work):
+    """Eqs (9)–(12) as they are printed.
+
+    The rotations of the prediction and of the body are added before they are turned into a matrix, the angular
+    velocities and accelerations are added in the axes they have, and the accelerations are those of the last instant.
+    """
+    n = model.n[b]
+    q, v, a = state.q[b], state.v[b], state.a[b]
+    w, al, r = state.omega[b], state.alpha[b], state.rotation[b]
+    u, du, d2u = q[n - 6 : n - 3], v[n - 6 : n - 3], a[n - 6 : n - 3]
+    gain, bias = work.spare, work.lever
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        gain[i] = w[j] * u[k] - w[k] * u[j]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        bias[i] = al[j] * u[k] - al[k] * u[j] + w[j] * gain[k] - w[k] * gain[j]
+        bias[i] += 2.0 * (w[j] * du[k] - w[k] * du[j]) + d2u[i]
+    for i in range(3):
+        for j in range(3):
+            state.position[b, i] += r[i, j] * u[j]
+            state.velocity[b, i] += r[i, j] * (gain[j] + du[j])
+            state.acceleration[b, i] += r[i, j] * bias[j]
+    for i in range(3):
+        work.angle[i] = -state.turned[b, i]
+    turn_frame(b, work.angle, state, work)
+    for i in range(3):
+        work.angle[i] = state.turned[b, i] + q[n - 3 + i]
+    turn_frame(b, work.angle, state, work)
+    for i in range(3):
+        w[i] += v[n - 3 + i]
+        al[i] += a[n - 3 + i]
+    for i in range(n - 6, n):
+        q[i], v[i] = 0.0, 0.0
+
+
+@inner
 def update_frame(b, model, state, work):
     """Move the frame onto the rigid-body motion (eqs 9–12), which becomes zero.
 
@@ -98,7 +146,7 @@ def update_frame(b, model, state, work):
     the rotation modes know the deformed shape, φ × u̇_f is taken out of the rates, the turn of the axes in which they
     are counted.
     """
-    n, keep = model.n[b], model.accelerated
+    n, keep = model.n[b], 1.0 if model.prediction == MEAN else 0.0
     q, v = state.q[b], state.v[b]
     w, al, r, t = state.omega[b], state.alpha[b], state.rotation[b], work.turn
     u, du, phi, dphi = q[n - 6 : n - 3], v[n - 6 : n - 3], q[n - 3 : n], v[n - 3 : n]
@@ -132,8 +180,6 @@ def update_frame(b, model, state, work):
         q[n - 6 + i], q[n - 3 + i] = 0.0, 0.0
         v[n - 6 + i] -= moved[i]
         v[n - 3 + i] -= moved[3 + i]
-    state.age[b] = 0.0
-    state.n_updates[b] += 1
 
 
 @inner
@@ -374,7 +420,7 @@ def step(h, value, n_iterations, threshold, model, state, work):
     """Advance all bodies by h under the loads (n_loads, 6) at the end of the step; returns a code."""
     n_b = model.n.shape[0]
     for b in range(n_b):
-        predict_frame(b, h, state, work)
+        predict_frame(b, h, model, state, work)
     code = factorize_step(h, model, state, work)
     if code == OK:
         code = newmark_solve(h, value, n_iterations, model, state, work)
@@ -383,7 +429,9 @@ def step(h, value, n_iterations, threshold, model, state, work):
     total = 0.0
     for b in range(n_b):
         for k in range(model.n[b]):
-            state.v[b, k] = 2.0 / h * (work.next[b, k] - state.q[b, k]) - state.v[b, k]
+            change, rate = work.next[b, k] - state.q[b, k], state.v[b, k]
+            state.a[b, k] = 4.0 / (h * h) * change - 4.0 / h * rate - state.a[b, k]
+            state.v[b, k] = 2.0 / h * change - rate
             state.q[b, k] = work.next[b, k]
             total += abs(work.next[b, k])
     if not math.isfinite(total):
@@ -393,7 +441,12 @@ def step(h, value, n_iterations, threshold, model, state, work):
         if model.deformed_modes and not renew(b, model, state, work):
             return SINGULAR_BODY
         if needs_update(b, threshold, model, state):
-            update_frame(b, model, state, work)
+            if model.prediction == PRINTED:
+                update_printed(b, model, state, work)
+            else:
+                update_frame(b, model, state, work)
+            state.age[b] = 0.0
+            state.n_updates[b] += 1
     if model.row_kind.shape[0] > 0:
         if model.deformed_modes:
             marker_pairs(model, model.mass_columns, model.mass_pairs)

@@ -117,19 +117,19 @@ def mass_product(b, model, x, out):
 @inner
 def newmark_matrix(b, h, model, state, low, up):
     """S = (4/h²) M + (2/h) (2 G + C) + K + Ġ + D, the matrix of the Newmark step for (β, γ) = (¼, ½)."""
-    g, a, stiffness = model.gyro[b], model.second[b], model.stiffness[b]
+    g, a, stiffness, damping = model.gyro[b], model.second[b], model.stiffness[b], model.damping[b]
     w0, w1, w2 = state.omega[b, 0], state.omega[b, 1], state.omega[b, 2]
     # odd part: (4/h) G(ω) + G(α)
     c0 = 4.0 / h * w0 + state.alpha[b, 0]
     c1 = 4.0 / h * w1 + state.alpha[b, 1]
     c2 = 4.0 / h * w2 + state.alpha[b, 2]
-    ck = 1.0 + 2.0 / h * model.damping_time[b]
+    cd = 2.0 / h
     cm = 4.0 / (h * h) - (w0 * w0 + w1 * w1 + w2 * w2)
     d00, d11, d22 = cm + w0 * w0, cm + w1 * w1, cm + w2 * w2
     d01, d02, d12 = w0 * w1, w0 * w2, w1 * w2
     for i in range(model.n[b]):
         for j in range(model.first[b, i], i + 1):
-            even = d00 * a[0, i, j] + d11 * a[1, i, j] + d22 * a[2, i, j] + ck * stiffness[i, j]
+            even = d00 * a[0, i, j] + d11 * a[1, i, j] + d22 * a[2, i, j] + stiffness[i, j] + cd * damping[i, j]
             even += d01 * a[3, i, j] + d02 * a[4, i, j] + d12 * a[5, i, j]
             odd = c0 * g[0, i, j] + c1 * g[1, i, j] + c2 * g[2, i, j]
             low[i, j] = even + odd
@@ -139,28 +139,27 @@ def newmark_matrix(b, h, model, state, low, up):
 @kernel
 def inner_forces(b, model, state, q, v, out):
     """Out = −(K + Ġ + D) q − (2 G + C) v − M₀ᵀ (a_c − g) − J̇₀ᵀ + J₂ᵀ at the frame's present motion."""
-    gyro, a, stiffness = model.gyro[b], model.second[b], model.stiffness[b]
+    gyro, a, stiffness, damping = model.gyro[b], model.second[b], model.stiffness[b], model.damping[b]
     w0, w1, w2 = state.omega[b, 0], state.omega[b, 1], state.omega[b, 2]
     a0, a1, a2 = state.alpha[b, 0], state.alpha[b, 1], state.alpha[b, 2]
     square = w0 * w0 + w1 * w1 + w2 * w2
     d00, d11, d22 = w0 * w0 - square, w1 * w1 - square, w2 * w2 - square
     d01, d02, d12 = w0 * w1, w0 * w2, w1 * w2
-    time = model.damping_time[b]
     n = model.n[b]
     for i in range(n):
         out[i] = 0.0
     for i in range(n):
         total, qi, vi = 0.0, q[i], v[i]
         for j in range(model.first[b, i], i + 1):
-            k = stiffness[i, j]
-            even = k + d00 * a[0, i, j] + d11 * a[1, i, j] + d22 * a[2, i, j]
+            c = damping[i, j]
+            even = stiffness[i, j] + d00 * a[0, i, j] + d11 * a[1, i, j] + d22 * a[2, i, j]
             even += d01 * a[3, i, j] + d02 * a[4, i, j] + d12 * a[5, i, j]
             g0, g1, g2 = gyro[0, i, j], gyro[1, i, j], gyro[2, i, j]
             euler = a0 * g0 + a1 * g1 + a2 * g2
             coriolis = 2.0 * (w0 * g0 + w1 * g1 + w2 * g2)
-            total += (even + euler) * q[j] + (coriolis + time * k) * v[j]
+            total += (even + euler) * q[j] + (coriolis + c) * v[j]
             if j < i:
-                out[j] -= (even - euler) * qi + (time * k - coriolis) * vi
+                out[j] -= (even - euler) * qi + (c - coriolis) * vi
         out[i] -= total
     # frame acceleration without gravity, in frame axes, and (α̃ + ω̃ ω̃) for the forces on the undeformed body
     r = state.rotation[b]
