@@ -17,8 +17,8 @@ from scipy.optimize import fsolve
 
 from wt_gym.aerodynamics import AeroOptions, VortexLattice
 from wt_gym.multibody.integrator_kernels import hamming_advance
+from wt_gym.multibody.point_kernels import point_loads, point_motion
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
-from wt_gym.multibody.tree_kernels import point_loads, point_motion
 from wt_gym.simulation.turbine_structure import body_points
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
