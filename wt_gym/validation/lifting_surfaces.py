@@ -151,10 +151,10 @@ def sudden_acceleration(aspect: float, alpha: float = SMALL, n_chord: int = 6, c
     return (2.0 * np.arange(n_steps) + 1.0) / n_chord, lift * FIVE_DEGREES / alpha
 
 
-def starting_impulse(n_chord: int) -> float:
+def starting_impulse(n_chord: int, **options) -> float:
     """Impulse of a very short step in which a section is set in motion, over ρ π c²/4 times its velocity."""
     dt = 1e-3
-    flow = WingFlow(two_dimensional_planform(n_chord), UniformStream.at_incidence(0.0), 2, dt)
+    flow = WingFlow(two_dimensional_planform(n_chord), UniformStream.at_incidence(0.0), 2, dt, **options)
     flow.start_from_rest()
     flow.step()  # a level in time without circulation, from which the next step takes its rate
     velocities = flow.still.copy()

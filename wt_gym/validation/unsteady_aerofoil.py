@@ -80,12 +80,12 @@ def wagner():
     )
     notes = (
         "What the lattice sheds in a step stands for a piece of the sheet one step long, and so does the starting "
-        "vortex: the lift is Wagner's half a step ago, an error of first order in the step, and 1 % at s = 0.5 takes 32 "
-        f"panels. Error at s = 2 in % by panels along the chord: {at_two}. Counted from the middle of the first step, 16 "
-        "panels are within 0.3 % from s = 0.5 and within 0.01 % from s = 2 to 10. (Counting the last ring in full in the "
-        "added mass adds ρ Γ̇ p/4, p = panel chord, which happens to cancel the half step after a sudden start, but "
-        "spoils the lift of oscillations: theodorsen-convergence.) The first step has no force of the changing "
-        "circulation, the second one from a difference of first order; both are left out of the picture."
+        "vortex: the lift is Wagner's half a step ago, an error of first order in the step, and 1 % at s = 0.5 takes "
+        f"32 panels. Error at s = 2 in % by panels along the chord: {at_two}. Counted from the middle of the first "
+        "step, 16 panels are within 0.3 % from s = 0.5 and within 0.01 % from s = 2 to 10. (Counting the last ring in "
+        "full in the added mass adds ρ Γ̇ p/4, p = panel chord, which happens to cancel the half step after a sudden "
+        "start, but spoils the lift of oscillations: theodorsen-convergence.) The first step has no force of the "
+        "changing circulation, the second one from a difference of first order; both are left out of the picture."
     )
     return CaseResult(checks, {"lift after a sudden start": Figure(tuple(curves), "s [semi-chords]", "φ")}, notes)
 
@@ -110,7 +110,10 @@ def exact_lift(motion: str, k):
 
 
 @lru_cache(maxsize=64)
-def oscillating_lift(motion: str, k: float, n_chord: int, steps_per_panel: float = 1.0, shed_fraction: float = 0.25):
+def oscillating_lift(
+    motion: str, k: float, n_chord: int, steps_per_panel: float = 1.0, shed_fraction: float = 0.25,
+    load_form: str = "joukowski",
+):  # fmt: skip
     """Complex lift coefficient of the lattice for a unit amplitude of the motion; see `exact_lift`.
 
     The motion starts from zero angle of attack; the last of its periods is fitted with one harmonic and a straight
@@ -122,8 +125,8 @@ def oscillating_lift(motion: str, k: float, n_chord: int, steps_per_panel: float
     dt = 2.0 * np.pi / (omega * period)  # whole steps in a period
     n_steps = max(2, 2 + round(2.0 * k)) * period
     planform = two_dimensional_planform(n_chord)
-    flow = WingFlow(planform, UniformStream.at_incidence(0.0), n_steps, dt,
-                    shed_fraction=shed_fraction)  # fmt: skip
+    flow = WingFlow(planform, UniformStream.at_incidence(0.0), n_steps, dt, shed_fraction=shed_fraction,
+                    load_form=load_form)  # fmt: skip
 
     def motion_at(time):
         """Displacement along x and its rate at all nodes; the axis of pitch, the quarter chord, lies at y = 0."""
