@@ -45,7 +45,7 @@ def test_theodorsen(motion, k):
 
 
 def test_starting_impulse_is_the_apparent_mass():
-    assert starting_impulse(8) == pytest.approx(1.0, rel=0.01)
+    assert starting_impulse(16) == pytest.approx(1.0, rel=0.01)
 
 
 def test_sudden_acceleration():
@@ -75,9 +75,9 @@ def test_dominant_mode_of_a_known_signal():
 
 
 def test_goland_wing_flutters_between_165_and_195_m_s():
-    """Coarse lattice; published 165 m/s, converged 171 m/s, 4 panels along the chord 177 m/s; about 69 rad/s."""
+    """Coarse lattice; published 165 m/s, converged 171 m/s, 4 x 6 panels 173 m/s; about 69 rad/s."""
     coarse = Resolution(4, 6, 8.0, 0.6)
     slow, fast = growth(165.0, coarse), growth(195.0, coarse)
     assert slow.real < 0.0 < fast.real
     assert 60.0 < fast.imag < slow.imag < 75.0
-    assert linear_flutter(4, 6)[0] == pytest.approx(171.3, rel=0.02)
+    assert linear_flutter(4, 6)[0] == pytest.approx(171.8, rel=0.01)

@@ -259,7 +259,8 @@ class BodySet:
             motion=np.zeros((3, n)), owner=np.repeat(np.arange(len(bodies)), np.diff(self.first_panel)),
             axis=tower.ends.copy(), stations=tower.stations, radii=tower.radii, inverse=np.zeros((n, n)),
         )  # fmt: skip
-        self._part, self._matrix = np.zeros((3, n)), np.zeros((n, n))
+        self._part = np.zeros((3, n))
+        self._elimination = np.zeros(n, dtype=np.int64), np.zeros((n, 4)), np.zeros((4, n))
         self._frames = np.full((len(bodies), 3, 4), np.nan)
         self.place(np.tile(np.eye(3), (len(bodies), 1, 1)), np.zeros((len(bodies), 3)))
         self._check_apart()
@@ -313,8 +314,8 @@ class BodySet:
         self._frames[:] = frames
         if len(moved):
             a = self.arrays
-            body_kernels.normal_matrix(a, self.ground, self.has_ground, self._part, self._matrix)
-            invert(self._matrix, a.inverse)
+            body_kernels.normal_matrix(a, self.ground, self.has_ground, self._part, a.inverse)
+            invert(a.inverse, *self._elimination)
             # Air that flows into a closed body must flow out: what the normal velocities at the control points have
             # left over, as they sample a nearby vortex coarsely, is no source of the body.
             for panels in self._panels():

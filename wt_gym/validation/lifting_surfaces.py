@@ -136,7 +136,7 @@ def sudden_acceleration(aspect: float, alpha: float = SMALL, n_chord: int = 6, c
     Returns
     -------
     travel : ndarray
-        In semi-chords.
+        In semi-chords, from the middle of the first step, over which the lattice spreads the start.
     lift : ndarray
     """
     n_strip = round(1.25 * aspect)
@@ -148,15 +148,18 @@ def sudden_acceleration(aspect: float, alpha: float = SMALL, n_chord: int = 6, c
     for m in range(n_steps):
         flow.step()
         lift[m] = steady_coefficients(flow.state, flow.stream, 0.5 * aspect)[0]
-    return 2.0 * np.arange(1, n_steps + 1) / n_chord, lift * FIVE_DEGREES / alpha
+    return (2.0 * np.arange(n_steps) + 1.0) / n_chord, lift * FIVE_DEGREES / alpha
 
 
-def starting_impulse(n_chord: int) -> float:
-    """Impulse of the first, very short step of a section that is set in motion, over ρ π c²/4 times its velocity."""
+def starting_impulse(n_chord: int, **options) -> float:
+    """Impulse of a very short step in which a section is set in motion, over ρ π c²/4 times its velocity."""
     dt = 1e-3
-    flow = WingFlow(two_dimensional_planform(n_chord), UniformStream.at_incidence(SMALL), 2, dt)
+    flow = WingFlow(two_dimensional_planform(n_chord), UniformStream.at_incidence(0.0), 2, dt, **options)
     flow.start_from_rest()
-    return 0.5 * flow.section_lift(flow.step()) * dt / (0.25 * np.pi * SMALL)
+    flow.step()  # a level in time without circulation, from which the next step takes its rate
+    velocities = flow.still.copy()
+    velocities[..., 0] = -SMALL
+    return 0.5 * flow.section_lift(flow.step(velocities=velocities)) * dt / (0.25 * np.pi * SMALL)
 
 
 @case("sudden-acceleration", "Rectangular wings set in motion at once at 5°", ACCELERATION_SOURCE, slow=True)

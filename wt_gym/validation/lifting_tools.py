@@ -160,7 +160,7 @@ class WingFlow:
         self.wind = self.still + stream.vector
 
     def start_from_rest(self):
-        """Begin with neither wind nor motion; the first step then brings both, and with them their impulse."""
+        """Begin without circulation; the first step brings wind and motion, without the impulse of the start."""
         self.lattice.reset(self.state, self.nodes, self.still, self.still)
 
     def start_moving(self, nodes, velocities):

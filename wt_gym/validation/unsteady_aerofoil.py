@@ -21,7 +21,7 @@ WAGNER = (
 )  # fmt: skip
 """Travel in semi-chords and lift over its final value."""
 THEODORSEN_SOURCE = "Theodorsen 1935, NACA TR-496: C(k) from Hankel functions, with the apparent mass"
-FREQUENCIES = {0.05: 8, 0.1: 8, 0.2: 16, 0.3: 16, 0.5: 24, 1.0: 24}
+FREQUENCIES = {0.05: 8, 0.1: 8, 0.2: 8, 0.3: 8, 0.5: 8, 1.0: 16}
 """Reduced frequency and the panels along the chord that it needs."""
 AMPLITUDE = 1e-4
 """Of the angle of attack [rad]: small, so that the linear theory applies."""
@@ -58,21 +58,34 @@ def wagner_response(n_chord: int, distance: float, steps_per_panel: float = 1.0,
 
 @case("wagner", "Lift of a flat plate after a sudden start (Wagner)", WAGNER_SOURCE)
 def wagner():
-    """Step response at 16 panels and one panel chord a step, from s = 0.5 on within 1 %."""
-    travel, lift = wagner_response(16, 41.0)
+    """Step response at 32 panels and one panel chord a step, from s = 0.5 on within 1 %."""
+    travel, lift = wagner_response(32, 41.0)
+    coarse_travel, coarse = wagner_response(16, 41.0)
+    middle = 0.5 * coarse_travel[0]
     checks = [
-        Check(f"φ(s = {s:g})", value, float(np.interp(s, travel, lift)), 0.01, source=WAGNER_SOURCE)
+        Check(f"φ(s = {s:g}), 32 panels", value, float(np.interp(s, travel, lift)), 0.01, source=WAGNER_SOURCE)
         for s, value in WAGNER
     ]
+    checks += [
+        Check(f"φ(s = {s:g}), 16 panels, s from the middle of the first step", value,
+              float(np.interp(s + middle, coarse_travel, coarse)), 0.005, source=WAGNER_SOURCE)
+        for s, value in WAGNER
+    ]  # fmt: skip
     s, value = np.array(WAGNER).T
-    curves = [Curve(s, value, "Wagner", "ko"), Curve(travel[3:], lift[3:], "16 panels")]
-    for n_chord in (2, 4):
+    curves = [Curve(s, value, "Wagner", "ko"), Curve(travel[3:], lift[3:], "32 panels")]
+    for n_chord in (4, 8):
         curves.append(Curve(*(x[3:] for x in wagner_response(n_chord, 41.0)), f"{n_chord} panels", "--"))
+    at_two = ", ".join(
+        f"{n}: {100 * (np.interp(2.0, *wagner_response(n, 3.0)) / WAGNER[2][1] - 1):.2f}" for n in (4, 8, 16, 32)
+    )
     notes = (
-        "A step is one panel chord and the newest wake row lies a quarter of the last path behind the trailing edge: "
-        "the vortices of wake and plate are then the same even row of quarter points, and even one panel follows "
-        "Wagner. The first step carries the impulse of the apparent mass and the second its backward difference; both "
-        "are left out of the picture."
+        "What the lattice sheds in a step stands for a piece of the sheet one step long, and so does the starting "
+        "vortex: the lift is Wagner's half a step ago, an error of first order in the step, and 1 % at s = 0.5 takes "
+        f"32 panels. Error at s = 2 in % by panels along the chord: {at_two}. Counted from the middle of the first "
+        "step, 16 panels are within 0.3 % from s = 0.5 and within 0.01 % from s = 2 to 10. (Counting the last ring in "
+        "full in the added mass adds ρ Γ̇ p/4, p = panel chord, which happens to cancel the half step after a sudden "
+        "start, but spoils the lift of oscillations: theodorsen-convergence.) The first step has no force of the "
+        "changing circulation, the second one from a difference of first order; both are left out of the picture."
     )
     return CaseResult(checks, {"lift after a sudden start": Figure(tuple(curves), "s [semi-chords]", "φ")}, notes)
 
@@ -97,7 +110,10 @@ def exact_lift(motion: str, k):
 
 
 @lru_cache(maxsize=64)
-def oscillating_lift(motion: str, k: float, n_chord: int, steps_per_panel: float = 1.0, shed_fraction: float = 0.25):
+def oscillating_lift(
+    motion: str, k: float, n_chord: int, steps_per_panel: float = 1.0, shed_fraction: float = 0.25,
+    load_form: str = "joukowski",
+):  # fmt: skip
     """Complex lift coefficient of the lattice for a unit amplitude of the motion; see `exact_lift`.
 
     The motion starts from zero angle of attack; the last of its periods is fitted with one harmonic and a straight
@@ -109,8 +125,8 @@ def oscillating_lift(motion: str, k: float, n_chord: int, steps_per_panel: float
     dt = 2.0 * np.pi / (omega * period)  # whole steps in a period
     n_steps = max(2, 2 + round(2.0 * k)) * period
     planform = two_dimensional_planform(n_chord)
-    flow = WingFlow(planform, UniformStream.at_incidence(0.0), n_steps, dt,
-                    shed_fraction=shed_fraction)  # fmt: skip
+    flow = WingFlow(planform, UniformStream.at_incidence(0.0), n_steps, dt, shed_fraction=shed_fraction,
+                    load_form=load_form)  # fmt: skip
 
     def motion_at(time):
         """Displacement along x and its rate at all nodes; the axis of pitch, the quarter chord, lies at y = 0."""
@@ -147,7 +163,7 @@ def _compare(motion, k, obtained):
 
 @case("theodorsen", "Oscillating flat plate, plunge and pitch (Theodorsen)", THEODORSEN_SOURCE, slow=True)
 def theodorsen_case():
-    """Amplitude and phase of the lift for k = 0.05 … 1 with 8 to 24 panels."""
+    """Amplitude and phase of the lift for k = 0.05 … 1 with 8 and 16 panels."""
     checks, figures = [], {}
     k = np.geomspace(0.03, 1.2, 60)
     marks = np.array(list(FREQUENCIES))
@@ -178,9 +194,9 @@ def theodorsen_convergence():
     for k in (0.5, 1.0):
         exact = exact_lift("plunge", k)
         lift = np.array([oscillating_lift("plunge", k, n) for n in counts])
-        extrapolated = (8.0 * lift[-1] - 6.0 * lift[-2] + lift[-3]) / 3.0  # takes out first and second order
+        extrapolated = (4.0 * lift[-1] - lift[-2]) / 3.0  # takes out the second order
         source = THEODORSEN_SOURCE
-        name = f"plunge, k = {k:g}, extrapolated from 4, 8 and 16 panels"
+        name = f"plunge, k = {k:g}, extrapolated from 8 and 16 panels"
         checks.append(Check(f"{name}: amplitude of cl", float(abs(exact)), abs(extrapolated), 0.005, source=source))
         checks.append(Check(f"{name}: phase error", 0.0, float(np.degrees(np.angle(extrapolated / exact))), 0.5, "deg",
                             source=source))  # fmt: skip
@@ -192,14 +208,15 @@ def theodorsen_convergence():
         f"{n}: {100 * abs(abs(oscillating_lift('plunge', 1.0, n) / exact_lift('plunge', 1.0)) - 1):.1f}" for n in counts
     )
     notes = (
-        f"Error of the lift amplitude at k = 1 in % by panels along the chord: {size}. Why one panel reads so high: "
-        "the bound vortices hold the circulation only up to the middle between the last of them and the first of the "
-        "wake, a quarter panel before the trailing edge; the Kutta-Joukowski sum misses the vorticity -Γ̇/V of that "
-        "quarter panel, so that the lift is ρ Γ̇ p/4 too high per span (p = panel chord): first order in the panels and "
-        "proportional to the frequency. What remains is of second order. The wake must continue the quarter points of "
-        "the plate: steps of one panel with the newest row a quarter of the way. Steps of half a panel, or a row "
-        "further behind, converge with the square root of the panel size only; with steps of two panels errors happen "
-        "to cancel here."
+        f"Error of the lift amplitude at k = 1 in % by panels along the chord: {size}; of second order. A step is one "
+        "panel chord, so that one or two panels have no more than three or six steps in a period here. The bound "
+        "vortices hold the circulation only up to the middle between the last of them and the first of the wake, a "
+        "quarter panel before the trailing edge; the Kutta-Joukowski sum misses the vorticity -Γ̇/V of that quarter "
+        "panel, ρ Γ̇ p/4 of lift per span (p = panel chord). Half of the last ring in the added mass takes it into "
+        "account; with the whole ring the error would be of first order, 3 % with 16 panels at k = 1. The wake must "
+        "continue the quarter points of the plate: steps of one panel with the newest row a quarter of the way. Steps "
+        "of half a panel, or a row further behind, converge with the square root of the panel size only; with steps of "
+        "two panels errors happen to cancel here."
     )
     figure = Figure(tuple(curves), "panels along the chord", "|cl / exact - 1|", log_x=True, log_y=True)
     return CaseResult(checks, {"error of the unsteady lift": figure}, notes)

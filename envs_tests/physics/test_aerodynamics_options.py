@@ -1,0 +1,341 @@
+"""Options of the lattice: wake of the tips, form of the loads, strained cores, curved filaments, coupling, refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, LatticePlanform, VortexLattice
+from wt_gym.aerodynamics.induction_kernels import direct_induction
+from wt_gym.aerodynamics.sheet_kernels import LAMB, build_wake_sheet
+from wt_gym.aerodynamics.simd_kernels import WIDTH
+from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.turbines import load_turbine
+from wt_gym.validation.lifting_surfaces import starting_impulse
+from wt_gym.validation.lifting_tools import (
+    INVISCID,
+    UniformStream,
+    WingFlow,
+    far_field_drag,
+    flat_planform,
+    half_span_edges,
+    steady_coefficients,
+    steady_wing,
+)
+from wt_gym.validation.unsteady_aerofoil import exact_lift, oscillating_lift
+from wt_gym.wind import SteadyInflow
+
+# ---- wake of the tips ------------------------------------------------------------------------------------------------
+
+
+def normal_force(aspect, degrees, n_chord=6, n_half=6, chords=6, **options):
+    """Normal and tangential force coefficients (2,) of a flat rectangular wing of chord 1 behind a free wake."""
+    planform = flat_planform(half_span_edges(0.5 * aspect, n_half), 1.0, n_chord)
+    stream = UniformStream.at_incidence(np.radians(degrees))
+    n_steps = chords * n_chord
+    flow = WingFlow(planform, stream, n_steps, 1.0 / n_chord, drifting=False, **({"wake_core": 0.02} | options))
+    flow.start_from_rest()
+    forces = [flow.step().sum(axis=(0, 1))[:2] / (0.25 * aspect) for _ in range(n_steps)]
+    return np.mean(forces[-n_chord:], axis=0)
+
+
+def suction_factors(aspect, n=8, alpha=1e-3):
+    """Polhamus' factors of a rectangular wing in linear theory: potential flow, leading edge, both side edges.
+
+    The normal force is Kp sin(a) cos(a) + (Kv,le + Kv,se) sin(a)^2: the suction of an edge, turned by a right angle
+    where the flow separates there (Polhamus, NASA TN D-3767, 1966; side edges: Lamb, NASA TR R-428, 1974).
+    """
+    inner = half_span_edges(0.5 * aspect, n)
+    edges = np.r_[-inner[:0:-1], inner]
+    _, state, stream = steady_wing(flat_planform(edges, 1.0, n), alpha, ground_height=None)
+    potential = steady_coefficients(state, stream, aspect)[0] / alpha
+    drag = far_field_drag(state.circulation[0, n:], inner) / (0.25 * aspect * alpha**2)
+    outwards = 0.5 * (state.nodal_forces[0, :, n + 1 :, 2].sum() - state.nodal_forces[0, :, :n, 2].sum())
+    return potential, potential - drag, 2.0 * outwards / (0.5 * aspect * alpha**2)
+
+
+def test_suction_of_slender_and_square_wings():
+    """For A -> 0, pi A / 2 and pi (suction of a plate across the stream); 1.460227 for the square (Tuck 1993)."""
+    slender, square = suction_factors(0.05), suction_factors(1.0)
+    assert slender[0] == pytest.approx(0.5 * np.pi * 0.05, rel=0.005)
+    assert slender[2] == pytest.approx(np.pi, rel=0.01)
+    assert square[0] == pytest.approx(1.460227, rel=0.002)
+
+
+@pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0, 20.0])
+def test_vortex_lift_of_a_square_wing(degrees):
+    """Sheets from the tips lift a square wing as much as the suction of its edges, turned by a right angle.
+
+    The sheet from the tips alone (inviscid, without the flow that separates again beneath it) exceeds the suction of
+    the side edges by half of it, and grows with finer lattices: 12 x 12 panels a half have 13 % more normal force than
+    leading and side edges together at 20 degrees, 6 x 6 panels 5 %.
+    """
+    potential, leading, side = suction_factors(1.0)
+    sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    attached, separated = normal_force(1.0, degrees)[0], normal_force(1.0, degrees, tip_wake=True)[0]
+    assert attached == pytest.approx(potential * sine * cosine, rel=0.05)
+    assert separated == pytest.approx(potential * sine * cosine + (leading + side) * sine**2, rel=0.08)
+    assert separated > potential * sine * cosine + side * sine**2
+
+
+def test_vortex_lift_grows_with_the_square_of_the_angle():
+    angles = np.array([5.0, 10.0, 20.0])
+    added = [normal_force(1.0, a, tip_wake=True)[0] - normal_force(1.0, a)[0] for a in angles]
+    powers = np.diff(np.log(added)) / np.diff(np.log(np.sin(np.radians(angles))))
+    assert np.all((powers > 1.6) & (powers < 2.1))
+
+
+def test_tip_wake_changes_nothing_where_it_has_nothing_to_do():
+    """At vanishing incidence the sheet of the tips lies along the tips; on long wings they matter little."""
+    thin = {"wake_core": 1e-3}
+    flat = [normal_force(1.0, 0.05, tip_wake=tip, **thin)[0] for tip in (False, True)]
+    assert flat[1] == pytest.approx(flat[0], rel=2e-3)
+    excess = {a: normal_force(a, 5.0, 2, 12, 12, tip_wake=True)[0] / normal_force(a, 5.0, 2, 12, 12)[0] - 1.0
+              for a in (4.0, 8.0, 20.0)}  # fmt: skip
+    assert 0.03 > excess[4.0] / 2.0 > excess[8.0] > excess[20.0] > 0.0
+    assert excess[20.0] < 0.006
+
+
+def test_wing_with_a_wake_of_its_tips_only():
+    """Without a Kutta condition at the trailing edge the wing carries hardly any lift."""
+    force = normal_force(1.0, 10.0, 4, 4, trailing_edge_wake=False, tip_wake=True)
+    assert np.all(np.isfinite(force))
+    assert abs(force[0]) < 0.02
+
+
+# ---- form of the loads -----------------------------------------------------------------------------------------------
+
+
+def steady_force(load_form, n_chord=8, alpha=0.1):
+    """Normal and tangential force coefficients of a rectangular wing of aspect ratio 8, and its induced drag."""
+    planform = flat_planform(half_span_edges(4.0, 12), 1.0, n_chord)
+    _, state, _ = steady_wing(planform, alpha, load_form=load_form)
+    force = state.nodal_forces.sum(axis=(0, 1, 2))[:2] / (0.5 * 4.0)
+    return force, far_field_drag(state.circulation[0], planform.span_edges) / (0.5 * 4.0)
+
+
+def test_bernoulli_lacks_the_suction_of_the_leading_edge():
+    alpha = 0.1
+    (normal, suction), far_drag = steady_force("joukowski", alpha=alpha)
+    (pressed, tangential), _ = steady_force("bernoulli", alpha=alpha)
+    assert pressed == pytest.approx(normal, rel=0.002)
+    assert abs(tangential) < 1e-12 * pressed  # so that the drag is the lift times tan(alpha)
+    assert normal * np.sin(alpha) + suction * np.cos(alpha) == pytest.approx(far_drag, rel=0.01)
+    assert suction < -0.5 * normal * np.sin(alpha)
+
+
+@pytest.mark.parametrize("n_chord", [1, 2, 8])
+def test_both_forms_agree_on_the_normal_force_in_steady_flow(n_chord):
+    normal, pressed = (steady_force(form, n_chord)[0][0] for form in ("joukowski", "bernoulli"))
+    assert pressed == pytest.approx(normal, rel=0.005)
+
+
+@pytest.mark.parametrize("k", [0.1, 0.5])
+def test_plunging_section_by_bernoulli(k):
+    ratio = oscillating_lift("plunge", k, 8, load_form="bernoulli") / exact_lift("plunge", k)
+    assert abs(ratio) == pytest.approx(1.0, abs=0.02)
+    assert np.degrees(np.angle(ratio)) == pytest.approx(0.0, abs=2.0)
+
+
+def test_sudden_motion_meets_the_same_apparent_mass():
+    """The apparent mass does not depend on the form of the loads."""
+    forms = [starting_impulse(8, load_form=form) for form in ("joukowski", "bernoulli")]
+    assert forms[1] == pytest.approx(forms[0], rel=1e-3)
+    assert forms == pytest.approx([1.0, 1.0], rel=0.015)
+
+
+# ---- cores -----------------------------------------------------------------------------------------------------------
+
+
+class Accelerating:
+    """A stream along y that gains speed, and with it length, on its way."""
+
+    def velocity(self, points, time):
+        flow = np.zeros(np.shape(points))
+        flow[..., 1] = 1.0 + 0.4 * np.maximum(np.asarray(points)[..., 1], 0.0)
+        return flow
+
+
+def drawn_out_wake(**options):
+    """Core (rc l)^2, length and volume of the trailing segments at the tip of a wake that only drifts, by its rows."""
+    planform = flat_planform(half_span_edges(2.0, 3), 1.0, 2)
+    drifting = {"fresh_rows": 0, "refresh_stride": 10**9, "wake_rows": 20, "full_rows": 20, "wake_core": 0.1}
+    lattice = VortexLattice(planform, 1, AeroOptions(**(INVISCID | drifting | options)), 1.0)
+    state, nodes = lattice.new_state(), planform.nodes[None].copy()
+    wind = 0.0 * nodes + [0.05, 1.0, 0.0]
+    lattice.reset(state, nodes, 0.0 * nodes, wind)
+    history = []
+    for k in range(12):
+        lattice.convect_wake(state, Accelerating(), 0.25 * k, 0.25)
+        lattice.solve(state, nodes, 0.0 * nodes, wind, 0.25)
+        lattice.accept(state)
+        length = np.linalg.norm(np.diff(state.wake_nodes[:, 0, -1], axis=0), axis=-1)
+        core = lattice.work.wake_sheet[1 : state.n_rows + 1, 0, -1, 4].astype(float)
+        history.append((core, length, state.arrays.volume[1 : state.n_rows + 1, 0, -1, 0].copy()))
+    return history, state
+
+
+def test_stretched_segments_keep_the_volume_of_their_cores():
+    history, _ = drawn_out_wake(core_strain=True, curved_filaments=False)
+    (_, before, volume), (core, after, kept) = history[-2:]
+    old = slice(3, 11)  # rows that were laid down long ago; they move back by one
+    assert np.all(after[4:12] > 1.05 * before[old])
+    assert np.array_equal(kept[4:12], volume[old])
+    np.testing.assert_allclose(core[4:12], kept[4:12] * after[4:12], rtol=1e-6)  # rc^2 l^2 = volume l
+
+
+def test_strained_cores_spread_with_their_circulation():
+    """Without spreading the volume stays; with it, it grows by the length at the time."""
+    history, state = drawn_out_wake(core_strain=True, curved_filaments=False, squire=0.01)
+    (_, _, volume), (_, after, grown) = history[-2:]
+    gamma = np.abs(state.wake_circulation[3:11, 0, -1])
+    np.testing.assert_allclose(grown[4:11] - volume[3:10], LAMB * 0.01 * gamma[1:] * after[4:11] * 0.25, rtol=0.02)
+
+
+def test_cores_by_age_alone_do_not_feel_the_strain():
+    history, _ = drawn_out_wake(core_strain=False, curved_filaments=False)
+    core, length, _ = history[-1]
+    np.testing.assert_allclose(core[3:], (0.1 * length[3:]) ** 2, rtol=1e-6)
+
+
+# ---- curved filaments ------------------------------------------------------------------------------------------------
+
+
+def polygon_velocity(n, pitch, curved):
+    """Velocity at the centre of one turn of a filament of unit circulation and radius, in n straight segments.
+
+    One strip whose outer node row is the filament, with three turns around; the inner one is far away.
+    """
+    options = AeroOptions(**(INVISCID | {"wake_rows": 3 * n + 1, "curved_filaments": curved, "core_strain": False}))
+    lattice = VortexLattice(flat_planform(np.array([0.0, 1.0]), 1.0, 1), 1, options)
+    a, w = lattice.new_state().arrays, lattice.work
+    n_rows = 3 * n + 1
+    angle = 2.0 * np.pi * (np.arange(1, n_rows + 1) / n - 1.5) - np.pi / n
+    a.count[0] = n_rows
+    a.age[1:] = np.arange(1, n_rows + 1)
+    a.wake_gamma[:] = 1.0
+    a.wake[:, 0, 0] = [0.0, 0.0, 1e6]
+    a.wake[1:, 0, 1] = np.column_stack([np.cos(angle), np.sin(angle), pitch * angle / (2.0 * np.pi)])
+    build_wake_sheet(a, lattice.arrays, lattice.constants, 1, n_rows, -1.0, True, w.wake_sheet)
+    sheet = np.ascontiguousarray(w.wake_sheet[n + 1 : 2 * n + 2])
+    targets, velocity = np.zeros((3, WIDTH), np.float32), np.zeros((3, WIDTH), np.float32)
+    direct_induction(sheet, targets, velocity, 0, WIDTH, w.scratch)
+    return velocity[:, 0].astype(float), angle[n], angle[2 * n]
+
+
+def exact_velocity(pitch, start, end):
+    """Biot-Savart integral along the filament between two angles, at the centre."""
+    t, weight = np.polynomial.legendre.leggauss(60)
+    t, weight = 0.5 * (start + end) + 0.5 * (end - start) * t, 0.5 * (end - start) * weight
+    x = np.column_stack([np.cos(t), np.sin(t), pitch * t / (2.0 * np.pi)])
+    along = np.column_stack([-np.sin(t), np.cos(t), 0.0 * t + pitch / (2.0 * np.pi)])
+    return weight @ (np.cross(along, -x) / np.linalg.norm(x, axis=1)[:, None] ** 3) / (4.0 * np.pi)
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.5])
+def test_curved_filaments_converge_faster(pitch):
+    """Error at the centre of a ring and of a turn of a helix: second order with straight chords, fourth displaced."""
+    error = {}
+    for curved in (False, True):
+        for n in (8, 16, 32):
+            velocity, start, end = polygon_velocity(n, pitch, curved)
+            exact = exact_velocity(pitch, start, end)
+            error[curved, n] = abs(abs(velocity[2]) / abs(exact[2]) - 1.0)
+    assert error[False, 16] / error[False, 32] == pytest.approx(4.0, rel=0.1)
+    assert error[True, 8] / error[True, 16] > 8.0
+    assert error[True, 16] < 0.1 * error[False, 16]
+
+
+# ---- loads and structure iterated to agreement -----------------------------------------------------------------------
+
+
+def light_turbine(share):
+    """The 5-MW turbine with this share of the mass of its blades."""
+    turbine = load_turbine("nrel_5mw")
+    structure = turbine.blade.structure
+    return replace(
+        turbine, blade=replace(turbine.blade, structure=replace(structure, inertia=share * structure.inertia))
+    )
+
+
+@pytest.mark.parametrize(("share", "factor", "left"), [(1.0, 0.3, 1e-3), (0.3, 0.75, 0.02)])
+def test_passes_of_loads_and_structure_converge_on_light_blades(share, factor, left):
+    """The change of the loads falls by about 0.2 / share a pass: air moved with the blade over mass of the blade."""
+    fidelity = replace(FIDELITIES["training"], coupling_tolerance=0.0, coupling_iterations=8)
+    sim = Simulator(light_turbine(share), inflow=SteadyInflow(9.0), fidelity=fidelity)
+    sim.reset(rotor_speed=1.0, pitch=0.0)
+    for k in range(5):
+        sim.advance(0.4, pitch=(0.02 * k, 0.0, 0.0), generator_torque=2e4)
+    start = sim.state()
+
+    def loads(passes, n_steps):
+        sim.restore(start)
+        sim.fidelity = replace(sim.fidelity, coupling_iterations=passes)
+        sim.advance(n_steps * sim.time_step, pitch=0.02, generator_torque=2e4)
+        return sim._aero.nodal_forces.copy()
+
+    converged = loads(16, 1)
+    scale = np.abs(converged).max()
+    error = [np.abs(loads(n, 1) - converged).max() / scale for n in range(1, 7)]
+    assert (error[5] / error[0]) ** 0.2 < factor
+    # what three passes leave shows little in the loads a second later
+    assert np.abs(loads(3, 10) - loads(12, 10)).max() < left * scale
+
+
+# ---- refusals --------------------------------------------------------------------------------------------------------
+
+
+def test_refused_options():
+    with pytest.raises(AerodynamicsError, match="no wake has no memory"):
+        AeroOptions(trailing_edge_wake=False, tip_wake=False)
+    with pytest.raises(AerodynamicsError, match="wake_rows is 0"):
+        AeroOptions(wake_rows=0)
+    with pytest.raises(AerodynamicsError, match="'pressure'; allowed: joukowski, bernoulli"):
+        AeroOptions(load_form="pressure")
+
+
+def planform_with(nodes):
+    """The flat wing of four strips with other ring nodes."""
+    good = flat_planform(np.linspace(0.0, 4.0, 5), 1.0, 2)
+    fields = {name: getattr(good, name) for name in LatticePlanform.__dataclass_fields__}
+    return LatticePlanform(**(fields | {"nodes": nodes(good.nodes.copy())}))
+
+
+def test_refused_lattices():
+    def without_area(nodes):
+        nodes[:, 2] = nodes[:, 1]
+        return nodes
+
+    def turned_over(nodes):
+        angle = np.radians([0.0, 0.0, 0.0, 100.0, 200.0])
+        y = nodes[..., 1].copy()
+        nodes[..., 0], nodes[..., 1] = y * np.sin(angle), y * np.cos(angle)
+        return nodes
+
+    with pytest.raises(AerodynamicsError, match=r"without area: \[\[0, 1\], \[1, 1\]\]"):
+        planform_with(without_area)
+    with pytest.raises(AerodynamicsError, match="turns by more than 90 degrees"):
+        planform_with(turned_over)
+    with pytest.raises(AerodynamicsError, match="not finite"):
+        planform_with(lambda nodes: nodes * np.nan)
+    with pytest.raises(AerodynamicsError, match="increase"):
+        flat_planform(np.linspace(4.0, 0.0, 5), 1.0, 2)
+
+
+def test_refused_flows():
+    planform = flat_planform(np.linspace(0.0, 4.0, 5), 1.0, 2)
+    lattice = VortexLattice(planform, 1, AeroOptions(**(INVISCID | {"wake_rows": 4})), 1.0)
+    state, nodes = lattice.new_state(), planform.nodes[None].copy()
+    still, wind, broken = 0.0 * nodes, 0.0 * nodes + [0.1, 1.0, 0.0], nodes.copy()
+    broken[0, 1, 2, 0] = np.nan
+    for arguments, name in (((broken, still, wind), "nodes"), ((nodes, broken, wind), "velocities"),
+                            ((nodes, still, broken), "wind")):  # fmt: skip
+        with pytest.raises(AerodynamicsError, match=f"{name} are not finite"):
+            lattice.reset(state, *arguments)
+    lattice.reset(state, nodes, still, wind)
+    with pytest.raises(AerodynamicsError, match="inflow is not finite"):
+        lattice.convect_wake(state, UniformStream([np.nan, 1.0, 0.0]), 0.0, 0.1)
+    with pytest.raises(AerodynamicsError, match="dt is 0"):
+        lattice.convect_wake(state, UniformStream([0.0, 1.0, 0.0]), 0.0, 0.0)
+    with pytest.raises(AerodynamicsError, match="is needed"):
+        lattice.solve(state, nodes[:, :-1], still, wind, 0.1)
