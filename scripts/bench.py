@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Measure speed and memory: real-time factors, kernels, start-up.
 
-    scripts/bench.py                                # everything for the training and engineering fidelities
-    scripts/bench.py --fidelity training --json
+    scripts/bench.py                                # everything, for all three fidelities
+    scripts/bench.py --fidelity training --no-induction --json
+    scripts/bench.py --pterasoftware                # with a comparison; installs PteraSoftware for itself
 
 Every measurement runs in a process of its own on one thread, after compilation; the machine should be otherwise idle.
 The real-time factor is simulated seconds by wall seconds of the whole simulator (NREL 5-MW, turbulent wind at 12 m/s,
@@ -20,16 +21,22 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from pathlib import Path
 
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+RUNGS = ["training", "engineering", "reference"]
 
 
 def parse_arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--fidelity", nargs="+", default=["training", "engineering"], help="fidelities to measure")
+    parser.add_argument("--fidelity", nargs="+", default=RUNGS, help="fidelities to measure")
     parser.add_argument("--seconds", type=float, default=20.0, help="wall time of a measurement (default: %(default)s)")
     parser.add_argument("--no-cold", action="store_true", help="skip the start with an empty compilation cache")
+    parser.add_argument("--no-induction", action="store_true", help="skip the table of direct sums and tree code")
+    parser.add_argument("--pterasoftware", action="store_true", help="set up PteraSoftware and run it side by side")
     parser.add_argument("--json", action="store_true", help="print all figures as JSON at the end")
     parser.add_argument("--worker", nargs=2, metavar=("WHAT", "FIDELITY"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -131,24 +138,20 @@ def measure_start(fidelity: str, wall: float) -> dict:
     return {"import_s": imported - start, "first_step_s": time.perf_counter() - imported}
 
 
-def measure_kernels(fidelity: str, wall: float) -> dict:
-    """Segment interactions per second."""
-    import numpy as np
+def measure_threads(fidelity: str, wall: float) -> dict:
+    """Wall time of an aerodynamic step on one and on two threads, in turn."""
+    from wt_gym.simulation import Simulator
+    from wt_gym.wind import SteadyInflow
 
-    from wt_gym.aerodynamics import induction_kernels
-
-    rng = np.random.default_rng(0)
-    n_row, n_node, n_target = 100, 13, 640 * 16
-    sheet = rng.standard_normal((n_row, 3, n_node, 7)).astype(np.float32) ** 2
-    targets = rng.standard_normal((3, n_target)).astype(np.float32)
-    velocity = np.zeros((3, n_target), dtype=np.float32)
-    scratch = np.zeros(8 * n_node * 16, dtype=np.float32)
-    induction = best_of(
-        lambda: induction_kernels.direct_induction(sheet, targets, velocity, 0, n_target, scratch), wall / 4
-    )
-    segments = (n_row - 1) * 3 * n_node + n_row * 3 * (n_node - 1)
-
-    return {"segment_interactions_per_s": segments * n_target / induction}
+    simulators = [Simulator("nrel_5mw", SteadyInflow(8.0), fidelity, threads=n) for n in (1, 2)]
+    best, start = [float("inf"), float("inf")], time.perf_counter()
+    torque = [simulator.reset(rotor_speed=0.96).generator_torque for simulator in simulators]
+    while time.perf_counter() - start < wall:
+        for k, simulator in enumerate(simulators):
+            before = time.perf_counter()
+            simulator.advance(simulator.time_step, pitch=0.0, generator_torque=torque[k])
+            best[k] = min(best[k], time.perf_counter() - before)
+    return {"step_s_one_thread": best[0], "step_s_two_threads": best[1]}
 
 
 def measure_structures(fidelity: str, wall: float) -> dict:
@@ -207,7 +210,7 @@ WORKERS = {
     "simulator": measure_simulator,
     "environment": measure_environment,
     "start": measure_start,
-    "kernels": measure_kernels,
+    "threads": measure_threads,
     "structures": measure_structures,
 }
 
@@ -222,6 +225,15 @@ def in_process(what: str, fidelity: str, wall: float, **environment) -> dict:
         command, env=os.environ | SINGLE_THREAD | environment, stdout=subprocess.PIPE, text=True, check=True
     )
     return json.loads(done.stdout.splitlines()[-1])
+
+
+def beside(script: str, *options: str) -> dict:
+    """Run another benchmark script, show what it prints and return its figures."""
+    command = [sys.executable, str(Path(__file__).with_name(script)), *options, "--json"]
+    done = subprocess.run(command, env=os.environ | SINGLE_THREAD, stdout=subprocess.PIPE, text=True, check=True)
+    *lines, figures = done.stdout.splitlines()
+    print("\n".join(lines))
+    return json.loads(figures)
 
 
 def processor() -> str:
@@ -252,13 +264,8 @@ def main() -> None:
     figures["warm"] = in_process("start", "training", wall)
     print(f"first step, warm compilation cache: {figures['warm']['first_step_s']:6.1f} s")
     print(f"import of wt_gym:                   {figures['warm']['import_s']:6.2f} s")
-    figures["kernels"] = in_process("kernels", "training", wall)
-    k = figures["kernels"]
-    print(
-        f"induction kernel:                   {k['segment_interactions_per_s'] / 1e9:6.2f} e9 interactions/s (float32)"
-    )
-    figures["kernels"] |= in_process("structures", "training", wall)
-    for form, cost in k["structural"].items():
+    figures["kernels"] = in_process("structures", "training", wall)
+    for form, cost in figures["kernels"]["structural"].items():
         rhs = f", {cost['rhs_us']:5.2f} us per right-hand side" if "rhs_us" in cost else ""
         print(
             f"{form + ':':35s} {cost['step_us']:6.1f} us per structural step{rhs} "
@@ -274,6 +281,14 @@ def main() -> None:
             f"{f['env_steps_per_s']:6.0f} env steps/s, reset {f['env_reset_s']:.2f} s, "
             f"{f['peak_memory_mib']:.0f} MiB simulator, {f['env_peak_memory_mib']:.0f} MiB env"
         )
+    if "reference" in arguments.fidelity:
+        figures["threads"] = t = in_process("threads", "reference", wall)
+        one, two = t["step_s_one_thread"], t["step_s_two_threads"]
+        print(f"reference, one step: {one * 1e3:.1f} ms on one thread, {two * 1e3:.1f} ms on two ({one / two:.2f} x)")
+    if not arguments.no_induction:
+        figures["induction"] = beside("bench_induction.py")
+    if arguments.pterasoftware:
+        figures["pterasoftware"] = beside("bench_pterasoftware.py", "--set-up")
     if arguments.json:
         print(json.dumps(figures))
 
