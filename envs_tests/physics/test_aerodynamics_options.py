@@ -258,9 +258,12 @@ def light_turbine(share):
     )
 
 
-@pytest.mark.parametrize(("share", "factor", "left"), [(1.0, 0.3, 1e-3), (0.3, 0.75, 0.02)])
+@pytest.mark.parametrize(("share", "factor", "left"), [(1.0, 0.2, 1e-3), (0.3, 0.3, 5e-3), (0.1, 0.45, 0.05)])
 def test_passes_of_loads_and_structure_converge_on_light_blades(share, factor, left):
-    """The change of the loads falls by about 0.2 / share a pass: air moved with the blade over mass of the blade."""
+    """The change of the loads falls from pass to pass, also where the air moved with a blade outweighs the blade.
+
+    Unrelaxed it would be multiplied by about 0.2 / share.
+    """
     fidelity = replace(FIDELITIES["training"], coupling_tolerance=0.0, coupling_iterations=8)
     sim = Simulator(light_turbine(share), inflow=SteadyInflow(9.0), fidelity=fidelity)
     sim.reset(rotor_speed=1.0, pitch=0.0)

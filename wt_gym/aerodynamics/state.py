@@ -226,6 +226,11 @@ class AeroState:
             )
         )  # fmt: skip
 
+    def clear(self) -> None:
+        """Forget everything: no wake, no circulation, no velocities."""
+        for array in self.arrays:
+            array[...] = 0
+
     def copy(self) -> "AeroState":
         """Return an independent copy that continues bit for bit like this state."""
         return AeroState(AeroArrays(*(a.copy() for a in self.arrays)))

@@ -259,8 +259,7 @@ class VortexLattice:
         nodes = np.asarray(nodes, dtype=np.float64)
         if nodes.shape != self.nodes_shape:
             raise AerodynamicsError(f"nodes have shape {nodes.shape}; {self.nodes_shape} is needed")
-        for array in state.arrays:
-            array[...] = 0
+        state.clear()
         state.arrays.origin[:] = nodes.mean(axis=(0, 1, 2))
         state.arrays.nodes[:] = nodes
 

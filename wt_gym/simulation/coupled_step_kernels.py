@@ -8,6 +8,8 @@ from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion
 
 # Beyond the codes of the multibody kernels
 OVERSPEED, DEFLECTION = 101, 102
+# The predictor alone is unstable: what it amplifies in so few sub-steps is less than the change of the loads.
+MOST_UNCORRECTED = 4
 
 
 @kernel
@@ -113,7 +115,8 @@ def predict_step(o, a, x, history, saved, inputs, tree, work, wake_wind, dt, h, 
     copy_history(history, saved)
     extrapolate_loads(inputs, x.previous_loads)
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-    guess = 0 if constrained is None and iterations > 1 else n_corrections
+    rough = constrained is None and iterations > 1 and n_sub <= MOST_UNCORRECTED
+    guess = 0 if rough else n_corrections
     code = hamming_advance(history, inputs, tree, work, h, n_sub, guess, constrained)
     if code == OK:
         move_lattice(history.y[3], tree, work, x)
@@ -125,19 +128,55 @@ def correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, 
                  tolerance, constrained=None):  # fmt: skip
     """Loads and structure in turn until they agree; arguments as for `coupled_step`."""
     n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
+    share = 1.0
     for iteration in range(iterations):
+        copy_loads(inputs.body_loads[1], x.passes[0])
         solve(p, o, a, w, x.nodes, x.velocities, blade_wind, dt, False)
         change = rotor_loads(a.forces.reshape((n_blade, n_point, 3)), work.rot, x.elastic, x.points, x.blades,
                              inputs.body_loads[1])  # fmt: skip
         # the prediction was not corrected yet: one pass at least
         if iteration == iterations - 1 or (iteration > 0 and change < tolerance):
             break
+        share = relax_loads(inputs.body_loads[1], x.passes, share, iteration)
         copy_history(saved, history)
         code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections, constrained)
         if code != OK:
             return code
         move_lattice(history.y[3], tree, work, x)
     return OK
+
+
+@kernel
+def copy_loads(source, target):
+    """Loads (n_b, 6 + n_f) from one array to another."""
+    for b in range(source.shape[0]):
+        for k in range(source.shape[1]):
+            target[b, k] = source[b, k]
+
+
+@kernel
+def relax_loads(new, passes, share, iteration):
+    """Take the share of the change of the loads that a secant through the last two passes wants; returns the share.
+
+    Aitken's relaxation (Irons & Tuck, Int. J. Numer. Methods Eng. 1, 1969; Kuettler & Wall, Comput. Mech. 43, 2008):
+    from pass to pass the change of the loads is multiplied by minus the mass of the air that moves with a blade over the
+    mass of the blade; on light blades it would grow. ``passes`` (2, n_b, 6 + n_f) holds the loads under which the blades
+    have moved and the change of the pass before.
+    """
+    product, square = 0.0, 0.0
+    for b in range(new.shape[0]):
+        for k in range(new.shape[1]):
+            difference = new[b, k] - passes[0, b, k] - passes[1, b, k]
+            product += passes[1, b, k] * difference
+            square += difference * difference
+    if iteration > 0 and square > 0.0:
+        share = min(max(-share * product / square, 0.05), 1.5)
+    for b in range(new.shape[0]):
+        for k in range(new.shape[1]):
+            change = new[b, k] - passes[0, b, k]
+            passes[1, b, k] = change
+            new[b, k] = passes[0, b, k] + share * change
+    return share
 
 
 @kernel

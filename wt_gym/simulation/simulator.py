@@ -47,6 +47,7 @@ class Exchange(NamedTuple):
     elastic: np.ndarray  # (n_blades, n_f)
     elastic_rate: np.ndarray  # (n_blades, n_f)
     previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago
+    passes: np.ndarray  # (2, n_b, 6 + n_f) loads under which the blades moved, and their last change
     tip: np.ndarray  # (3, n_f) displacement of a tip
     speed_index: int
     max_speed: float  # [rad/s]
@@ -131,6 +132,7 @@ class Simulator:
             nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, blades=np.array(self.structure.blades),
             elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
             previous_loads=np.zeros_like(self._integrator.inputs.body_loads[0]),
+            passes=np.zeros_like(self._integrator.inputs.body_loads),
             tip=np.ascontiguousarray(self.structure.tip_points.linear[0]),
             speed_index=system.n_q + self.structure.azimuth_u,
             max_speed=MAX_OVERSPEED * self.turbine.drivetrain.rated_rotor_speed,
@@ -194,6 +196,7 @@ class Simulator:
             self._check_finite(generator_torque=generator_torque)
             self._check_torque(generator_torque)
         self._n_steps, self._started = 0, False
+        self._aero.clear()  # the tower stands in what the last wake slowed
         start = self._start_steadily if self._embedded is None else self._start_from_embedded
         try:
             start(rotor_speed, pitch, azimuth, yaw, generator_torque)

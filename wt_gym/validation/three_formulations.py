@@ -82,7 +82,7 @@ def build(form="embedded", geometric=True, push=PUSH):
         if form == "embedded":
             system.add(body, Joint("fixed", rotation=turn.as_matrix()), hub, "centre")
         else:
-            blade = system.add(body, Joint("free", name=body.name))
+            blade = system.add(body, Joint("free", name=f"place of {body.name}"))
             weld = Constraint("weld", rotation=turn.as_matrix(), name=f"root of {body.name}")
             system.add_constraint(weld, hub, blade, "centre", "root")
     return system.build()
