@@ -159,9 +159,9 @@ def relax_loads(new, passes, share, iteration):
     """Take the share of the change of the loads that a secant through the last two passes wants; returns the share.
 
     Aitken's relaxation (Irons & Tuck, Int. J. Numer. Methods Eng. 1, 1969; Kuettler & Wall, Comput. Mech. 43, 2008):
-    from pass to pass the change of the loads is multiplied by minus the mass of the air that moves with a blade over the
-    mass of the blade; on light blades it would grow. ``passes`` (2, n_b, 6 + n_f) holds the loads under which the blades
-    have moved and the change of the pass before.
+    from pass to pass the change of the loads is multiplied by minus the mass of the air that moves with a blade over
+    the mass of the blade; on light blades it would grow. ``passes`` (2, n_b, 6 + n_f) holds the loads under which the
+    blades have moved and the change of the pass before.
     """
     product, square = 0.0, 0.0
     for b in range(new.shape[0]):
