@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from wt_gym.aerodynamics.errors import AerodynamicsError
 
 __all__ = ["ENGINEERING", "REFERENCE", "TRAINING", "AeroOptions"]
@@ -28,6 +30,10 @@ class AeroOptions:
     full_rows, coarse_stride : int
         Rows older than the first ``full_rows`` keep only every ``coarse_stride``-th shed row; the rings between are
         merged with their time-weighted mean circulation. ``coarse_stride=1`` keeps all.
+    sparse_from, sparse_stride, sparse_span : int
+        From row ``sparse_from`` on (None: nowhere) only every ``sparse_stride``-th shed row is kept, and of its nodes
+        only every ``sparse_span``-th, and both ends, carry vortices, rings between merged by their widths; the other
+        nodes move with the velocities of these neighbours.
     fresh_rows, refresh_stride : int
         The induced velocity of the first ``fresh_rows`` rows is computed every step, that of an older row every
         ``refresh_stride`` steps (rows take turns); between, it turns with the blade.
@@ -85,6 +91,9 @@ class AeroOptions:
     tip_wake: bool = False
     full_rows: int = 135
     coarse_stride: int = 1
+    sparse_from: int | None = None
+    sparse_stride: int = 1
+    sparse_span: int = 1
     fresh_rows: int = 135
     refresh_stride: int = 1
     far_wake: bool = True
@@ -112,12 +121,23 @@ class AeroOptions:
             "wake_rows",
             "full_rows",
             "coarse_stride",
+            "sparse_stride",
+            "sparse_span",
             "refresh_stride",
             "far_wake_rows",
         )
         for name in at_least_one:
             if getattr(self, name) < 1:
                 raise AerodynamicsError(f"AeroOptions.{name} is {getattr(self, name)}; it must be at least 1")
+        if self.sparse_from is not None and not self.full_rows < self.sparse_from:
+            raise AerodynamicsError(
+                f"AeroOptions.sparse_from is {self.sparse_from}; allowed: None or more than full_rows, {self.full_rows}"
+            )
+        if self.sparse_from is not None and self.sparse_stride % self.coarse_stride:
+            raise AerodynamicsError(
+                f"AeroOptions.sparse_stride is {self.sparse_stride}; it must be a multiple of coarse_stride, "
+                f"{self.coarse_stride}"
+            )
         if self.fresh_rows < 0:
             raise AerodynamicsError(f"AeroOptions.fresh_rows is {self.fresh_rows}; it must not be negative")
         for name in ("bound_core", "wake_core", "viscosity", "squire", "stall_lag"):
@@ -135,6 +155,24 @@ class AeroOptions:
             raise AerodynamicsError(f"AeroOptions.tree_tolerance is {self.tree_tolerance}; it must lie in (0, 0.1)")
         if not 0.0 < self.shed_fraction <= 1.0:
             raise AerodynamicsError(f"AeroOptions.shed_fraction is {self.shed_fraction}; it must lie in (0, 1]")
+
+    def row_numbers(self):
+        """Steps since each row of a full wake was shed, newest first, given the thinning of old rows.
+
+        Returns
+        -------
+        ndarray of int, shape (wake_rows,)
+        """
+        numbers, step = [], 0
+        while len(numbers) < self.wake_rows:
+            row = len(numbers) + 1
+            stride = self.coarse_stride if row > self.full_rows else 1
+            if self.sparse_from is not None and row > self.sparse_from:
+                stride = self.sparse_stride
+            if step % stride == 0:
+                numbers.append(step)
+            step += 1
+        return np.array(numbers)
 
 
 # Errors against REFERENCE in steady and turbulent wind: scripts/validate.py run fidelity.

@@ -55,13 +55,36 @@ def build_bound_sheet(a, p, o, sheet):
                 _segment(sheet[k, b, j], 5, span, span_core)
 
 
+@kernel(fastmath=False, inline="always")
+def _bend_weights(a, o, k):
+    """Row ``middle`` and the weights of the rows before, at and after it with which the corners of row k move.
+
+    Corners move against the second derivative with respect to age, by two thirds of the mean of two sagittas.
+    """
+    middle = min(k, a.count[0] - 1)
+    if not o.curved or middle < 3:
+        return 1, 0.0, 0.0
+    before, behind = a.age[middle] - a.age[middle - 1], a.age[middle + 1] - a.age[middle]
+    weight = (before * before + behind * behind) / (12.0 * (before + behind))
+    return middle, weight / before, weight / behind
+
+
+@kernel(fastmath=False, inline="always")
+def _place_corner(a, k, b, j, middle, fore, aft, corner):
+    """Position of node j of row k as a corner of the sheet, relative to ``a.origin``."""
+    for c in range(3):
+        x = a.wake[middle, b, j, c]
+        bend = aft * (a.wake[middle + 1, b, j, c] - x) - fore * (x - a.wake[middle - 1, b, j, c])
+        corner[c] = a.wake[k, b, j, c] - a.origin[c] - bend
+
+
 @kernel(fastmath=False)
 def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
     """Write wake rows first..last as a sheet of merged segments, relative to ``a.origin``.
 
     Row 0 holds the ring nodes at the shedding edge, from which the trailing segments of row 1 come. A segment shared by
-    two rings carries the difference of their circulations. While a far wake is active the last spanwise segments are
-    left out: the cylinders continue there.
+    two rings carries the difference of their circulations. The sheet ends where the sparse part begins. While a far
+    wake is active the last spanwise segments of the wake are left out: the cylinders continue there.
 
     Parameters
     ----------
@@ -79,14 +102,9 @@ def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
     _, n_blade, n_node, _ = wake.shape
     n_bound = a.nodes.shape[2]
     closed = a.far[0] == 0.0
-    for k in range(first, last + 1):
-        # Corners move against the second derivative with respect to age, two thirds of the mean of two sagittas.
-        fore, aft, weight = 0, 0, 0.0
-        middle = min(k, n_rows - 1)
-        if o.curved and middle >= 3:
-            fore, aft = middle - 1, middle + 1
-            before, behind = age[middle] - age[fore], age[aft] - age[middle]
-            weight = (before * before + behind * behind) / (12.0 * (before + behind))
+    end = min(n_rows, o.sparse_from)
+    for k in range(first, min(last, end) + 1):
+        middle, fore, aft = _bend_weights(a, o, k)
         for b in range(n_blade):
             for j in range(n_node):
                 here = sheet[k, b, j]
@@ -97,20 +115,14 @@ def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
                     _segment(here, 3, 0.0, 1.0)
                     _segment(here, 5, 0.0, 1.0)
                     continue
-                for c in range(3):
-                    here[c] = wake[k, b, j, c] - a.origin[c]
-                if weight > 0.0:
-                    for c in range(3):
-                        x = wake[middle, b, j, c]
-                        bend = (wake[aft, b, j, c] - x) / behind - (x - wake[fore, b, j, c]) / before
-                        here[c] -= weight * bend
+                _place_corner(a, k, b, j, middle, fore, aft, here)
                 trail, span = 0.0, 0.0
                 if newest or k > 1:
                     trail = (a.wake_gamma[k - 1, b, j - 1] if j > 0 else 0.0) - (
                         a.wake_gamma[k - 1, b, j] if j < n_node - 1 else 0.0
                     )
                 if j > 0:
-                    span = a.wake_gamma[k, b, j - 1] if k < n_rows else 0.0
+                    span = a.wake_gamma[k, b, j - 1] if k < end else 0.0
                     if (newest or k > 1) and (closed or k < n_rows):
                         span -= a.wake_gamma[k - 1, b, j - 1]
                 core2 = (o.wake_core * p.shed_chord[j]) ** 2
@@ -134,3 +146,57 @@ def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
                             a.volume[k, b, j, side] += spread * length * grow
                         core = a.volume[k, b, j, side] * length
                     _segment(here, 3 + 2 * side, strength, core)
+
+
+@kernel(fastmath=False)
+def build_sparse_sheet(a, p, o, grow, sheet):
+    """Write the rows from ``sparse_from`` on, of which only the carrying nodes hold vortices.
+
+    Rings between two carrying nodes are merged with their mean circulation, weighted by their width. The sheet starts
+    with the spanwise segments that close its first rings; cores are those of the segment of the wake next to the node.
+
+    Parameters
+    ----------
+    a, p, o, grow
+        As for `build_wake_sheet`.
+    sheet : float32 (n_max + 1 - sparse_from, n_blade, n_sparse, 7)
+    """
+    wake, age, n_rows = a.wake, a.age, a.count[0]
+    n_sparse = p.sparse_nodes.shape[0]
+    closed = a.far[0] == 0.0
+    for k in range(o.sparse_from, n_rows + 1):
+        middle, fore, aft = _bend_weights(a, o, k)
+        starts = k == o.sparse_from
+        for b in range(wake.shape[1]):
+            # circulation of the merged rings ahead of the row and behind it, inboard and outboard of the node
+            ahead_in, behind_in = 0.0, 0.0
+            for i in range(n_sparse):
+                j = p.sparse_nodes[i]
+                ahead_out, behind_out = 0.0, 0.0
+                if i < n_sparse - 1:
+                    for strip in range(j, p.sparse_nodes[i + 1]):
+                        if not starts:
+                            ahead_out += p.sparse_weight[strip] * a.wake_gamma[k - 1, b, strip]
+                        if k < n_rows:
+                            behind_out += p.sparse_weight[strip] * a.wake_gamma[k, b, strip]
+                here = sheet[k - o.sparse_from, b, i]
+                _place_corner(a, k, b, j, middle, fore, aft, here)
+                core2 = (o.wake_core * p.shed_chord[j]) ** 2
+                for side in range(2):
+                    strength = ahead_in - ahead_out
+                    start, next_start = wake[k - 1, b, j], wake[k - 1, b, j]
+                    if side == 1:
+                        strength = behind_in - ahead_in if (closed or k < n_rows) else 0.0
+                        start, next_start = wake[k, b, p.sparse_nodes[max(i - 1, 0)]], wake[k, b, max(j - 1, 0)]
+                    length2, next2 = _length2(wake[k, b, j], start), _length2(wake[k, b, j], next_start)
+                    spread = LAMB * (o.viscosity + o.squire * abs(strength))
+                    core = (core2 + spread * age[k]) * length2
+                    if o.strain and not (starts and side == 0):  # that segment belongs to the sheet before
+                        length = max(next2**0.5, 1e-9)
+                        if grow < 0.0:
+                            a.volume[k, b, j, side] = (core2 + spread * age[k]) * length
+                        else:
+                            a.volume[k, b, j, side] += spread * length * grow
+                        core = a.volume[k, b, j, side] / length * length2
+                    _segment(here, 3 + 2 * side, strength, core)
+                ahead_in, behind_in = ahead_out, behind_out

@@ -5,7 +5,7 @@ import numpy as np
 from wt_gym.aerodynamics.far_wake_kernels import far_wake_velocity
 from wt_gym.aerodynamics.simd_kernels import WIDTH
 from wt_gym.aerodynamics.tree_induction import TreeInduction, split_direct
-from wt_gym.aerodynamics.wake_kernels import fold_images, pad_targets
+from wt_gym.aerodynamics.wake_kernels import fold_images, pad_targets, wake_sheets
 
 __all__ = ["SplitInduction"]
 
@@ -41,12 +41,16 @@ class SplitInduction:
         a, w = state.arrays, self._work
         n = w.points.shape[1]
         w.targets[0, :, :n] = w.points - a.origin[:, None]
-        self.at_targets(state, w.bound_sheet[:0], w.wake_sheet[1 : state.n_rows + 1], n)
+        self.at_targets(state, w.bound_sheet[:0], 1, n)
         a.wake_flow[:] = w.velocity[0, :, :n]
 
-    def at_targets(self, state, bound_sheet, wake_sheet, n_target: int) -> None:
-        """Velocity of sheets and far wake at the first ``n_target`` targets of the work arrays, into their velocity."""
+    def at_targets(self, state, bound_sheet, first: int, n_target: int) -> None:
+        """Velocity at the first ``n_target`` targets of the work arrays, into their velocity.
+
+        What induces it: ``bound_sheet``, the wake from row ``first`` on and the far wake.
+        """
         a, w, constants = state.arrays, self._work, self._lattice.constants
+        wake_sheet, sparse_sheet = wake_sheets(a, constants, w, first)
         n_padded = pad_targets(w, n_target, constants, a.origin)
         limit = 0.0
         if self._tree is not None:
@@ -55,8 +59,9 @@ class SplitInduction:
         for image in range(2 if constants.has_ground else 1):
             targets = np.ascontiguousarray(w.targets[image, :, :n_padded])
             velocity = np.zeros_like(targets)
-            if len(bound_sheet):
-                split_direct(bound_sheet, targets, velocity, self._scratch)
+            for sheet in (bound_sheet, sparse_sheet):
+                if len(sheet):
+                    split_direct(sheet, targets, velocity, self._scratch)
             if self._tree is None:
                 split_direct(wake_sheet, targets, velocity, self._scratch)
             else:

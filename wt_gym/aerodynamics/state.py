@@ -1,6 +1,7 @@
 """The state of the aerodynamics: plain arrays that can be copied, compared and continued bit for bit."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,9 @@ class PlanformArrays(NamedTuple):
     segments: np.ndarray  # (2, n, 4): without and with a wake, see edges.bound_segments
     segment_core: np.ndarray  # (2, n) core radius squared [m^2]
     n_segments: np.ndarray  # (2,)
+    sparse_nodes: np.ndarray  # int64 (n_sparse,) nodes of the edge that carry the sparse part of the wake
+    sparse_weight: np.ndarray  # (n_edge,) share of each ring in the width of its merged ring
+    sparse_place: np.ndarray  # (n_edge + 1,) place of a node between its carrying neighbours, 0 … 1
 
     @classmethod
     def of(cls, planform: LatticePlanform, options: AeroOptions, cylinder_table: np.ndarray) -> "PlanformArrays":
@@ -51,8 +55,21 @@ class PlanformArrays(NamedTuple):
             planform.chord, planform.edge_chord, planform.polars, planform.alpha0_lattice,
             0.5 * planform.chord * planform.lift_slope, planform.moment0_lattice, planform.slope_angle,
             planform.slope_angle - planform.alpha0_lattice, cylinder_table, edge.nodes, edge.rings, edge.chord,
-            segments, cores, count,
+            segments, cores, count, *sparse_span(planform.nodes, edge.nodes, options.sparse_span),
         )  # fmt: skip
+
+
+def sparse_span(nodes, edge_nodes, stride):
+    """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbours."""
+    corners = nodes.reshape(-1, 3)[edge_nodes]
+    width = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    n_edge = len(width)
+    chosen = np.unique(np.append(np.arange(0, n_edge, stride), n_edge))
+    weight, place = np.empty(n_edge), np.zeros(n_edge + 1)
+    for first, last in pairwise(chosen):
+        weight[first:last] = width[first:last] / width[first:last].sum()
+        place[first + 1 : last] = np.cumsum(weight[first : last - 1])
+    return chosen, weight, place
 
 
 class AeroConstants(NamedTuple):
@@ -67,6 +84,8 @@ class AeroConstants(NamedTuple):
     ground: float
     full_rows: int
     coarse_stride: int
+    sparse_from: int
+    sparse_stride: int
     fresh_rows: int
     refresh_stride: int
     far_wake_rows: int
@@ -89,7 +108,9 @@ class AeroConstants(NamedTuple):
             density=float(density), wake_core=float(o.wake_core), viscosity=float(o.viscosity),
             squire=float(o.squire), shed_fraction=float(o.shed_fraction), stall_lag=float(o.stall_lag),
             ground=float(o.ground_height) if has_ground else 0.0, full_rows=o.full_rows,
-            coarse_stride=o.coarse_stride, fresh_rows=o.fresh_rows, refresh_stride=o.refresh_stride,
+            coarse_stride=o.coarse_stride,
+            sparse_from=o.wake_rows + 1 if o.sparse_from is None else o.sparse_from, sparse_stride=o.sparse_stride,
+            fresh_rows=o.fresh_rows, refresh_stride=o.refresh_stride,
             far_wake_rows=o.far_wake_rows, far_wake=o.far_wake, has_ground=has_ground, viscous=o.viscous,
             unsteady=o.unsteady, bernoulli=o.load_form == "bernoulli", strain=o.core_strain, curved=o.curved_filaments,
             edge_wake=o.trailing_edge_wake, tip_wake=o.tip_wake,
@@ -101,10 +122,12 @@ class AeroWork(NamedTuple):
 
     bound_sheet: np.ndarray  # float32 (n_chord + 1, n_blade, n_node, 7), see induction_kernels
     wake_sheet: np.ndarray  # float32 (n_max + 1, n_blade, n_edge + 1, 7)
+    sparse_sheet: np.ndarray  # float32 (n_max + 1 - sparse_from, n_blade, n_sparse, 7), no rows without a sparse part
     targets: np.ndarray  # float32 (2, 3, n_target)
     velocity: np.ndarray  # float32 (2, 3, n_target)
     scratch: np.ndarray  # float32
     rows: np.ndarray  # int64 (n_max + 1,) rows whose turn it is
+    n_turn: np.ndarray  # int64 (1,) their number
     corners: np.ndarray  # (2, n_blade, n_corner, 3) ring nodes and newest wake row, and their mirror images
     points: np.ndarray  # (3, n_point)
     part: np.ndarray  # (3, n_point) velocity of one segment
@@ -123,9 +146,12 @@ class AeroWork(NamedTuple):
 
     @classmethod
     def empty(
-        cls, n_blade: int, n_chord: int, n_span: int, n_edge: int, n_max: int, line_rows: int, n_panel: int = 0
+        cls, n_blade: int, n_chord: int, n_span: int, p: PlanformArrays, options: AeroOptions, n_panel: int = 0
     ) -> "AeroWork":
-        """Arrays of the right shapes; ``line_rows`` is the number of rows of loaded spanwise segments."""
+        """Arrays of the right shapes."""
+        n_edge, n_max = p.shed_rings.size, options.wake_rows
+        line_rows = n_chord + (not options.trailing_edge_wake)
+        n_sparse = 0 if options.sparse_from is None else max(n_max + 1 - options.sparse_from, 0)
         n_node, n_strip = n_span + 1, n_blade * n_span
         n_ring = n_strip * n_chord
         n_point = n_ring + n_strip * line_rows + n_blade * n_chord * n_node
@@ -136,9 +162,11 @@ class AeroWork(NamedTuple):
         return cls(
             bound_sheet=np.zeros((n_chord + 1, n_blade, n_node, 7), single),
             wake_sheet=np.zeros((n_max + 1, n_blade, n_edge + 1, 7), single),
+            sparse_sheet=np.zeros((n_sparse, n_blade, p.sparse_nodes.size, 7), single),
             targets=np.zeros((2, 3, n_target), single), velocity=np.zeros((2, 3, n_target), single),
             scratch=np.zeros(8 * WIDTH * widest + 14 * n_target, single),
-            rows=np.zeros(n_max + 1, dtype=np.int64), corners=np.zeros((2, n_blade, n_corner, 3)),
+            rows=np.zeros(n_max + 1, dtype=np.int64), n_turn=np.zeros(1, dtype=np.int64),
+            corners=np.zeros((2, n_blade, n_corner, 3)),
             points=np.zeros((3, n_point)), part=np.zeros((3, n_point)), flow=np.zeros((3, n_point)),
             normal=np.zeros((n_ring, 3)), area=np.zeros(n_ring), swap=np.zeros(n_ring, dtype=np.int64),
             panel=np.zeros((n_ring, 4)), pivots=np.zeros((4, n_ring)),

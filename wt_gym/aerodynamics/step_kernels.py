@@ -15,7 +15,7 @@ from wt_gym.aerodynamics.far_wake_kernels import measure_far_wake
 from wt_gym.aerodynamics.induction_kernels import FAST
 from wt_gym.aerodynamics.load_kernels import bernoulli_loads, joukowski_loads, viscous_loads
 from wt_gym.aerodynamics.section_kernels import decambering, section_state, strip_axes
-from wt_gym.aerodynamics.sheet_kernels import build_bound_sheet, build_wake_sheet
+from wt_gym.aerodynamics.sheet_kernels import build_bound_sheet, build_sparse_sheet, build_wake_sheet
 from wt_gym.aerodynamics.tower_kernels import flag_wake_segments
 from wt_gym.aerodynamics.wake_kernels import (
     age_rows,
@@ -27,6 +27,7 @@ from wt_gym.aerodynamics.wake_kernels import (
     scatter_velocities,
     shedding_edge,
     turn_induced,
+    wake_sheets,
 )
 from wt_gym.compiled import kernel
 
@@ -94,7 +95,7 @@ def prepare(p, o, a, w, nodes, place, bodies=None, body_work=None):
     """What is computed once a step: newest row, velocity of the wake at the blades, influence of the bound rings."""
     prepare_wake(p, o, a, w, nodes, place, bodies, body_work)
     if a.count[0] > 0:
-        velocity_at_points(p, o, a, w, w.bound_sheet[:0], w.wake_sheet[1 : a.count[0] + 1], w.points, a.wake_flow)
+        velocity_at_points(p, o, a, w, w.bound_sheet[:0], 1, w.points, a.wake_flow)
     prepare_boundary(p, o, a, w, nodes, bodies, body_work)
 
 
@@ -114,9 +115,12 @@ def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
         place_newest_row(a.free_edge, o.shed_fraction, a.wake)
     if o.far_wake and a.count[4] == 1 and n_rows > 1:
         measure_far_wake(a, min(o.far_wake_rows, n_rows - 1), a.clock[2] if place else 0.0, w.lines)
-    build_wake_sheet(a, p, o, 1, n_rows, a.clock[2] if place else -1.0, False, w.wake_sheet)
+    grow = a.clock[2] if place else -1.0
+    build_wake_sheet(a, p, o, 1, n_rows, grow, False, w.wake_sheet)
+    if n_rows > o.sparse_from:
+        build_sparse_sheet(a, p, o, grow, w.sparse_sheet)
     if bodies is not None:
-        cut_wake(bodies, body_work.flags, a.wake, n_rows, w.wake_sheet)
+        cut_wake(p, o, bodies, body_work.flags, a.wake, n_rows, w)
 
 
 @kernel(fastmath=False)
@@ -140,18 +144,28 @@ def prepare_boundary(p, o, a, w, nodes, bodies=None, body_work=None):
 
 
 @kernel(fastmath=False)
-def cut_wake(bodies, flags, wake, n_rows, sheet):
-    """Take the segments that would cut through the tower out of the sheet of the wake, rows 2..n_rows."""
+def cut_wake(p, o, bodies, flags, wake, n_rows, w):
+    """Take the segments that would cut through the tower out of the sheets of the wake, rows 2..n_rows."""
     if bodies.stations.shape[0] == 0:
         return
     flag_wake_segments(wake, n_rows, bodies.axis[0], bodies.axis[1], bodies.stations, bodies.radii, CLEARANCE, flags)
+    n_dense = min(n_rows, o.sparse_from)
     for k in range(2, n_rows + 1):
         for b in range(wake.shape[1]):
-            for j in range(wake.shape[2]):
-                if flags[k, b, j] & 1:
-                    sheet[k, b, j, 3] = 0.0
-                if flags[k, b, j] & 2:
-                    sheet[k, b, j, 5] = 0.0
+            if k <= n_dense:
+                for j in range(wake.shape[2]):
+                    if flags[k, b, j] & 1:
+                        w.wake_sheet[k, b, j, 3] = 0.0
+                    if flags[k, b, j] & 2:
+                        w.wake_sheet[k, b, j, 5] = 0.0
+            if n_rows > n_dense and k >= n_dense:
+                for i in range(p.sparse_nodes.shape[0]):
+                    here = w.sparse_sheet[k - n_dense, b, i]
+                    if flags[k, b, p.sparse_nodes[i]] & 1:
+                        here[3] = 0.0
+                    for j in range(p.sparse_nodes[max(i - 1, 0)] + 1, p.sparse_nodes[i] + 1):
+                        if flags[k, b, j] & 2:
+                            here[5] = 0.0
 
 
 @kernel(fastmath=False)
@@ -168,19 +182,19 @@ def answer_of_bodies(p, o, a, w, bodies, body_work):
         bound_influence(w.corners[image], p.segments[has_wake], p.segment_core[has_wake], p.n_segments[has_wake],
                         bodies.centre, body_work.part, 1.0 - 2.0 * image, body_work.ring_influence)  # fmt: skip
     if n_rows > 0:
-        velocity_at_points(p, o, a, w, w.bound_sheet[:0], w.wake_sheet[1 : n_rows + 1], bodies.centre,
-                           body_work.wake_flow)  # fmt: skip
+        velocity_at_points(p, o, a, w, w.bound_sheet[:0], 1, bodies.centre, body_work.wake_flow)
     couple_bodies(bodies, body_work, w.points, o.ground, o.has_ground, a.influence, a.wake_flow)
 
 
 @kernel(fastmath=False)
-def velocity_at_points(p, o, a, w, bound_sheet, wake_sheet, points, out):
-    """Velocity of sheets and far wake at points (3, n) float64, into out (3, n)."""
+def velocity_at_points(p, o, a, w, bound_sheet, first, points, out):
+    """Velocity of sheets, the wake from row ``first`` on, and far wake at points (3, n) float64, into out (3, n)."""
     n = points.shape[1]
     for c in range(3):
         for i in range(n):
             w.targets[0, c, i] = points[c, i] - a.origin[c]
-    induced_at(bound_sheet, wake_sheet, a.far, n, w, o, a.origin, p.cylinder_table)
+    wake_sheet, sparse_sheet = wake_sheets(a, o, w, first)
+    induced_at(bound_sheet, wake_sheet, sparse_sheet, a.far, n, w, o, a.origin, p.cylinder_table)
     for c in range(3):
         for i in range(n):
             out[c, i] = w.velocity[0, c, i]
@@ -269,8 +283,9 @@ def add_ring_velocity(gamma, influence, begin, flow):
 def accept(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     """Shed the newest ring and compute the induced velocities with which the wake moves on."""
     n_target = shed_newest(p, o, a, w, place, all_rows, bodies, body_work)
-    induced_at(w.bound_sheet, w.wake_sheet[: a.count[0] + 1], a.far, n_target, w, o, a.origin, p.cylinder_table)
-    store_induced(o, a, w, n_target, bodies, body_work)
+    wake_sheet, sparse_sheet = wake_sheets(a, o, w, 0)
+    induced_at(w.bound_sheet, wake_sheet, sparse_sheet, a.far, n_target, w, o, a.origin, p.cylinder_table)
+    store_induced(p, o, a, w, n_target, bodies, body_work)
 
 
 @kernel(fastmath=False)
@@ -298,24 +313,20 @@ def shed_newest(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     # The other rows were written when the step was prepared.
     build_wake_sheet(a, p, o, 0, min(2, n_rows), -1.0, True, w.wake_sheet)
     if bodies is not None:
-        cut_wake(bodies, body_work.flags, a.wake, min(2, n_rows), w.wake_sheet)
+        cut_wake(p, o, bodies, body_work.flags, a.wake, min(2, n_rows), w)
     turn_induced(a)
-    count = choose_rows(a, o, w.rows)
-    if all_rows:
-        count = n_rows + 1
-        for k in range(count):
-            w.rows[k] = k
-    return gather_targets(a, w, count)
+    w.n_turn[0] = choose_rows(a, o, w.rows, all_rows)
+    return gather_targets(p, o, a, w)
 
 
 @kernel(fastmath=False)
-def store_induced(o, a, w, n_target, bodies=None, body_work=None):
+def store_induced(p, o, a, w, n_target, bodies=None, body_work=None):
     """Velocities of the targets, with those of the bodies, back to the rows."""
     if bodies is not None:
         body_strengths(body_work, a.gamma.reshape(a.influence.shape[0]), a.body_strength)
         add_body_velocity(bodies, a.body_strength, w.targets[0], w.velocity[0], n_target, a.origin, o.ground,
                           o.has_ground)  # fmt: skip
-    scatter_velocities(a, w, n_target // (a.wake.shape[1] * a.wake.shape[2]))
+    scatter_velocities(p, o, a, w)
 
 
 @kernel(fastmath=False)
@@ -323,5 +334,7 @@ def write_sheets(p, o, a, w, bodies=None, body_work=None):
     """Write the sheets of an accepted state, for velocities anywhere."""
     build_bound_sheet(a, p, o, w.bound_sheet)
     build_wake_sheet(a, p, o, 0, a.count[0], 0.0, True, w.wake_sheet)
+    if a.count[0] > o.sparse_from:
+        build_sparse_sheet(a, p, o, 0.0, w.sparse_sheet)
     if bodies is not None:
-        cut_wake(bodies, body_work.flags, a.wake, a.count[0], w.wake_sheet)
+        cut_wake(p, o, bodies, body_work.flags, a.wake, a.count[0], w)

@@ -66,11 +66,8 @@ class VortexLattice:
         self.arrays = PlanformArrays.of(planform, options, cylinder_table())
         self.constants = AeroConstants.of(options, air_density)
         self.n_edge = self.arrays.shed_rings.size
-        line_rows = planform.n_chord + (not options.trailing_edge_wake)
-        self.work = AeroWork.empty(
-            n_blades, planform.n_chord, planform.n_span, self.n_edge, options.wake_rows, line_rows,
-            bodies.n_panels if bodies else 0,
-        )  # fmt: skip
+        n_panel = bodies.n_panels if bodies else 0
+        self.work = AeroWork.empty(n_blades, planform.n_chord, planform.n_span, self.arrays, options, n_panel)
         self.bodies = bodies
         self.body_arrays = ()  # what the kernels take where there are bodies
         self.body_wind = np.zeros((0, 3))
@@ -179,7 +176,8 @@ class VortexLattice:
         stream = np.asarray(wind, dtype=np.float64).mean(axis=(0, 1, 2))
         speed = float(np.linalg.norm(stream))
         radius = float(np.linalg.norm(np.cross(nodes - centre, axis), axis=-1).max())
-        ages = self._steady_ages(dt)
+        numbers = self.options.row_numbers()
+        ages = (numbers + self.options.shed_fraction) * dt
         edge = np.empty((self.n_blades, self.n_edge + 1, 3))
         shedding_edge(nodes, self.arrays.shed_nodes, edge)
         induction = 0.2
@@ -191,7 +189,7 @@ class VortexLattice:
             # Momentum theory up to a = 0.4; beyond it the wake is turbulent and the start need not be better.
             target = 0.5 * (1.0 - np.sqrt(1.0 - min(max(loading, 0.0), 0.96)))
             induction = 0.5 * (induction + target)
-        self._set_rows(state, ages)
+        state.arrays.shed[1:] = -numbers
 
     def convect_wake(self, state: AeroState, inflow, time: float, dt: float) -> None:
         """Move the free wake from ``time`` to ``time + dt``.
@@ -248,9 +246,7 @@ class VortexLattice:
         for start in range(0, flat.shape[1], chunk):
             part = np.ascontiguousarray(flat[:, start : start + chunk])
             result = np.empty_like(part)
-            step_kernels.velocity_at_points(
-                self.arrays, self.constants, a, w, w.bound_sheet, w.wake_sheet[: state.n_rows + 1], part, result
-            )
+            step_kernels.velocity_at_points(self.arrays, self.constants, a, w, w.bound_sheet, 0, part, result)
             out[:, start : start + chunk] = result
         velocity = out.T.reshape(points.shape)
         return velocity + self.bodies.velocity(points, a.body_strength) if self.bodies else velocity
@@ -295,22 +291,8 @@ class VortexLattice:
             step_kernels.accept(p, o, a, w, place, all_rows, *self.body_arrays)
             return
         n_target = step_kernels.shed_newest(p, o, a, w, place, all_rows, *self.body_arrays)
-        self.split.at_targets(state, w.bound_sheet, w.wake_sheet[: state.n_rows + 1], n_target)
-        step_kernels.store_induced(o, a, w, n_target, *self.body_arrays)
-
-    def _steady_ages(self, dt):
-        """Ages of the rows of a full wake, given the thinning of old rows."""
-        o = self.options
-        number = np.arange(o.wake_rows)
-        beyond = np.maximum(number - o.full_rows + 1, 0)
-        return (number + beyond * (o.coarse_stride - 1) + o.shed_fraction) * dt
-
-    def _set_rows(self, state, ages):
-        """Shed numbers of the rows of a full wake that was not computed step by step."""
-        a, o = state.arrays, self.options
-        number = np.arange(o.wake_rows)
-        beyond = np.maximum(number - o.full_rows + 1, 0)
-        a.shed[1:] = -(number + beyond * (o.coarse_stride - 1))
+        self.split.at_targets(state, w.bound_sheet, 0, n_target)
+        step_kernels.store_induced(p, o, a, w, n_target, *self.body_arrays)
 
     @staticmethod
     def _helix(edge, centre, axis, rotor_speed, ages, stream, induction, radius):

@@ -28,16 +28,20 @@ def age_rows(a, o, dt):
     """Make room for a new row behind the shedding edge: every row becomes one older; returns the number of rows.
 
     The row that leaves the first ``full_rows`` stays only if its number is a multiple of ``coarse_stride``; else its
-    two rings become one with their time-weighted mean circulation. Row 1 is then the air that left the edge. Induced
-    velocities stay where they are, see `turn_induced`.
+    two rings become one with their time-weighted mean circulation. So with ``sparse_from`` and ``sparse_stride``. Row 1
+    is then the air that left the edge. Induced velocities stay where they are, see `turn_induced`.
     """
     wake, wake_gamma, age, shed = a.wake, a.wake_gamma, a.age, a.shed
     n_max, n_blade, n_node = wake.shape[0] - 1, wake.shape[1], wake.shape[2]
     n_rows = a.count[0]
     for k in range(1, n_rows + 1):
         age[k] += dt
-    k = o.full_rows
-    if o.coarse_stride > 1 and n_rows > k and shed[k] % o.coarse_stride != 0:
+    k = 0
+    if o.coarse_stride > 1 and n_rows > o.full_rows and shed[o.full_rows] % o.coarse_stride != 0:
+        k = o.full_rows
+    elif o.sparse_stride > 1 and n_rows > o.sparse_from and shed[o.sparse_from] % o.sparse_stride != 0:
+        k = o.sparse_from
+    if k > 0:
         behind, ahead = age[k + 1] - age[k], age[k] - age[k - 1]
         share = behind / (behind + ahead)
         for b in range(n_blade):
@@ -124,8 +128,16 @@ def pad_targets(w, n_target, o, origin):
     return n_padded
 
 
+@kernel(fastmath=False, inline="always")
+def wake_sheets(a, o, w, first):
+    """Sheets of the wake from row ``first`` on: the rows with all their nodes, and the sparse part."""
+    n_rows = a.count[0]
+    n_dense = min(n_rows, o.sparse_from)
+    return w.wake_sheet[first : n_dense + 1], w.sparse_sheet[: n_rows - n_dense + (n_rows > n_dense)]
+
+
 @kernel(fastmath=False)
-def induced_at(bound_sheet, wake_sheet, far, n_target, w, o, origin, table):
+def induced_at(bound_sheet, wake_sheet, sparse_sheet, far, n_target, w, o, origin, table):
     """Velocity of sheets and far wake at the first ``n_target`` targets (float32, relative to the origin)."""
     n_padded = pad_targets(w, n_target, o, origin)
     # Rows are stored with a fixed length, the kernel wants its lanes without gaps.
@@ -138,6 +150,7 @@ def induced_at(bound_sheet, wake_sheet, far, n_target, w, o, origin, table):
                 packed_v[c, i] = 0.0
         direct_induction(bound_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
         direct_induction(wake_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
+        direct_induction(sparse_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
         if far[0] > 0.0:
             # the lanes of the sheets' induction are free now
             lane = w.scratch[: 8 * n_target].reshape((8, n_target))
@@ -196,23 +209,29 @@ def turn_induced(a):
 
 
 @kernel(fastmath=False, inline="always")
-def choose_rows(a, o, rows):
+def choose_rows(a, o, rows, all_rows):
     """Rows whose induced velocity is to be computed now, the newest always and older ones in turn; their number."""
     count = 0
     for k in range(a.count[0] + 1):
-        if k <= o.fresh_rows or (k + a.count[1]) % o.refresh_stride == 0:
+        if all_rows or k <= o.fresh_rows or (k + a.count[1]) % o.refresh_stride == 0:
             rows[count] = k
             count += 1
     return count
 
 
 @kernel(fastmath=False, inline="always")
-def gather_targets(a, w, count):
-    """Targets of the first ``count`` rows of ``w.rows``: where the sheet has its corners, and the shedding edge."""
+def gather_targets(p, o, a, w):
+    """Gather the targets of the rows whose turn it is, corners of the sheets and the shedding edge; their number."""
     n = 0
-    for m in range(count):
+    for m in range(w.n_turn[0]):
         k = w.rows[m]
         for b in range(a.wake.shape[1]):
+            if k > o.sparse_from:
+                for i in range(p.sparse_nodes.shape[0]):
+                    for c in range(3):
+                        w.targets[0, c, n] = w.sparse_sheet[k - o.sparse_from, b, i, c]
+                    n += 1
+                continue
             for j in range(a.wake.shape[2]):
                 for c in range(3):
                     w.targets[0, c, n] = w.wake_sheet[k, b, j, c] if k > 0 else a.wake[0, b, j, c] - a.origin[c]
@@ -221,12 +240,27 @@ def gather_targets(a, w, count):
 
 
 @kernel(fastmath=False, inline="always")
-def scatter_velocities(a, w, count):
-    """Velocities of the targets back to the rows."""
+def scatter_velocities(p, o, a, w):
+    """Velocities of the targets back to the rows; nodes between those of the sparse part get means of these."""
     n = 0
-    for m in range(count):
+    for m in range(w.n_turn[0]):
+        k = w.rows[m]
         for b in range(a.wake.shape[1]):
+            induced = a.induced[k, b]
+            if k > o.sparse_from:
+                last = 0
+                for i in range(p.sparse_nodes.shape[0]):
+                    j = p.sparse_nodes[i]
+                    for c in range(3):
+                        induced[j, c] = w.velocity[0, c, n]
+                    for between in range(last + 1, j):
+                        share = p.sparse_place[between]
+                        for c in range(3):
+                            induced[between, c] = (1.0 - share) * induced[last, c] + share * induced[j, c]
+                    last = j
+                    n += 1
+                continue
             for j in range(a.wake.shape[2]):
                 for c in range(3):
-                    a.induced[w.rows[m], b, j, c] = w.velocity[0, c, n]
+                    induced[j, c] = w.velocity[0, c, n]
                 n += 1
