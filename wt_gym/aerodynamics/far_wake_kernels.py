@@ -16,13 +16,15 @@ MOST_INDUCTION = 1.6
 
 
 @kernel(fastmath=False, inline="always")
-def measure_far_wake(a, n_tail, dt, sums):
+def measure_far_wake(a, n_tail, dt, sparse_nodes, sparse_weight, sums):
     """Cylinders from the geometry and circulation of the last ``n_tail`` rows.
 
     The axis runs from the centre of the trailing edges to the centre of these rows; each cylinder starts at the last
     row of its span boundary. Its ring vorticity is the sum of circulation times tangential length over the trailing
     segments of the rows, divided by circumference and by the axial length they cover: it vanishes with the rotation,
-    without a case to distinguish. The axial circulation is found in the same way. sums (3, n_node) is for work.
+    without a case to distinguish. The axial circulation is found in the same way. Cylinders stand at the nodes that
+    carry the sparse part of the wake, all nodes if there is none, and rings between them are merged as there.
+    sums (3, n_sparse) is for work.
 
     Two precautions, since a slower wake makes a stronger far wake, which makes the wake slower. The strengths follow
     the measurement with the time the measured rows span (``dt`` 0: at once). And the mean velocity in the far wake
@@ -30,12 +32,12 @@ def measure_far_wake(a, n_tail, dt, sums):
     2 a / (1 - a), and beyond a = 0.45 a wake breaks down instead of standing as a cylinder.
     """
     wake, wake_gamma, age, far = a.wake, a.wake_gamma, a.age, a.far
-    _, n_blade, n_node, _ = wake.shape
+    n_blade, n_node = wake.shape[1], sparse_nodes.shape[0]
     n_rows = a.count[0]
     first = n_rows - n_tail
     fx, fy, fz, cx, cy, cz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(n_blade):
-        for j in range(n_node):
+        for j in sparse_nodes:
             fx, fy, fz = fx + wake[0, b, j, 0], fy + wake[0, b, j, 1], fz + wake[0, b, j, 2]
             for k in range(first, n_rows + 1):
                 cx, cy, cz = cx + wake[k, b, j, 0], cy + wake[k, b, j, 1], cz + wake[k, b, j, 2]
@@ -52,8 +54,10 @@ def measure_far_wake(a, n_tail, dt, sums):
     ax, ay, az = ax / size, ay / size, az / size
     largest = 0.0
     lengths, rings, lines = sums[0], sums[1], sums[2]
-    for j in range(n_node):
+    for i in range(n_node):
         radius2, begin, end, turned, lengthwise = 0.0, 0.0, 0.0, 0.0, 0.0
+        j = sparse_nodes[i]
+        inboard, outboard = sparse_nodes[max(i - 1, 0)], sparse_nodes[min(i + 1, n_node - 1)]
         for b in range(n_blade):
             for k in range(first, n_rows + 1):
                 dx, dy, dz = wake[k, b, j, 0] - cx, wake[k, b, j, 1] - cy, wake[k, b, j, 2] - cz
@@ -65,22 +69,22 @@ def measure_far_wake(a, n_tail, dt, sums):
                     end += along / n_blade
                     continue
                 strength = 0.0
-                if j > 0:
-                    strength += wake_gamma[k, b, j - 1]
-                if j < n_node - 1:
-                    strength -= wake_gamma[k, b, j]
+                for strip in range(inboard, j):
+                    strength += sparse_weight[strip] * wake_gamma[k, b, strip]
+                for strip in range(j, outboard):
+                    strength -= sparse_weight[strip] * wake_gamma[k, b, strip]
                 lx = wake[k + 1, b, j, 0] - wake[k, b, j, 0]
                 ly = wake[k + 1, b, j, 1] - wake[k, b, j, 1]
                 lz = wake[k + 1, b, j, 2] - wake[k, b, j, 2]
                 # (axis x d) . l is radius times the tangential part of l, the same at both ends of l
                 turned += strength * ((ay * dz - az * dy) * lx + (az * dx - ax * dz) * ly + (ax * dy - ay * dx) * lz)
                 lengthwise += strength * (ax * lx + ay * ly + az * lz)
-        o = HEADER + PER_CYLINDER * j
+        o = HEADER + PER_CYLINDER * i
         far[o] = end
         far[o + 1] = np.sqrt(max(radius2, 0.0))
-        rings[j] = turned
-        lines[j] = lengthwise
-        lengths[j] = end - begin
+        rings[i] = turned
+        lines[i] = lengthwise
+        lengths[i] = end - begin
         largest = max(largest, far[o + 1])
     through, speed, weight = 0.0, 0.0, 1e-30
     for j in range(n_node):

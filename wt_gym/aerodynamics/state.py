@@ -194,7 +194,7 @@ class AeroArrays(NamedTuple):
     shed: np.ndarray  # int64 (n_max + 1,) step at which the row was shed
     free_edge: np.ndarray  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
     frame: np.ndarray  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
-    far: np.ndarray  # far-wake cylinders, see far_wake_kernels
+    far: np.ndarray  # far-wake cylinders at the nodes of the sparse wake, see far_wake_kernels
     nodes: np.ndarray  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]
     gamma: np.ndarray  # (n_blade, n_chord, n_span) ring circulations [m^2/s]
     gamma_1: np.ndarray  # one accepted step ago
@@ -228,6 +228,7 @@ class AeroState:
         """Arrays of the right shapes, without flow."""
         n_chord, n_span = planform.n_chord, planform.n_span
         n_edge = len(SheddingEdge.of(n_chord, n_span, planform.edge_chord, options).rings)
+        n_far = -(-n_edge // options.sparse_span) + 1
         n_node, n_max = n_edge + 1, options.wake_rows
         n_strip = n_blades * n_span
         n_ring = n_strip * n_chord
@@ -244,7 +245,7 @@ class AeroState:
                 wake_gamma=np.zeros((n_max, n_blades, n_edge)), volume=np.zeros((*wake_shape[:3], 2)),
                 age=np.zeros(n_max + 1),
                 shed=np.zeros(n_max + 1, dtype=np.int64), free_edge=np.zeros((n_blades, n_node, 3)),
-                frame=np.zeros((n_blades, 3, 3)), far=np.zeros(7 + 4 * n_node),
+                frame=np.zeros((n_blades, 3, 3)), far=np.zeros(7 + 4 * n_far),
                 nodes=np.zeros(bound_shape), gamma=np.zeros(gamma_shape),
                 gamma_1=np.zeros(gamma_shape), gamma_2=np.zeros(gamma_shape), source=np.zeros(n_strip),
                 source_1=np.zeros(n_strip), alpha=np.zeros(n_strip), speed=np.zeros(n_strip),

@@ -114,7 +114,8 @@ def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
     if place:
         place_newest_row(a.free_edge, o.shed_fraction, a.wake)
     if o.far_wake and a.count[4] == 1 and n_rows > 1:
-        measure_far_wake(a, min(o.far_wake_rows, n_rows - 1), a.clock[2] if place else 0.0, w.lines)
+        n_tail, dt = min(o.far_wake_rows, n_rows - 1), a.clock[2] if place else 0.0
+        measure_far_wake(a, n_tail, dt, p.sparse_nodes, p.sparse_weight, w.lines)
     grow = a.clock[2] if place else -1.0
     build_wake_sheet(a, p, o, 1, n_rows, grow, False, w.wake_sheet)
     if n_rows > o.sparse_from:

@@ -30,10 +30,7 @@ def energies(y, tree, work):
             for i in range(3):
                 kinetic += yd[u0 + k] * (v[i] * work.cc[b, i, k] + w[i] * work.dk[b, i, k])
             for j in range(nf):
-                modal = tree.m0[b, k, j]
-                for l in range(nf):
-                    modal += tree.m1[b, k, j, l] * y[q0 + l]
-                kinetic += 0.5 * yd[u0 + k] * modal * yd[u0 + j]
+                kinetic += 0.5 * yd[u0 + k] * work.mff[b, k, j] * yd[u0 + j]
                 elastic += 0.5 * y[q0 + k] * tree.stiffness[b, k, j] * y[q0 + j]
     for i in range(n_u):
         if tree.dof_stiffness[i] != 0.0:

@@ -20,13 +20,14 @@ __all__ = ["FAILURES", "Constraint", "HammingIntegrator", "Joint", "MultibodyErr
 
 TREE_FIELDS = (
     "parent kind axis joint_rotation joint_offset marker_position marker_linear marker_second marker_rotation "
-    "n_elastic joint_q joint_u elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 m0 m1 stiffness damping "
+    "n_elastic joint_q joint_u elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
+    "stiffness damping "
     "cols n_col dof_stiffness dof_damping dof_q servo_frequency servo_damping gravity n_q n_u n_servo load_parent "
     "constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation"
 )
 WORK_FIELDS = (
     "rot r v omega vl va bias_lin bias_ang nl na nb_lin nb_ang nv wn wb x xd xb th thd lever rn ti rj rb s_eff mc jj "
-    "jd cc dk cd dd h a al c1 c2 mass force loads servo_acceleration predictor corrector rate "
+    "jd cc dk dq cd dd mff reach h a al c1 c2 mass force loads servo_acceleration predictor corrector rate "
     "frame_r frame_v frame_w frame_bl frame_ba frame_rot frame_jl frame_ja jacobian half_jacobian gamma residual "
     "residual_rate multipliers weight schur norm_error"
 )
@@ -357,8 +358,12 @@ class MultibodySystem:
     def _max_elastic(self):
         return max(1, *(b.n_elastic for b in self.bodies))
 
+    @property
+    def _max_complete(self):
+        return max(1, *(len(b.inertia.m2) for b in self.bodies))
+
     def _body_arrays(self):
-        n_b, nf = len(self.bodies), self._max_elastic
+        n_b, nf, n_full = len(self.bodies), self._max_elastic, self._max_complete
         shapes = {
             "c0": (3,),
             "c1": (3, nf),
@@ -370,9 +375,12 @@ class MultibodySystem:
             "d1": (nf, nf, 3),
             "m0": (nf, nf),
             "m1": (nf, nf, nf),
+            "d2": (n_full, n_full, n_full, 3),
+            "m2": (n_full, n_full, n_full, n_full),
         }
         out = {key: np.zeros((n_b, *shape)) for key, shape in shapes.items()}
         out["mass"] = np.array([b.inertia.mass for b in self.bodies])
+        out["n_complete"] = np.array([len(b.inertia.m2) for b in self.bodies])
         out["stiffness"], out["damping"] = np.zeros((n_b, nf, nf)), np.zeros((n_b, nf, nf))
         for b, body in enumerate(self.bodies):
             for key in shapes:
@@ -393,6 +401,7 @@ class MultibodySystem:
         shapes |= dict.fromkeys(("vl", "va"), (n_b, 3, n_u))
         shapes |= dict.fromkeys(("nl", "na"), (3, n_u))
         shapes |= dict.fromkeys(("cc", "dk"), (n_b, 3, nf))
+        shapes |= {"dq": (nf, nf, 3), "mff": (n_b, nf, nf), "reach": (self._max_complete,) * 3}
         shapes |= dict.fromkeys(("h", "loads"), (n_b, 6 + nf))
         shapes |= dict.fromkeys(("predictor", "corrector", "rate"), (self.n_state,))
         n_c = self.n_constraints

@@ -275,11 +275,54 @@ def slide_joint(b, p, kind, n_in, y, yd, tree, work):
     cross_add(work.nb_ang, d, work.nb_lin)
 
 
+@kernel(inline="always")
+def elastic_mass(b, y, tree, work):
+    """Elastic mass matrix of body b, work.mff, and what else is of its order.
+
+    work.dq[k, j, i] = ∂D_ki/∂q_j, and for bodies with complete integrals work.reach[k, l, j] = ∫ (H q)_k · H_lj dm.
+    """
+    nf, n_full, q0 = tree.n_elastic[b], tree.n_complete[b], tree.elastic_q[b]
+    mff, dq, reach = work.mff[b], work.dq, work.reach
+    for k in range(nf):
+        for j in range(nf):
+            for i in range(3):
+                dq[k, j, i] = tree.d1[b, k, j, i]
+        for j in range(k + 1):
+            value = tree.m0[b, k, j]
+            for l in range(nf):
+                value += tree.m1[b, k, j, l] * y[q0 + l]
+            mff[k, j] = value
+            mff[j, k] = value
+    for k in range(n_full):
+        for j in range(n_full):
+            for i in range(3):
+                slope = 0.0
+                for l in range(n_full):
+                    slope += tree.d2[b, k, j, l, i] * y[q0 + l]
+                dq[k, j, i] += 2.0 * slope
+        for j in range(n_full):
+            for l in range(n_full):
+                reach[k, j, l] = 0.0
+        for m in range(n_full):
+            qm = y[q0 + m]
+            for j in range(n_full):
+                for l in range(n_full):
+                    reach[k, j, l] += tree.m2[b, k, m, j, l] * qm
+        for j in range(k + 1):
+            value = 0.0
+            for l in range(n_full):
+                value += reach[k, j, l] * y[q0 + l]
+            mff[k, j] += value
+            if j < k:
+                mff[j, k] += value
+
+
 @kernel
 def body_terms(b, y, yd, tree, work):
-    """State-dependent inertia of body b: mc, J, C, D and the velocity-dependent forces h (elastic ones too)."""
+    """State-dependent inertia of body b: mc, J, C, D, M and the velocity-dependent forces h (elastic ones too)."""
     nf = tree.n_elastic[b]
     q0, u0 = tree.elastic_q[b], tree.elastic_u[b]
+    elastic_mass(b, y, tree, work)
     w = work.omega[b]
     mc, jj, h = work.mc[b], work.jj[b], work.h[b]
     for i in range(3):
@@ -302,8 +345,8 @@ def body_terms(b, y, yd, tree, work):
                 c += c2 * qj
                 half += 0.5 * c2 * qj
                 bias += c2 * rj
-                d += tree.d1[b, k, j, i] * qj
-                dbias += tree.d1[b, k, j, i] * rj
+                d += 0.5 * (tree.d1[b, k, j, i] + work.dq[k, j, i]) * qj
+                dbias += work.dq[k, j, i] * rj
             work.cc[b, i, k] = c
             work.dk[b, i, k] = d
             mc[i] += half * qk
@@ -329,10 +372,13 @@ def body_terms(b, y, yd, tree, work):
                 convective += (tree.m1[b, k, l, j] - 0.5 * tree.m1[b, l, j, k]) * yd[u0 + l]
             gyro += yd[u0 + j] * (
                 convective
-                + w[0] * (tree.d1[b, k, j, 0] - tree.d1[b, j, k, 0])
-                + w[1] * (tree.d1[b, k, j, 1] - tree.d1[b, j, k, 1])
-                + w[2] * (tree.d1[b, k, j, 2] - tree.d1[b, j, k, 2])
+                + w[0] * (work.dq[k, j, 0] - work.dq[j, k, 0])
+                + w[1] * (work.dq[k, j, 1] - work.dq[j, k, 1])
+                + w[2] * (work.dq[k, j, 2] - work.dq[j, k, 2])
             )
+            if k < tree.n_complete[b]:
+                for l in range(nf):
+                    gyro += work.reach[k, j, l] * yd[u0 + j] * yd[u0 + l]
         h[6 + k] = gyro - 0.5 * centrifugal
     # rotational velocity terms
     for i in range(3):
@@ -410,7 +456,4 @@ def assemble(y, loads, tree, work):
                 else:
                     mass[j, i] += value
             for j in range(k + 1):
-                value = tree.m0[b, k, j]
-                for l in range(nf):
-                    value += tree.m1[b, k, j, l] * y[q0 + l]
-                mass[u0 + k, u0 + j] += value
+                mass[u0 + k, u0 + j] += work.mff[b, k, j]

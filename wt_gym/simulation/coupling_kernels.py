@@ -3,7 +3,9 @@
 import math
 
 from wt_gym.compiled import kernel
+from wt_gym.multibody.output_kernels import joint_wrenches
 from wt_gym.multibody.point_kernels import point_loads, point_motion
+from wt_gym.multibody.tree_kernels import kinematics
 
 
 @kernel
@@ -67,3 +69,41 @@ def tower_clearance(tips, base, top, tower_z, tower_radius, out):
         out[i] = math.sqrt(max(math.sqrt(dx * dx + dy * dy) - radius, 0.0) ** 2 + dz * dz)
         if dz == 0.0:
             out[i] = math.sqrt(dx * dx + dy * dy) - radius
+
+
+@kernel
+def observe(y, rates, body_loads, tree, work, hub, nacelle, blades, tip_points, nodes, forces, tower, wrench, tips,
+            tip_velocity, clearance, totals):  # fmt: skip
+    """What is measured beyond the state, in one call; kinematics are brought up to date.
+
+    Parameters
+    ----------
+    y, rates : array (n_state,), (n_u,)
+        State and accelerations.
+    body_loads, tree, work : arrays of the multibody system
+    hub, nacelle, blades : int, int, array (n_blades,) of int
+        Bodies.
+    tip_points : Points
+        The tip of a blade.
+    nodes, forces : (n_blades, n_points, 3)
+        Lattice points [m] and the forces of the air on them [N].
+    tower : (base (3,), heights (n,), radii (n,))
+    wrench : (n_b, 6); tips, tip_velocity : (n_blades, 3); clearance : (n_blades,)
+        Results.
+    totals : (5,)
+        Thrust [N] and torque [N m] of the air, acceleration of the nacelle in its own axes [m/s²].
+    """
+    kinematics(y, tree, work)
+    joint_wrenches(y, rates, body_loads, tree, work, wrench)
+    axis = work.rot[hub, :, 0]
+    totals[0], totals[1] = rotor_resultant(nodes, forces, work.r[hub], axis)
+    for i in range(3):
+        totals[2 + i] = work.bias_lin[nacelle, i]
+        for c in range(tree.n_col[nacelle]):
+            totals[2 + i] += work.vl[nacelle, i, c] * rates[tree.cols[nacelle, c]]
+    for i in range(blades.shape[0]):
+        b = blades[i]
+        n, q, u = tree.n_elastic[b], tree.elastic_q[b], tree.n_q + tree.elastic_u[b]
+        point_motion(work.rot[b], work.r[b], work.v[b], work.omega[b], y[q : q + n], y[u : u + n], tip_points,
+                     tips[i : i + 1], tip_velocity[i : i + 1])  # fmt: skip
+    tower_clearance(tips, tower[0], work.r[nacelle], tower[1], tower[2], clearance)

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from wt_gym.multibody import output_kernels, point_kernels, tree_kernels
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
@@ -34,10 +33,10 @@ class Measurement:
         self._root_rotation = np.array(
             [rotation_x(2.0 * np.pi * i / n) @ rotation_y(-turbine.hub.cone) for i in range(n)]
         )
-        self._base = np.array([0.0, 0.0, turbine.tower.base_height])
-        self._tower_z = np.ascontiguousarray(structure.tower_points.position[:, 2])
-        self._tips, self._tip_velocity, self._deflection = np.zeros((n, 3)), np.zeros((1, 3)), np.zeros((n, 3))
-        self._clearance = np.zeros(n)
+        base = np.array([0.0, 0.0, turbine.tower.base_height])
+        self._tower = base, np.ascontiguousarray(structure.tower_points.position[:, 2]), structure.tower_radius
+        self._tips, self._tip_velocity, self._deflection = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+        self._clearance, self._totals = np.zeros(n), np.zeros(5)
         self._wrench = np.zeros((len(structure.system.bodies), 6))
 
     def take(self, time, y, dy, body_loads, work, nodes, forces, command, inflow):
@@ -64,15 +63,17 @@ class Measurement:
         n_y = system.n_q + system.n_u
         work.servo_acceleration[:] = dy[n_y + system.n_servo :]
         rates = dy[system.n_q : n_y]
-        tree_kernels.kinematics(y, system.tree, work)
-        output_kernels.joint_wrenches(y, rates, body_loads, system.tree, work, self._wrench)
+        coupling_kernels.observe(
+            y, rates, body_loads, system.tree, work, s.hub, s.nacelle, self._blades, s.tip_points, nodes, forces,
+            self._tower, self._wrench, self._tips, self._tip_velocity, self._clearance, self._totals,
+        )  # fmt: skip
         v[0] = time
-        self._rotor(y, work, nodes, forces, command)
+        self._rotor(y, command)
         self._wind_and_yaw(y, n_y, inflow.velocity(work.r[s.hub], time))
-        self._tower(rates, work)
+        self._tower_signals(work)
         self._blade_signals(y, n_y, work, command)
 
-    def _rotor(self, y, work, nodes, forces, command):
+    def _rotor(self, y, command):
         """Speeds, torques and powers."""
         s, v, at, drive = self.structure, self.values, self._at, self.turbine.drivetrain
         generator_speed = speed = y[s.system.n_q + s.azimuth_u]
@@ -80,7 +81,7 @@ class Measurement:
         if s.shaft_flexible:
             azimuth += y[s.system.index(s.hub, "joint_q")]
             speed += y[s.system.n_q + s.system.index(s.hub, "joint_u")]
-        thrust, torque = coupling_kernels.rotor_resultant(nodes, forces, work.r[s.hub], work.rot[s.hub, :, 0])
+        thrust, torque = self._totals[0], self._totals[1]
         v[at["rotor_speed"]] = speed
         v[at["azimuth"]] = azimuth % (2.0 * math.pi)
         v[at["generator_speed"]], v[at["generator_torque"]] = generator_speed * drive.gear_ratio, command[0]
@@ -95,18 +96,15 @@ class Measurement:
         v[at["yaw"]], v[at["yaw_rate"]] = y[n_y], y[n_y + self.structure.system.n_servo]
         v[at["yaw_error"]] = math.remainder(math.atan2(wind[1], wind[0]) - y[n_y], 2.0 * math.pi)
 
-    def _tower(self, rates, work):
+    def _tower_signals(self, work):
         """Tower-top motion and tower-base loads."""
         s, v, at = self.structure, self.values, self._at
         v[at["tower_top_fore_aft"]], v[at["tower_top_side_side"]] = work.r[s.nacelle, 0], work.r[s.nacelle, 1]
         base = self._wrench[s.tower]
         v[at["tower_base_fore_aft_moment"]], v[at["tower_base_side_side_moment"]] = -base[4], -base[3]
         v[at["tower_base_torsion"]] = -base[5]
-        n = s.system.tree.n_col[s.nacelle]
-        columns = s.system.tree.cols[s.nacelle, :n]
-        acceleration = work.bias_lin[s.nacelle] + work.vl[s.nacelle, :, :n] @ rates[columns]
-        v[at["nacelle_acceleration_fore_aft"]] = acceleration[0]
-        v[at["nacelle_acceleration_side_side"]] = acceleration[1]
+        v[at["nacelle_acceleration_fore_aft"]] = self._totals[2]
+        v[at["nacelle_acceleration_side_side"]] = self._totals[3]
 
     def _blade_signals(self, y, n_y, work, command):
         """Pitch, tip deflections, root moments and clearances."""
@@ -115,15 +113,9 @@ class Measurement:
         pitch = y[n_y + 1 : n_y + 1 + n]
         hub = work.rot[s.hub]
         for i, b in enumerate(s.blades):
-            frame = work.rot[b], work.r[b], work.v[b], work.omega[b]
-            tip = self._tips[i : i + 1]
-            point_kernels.point_motion(*frame, *s.elastic(b, y), s.tip_points, tip, self._tip_velocity)
             x, cos, sin = s.tip_points.position[0], math.cos(pitch[i]), math.sin(pitch[i])
             rest = (cos * x[0] + sin * x[1], cos * x[1] - sin * x[0], x[2])
             self._deflection[i] = (self._tips[i] - work.r[b]) @ hub @ self._root_rotation[i] - rest
-        coupling_kernels.tower_clearance(
-            self._tips, self._base, work.r[s.nacelle], self._tower_z, s.tower_radius, self._clearance
-        )
         rate = n_y + s.system.n_servo
         v[at["pitch"]], v[at["pitch_rate"]] = pitch, y[rate + 1 : rate + 1 + n]
         v[at["pitch_command"]] = command[2:]

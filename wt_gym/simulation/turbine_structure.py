@@ -159,7 +159,8 @@ def _blade(blade, fidelity):
     beam = Beam(sections, fidelity.blade_elements)
     if fidelity.blade_coordinates == "modal":
         basis, frequency, names = _blade_modes(beam, fidelity)
-        body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, frequency, None, names)
+        twists = fidelity.blade_modes[2] > 0
+        body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, frequency, None, names, twists)
     else:
         dofs = _moving_dofs(fidelity.blade_modes) if fidelity.blade_coordinates == "nodal" else ()
         if dofs and np.ptp(axis[:, :2], axis=0).max() > 1e-6 * blade.length:

@@ -6,7 +6,9 @@ A material point of the body sits, in the body frame, at
 
 with the linear modes S and the second-order field H (foreshortening). The kinetic energy is kept complete up to second
 order in the elastic coordinates (third order where two of them are rates); it then needs only the constant integrals
-collected in :class:`BodyInertia`.
+collected in :class:`BodyInertia`. One order more belongs to blades that twist: where a bent blade twists, the mass
+outboard of the bend swings sideways, by H and in proportion to q; the square of that motion outweighs the small inertia
+of torsion, and without it the mass matrix loses its definiteness at tip deflections of 7 % of the length.
 The terms with H are what stiffens a rotating blade and what makes a loaded tower lean (P-Δ).
 (Floating frame of reference: Shabana, Dynamics of Multibody Systems, ch. 5; second-order terms: Wallrapp &
 Schwertassek 1991, Int. J. Numer. Methods Eng. 32, 1833–1850.)
@@ -48,7 +50,7 @@ class BodyInertia:
     """Constant inertia integrals of a body, second order in its n elastic coordinates q.
 
     The first moment is mc = c0 + c1 q + ½ qᵀ c2 q, the inertia tensor about the frame origin
-    J = j0 + j1 q + ½ qᵀ j2 q, the coupling of rotation and deformation D_k = d0_k + d1_kj q_j.
+    J = j0 + j1 q + ½ qᵀ j2 q, the coupling of rotation and deformation D_k = d0_k + d1_kj q_j + d2_kjl q_j q_l.
 
     Attributes
     ----------
@@ -60,8 +62,11 @@ class BodyInertia:
         Inertia tensor.
     d0 : array (n, 3); d1 : array (n, n, 3)
         ∫ x₀ × S_k dm and ∫ (S_j × S_k + x₀ × H_kj) dm, indexed [k, j].
-    m0 : array (n, n); m1 : array (n, n, n)
-        Elastic mass matrix M_kl = m0_kl + m1_klj q_j: ∫ S_k · S_l dm and ∫ (S_k · H_lj + S_l · H_kj) dm.
+    d2 : array (n, n, n, 3)
+        ∫ ½ (S_j × H_kl + S_l × H_kj + H_jl × S_k) dm, indexed [k, j, l]; empty unless complete.
+    m0 : array (n, n); m1 : array (n, n, n); m2 : array (n, n, n, n)
+        Elastic mass matrix M_kl = m0_kl + m1_klj q_j + m2_kmlj q_m q_j: ∫ S_k · S_l dm,
+        ∫ (S_k · H_lj + S_l · H_kj) dm and ∫ H_km · H_lj dm; m2 is empty unless complete.
     """
 
     mass: float
@@ -73,8 +78,10 @@ class BodyInertia:
     j2: np.ndarray
     d0: np.ndarray
     d1: np.ndarray
+    d2: np.ndarray
     m0: np.ndarray
     m1: np.ndarray
+    m2: np.ndarray
 
     @classmethod
     def rigid(cls, mass, centre, inertia_about_centre):
@@ -93,13 +100,15 @@ class BodyInertia:
             j2=z((0, 0, 3, 3)),
             d0=z((0, 3)),
             d1=z((0, 0, 3)),
+            d2=z((0, 0, 0, 3)),
             m0=z((0, 0)),
             m1=z((0, 0, 0)),
+            m2=z((0, 0, 0, 0)),
         )
 
     @classmethod
-    def from_particles(cls, mass, fields):
-        """Sum over mass points (n_p,) with their :class:`ParticleFields`."""
+    def from_particles(cls, mass, fields, complete=False):
+        """Sum over mass points (n_p,) with their :class:`ParticleFields`; ``complete``: with d2 and m2."""
         x0, s = fields.position, fields.linear
         n = s.shape[-1]
         h = fields.second if n else np.zeros((len(mass), 3, 0, 0))
@@ -117,6 +126,12 @@ class BodyInertia:
         sh = np.einsum("pik,pilj->klj", ms, h, optimize=True)
         cross_s = np.swapaxes(_axial(ss), 0, 1)
         cross_h = _axial(xh)
+        d2, m2 = np.zeros((0, 0, 0, 3)), np.zeros((0, 0, 0, 0))
+        if complete:
+            swing = _axial(np.einsum("pij,pmkl->jklim", ms, h, optimize=True))  # ∫ S_j × H_kl dm
+            outer = np.swapaxes(swing, 0, 1)
+            d2 = 0.5 * (outer + np.swapaxes(outer, 1, 2) - swing)
+            m2 = np.einsum("p,pikm,pilj->kmlj", mass, h, h, optimize=True)
         return cls(
             mass=float(mass.sum()),
             c0=mx.sum(axis=0),
@@ -127,8 +142,10 @@ class BodyInertia:
             j2=second_moment_to_inertia(e2),
             d0=_axial(e1),
             d1=cross_s + cross_h,
+            d2=d2,
             m0=np.einsum("pij,pik->jk", ms, s, optimize=True),
             m1=sh + np.swapaxes(sh, 0, 1),
+            m2=m2,
         )
 
 
@@ -221,7 +238,8 @@ class FlexibleBody:
         return cls(name, BodyInertia.rigid(mass, centre, inertia_about_centre), none((0, 0)), none((0, 0)), points)
 
     @classmethod
-    def from_beam(cls, name, beam, basis, damping_ratio=0.0, frequency=None, markers=None, coordinate_names=None):
+    def from_beam(cls, name, beam, basis, damping_ratio=0.0, frequency=None, markers=None, coordinate_names=None,
+                  complete=False):  # fmt: skip
         """A flexible body from a beam and a basis of nodal displacements.
 
         Parameters
@@ -238,6 +256,9 @@ class FlexibleBody:
         markers : dict of str to float, optional
             Arc lengths of named points on the axis, default {"root": 0, "tip": end}.
         coordinate_names : sequence of str, optional
+        complete : bool
+            Keep the fourth order of the elastic kinetic energy: for beams that bend by more than some per cent of their
+            length and also twist. Its integrals and its cost grow with n⁴; meant for a dozen modes, not for nodes.
         """
         basis = np.asarray(basis, dtype=float)
         stiffness = basis.T @ beam.stiffness @ basis
@@ -254,7 +275,7 @@ class FlexibleBody:
         for key, s in (ends | dict(markers or {})).items():
             u, theta = beam.linear_field(s, basis)
             points[key] = Marker(beam.sections.axis_at(s), u, second.at(s), theta)
-        inertia = BodyInertia.from_particles(beam.particle_mass, particle_fields(beam, basis))
+        inertia = BodyInertia.from_particles(beam.particle_mass, particle_fields(beam, basis), complete)
         names = tuple(coordinate_names or (f"{name}_{i + 1}" for i in range(basis.shape[1])))
         return cls(name, inertia, stiffness, damping, points, names)
 
