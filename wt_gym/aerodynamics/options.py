@@ -37,6 +37,9 @@ class AeroOptions:
     fresh_rows, refresh_stride : int
         The induced velocity of the first ``fresh_rows`` rows is computed every step, that of an older row every
         ``refresh_stride`` steps (rows take turns); between, it turns with the blade.
+    wind_stride : int
+        The undisturbed wind at wake rows older than the second is asked for every ``wind_stride`` steps, an odd number,
+        rows in turn; between, the air keeps its wind as it moves.
     far_wake : bool
         Continue the wake behind its last row by a semi-infinite vortex cylinder per span boundary (rotors only).
     far_wake_rows : int
@@ -96,6 +99,7 @@ class AeroOptions:
     sparse_span: int = 1
     fresh_rows: int = 135
     refresh_stride: int = 1
+    wind_stride: int = 1
     far_wake: bool = True
     far_wake_rows: int = 90
     viscous: bool = True
@@ -124,6 +128,7 @@ class AeroOptions:
             "sparse_stride",
             "sparse_span",
             "refresh_stride",
+            "wind_stride",
             "far_wake_rows",
         )
         for name in at_least_one:
@@ -138,6 +143,8 @@ class AeroOptions:
                 f"AeroOptions.sparse_stride is {self.sparse_stride}; it must be a multiple of coarse_stride, "
                 f"{self.coarse_stride}"
             )
+        if self.wind_stride % 2 == 0:  # as many steps as a row moves back, an even stride would miss every second row
+            raise AerodynamicsError(f"AeroOptions.wind_stride is {self.wind_stride}; an odd number is needed")
         if self.fresh_rows < 0:
             raise AerodynamicsError(f"AeroOptions.fresh_rows is {self.fresh_rows}; it must not be negative")
         for name in ("bound_core", "wake_core", "viscosity", "squire", "stall_lag"):
@@ -176,11 +183,13 @@ class AeroOptions:
 
 
 # Errors against REFERENCE in steady and turbulent wind: scripts/validate.py run fidelity.
-# Two turns and a third at 9 rpm, three at 12 rpm, every fourth row of the older ones; cylinders continue it. Thinner,
-# or thinned sooner, the wake of a rotor in still air drives it now and then.
+# Four turns: a fifth of a turn in full, one and a half of every fourth row, three of every eighth row with every second
+# node; cylinders continue it. Much thinner, or thinned much sooner, the wake of a rotor in still air drives it now and
+# then.
 TRAINING = AeroOptions(
-    n_chord=1, n_span=10, azimuth_step_deg=8.0, wake_rows=48, full_rows=12, coarse_stride=4, fresh_rows=1,
-    refresh_stride=20, far_wake_rows=30, squire=2e-3,
+    n_chord=1, n_span=10, azimuth_step_deg=8.0, wake_rows=48, full_rows=12, coarse_stride=4, sparse_from=28,
+    sparse_stride=8, sparse_span=2, fresh_rows=1, refresh_stride=20, wind_stride=5, far_wake_rows=20,
+    squire=2e-3,
 )  # fmt: skip
 # 4 turns at 9 rpm, the older three and a half thinned.
 ENGINEERING = AeroOptions(

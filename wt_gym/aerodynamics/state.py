@@ -187,6 +187,7 @@ class AeroArrays(NamedTuple):
     origin: np.ndarray  # (3,) origin of float32 positions [m]
     wake: np.ndarray  # (n_max + 1, n_blade, n_edge + 1, 3) positions [m]
     history: np.ndarray  # same shape, velocity at the time before [m/s]
+    wind: np.ndarray  # same shape, undisturbed wind [m/s]
     induced: np.ndarray  # same shape, float32, induced velocity [m/s]
     wake_gamma: np.ndarray  # (n_max, n_blade, n_edge) ring k between rows k and k + 1 [m^2/s]
     volume: np.ndarray  # (n_max + 1, n_blade, n_edge + 1, 2) rc^2 l of trailing and spanwise segments [m^3]
@@ -240,7 +241,7 @@ class AeroState:
         return cls(
             AeroArrays(
                 count=np.zeros(5, dtype=np.int64), clock=np.zeros(3), origin=np.zeros(3),
-                wake=np.zeros(wake_shape), history=np.zeros(wake_shape),
+                wake=np.zeros(wake_shape), history=np.zeros(wake_shape), wind=np.zeros(wake_shape),
                 induced=np.zeros(wake_shape, dtype=np.float32),
                 wake_gamma=np.zeros((n_max, n_blades, n_edge)), volume=np.zeros((*wake_shape[:3], 2)),
                 age=np.zeros(n_max + 1),

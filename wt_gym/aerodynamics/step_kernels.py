@@ -75,9 +75,9 @@ def apply_inverse(inverse, source, through, weight, n_chord, n_span, gamma):
 
 
 @kernel(fastmath=False)
-def convect_wake(o, a, wind, dt):
+def convect_wake(o, a, dt):
     """Move all wake rows and the air at the shedding edge through one step and make room for the new row."""
-    convect(a, wind, dt, dt / a.clock[0] if a.count[2] > 1 else 0.0)
+    convect(a, dt, dt / a.clock[0] if a.count[2] > 1 else 0.0)
     a.clock[2] = dt
     for b in range(a.wake.shape[1]):
         for j in range(a.wake.shape[2]):

@@ -10,7 +10,7 @@ from wt_gym.aerodynamics.lattice import LatticePlanform
 from wt_gym.aerodynamics.options import AeroOptions
 from wt_gym.aerodynamics.simd_kernels import WIDTH
 from wt_gym.aerodynamics.split_induction import SplitInduction
-from wt_gym.aerodynamics.state import LEVELS, AeroConstants, AeroState, AeroWork, PlanformArrays
+from wt_gym.aerodynamics.state import LEVELS, STEP, AeroConstants, AeroState, AeroWork, PlanformArrays
 from wt_gym.aerodynamics.wake_kernels import shedding_edge
 
 __all__ = ["VortexLattice"]
@@ -206,11 +206,26 @@ class VortexLattice:
         """
         if not 0.0 < dt < np.inf:
             raise AerodynamicsError(f"dt is {dt}; it must be positive and finite")
-        a = state.arrays
-        wind = np.ascontiguousarray(inflow.velocity(a.wake[: state.n_rows + 1], time), dtype=np.float64)
-        if not np.isfinite(wind.sum()):
-            raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
-        step_kernels.convect_wake(self.constants, a, wind, float(dt))
+        self.take_wind(state, inflow, time)
+        step_kernels.convect_wake(self.constants, state.arrays, float(dt))
+
+    def take_wind(self, state: AeroState, inflow, time: float) -> None:
+        """Ask for the undisturbed wind at the wake, or at those of its rows whose turn it is; for `convect_wake`.
+
+        Raises
+        ------
+        AerodynamicsError
+            If the inflow is not finite.
+        """
+        a, stride, n = state.arrays, self.options.wind_stride, state.n_rows + 1
+        chosen = [slice(0, n)]
+        if stride > 1 and a.count[STEP] > 0 and n > 2:
+            chosen = [slice(0, 2), slice(2 + int(-(2 + a.count[STEP]) % stride), n, stride)]
+        for rows in chosen:
+            wind = inflow.velocity(a.wake[rows], time)
+            if not np.isfinite(wind.sum()):
+                raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
+            a.wind[rows] = wind
 
     def solve(self, state: AeroState, nodes, velocities, wind, dt: float) -> np.ndarray:
         """Circulation and loads for the given motion at the end of the step; may be repeated.

@@ -7,7 +7,7 @@ from wt_gym.compiled import kernel
 
 
 @kernel(fastmath=False, inline="always")
-def convect(a, wind, dt, ratio):
+def convect(a, dt, ratio):
     """Move all rows from t to t + dt with the second-order Adams-Bashforth scheme, in place.
 
     Row 0, the air that passes the shedding edge now, has no history and takes an Euler step. ``ratio`` is dt over the
@@ -18,7 +18,7 @@ def convect(a, wind, dt, ratio):
         for b in range(a.wake.shape[1]):
             for j in range(a.wake.shape[2]):
                 for c in range(3):
-                    velocity = wind[k, b, j, c] + a.induced[k, b, j, c]
+                    velocity = a.wind[k, b, j, c] + a.induced[k, b, j, c]
                     a.wake[k, b, j, c] += dt * ((1.0 + weight) * velocity - weight * a.history[k, b, j, c])
                     a.history[k, b, j, c] = velocity
 
@@ -64,6 +64,7 @@ def age_rows(a, o, dt):
                 for c in range(3):
                     wake[k + 1, b, j, c] = wake[k, b, j, c]
                     a.history[k + 1, b, j, c] = a.history[k, b, j, c]
+                    a.wind[k + 1, b, j, c] = a.wind[k, b, j, c]
                 a.volume[k + 1, b, j, 0] = a.volume[k, b, j, 0]
                 a.volume[k + 1, b, j, 1] = a.volume[k, b, j, 1]
         age[k + 1] = age[k]

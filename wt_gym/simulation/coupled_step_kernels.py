@@ -65,7 +65,7 @@ def extrapolate_loads(inputs, previous):
 
 
 @kernel
-def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, blade_wind, dt, h, n_sub, n_corrections,
+def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, dt, h, n_sub, n_corrections,
                  iterations, tolerance, constrained=None, bodies=None, body_work=None):  # fmt: skip
     """Advance structure and air by one aerodynamic step dt.
 
@@ -79,8 +79,6 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
     history, saved : HammingHistory
         Points of the structure's multistep scheme, and room for a copy.
     inputs, tree, work : arrays of the multibody system
-    wake_wind : (n_rows + 1, n_blade, n_edge + 1, 3)
-        Undisturbed wind at the wake nodes at the start of the step [m/s].
     blade_wind : (n_blade, n_chord + 1, n_span + 1, 3)
         Wind at the lattice nodes at the end of the step [m/s].
     dt, h : float
@@ -95,7 +93,7 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
     int
         OK, a code of the multibody kernels, OVERSPEED or DEFLECTION.
     """
-    code = predict_step(o, a, x, history, saved, inputs, tree, work, wake_wind, dt, h, n_sub, n_corrections, iterations,
+    code = predict_step(o, a, x, history, saved, inputs, tree, work, dt, h, n_sub, n_corrections, iterations,
                         constrained)  # fmt: skip
     if code == OK:
         prepare(p, o, a, w, x.nodes, True, bodies, body_work)
@@ -108,10 +106,10 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, wake_wind, b
 
 
 @kernel
-def predict_step(o, a, x, history, saved, inputs, tree, work, wake_wind, dt, h, n_sub, n_corrections, iterations,
+def predict_step(o, a, x, history, saved, inputs, tree, work, dt, h, n_sub, n_corrections, iterations,
                  constrained=None):  # fmt: skip
     """Move the wake, and the structure under extrapolated loads; arguments as for `coupled_step`."""
-    convect_wake(o, a, wake_wind, dt)
+    convect_wake(o, a, dt)
     copy_history(history, saved)
     extrapolate_loads(inputs, x.previous_loads)
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.

@@ -393,21 +393,21 @@ class Simulator:
     def _step(self):
         """One aerodynamic step: wake, then structure and loads iterated to agreement at its end."""
         integrator, x = self._integrator, self._exchange
-        arrays, dt, time = self._aero.arrays, self.time_step, self.time
+        dt, time = self.time_step, self.time
         self._set_inputs(1)
-        wake_wind = self._wind(arrays.wake[: self._aero.n_rows + 1], time)
+        self.lattice.take_wind(self._aero, self.inflow, time)
         # Where the blades will be, by Adams-Bashforth: 5 cm from where they come to be, less than the wind resolves.
         ahead = x.nodes + dt * (1.5 * x.velocities - 0.5 * self._earlier_velocities)
         blade_wind = self._wind_at_blades(ahead, time + dt)
         self._earlier_velocities[:] = x.velocities
-        code = self._advance_compiled(wake_wind, blade_wind)
+        code = self._advance_compiled(blade_wind)
         if code != tree_kernels.OK:
             raise SimulationError(self._failure(code))
         for array in integrator.inputs:
             array[0] = array[1]
         self._n_steps += 1
 
-    def _advance_compiled(self, wake_wind, blade_wind):
+    def _advance_compiled(self, blade_wind):
         """One compiled call; or several with the induction of a big wake between them."""
         ck, lattice, x, i, fid = coupled_step_kernels, self.lattice, self._exchange, self._integrator, self.fidelity
         air = lattice.arrays, lattice.constants, self._aero.arrays, lattice.work
@@ -416,9 +416,9 @@ class Simulator:
         steps = self.time_step, self._h, self._n_sub, i.n_corrections, fid.coupling_iterations
         if lattice.split is None:
             return ck.coupled_step(
-                *air, x, *body, wake_wind, blade_wind, *steps, fid.coupling_tolerance, fixed, *lattice.body_arrays
+                *air, x, *body, blade_wind, *steps, fid.coupling_tolerance, fixed, *lattice.body_arrays
             )
-        code = ck.predict_step(*air[1:3], x, *body, wake_wind, *steps, fixed)
+        code = ck.predict_step(*air[1:3], x, *body, *steps, fixed)
         if code == tree_kernels.OK:
             lattice.prepare(self._aero, x.nodes)
             code = ck.correct_step(*air, x, *body, blade_wind, *steps, fid.coupling_tolerance, fixed)
