@@ -72,8 +72,23 @@ def tower_clearance(tips, base, top, tower_z, tower_radius, out):
 
 
 @kernel
-def observe(y, rates, body_loads, tree, work, hub, nacelle, blades, tip_points, nodes, forces, tower, wrench, tips,
-            tip_velocity, clearance, totals):  # fmt: skip
+def tip_deflection(tip, root, hub_rotation, root_rotation, rest, pitch, out):
+    """Displacement (3,) of a tip from its undeformed place, in the axes of the unpitched root."""
+    cos, sin = math.cos(pitch), math.sin(pitch)
+    out[0] = -(cos * rest[0] + sin * rest[1])
+    out[1] = -(cos * rest[1] - sin * rest[0])
+    out[2] = -rest[2]
+    for c in range(3):
+        in_hub = 0.0
+        for i in range(3):
+            in_hub += (tip[i] - root[i]) * hub_rotation[i, c]
+        for k in range(3):
+            out[k] += in_hub * root_rotation[c, k]
+
+
+@kernel
+def observe(y, rates, body_loads, tree, work, hub, nacelle, blades, tip_points, nodes, forces, tower, root_rotation,
+            pitch, wrench, tips, tip_velocity, deflection, clearance, totals):  # fmt: skip
     """What is measured beyond the state, in one call; kinematics are brought up to date.
 
     Parameters
@@ -88,7 +103,11 @@ def observe(y, rates, body_loads, tree, work, hub, nacelle, blades, tip_points, 
     nodes, forces : (n_blades, n_points, 3)
         Lattice points [m] and the forces of the air on them [N].
     tower : (base (3,), heights (n,), radii (n,))
-    wrench : (n_b, 6); tips, tip_velocity : (n_blades, 3); clearance : (n_blades,)
+    root_rotation : (n_blades, 3, 3)
+        Orientation of the unpitched blade roots in the hub.
+    pitch : (n_blades,)
+        [rad].
+    wrench : (n_b, 6); tips, tip_velocity, deflection : (n_blades, 3); clearance : (n_blades,)
         Results.
     totals : (5,)
         Thrust [N] and torque [N m] of the air, acceleration of the nacelle in its own axes [m/s²].
@@ -106,4 +125,6 @@ def observe(y, rates, body_loads, tree, work, hub, nacelle, blades, tip_points, 
         n, q, u = tree.n_elastic[b], tree.elastic_q[b], tree.n_q + tree.elastic_u[b]
         point_motion(work.rot[b], work.r[b], work.v[b], work.omega[b], y[q : q + n], y[u : u + n], tip_points,
                      tips[i : i + 1], tip_velocity[i : i + 1])  # fmt: skip
+        tip_deflection(tips[i], work.r[b], work.rot[hub], root_rotation[i], tip_points.position[0], pitch[i],
+                       deflection[i])  # fmt: skip
     tower_clearance(tips, tower[0], work.r[nacelle], tower[1], tower[2], clearance)

@@ -65,13 +65,14 @@ class Measurement:
         rates = dy[system.n_q : n_y]
         coupling_kernels.observe(
             y, rates, body_loads, system.tree, work, s.hub, s.nacelle, self._blades, s.tip_points, nodes, forces,
-            self._tower, self._wrench, self._tips, self._tip_velocity, self._clearance, self._totals,
+            self._tower, self._root_rotation, y[n_y + 1 : n_y + 1 + len(self._blades)], self._wrench, self._tips,
+            self._tip_velocity, self._deflection, self._clearance, self._totals,
         )  # fmt: skip
         v[0] = time
         self._rotor(y, command)
         self._wind_and_yaw(y, n_y, inflow.velocity(work.r[s.hub], time))
         self._tower_signals(work)
-        self._blade_signals(y, n_y, work, command)
+        self._blade_signals(y, n_y, command)
 
     def _rotor(self, y, command):
         """Speeds, torques and powers."""
@@ -106,16 +107,11 @@ class Measurement:
         v[at["nacelle_acceleration_fore_aft"]] = self._totals[2]
         v[at["nacelle_acceleration_side_side"]] = self._totals[3]
 
-    def _blade_signals(self, y, n_y, work, command):
+    def _blade_signals(self, y, n_y, command):
         """Pitch, tip deflections, root moments and clearances."""
         s, v, at, n = self.structure, self.values, self._at, self.turbine.n_blades
         # the yaw drive is the first servo, the pitch drives follow
         pitch = y[n_y + 1 : n_y + 1 + n]
-        hub = work.rot[s.hub]
-        for i, b in enumerate(s.blades):
-            x, cos, sin = s.tip_points.position[0], math.cos(pitch[i]), math.sin(pitch[i])
-            rest = (cos * x[0] + sin * x[1], cos * x[1] - sin * x[0], x[2])
-            self._deflection[i] = (self._tips[i] - work.r[b]) @ hub @ self._root_rotation[i] - rest
         rate = n_y + s.system.n_servo
         v[at["pitch"]], v[at["pitch_rate"]] = pitch, y[rate + 1 : rate + 1 + n]
         v[at["pitch_command"]] = command[2:]
