@@ -31,7 +31,7 @@ from wt_gym.aerodynamics.wake_kernels import (
 )
 from wt_gym.compiled import kernel
 
-TOLERANCE = 1e-7  # of the decambering, relative to the largest section speed
+TOLERANCE = 1e-5  # of the decambering, relative to the largest section speed
 MAX_ITERATIONS = 8
 CLEARANCE = 1.2  # tower radii within which the wake loses its segments (Gebhardt et al. 2012)
 

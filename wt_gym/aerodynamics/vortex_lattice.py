@@ -1,5 +1,7 @@
 """The unsteady vortex-lattice method: blades on their camber surfaces, free wake, loads."""
 
+import math
+
 import numpy as np
 
 from wt_gym.aerodynamics import step_kernels
@@ -218,14 +220,14 @@ class VortexLattice:
             If the inflow is not finite.
         """
         a, stride, n = state.arrays, self.options.wind_stride, state.n_rows + 1
-        chosen = [slice(0, n)]
-        if stride > 1 and a.count[STEP] > 0 and n > 2:
-            chosen = [slice(0, 2), slice(2 + int(-(2 + a.count[STEP]) % stride), n, stride)]
-        for rows in chosen:
-            wind = inflow.velocity(a.wake[rows], time)
-            if not np.isfinite(wind.sum()):
-                raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
-            a.wind[rows] = wind
+        rows = slice(0, n)
+        if stride > 1 and a.count[STEP] > 0:
+            turn = 1 + int(-(1 + a.count[STEP]) % stride)
+            rows = [0, *range(turn, n, stride)]
+        wind = inflow.velocity(a.wake[rows], time)
+        if not math.isfinite(wind.sum()):
+            raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
+        a.wind[rows] = wind
 
     def solve(self, state: AeroState, nodes, velocities, wind, dt: float) -> np.ndarray:
         """Circulation and loads for the given motion at the end of the step; may be repeated.
