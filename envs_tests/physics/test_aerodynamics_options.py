@@ -291,6 +291,12 @@ def test_passes_of_loads_and_structure_converge_on_light_blades(share, factor, l
 def test_refused_options():
     with pytest.raises(AerodynamicsError, match="no wake has no memory"):
         AeroOptions(trailing_edge_wake=False, tip_wake=False)
+    with pytest.raises(AerodynamicsError, match="sparse_from is 135; allowed: None or more than full_rows, 135"):
+        AeroOptions(sparse_from=135)
+    with pytest.raises(AerodynamicsError, match="sparse_stride is 6; it must be a multiple of coarse_stride, 4"):
+        AeroOptions(full_rows=8, coarse_stride=4, sparse_from=20, sparse_stride=6)
+    with pytest.raises(AerodynamicsError, match="wind_stride is 0"):
+        AeroOptions(wind_stride=0)
     with pytest.raises(AerodynamicsError, match="wake_rows is 0"):
         AeroOptions(wake_rows=0)
     with pytest.raises(AerodynamicsError, match="'pressure'; allowed: joukowski, bernoulli"):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wt_gym.aerodynamics import TRAINING, AeroOptions, VortexLattice, build_planform, span_distribution
+from wt_gym.aerodynamics.wake_kernels import wake_sheets
 
 RADIUS, DENSITY = 60.0, 1.225
 CENTRE = np.array([-5.0, 0.0, 90.0])
@@ -102,6 +103,65 @@ def test_short_wake_with_closure_agrees_with_a_long_one():
     assert short[0] == pytest.approx(long[0], rel=0.025)
     assert short[1] == pytest.approx(long[1], rel=0.015)
     assert abs(open_end[0] / long[0] - 1) > 0.05
+
+
+THINNED = replace(
+    TRAINING, n_span=9, wake_rows=40, full_rows=8, sparse_from=20, sparse_stride=8, sparse_span=2, far_wake=False
+)
+
+
+def test_rings_of_a_wake_thinned_twice_are_closed_and_induce_what_all_nodes_do():
+    """Circulation times length sums to nothing over each sheet; the velocity at the rotor changes by 1 %."""
+    _, _, state = simulate(THINNED, 8.0, ratio=7.0, turns=6)
+    assert state.n_rows == THINNED.wake_rows
+    thinned, full = (
+        VortexLattice(blade(o), 3, o, DENSITY) for o in (THINNED, replace(THINNED, sparse_from=None, sparse_span=1))
+    )
+    copy = full.new_state()
+    for name, array in state.arrays._asdict().items():
+        if name != "far":
+            getattr(copy.arrays, name)[...] = array
+    radius, angle = np.meshgrid(np.linspace(0.3, 0.9, 7) * RADIUS, np.linspace(0.0, 6.0, 9))
+    points = CENTRE + np.stack([0 * radius - 5.0, radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+    expected = full.induced_velocity(copy, points)
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(thinned.induced_velocity(state, points), expected, atol=0.01 * size)
+    wake, sparse = wake_sheets(state.arrays, thinned.constants, thinned.work, 0)
+    assert len(sparse) == 21
+    assert sparse.shape[2] == 6
+    for sheet in (wake.astype(float), sparse.astype(float)):
+        total = (np.diff(sheet[..., :3], axis=0) * sheet[1:, ..., 3:4]).sum(axis=(0, 1, 2))
+        total += (np.diff(sheet[..., :3], axis=2) * sheet[:, :, 1:, 5:6]).sum(axis=(0, 1, 2))
+        if sheet.shape == wake.shape:  # its first row continues the rings of the blades
+            bound = thinned.work.bound_sheet.astype(float)
+            total += (np.diff(bound[..., :3], axis=0) * bound[1:, ..., 3:4]).sum(axis=(0, 1, 2))
+            total += (np.diff(bound[..., :3], axis=2) * bound[:, :, 1:, 5:6]).sum(axis=(0, 1, 2))
+        lengths = np.linalg.norm(np.diff(sheet[..., :3], axis=0), axis=-1) * np.abs(sheet[1:, ..., 3])
+        assert np.abs(total).max() < 1e-4 * lengths.sum()
+
+
+def test_wind_of_every_row_is_asked_for_in_turn():
+    """In a wind that grows by 1 m/s every second no row keeps an older wind than the options allow."""
+
+    class Growing:
+        def velocity(self, points, time):
+            return np.broadcast_to([8.0 + time, 0.0, 0.0], np.shape(points))
+
+    options = replace(THINNED, wind_stride=5)
+    planform, dt = blade(options), 0.1
+    solver = VortexLattice(planform, 3, options, DENSITY)
+    state = solver.new_state()
+    nodes, velocities = motion(planform, 0.0, 1.2, 0.0)
+    wind = np.broadcast_to([8.0, 0.0, 0.0], nodes.shape)
+    solver.initialise_helix(state, nodes, velocities, wind, CENTRE, [1, 0, 0], 1.2, dt)
+    for k in range(60):
+        solver.convect_wake(state, Growing(), k * dt, dt)
+        nodes, velocities = motion(planform, (k + 1) * dt * 1.2, 1.2, 0.0)
+        solver.solve(state, nodes, velocities, wind, dt)
+        solver.accept(state)
+        asked = state.arrays.wind[1 : state.n_rows + 1, ..., 0] - 8.0
+        assert asked.min() > (k - options.wind_stride) * dt + 1e-9 or k < options.wind_stride
+        assert asked.max() < (k + 0.5) * dt
 
 
 SPEED_SCALE = 25.0  # [m/s]

@@ -38,8 +38,9 @@ class AeroOptions:
         The induced velocity of the first ``fresh_rows`` rows is computed every step, that of an older row every
         ``refresh_stride`` steps (rows take turns); between, it turns with the blade.
     wind_stride : int
-        The undisturbed wind at wake rows behind the shedding edge is asked for every ``wind_stride`` steps, an odd
-        number, rows in turn; between, the air keeps its wind as it moves.
+        The undisturbed wind at wake rows behind the shedding edge is asked for every ``wind_stride`` steps, rows in
+        turn; between, the air keeps its wind as it moves. No common divisor with the strides of the rows spreads the
+        work evenly.
     far_wake : bool
         Continue the wake behind its last row by a semi-infinite vortex cylinder per span boundary (rotors only).
     far_wake_rows : int
@@ -143,8 +144,6 @@ class AeroOptions:
                 f"AeroOptions.sparse_stride is {self.sparse_stride}; it must be a multiple of coarse_stride, "
                 f"{self.coarse_stride}"
             )
-        if self.wind_stride % 2 == 0:  # as many steps as a row moves back, an even stride would miss every second row
-            raise AerodynamicsError(f"AeroOptions.wind_stride is {self.wind_stride}; an odd number is needed")
         if self.fresh_rows < 0:
             raise AerodynamicsError(f"AeroOptions.fresh_rows is {self.fresh_rows}; it must not be negative")
         for name in ("bound_core", "wake_core", "viscosity", "squire", "stall_lag"):

@@ -222,8 +222,9 @@ class VortexLattice:
         a, stride, n = state.arrays, self.options.wind_stride, state.n_rows + 1
         rows = slice(0, n)
         if stride > 1 and a.count[STEP] > 0:
-            turn = 1 + int(-(1 + a.count[STEP]) % stride)
-            rows = [0, *range(turn, n, stride)]
+            turn = (a.count[STEP] - a.shed[:n]) % stride == 0  # by the time since they were shed
+            turn[0] = True
+            rows = np.flatnonzero(turn)
         wind = inflow.velocity(a.wake[rows], time)
         if not math.isfinite(wind.sum()):
             raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
