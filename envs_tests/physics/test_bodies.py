@@ -6,7 +6,7 @@ import pytest
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, body_kernels, build_planform
 from wt_gym.aerodynamics.bodies import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
 from wt_gym.aerodynamics.tower_flow import TowerFlow
-from wt_gym.aerodynamics.tower_kernels import flag_wake_nodes, flag_wake_segments
+from wt_gym.aerodynamics.tower_kernels import flag_wake_segments
 from wt_gym.validation.bodies import box_body
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
@@ -306,17 +306,6 @@ def test_tower_flow_refuses():
         flow.add(points, points.copy(), np.zeros(3))
     with pytest.raises(AerodynamicsError, match="contiguous"):
         flow.add(points, np.zeros((3, 4)).T, np.array([0, 0, 80.0]))
-
-
-def test_wake_nodes_near_the_tower_are_marked():
-    base, top = np.zeros(3), np.array([0, 0, 80.0])
-    stations, radii = np.array([0.0, 80.0]), np.array([3.0, 2.0])
-    x = np.array([[2.9, 0, 40], [3.1, 0, 40], [0, 3.5, 1], [0, 0, 80.3], [0, 0, 80.5], [0, 0, 40]])
-    wake = np.zeros((4, 1, 6, 3))
-    wake[:] = x
-    flags = np.ones((4, 1, 6), dtype=np.int8)
-    assert flag_wake_nodes(wake, 2, base, top, stations, radii, 1.2, flags) == 8
-    np.testing.assert_array_equal(flags[:3, 0], [[0] * 6, [1, 0, 1, 1, 0, 1], [1, 0, 1, 1, 0, 1]])
 
 
 def test_wake_segments_near_the_tower_are_marked():

@@ -63,7 +63,7 @@ def _bend_weights(a, o, k):
     """
     middle = min(k, a.count[0] - 1)
     if not o.curved or middle < 3:
-        return 1, 0.0, 0.0
+        return 0, 0.0, 0.0
     before, behind = a.age[middle] - a.age[middle - 1], a.age[middle + 1] - a.age[middle]
     weight = (before * before + behind * behind) / (12.0 * (before + behind))
     return middle, weight / before, weight / behind
@@ -73,9 +73,12 @@ def _bend_weights(a, o, k):
 def _place_corner(a, k, b, j, middle, fore, aft, corner):
     """Position of node j of row k as a corner of the sheet, relative to ``a.origin``."""
     for c in range(3):
-        x = a.wake[middle, b, j, c]
-        bend = aft * (a.wake[middle + 1, b, j, c] - x) - fore * (x - a.wake[middle - 1, b, j, c])
-        corner[c] = a.wake[k, b, j, c] - a.origin[c] - bend
+        corner[c] = a.wake[k, b, j, c] - a.origin[c]
+    if aft > 0.0:
+        for c in range(3):
+            x = a.wake[middle, b, j, c]
+            bend = aft * (a.wake[middle + 1, b, j, c] - x) - fore * (x - a.wake[middle - 1, b, j, c])
+            corner[c] -= bend
 
 
 @kernel(fastmath=False)

@@ -48,47 +48,6 @@ def add_tower_flow(points, wind, base, top, stations, radii):
 
 
 @kernel(fastmath=False)
-def flag_wake_nodes(wake, n_rows, base, top, stations, radii, reach, flags):
-    """Mark the wake nodes within ``reach`` tower radii of the tower; returns how many those are.
-
-    Segments that end in such a node are dropped, so that the wake does not cut through the tower (Gebhardt et al.
-    2012 take 1.2 radii). Beyond the ends the tower reaches ``reach`` - 1 radii farther.
-
-    Parameters
-    ----------
-    wake : (n_max + 1, n_blade, n_node, 3)
-        Wake nodes [m], of which rows 1..n_rows are looked at; row 0, the trailing edge, belongs to the blade.
-    base, top : (3,)
-        Ends of the tower axis [m].
-    stations, radii : (n,)
-        Radii at increasing distances from the base [m].
-    flags : int8, (n_max + 1, n_blade, n_node)
-        1 for marked nodes, else 0.
-    """
-    tx, ty, tz = top[0] - base[0], top[1] - base[1], top[2] - base[2]
-    height = np.sqrt(tx * tx + ty * ty + tz * tz)
-    tx, ty, tz = tx / height, ty / height, tz / height
-    widest = 0.0
-    for k in range(radii.shape[0]):
-        widest = max(widest, reach * radii[k])
-    count = 0
-    for k in range(n_rows + 1):
-        for b in range(wake.shape[1]):
-            for j in range(wake.shape[2]):
-                flags[k, b, j] = 0
-                x, y, z = wake[k, b, j, 0] - base[0], wake[k, b, j, 1] - base[1], wake[k, b, j, 2] - base[2]
-                along = x * tx + y * ty + z * tz
-                distance2 = x * x + y * y + z * z - along * along
-                if k > 0 and distance2 < widest * widest:
-                    radius = radius_at(along, stations, radii)
-                    beyond = (reach - 1.0) * radius
-                    if distance2 < (reach * radius) ** 2 and -beyond < along < height + beyond:
-                        flags[k, b, j] = 1
-                        count += 1
-    return count
-
-
-@kernel(fastmath=False)
 def _segment_near_tower(start, end, base, axis, height, stations, radii, reach):
     """Whether a segment comes within ``reach`` radii of the tower; ``axis`` is its unit direction."""
     a0, a1 = 0.0, 0.0
@@ -125,13 +84,19 @@ def _segment_near_tower(start, end, base, axis, height, stations, radii, reach):
 def flag_wake_segments(wake, n_rows, base, top, stations, radii, reach, flags):
     """Mark the wake segments that come within ``reach`` tower radii of the tower; returns how many those are.
 
+    Such segments are dropped, so that the wake does not cut through the tower (Gebhardt et al. 2012 take 1.2 radii).
     The flow around a closed tower keeps the nodes of the wake outside, but segments between nodes on both of its sides
-    cut through it when they are longer than the tower is wide: `flag_wake_nodes` does not see those.
+    cut through it when they are longer than the tower is wide. Beyond the ends the tower reaches ``reach`` - 1 radii
+    farther.
 
     Parameters
     ----------
-    wake, n_rows, base, top, stations, radii
-        As for `flag_wake_nodes`; segments that end in rows 2..n_rows are looked at.
+    wake : (n_max + 1, n_blade, n_node, 3)
+        Wake nodes [m]; segments that end in rows 2..n_rows are looked at.
+    base, top : (3,)
+        Ends of the tower axis [m].
+    stations, radii : (n,)
+        Radii at increasing distances from the base [m].
     flags : int8, (n_max + 1, n_blade, n_node)
         Sum of 1 when the trailing segment and 2 when the spanwise segment that end in the node, coming from the same
         node of the row before and from the node before in the row, are marked.
