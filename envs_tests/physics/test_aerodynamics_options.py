@@ -288,6 +288,22 @@ def test_passes_of_loads_and_structure_converge_on_light_blades(share, factor, l
 # ---- refusals --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(("wind", "yaw"), [(8.0, 0.0), (25.0, 0.5), (17.0, 2.0), (23.0, 3.0)])
+def test_circulation_and_polars_agree_at_any_attitude(wind, yaw):
+    """Blades at random pitch, in stall and in flow from behind: the iteration of the sections always ends."""
+    rng = np.random.default_rng(int(wind))
+    simulator = Simulator("nrel_5mw", SteadyInflow(wind, shear_exponent=0.2, yaw_misalignment=yaw))
+    simulator.reset(rotor_speed=0.4, pitch=0.6)
+    aero, reversed_flow = simulator._aero, 0
+    for step in range(150):
+        if step % 10 == 0:
+            pitch = rng.uniform(-0.1, 1.57, 3)
+        simulator.advance(0.2, pitch, generator_torque=2e4)
+        assert aero.residual < 1.001e-5 * (aero.arrays.speed.max() + 1e-3)
+        reversed_flow += np.sum(np.cos(aero.arrays.alpha) < 0)
+    assert reversed_flow > 100 or yaw < 1.0
+
+
 def test_refused_options():
     with pytest.raises(AerodynamicsError, match="no wake has no memory"):
         AeroOptions(trailing_edge_wake=False, tip_wake=False)

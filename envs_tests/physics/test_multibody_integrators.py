@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from wt_gym.multibody.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators import INTEGRATORS, make_integrator
 from wt_gym.multibody.stability import hamming_matrix
 from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
@@ -38,6 +39,24 @@ def test_hamming_matches_its_formulas():
         integrator = make_integrator("hamming", oscillator(), h)
         expected = spectral_radius(hamming_matrix(1j * h, 3))
         assert spectral_radius(amplification(integrator, h)) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("n_corrections", [0, 3])
+def test_hamming_without_its_last_rate_reaches_the_same_state(n_corrections):
+    """Only the rate of the newest state is left out; asked for later, it is the same."""
+    system = pendulum()
+    histories = []
+    for last_rate in (True, False):
+        integrator = make_integrator("hamming", system, 0.05)
+        integrator.start(pendulum_state(1.0))
+        integrator.advance(6)
+        h, tail = integrator.history, (system.tree, integrator.work)
+        hamming_advance(h, integrator.inputs, *tail, 0.05, 3, n_corrections, None, last_rate)
+        if not last_rate:
+            hamming_advance(h, integrator.inputs, *tail, 1.0, 0, 0, None, True)
+        histories.append(h)
+    np.testing.assert_array_equal(histories[1].y, histories[0].y)
+    np.testing.assert_array_equal(histories[1].f, histories[0].f)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.3, 0.8, 1.0])

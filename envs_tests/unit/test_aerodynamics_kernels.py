@@ -8,6 +8,7 @@ from wt_gym.aerodynamics.bound_kernels import invert
 from wt_gym.aerodynamics.far_wake import cylinder_table, ring_velocity
 from wt_gym.aerodynamics.far_wake_kernels import HEADER, PER_CYLINDER, far_wake_velocity
 from wt_gym.aerodynamics.induction_kernels import direct_induction
+from wt_gym.aerodynamics.section_kernels import decambering, section_state
 from wt_gym.aerodynamics.simd_kernels import WIDTH
 
 
@@ -138,3 +139,46 @@ def test_tower_flow_vanishes_into_stagnation_and_doubles_beside():
     np.testing.assert_allclose(velocity[:, 0], [-10, 10, -0.1, 0], atol=1e-9)
     with pytest.raises(AerodynamicsError, match="positive"):
         tower_perturbation(points, wind, (0, 0, 0), (0, 0, 80), [0, 80], [6.0, 0.0])
+
+
+def stalling_polar(n=720):
+    """Lift 2 pi sin(alpha) in attached flow, a plate's beyond 20 degrees: (n, 3) from -pi to pi."""
+    alpha = np.linspace(-np.pi, np.pi, n, endpoint=False)
+    attached = 1.0 / (1.0 + np.exp((np.abs(np.degrees(alpha)) - 20.0) / 2.0))
+    cl = attached * 2 * np.pi * np.sin(alpha) + (1 - attached) * np.sin(2 * alpha)
+    return np.column_stack([cl, 0.01 + np.sin(alpha) ** 2, 0.0 * alpha])
+
+
+@pytest.mark.parametrize("along", [60.0, 3.0, -8.0])
+@pytest.mark.parametrize("across", [-12.0, 0.7, 9.0])
+def test_rates_of_the_section_are_those_of_differences(along, across):
+    """Decambering velocity and speed by central differences over the normal velocity."""
+    fixed = along, np.array([np.cos(0.3), np.sin(0.3)]), stalling_polar(), 0.05, 3.0, 8.0
+    step = 1e-5
+    low, high = (section_state(across + sign * step, *fixed) for sign in (-1, 1))
+    _, _, _, wanted_rate, speed_rate = section_state(across, *fixed)
+    assert wanted_rate == pytest.approx((high[2] - low[2]) / (2 * step), rel=2e-3, abs=2e-3)
+    assert speed_rate == pytest.approx((high[1] - low[1]) / (2 * step), abs=1e-8)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_decambering_converges_quadratically_within_a_blade(first):
+    """One blade, whose coupling Newton's method knows: the residual falls with its square, thick root sections too."""
+
+    class Planform:
+        chord, kappa = np.array([3.0, 4.0, 2.5]), np.array([3.0, 4.0, 2.5]) * 2.8
+        tilt = np.column_stack([np.cos([0.4, 0.1, 0.0]), np.sin([0.4, 0.1, 0.0])])
+        polars, alpha0 = np.array([stalling_polar()] * 3), np.array([0.3, 0.05, -0.02])
+
+    response = -np.array([[6.0, 0.8, 0.2], [0.8, 8.0, 0.8], [0.2, 0.8, 5.0]])
+    potential, along = np.array([60.0, 110.0, 90.0]), np.array([20.0, 45.0, 70.0])
+    residuals = []
+    for iterations in range(5):
+        source = np.zeros(3)
+        residuals.append(
+            decambering.py_func(potential, along, response, np.array([0.2, 0.05, 0.0]), first, 0.1, 1.5, Planform, 1,
+                                0.0, iterations, np.zeros((3, 3)), np.zeros(3), np.zeros(3), source)
+        )  # fmt: skip
+    assert residuals[0] > 0.3
+    assert residuals[2] < 3e-3 * residuals[0]
+    assert residuals[4] < 1e-9

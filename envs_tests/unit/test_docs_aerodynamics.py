@@ -13,7 +13,11 @@ from wt_gym.validation.case import load_cases
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "aerodynamics.md").read_text(encoding="utf-8")
 SPANS = sorted(set(re.findall(r"`([^`]+)`", PAGE)))
-FILES = [*sorted((ROOT / "wt_gym" / "aerodynamics").glob("*.py")), ROOT / "wt_gym" / "simulation" / "blade_lattice.py"]
+FILES = [
+    *sorted((ROOT / "wt_gym" / "aerodynamics").glob("*.py")),
+    ROOT / "wt_gym" / "simulation" / "blade_lattice.py",
+    ROOT / "wt_gym" / "simulation" / "coupled_step_kernels.py",
+]
 DEFAULTS = {field.name: field.default for field in fields(AeroOptions)}
 
 

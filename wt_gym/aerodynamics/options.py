@@ -187,7 +187,7 @@ class AeroOptions:
 # then.
 TRAINING = AeroOptions(
     n_chord=1, n_span=10, azimuth_step_deg=8.0, wake_rows=44, full_rows=8, coarse_stride=4, sparse_from=24,
-    sparse_stride=8, sparse_span=2, fresh_rows=0, refresh_stride=20, wind_stride=5, far_wake_rows=20,
+    sparse_stride=8, sparse_span=2, fresh_rows=0, refresh_stride=20, wind_stride=10, far_wake_rows=20,
     squire=2e-3,
 )  # fmt: skip
 # 4 turns at 9 rpm, the older three and a half thinned.

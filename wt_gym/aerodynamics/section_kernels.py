@@ -4,6 +4,8 @@ import numpy as np
 
 from wt_gym.compiled import kernel
 
+STEEPEST = 0.9  # slope of the right-hand side over s for a strip alone, in the Jacobian
+
 
 @kernel(fastmath=False)
 def polar_at(table, alpha):
@@ -60,17 +62,20 @@ def section_state(across, along, tilt, polar, alpha0, chord, kappa):
     """Angle of attack and what the polar makes of it.
 
     ``across`` is the velocity normal to the zero-lift line of the lattice section, ``along`` the one along the line
-    that joins its first and last node, ``tilt`` = slope angle - alpha0. Returns alpha, speed, decambering velocity
-    wanted by the polar (the normal velocity that makes no circulation) and its derivative with respect to ``across``.
+    that joins its first and last node, ``tilt`` (2,) cosine and sine of slope angle - alpha0. Returns alpha, speed,
+    decambering velocity wanted by the polar (the normal velocity that makes no circulation), and the derivatives of the
+    latter and of the speed with respect to ``across``.
     """
-    tangential = (along - across * np.sin(tilt)) / np.cos(tilt)
+    tangential = (along - across * tilt[1]) / tilt[0]
     speed = np.sqrt(across * across + tangential * tangential)
     alpha = np.arctan2(across, tangential) + alpha0
     cl, _, _, slope = polar_at(polar, alpha)
-    # 0.5 c d(V cl)/d(across) with d(alpha) = tangential/V^2, dV = across/V (and tangential nearly constant).
     safe = max(speed, 1e-9)
-    gradient = 0.5 * chord * (slope * tangential + cl * across) / safe
-    return alpha, speed, across - 0.5 * speed * chord * cl / kappa, 1.0 - gradient / kappa
+    tangential_rate = -tilt[1] / tilt[0]
+    speed_rate = (across + tangential * tangential_rate) / safe
+    lift_rate = slope * (tangential - across * tangential_rate) / safe + cl * speed_rate  # of V cl
+    share = 0.5 * chord / kappa
+    return alpha, speed, across - share * speed * cl, 1.0 - share * lift_rate, speed_rate
 
 
 @kernel(fastmath=False, inline="always")
@@ -82,9 +87,9 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
     velocity x = G / kappa + s. The polar wants s* = x - (V c cl / 2) / kappa. Each step solves
     s = (1 - w) V d_previous + w s*(x), w = 1 - exp(-V dt / (lag c)), where ``previous`` holds d = s / V of the last
     step: what lags is an angle, so that the lift coefficient does not overshoot where the speed drops. Newton's
-    method has the coupling inside a blade in its Jacobian, the weak one between blades and the slope of V only in
-    the residual. The slope of s* is limited in the
-    Jacobian (not in the equation) where the polar falls steeply, since there the equation has several solutions.
+    method has the coupling inside a blade in its Jacobian, the weak one between blades only in the residual. The
+    slope of the right-hand side is limited in the Jacobian (not in the equation) where the polar falls steeply, since
+    there the equation has several solutions.
     """
     n_strip = potential.shape[0]
     n_span = n_strip // n_blade
@@ -99,11 +104,19 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
                 g += response[k, m] * source[m]
             j = k % n_span
             across = g / kappa[j] + source[k]
-            _, speed, wanted, slope = section_state(across, along[k], p.tilt[j], p.polars[j], p.alpha0[j], chord[j],
-                                                        kappa[j])  # fmt: skip
-            weight = 1.0 if first else 1.0 - np.exp(-speed * dt / max(lag * chord[j], 1e-12))
-            rhs[k] = (1.0 - weight) * previous[k] * speed + weight * wanted - source[k]
-            derivative[k] = weight * min(max(slope, -1.0), 1.0)
+            _, speed, wanted, slope, speed_rate = section_state(
+                across, along[k], p.tilt[j], p.polars[j], p.alpha0[j], chord[j], kappa[j]
+            )
+            frequency = dt / max(lag * chord[j], 1e-12)
+            kept = 0.0 if first else np.exp(-speed * frequency)
+            lagging = previous[k] * speed
+            rhs[k] = kept * lagging + (1.0 - kept) * wanted - source[k]
+            derivative[k] = (1.0 - kept) * max(slope, -1.0)
+            if not first:
+                derivative[k] += kept * speed_rate * (previous[k] + frequency * (wanted - lagging))
+            own = 1.0 + response[k, k] / kappa[j]
+            if derivative[k] * own > STEEPEST:
+                derivative[k] = STEEPEST / own
             residual = max(residual, abs(rhs[k]))
             scale = max(scale, speed)
         if not residual > tolerance * (scale + 1e-3) or iteration == max_iterations:

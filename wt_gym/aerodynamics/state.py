@@ -29,7 +29,7 @@ class PlanformArrays(NamedTuple):
     kappa: np.ndarray
     moment0: np.ndarray
     slope_angle: np.ndarray
-    tilt: np.ndarray
+    tilt: np.ndarray  # (n_span, 2) cosine and sine of slope angle - angle of zero lift
     cylinder_table: np.ndarray
     shed_nodes: np.ndarray
     shed_rings: np.ndarray
@@ -51,10 +51,11 @@ class PlanformArrays(NamedTuple):
         segments, cores = np.full((2, count.max(), 4), -1), np.zeros((2, count.max()))
         for k, (segment, core) in enumerate(tables):
             segments[k, : count[k]], cores[k, : count[k]] = segment, core**2
+        tilt = planform.slope_angle - planform.alpha0_lattice
         return cls(
             planform.chord, planform.edge_chord, planform.polars, planform.alpha0_lattice,
             0.5 * planform.chord * planform.lift_slope, planform.moment0_lattice, planform.slope_angle,
-            planform.slope_angle - planform.alpha0_lattice, cylinder_table, edge.nodes, edge.rings, edge.chord,
+            np.column_stack([np.cos(tilt), np.sin(tilt)]), cylinder_table, edge.nodes, edge.rings, edge.chord,
             segments, cores, count, *sparse_span(planform.nodes, edge.nodes, options.sparse_span),
         )  # fmt: skip
 

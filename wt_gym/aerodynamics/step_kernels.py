@@ -63,15 +63,22 @@ def gather_corners(nodes, wake, ground, corners):
 
 
 @kernel(fastmath=FAST)
-def apply_inverse(inverse, source, through, weight, n_chord, n_span, gamma):
-    """Circulations (n_ring,) for the normal velocities ``through`` and ``weight`` times the decambering ``source``."""
-    n_ring = gamma.shape[0]
-    for r in range(n_ring):
+def apply_inverse(inverse, through, gamma):
+    """Circulations (n_ring,) of rings that hold up the normal velocities ``through`` (n_ring,)."""
+    for r in range(gamma.shape[0]):
         total = 0.0
-        for m in range(n_ring):
-            strip = m // (n_chord * n_span) * n_span + m % n_span
-            total += inverse[r, m] * (weight * source[strip] - through[m])
-        gamma[r] = total
+        for m in range(gamma.shape[0]):
+            total += inverse[r, m] * through[m]
+        gamma[r] = -total
+
+
+@kernel(fastmath=False, inline="always")
+def let_through(source, n_blade, n_chord, n_span, through):
+    """Take the decambering velocity of its strip from the normal velocity of each ring."""
+    for b in range(n_blade):
+        for i in range(n_chord):
+            for j in range(n_span):
+                through[(b * n_chord + i) * n_span + j] -= source[b * n_span + j]
 
 
 @kernel(fastmath=False)
@@ -112,7 +119,7 @@ def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
     if n_rows == 0:
         return
     if place:
-        place_newest_row(a.free_edge, o.shed_fraction, a.wake)
+        place_newest_row(nodes, p.shed_nodes, a.free_edge, o.shed_fraction, a.wake)
     if o.far_wake and a.count[4] == 1 and n_rows > 1:
         n_tail, dt = min(o.far_wake_rows, n_rows - 1), a.clock[2] if place else 0.0
         measure_far_wake(a, n_tail, dt, p.sparse_nodes, p.sparse_weight, w.lines)
@@ -235,7 +242,7 @@ def solve(p, o, a, w, nodes, velocities, wind, dt, first):
     for r in range(n_ring):
         through[r] = flow[0, r] * normal[r, 0] + flow[1, r] * normal[r, 1] + flow[2, r] * normal[r, 2]
     gamma = a.gamma.reshape(n_ring)
-    apply_inverse(a.inverse, a.source, through, 0.0, n_chord, n_span, gamma)
+    apply_inverse(a.inverse, through, gamma)
     for k in range(n_strip):
         b, j = k // n_span, k % n_span
         potential[k] = a.gamma[b, n_chord - 1, j]
@@ -247,11 +254,12 @@ def solve(p, o, a, w, nodes, velocities, wind, dt, first):
     if o.viscous:
         a.clock[1] = decambering(potential, along, a.response, a.source_1, first, dt, o.stall_lag, p, n_blade,
                                  TOLERANCE, MAX_ITERATIONS, w.jacobian, w.strip[3], w.strip[4], a.source)  # fmt: skip
-        apply_inverse(a.inverse, a.source, through, 1.0, n_chord, n_span, gamma)
+        let_through(a.source, n_blade, n_chord, n_span, through)
+        apply_inverse(a.inverse, through, gamma)
     for k in range(n_strip):
         b, j = k // n_span, k % n_span
         across = a.gamma[b, n_chord - 1, j] / p.kappa[j] + a.source[k]
-        a.alpha[k], a.speed[k], _, _ = section_state(across, along[k], p.tilt[j], p.polars[j], p.alpha0[j],
+        a.alpha[k], a.speed[k], _, _, _ = section_state(across, along[k], p.tilt[j], p.polars[j], p.alpha0[j],
                                                      p.chord[j], p.kappa[j])  # fmt: skip
     add_ring_velocity(gamma, a.influence, 0 if o.bernoulli else n_ring, flow)
     rate = through  # its memory is free now
@@ -297,7 +305,7 @@ def shed_newest(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     n_rows = a.count[0]
     shedding_edge(a.nodes, p.shed_nodes, a.wake[0])
     if n_rows > 0 and place:
-        place_newest_row(a.free_edge, o.shed_fraction, a.wake)
+        place_newest_row(a.nodes, p.shed_nodes, a.free_edge, o.shed_fraction, a.wake)
     start = a.count[2] == 0
     for b in range(a.gamma.shape[0]):
         for e in range(p.shed_rings.shape[0]):

@@ -97,16 +97,29 @@ def shedding_edge(nodes, shed_nodes, edge):
 
 
 @kernel(fastmath=False)
-def place_newest_row(free_edge, shed_fraction, wake):
+def place_newest_row(nodes, shed_nodes, free_edge, shed_fraction, wake):
     """Wake row 1 on the way from the shedding edge, row 0, to the air that left it one step ago.
 
     Counting from the true trailing edge, not from the end of the last ring, matters: with a quarter of the way and a
     path of one panel chord the wake continues the quarter points of the panels, and Wagner's lift comes out exact.
+
+    Where the flow is reversed the newest row stays beside the edge. Over the blade it would take away what the bound
+    rings induce there, and the boundary condition would have no solution when it comes to lie on their control points.
     """
+    n_row, n_bound = nodes.shape[1], nodes.shape[2]
     for b in range(wake.shape[1]):
         for j in range(wake.shape[2]):
+            row, column = shed_nodes[j] // n_bound, shed_nodes[j] % n_bound
+            before = nodes[b, row - 1, column] if row == n_row - 1 else nodes[b, row, column - 1]
+            off, size2 = 0.0, 0.0  # along the direction in which the edge points
             for c in range(3):
-                wake[1, b, j, c] = wake[0, b, j, c] + shed_fraction * (free_edge[b, j, c] - wake[0, b, j, c])
+                outward = nodes[b, row, column, c] - before[c]
+                off += outward * (free_edge[b, j, c] - wake[0, b, j, c])
+                size2 += outward * outward
+            back = min(off, 0.0) / size2
+            for c in range(3):
+                way = free_edge[b, j, c] - wake[0, b, j, c] - back * (nodes[b, row, column, c] - before[c])
+                wake[1, b, j, c] = wake[0, b, j, c] + shed_fraction * way
 
 
 @kernel(fastmath=False)

@@ -18,7 +18,7 @@ from wt_gym.multibody.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
 
 
 @kernel
-def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, constrained=None):
+def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, constrained=None, last_rate=True):
     """Advance the state by n_steps of length h while the inputs run linearly from their start to their end.
 
     Parameters
@@ -36,6 +36,9 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
         A Runge–Kutta step has always three.
     constrained : None or int
         See :func:`wt_gym.multibody.rate_kernels.rates`.
+    last_rate : bool
+        False leaves out the evaluation at the end of the last step, for a caller that asks for it later, with other
+        inputs, or throws the state away; the newest f is then out of date.
 
     Returns
     -------
@@ -69,6 +72,8 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                 c[i] = y[3, i] + h / 2.0 * f[3, i]
         n_evaluations = n_passes + 1 if constrained is None else n_passes + 2
         for k in range(n_evaluations if n_steps else 1):
+            if k == n_evaluations - 1 and step == n_steps - 1 and not last_rate:
+                break
             middle = 0.5 / n_steps if filled < 0 and k < 2 and n_steps else 0.0
             code = rates(c, tau - middle, inputs, tree, work, fn, constrained)
             if code != OK:

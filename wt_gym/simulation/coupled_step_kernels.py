@@ -115,7 +115,7 @@ def predict_step(o, a, x, history, saved, inputs, tree, work, dt, h, n_sub, n_co
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
     rough = constrained is None and iterations > 1 and n_sub <= MOST_UNCORRECTED
     guess = 0 if rough else n_corrections
-    code = hamming_advance(history, inputs, tree, work, h, n_sub, guess, constrained)
+    code = hamming_advance(history, inputs, tree, work, h, n_sub, guess, constrained, False)
     if code == OK:
         move_lattice(history.y[3], tree, work, x)
     return code
@@ -137,7 +137,7 @@ def correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, 
             break
         share = relax_loads(inputs.body_loads[1], x.passes, share, iteration)
         copy_history(saved, history)
-        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections, constrained)
+        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections, constrained, False)
         if code != OK:
             return code
         move_lattice(history.y[3], tree, work, x)
@@ -180,7 +180,7 @@ def relax_loads(new, passes, share, iteration):
 @kernel
 def end_step(x, history, inputs, tree, work, constrained=None):
     """Rates that belong to the stored state and the final loads; has anything left the range of the model?"""
-    code = hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained)
+    code = hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained, True)
     if code != OK:
         return code
     for b in range(x.previous_loads.shape[0]):

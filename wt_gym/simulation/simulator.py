@@ -9,6 +9,7 @@ import numpy as np
 
 from wt_gym.aerodynamics import BodySet, TowerFlow, VortexLattice, tower_body
 from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.compiled import compiled_for
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody import point_kernels, tree_kernels
 from wt_gym.multibody.checks import check_state
@@ -145,6 +146,11 @@ class Simulator:
         self._measurement = Measurement(self.turbine, self.structure)
         self._values = self._measurement.values
         self._n_steps = 0
+        self._coupled_step = None  # compiled for the types of this simulator
+
+    def __getstate__(self):
+        """What a copy or a pickle takes along: all but the compiled form."""
+        return self.__dict__ | {"_coupled_step": None}
 
     # ---- the public run ----
 
@@ -415,9 +421,11 @@ class Simulator:
         body = i.history, self._saved, i.inputs, tree, i.work
         steps = self.time_step, self._h, self._n_sub, i.n_corrections, fid.coupling_iterations
         if lattice.split is None:
-            return ck.coupled_step(
-                *air, x, *body, blade_wind, *steps, fid.coupling_tolerance, fixed, *lattice.body_arrays
-            )
+            bodies = lattice.body_arrays or (None, None)
+            arguments = (*air, x, *body, blade_wind, *steps, fid.coupling_tolerance, fixed, *bodies)
+            if self._coupled_step is None:
+                self._coupled_step = compiled_for(ck.coupled_step, arguments)
+            return self._coupled_step(*arguments)
         code = ck.predict_step(*air[1:3], x, *body, *steps, fixed)
         if code == tree_kernels.OK:
             lattice.prepare(self._aero, x.nodes)
