@@ -26,7 +26,7 @@ class SplitInduction:
 
     def __init__(self, lattice, threads: int):
         o, w = lattice.options, lattice.work
-        self._lattice, self._work = lattice, w
+        self._lattice, self._work, self.threads = lattice, w, threads
         n_row, n_blade, n_node, _ = w.wake_sheet.shape
         widest = max(n_node, w.bound_sheet.shape[2])
         self._scratch = np.zeros((threads, 8 * WIDTH * widest), dtype=np.float32)

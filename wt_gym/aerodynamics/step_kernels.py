@@ -131,7 +131,7 @@ def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
         cut_wake(p, o, bodies, body_work.flags, a.wake, n_rows, w)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, nogil=True)
 def prepare_boundary(p, o, a, w, nodes, bodies=None, body_work=None):
     """Influence of the bound rings with their newest wake rings, and the inverse of the boundary condition."""
     n_blade, n_row, n_node, _ = nodes.shape

@@ -28,7 +28,7 @@ from wt_gym.aerodynamics.tree_induction_kernels import (
     walk_blocks,
 )
 
-__all__ = ["Block", "Tree", "TreeInduction", "make_block", "make_tree", "split_direct", "split_range"]
+__all__ = ["Block", "Tree", "TreeInduction", "make_block", "make_tree", "run_beside", "split_direct", "split_range"]
 
 Tree = namedtuple(
     "Tree",
@@ -111,6 +111,8 @@ def _arrays(kind, integers, reals):
 
 # ---- threads ----
 
+CHUNKS = 8  # parts of a range for each thread: some take longer than others
+
 _pools = {}  # by number of threads
 
 # The threads of a pool exist only in the process that started them.
@@ -118,11 +120,11 @@ os.register_at_fork(after_in_child=_pools.clear)
 
 
 def split_range(part, n, step, n_threads):
-    """Call ``part(first, last, thread)`` for equal parts of range(n), the first one in the calling thread.
+    """Call ``part(first, last, thread)`` for equal parts of range(n), which the threads take in turn.
 
-    The threads are started at the first call and kept. They are Python threads, so ``part`` must release the
-    interpreter's lock for most of its time, as a compiled function with ``nogil`` does. Unlike parallel compiled
-    functions they survive a fork: a child process starts its own.
+    The calling thread is number 0. The others are started at the first call and kept. They are Python threads, so
+    ``part`` must release the interpreter's lock for most of its time, as a compiled function with ``nogil`` does.
+    Unlike parallel compiled functions they survive a fork: a child process starts its own.
 
     Parameters
     ----------
@@ -136,13 +138,35 @@ def split_range(part, n, step, n_threads):
     if n_threads < 1:
         raise AerodynamicsError(f"the number of threads is {n_threads}; it must be at least 1")
     n_step = -(-n // step)
-    bounds = [min(n, n_step * t // n_threads * step) for t in range(n_threads + 1)]
-    if n_threads > 1 and n_threads not in _pools:
-        _pools[n_threads] = ThreadPoolExecutor(max_workers=n_threads - 1, thread_name_prefix="induction")
-    waiting = [_pools[n_threads].submit(part, bounds[t], bounds[t + 1], t) for t in range(1, n_threads)]
-    part(bounds[0], bounds[1], 0)
+    n_chunk = min(n_step, CHUNKS * n_threads) if n_threads > 1 else 1
+    bounds = [min(n, n_step * k // max(n_chunk, 1) * step) for k in range(n_chunk + 1)]
+    chunks = iter(range(n_chunk))  # the interpreter's lock gives each number to one thread
+
+    def work(thread):
+        for k in chunks:
+            part(bounds[k], bounds[k + 1], thread)
+
+    waiting = [_pool(n_threads).submit(work, t) for t in range(1, n_threads)]
+    work(0)
     for result in waiting:
         result.result()
+
+
+def run_beside(function, other, n_threads):
+    """Call two functions at once, ``other`` in the calling thread; one after the other with one thread."""
+    if n_threads == 1:
+        function()
+        other()
+        return
+    result = _pool(n_threads).submit(function)
+    other()
+    result.result()
+
+
+def _pool(n_threads):
+    if n_threads not in _pools:
+        _pools[n_threads] = ThreadPoolExecutor(max_workers=n_threads - 1, thread_name_prefix="induction")
+    return _pools[n_threads]
 
 
 def split_direct(sheet, targets, velocity, scratch):

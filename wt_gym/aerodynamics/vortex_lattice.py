@@ -13,7 +13,8 @@ from wt_gym.aerodynamics.options import AeroOptions
 from wt_gym.aerodynamics.simd_kernels import WIDTH
 from wt_gym.aerodynamics.split_induction import SplitInduction
 from wt_gym.aerodynamics.state import LEVELS, STEP, AeroConstants, AeroState, AeroWork, PlanformArrays
-from wt_gym.aerodynamics.wake_kernels import shedding_edge
+from wt_gym.aerodynamics.tree_induction import run_beside
+from wt_gym.aerodynamics.wake_kernels import place_newest_row, shedding_edge
 
 __all__ = ["VortexLattice"]
 
@@ -118,7 +119,8 @@ class VortexLattice:
         nodes, velocities, wind : ndarray, shape (n_blades, n_chord + 1, n_span + 1, 3)
             As for `reset`.
         wake_rows : ndarray, shape (n_rows, n_blades, n_edge + 1, 3)
-            Positions of the rows behind the shedding edge, newest first [m].
+            Positions of the rows behind the shedding edge, newest first [m]; the newest is kept off the blade, see
+            `wake_kernels.place_newest_row`.
         ages : ndarray, shape (n_rows,)
             Time since each row was shed [s].
         far_wake : bool
@@ -131,6 +133,8 @@ class VortexLattice:
         self._clear(state, nodes)
         a = state.arrays
         a.wake[1 : n_rows + 1] = wake_rows
+        shedding_edge(a.nodes, self.arrays.shed_nodes, a.wake[0])
+        place_newest_row(a.nodes, self.arrays.shed_nodes, a.wake[1].copy(), 1.0, a.wake)
         a.age[1 : n_rows + 1] = ages
         a.shed[1 : n_rows + 1] = -np.arange(1, n_rows + 1)
         a.count[0] = n_rows
@@ -298,10 +302,20 @@ class VortexLattice:
         if self.split is None:
             step_kernels.prepare(p, o, a, w, nodes, place, *self.body_arrays)
             return
+
+        def wake_flow():
+            if state.n_rows:
+                self.split.at_points(state)
+
+        def boundary():
+            step_kernels.prepare_boundary(p, o, a, w, nodes, *self.body_arrays)
+
         step_kernels.prepare_wake(p, o, a, w, nodes, place, *self.body_arrays)
-        if state.n_rows:
-            self.split.at_points(state)
-        step_kernels.prepare_boundary(p, o, a, w, nodes, *self.body_arrays)
+        if self.bodies:  # they answer the flow of the wake
+            wake_flow()
+            boundary()
+        else:
+            run_beside(boundary, wake_flow, self.split.threads)
 
     def _accept(self, state, place, all_rows=False):
         p, o, a, w = self.arrays, self.constants, state.arrays, self.work
