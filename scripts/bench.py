@@ -139,7 +139,7 @@ def measure_start(fidelity: str, wall: float) -> dict:
 
 
 def measure_threads(fidelity: str, wall: float) -> dict:
-    """Wall time of an aerodynamic step on one and on two threads, in turn."""
+    """Wall time of an aerodynamic step on one and on two threads, ten steps in turn."""
     from wt_gym.simulation import Simulator
     from wt_gym.wind import SteadyInflow
 
@@ -149,8 +149,8 @@ def measure_threads(fidelity: str, wall: float) -> dict:
     while time.perf_counter() - start < wall:
         for k, simulator in enumerate(simulators):
             before = time.perf_counter()
-            simulator.advance(simulator.time_step, pitch=0.0, generator_torque=torque[k])
-            best[k] = min(best[k], time.perf_counter() - before)
+            simulator.advance(10 * simulator.time_step, pitch=0.0, generator_torque=torque[k])
+            best[k] = min(best[k], (time.perf_counter() - before) / 10)
     return {"step_s_one_thread": best[0], "step_s_two_threads": best[1]}
 
 

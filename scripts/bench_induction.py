@@ -15,10 +15,10 @@ import time
 import numpy as np
 from numba import njit
 
+from wt_gym.aerodynamics.aligned import aligned_zeros
 from wt_gym.aerodynamics.induction_kernels import direct_induction
 from wt_gym.aerodynamics.simd_kernels import WIDTH, load, store
-from wt_gym.aerodynamics.tree_induction import TreeInduction, make_block, make_tree, split_range
-from wt_gym.aerodynamics.tree_induction_kernels import TARGETS, order_targets, plant_tree, walk_blocks
+from wt_gym.aerodynamics.tree_induction import TreeInduction, split_direct
 
 # Operations at one node, that is for two segments, with multiplication, addition, square root and division as one
 # each: vector 3, distance 6, products of distances 2, two denominators 16, their product and its reciprocal 2, two
@@ -240,57 +240,22 @@ def measure_tree(n_segments: int, tolerance: float) -> dict:
 
 
 def measure_threads() -> dict:
-    """How much faster two threads are than one: by the clock, and by the processor time of the busier thread.
-
-    The second is what a machine with two idle processors reaches; other load on the machine spoils the first only.
-    """
+    """How much faster two threads are than one, by the clock: other load on the machine spoils it."""
     n_row, n_node, step = WAKES[30_000]
     sheet = helical_wake(n_row, n_node, np.radians(step))
     targets = nodes_as_targets(sheet, WIDTH)
-    n = targets.shape[1]
     velocity = np.zeros_like(targets)
-    scratch = np.zeros((2, 8 * WIDTH * n_node), dtype=np.float32)
-    tree, blocks = make_tree(n_row, 3, n_node, n), (make_block(), make_block())
-    used = {}
-
-    def note(name, thread, work):
-        start = time.thread_time()
-        work()
-        used[name, thread] = min(used.get((name, thread), np.inf), time.thread_time() - start)
-
-    def plant():
-        plant_tree(sheet, 3e-3, tree)
-        order_targets(targets, n, tree)
-
-    def direct(threads):
-        def part(first, last, thread):
-            work = lambda: direct_induction(sheet, targets, velocity, first, last, scratch[thread])  # noqa: E731
-            note(f"direct_{threads}", thread, work)
-
-        split_range(part, n, WIDTH, threads)
-
-    def walk(threads):
-        def part(first, last, thread):
-            work = lambda: walk_blocks(sheet, tree, targets, n, velocity, first, last, blocks[thread])  # noqa: E731
-            note(f"tree_{threads}", thread, work)
-
-        note("plant", 0, plant)
-        split_range(part, -(-n // TARGETS), 1, threads)
-
+    scratch = [aligned_zeros(8 * WIDTH * n_node, np.float32) for _ in range(2)]
+    trees = [TreeInduction(n_row, 3, n_node, targets.shape[1], n) for n in (1, 2)]
+    limit = 3e-3
     calls = {
-        "direct_1": lambda: direct(1),
-        "direct_2": lambda: direct(2),
-        "tree_1": lambda: walk(1),
-        "tree_2": lambda: walk(2),
+        "direct_1": lambda: split_direct(sheet, targets, velocity, scratch[:1]),
+        "direct_2": lambda: split_direct(sheet, targets, velocity, scratch),
+        "tree_1": lambda: trees[0].add_velocity(sheet, targets, velocity, limit),
+        "tree_2": lambda: trees[1].add_velocity(sheet, targets, velocity, limit),
     }
     best = shortest(calls, 20, time.perf_counter)
-    busier = {kind: max(used[f"{kind}_2", 0], used[f"{kind}_2", 1]) for kind in ("direct", "tree")}
-    return {
-        "direct_by_clock": best["direct_1"] / best["direct_2"],
-        "direct_by_processor_time": used["direct_1", 0] / busier["direct"],
-        "tree_by_clock": best["tree_1"] / best["tree_2"],
-        "tree_by_processor_time": (used["tree_1", 0] + used["plant", 0]) / (busier["tree"] + used["plant", 0]),
-    }
+    return {kind: best[f"{kind}_1"] / best[f"{kind}_2"] for kind in ("direct", "tree")}
 
 
 def main() -> None:
@@ -321,11 +286,7 @@ def main() -> None:
         f" {ALL_TARGETS} segments are timed on {SAMPLE} targets; errors by the mean induced velocity)"
     )
     threads = measure_threads()
-    print(
-        f"two threads against one, by the clock: direct {threads['direct_by_clock']:.2f}x, tree"
-        f" {threads['tree_by_clock']:.2f}x; by processor time: direct {threads['direct_by_processor_time']:.2f}x, tree"
-        f" {threads['tree_by_processor_time']:.2f}x"
-    )
+    print(f"two threads against one, by the clock: direct {threads['direct']:.2f}x, tree {threads['tree']:.2f}x")
     if arguments.json:
         print(json.dumps({"kernels": kernels, "tree": rows, "threads": threads}, indent=2))
 

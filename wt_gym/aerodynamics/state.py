@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wt_gym.aerodynamics.aligned import aligned_zeros
 from wt_gym.aerodynamics.edges import SheddingEdge, bound_segments
 from wt_gym.aerodynamics.lattice import LatticePlanform
 from wt_gym.aerodynamics.options import AeroOptions
@@ -161,18 +162,19 @@ class AeroWork(NamedTuple):
         n_corner = (n_chord + 1) * n_node + n_edge + 1
         single = np.float32
         return cls(
-            bound_sheet=np.zeros((n_chord + 1, n_blade, n_node, 7), single),
-            wake_sheet=np.zeros((n_max + 1, n_blade, n_edge + 1, 7), single),
-            sparse_sheet=np.zeros((n_sparse, n_blade, p.sparse_nodes.size, 7), single),
-            targets=np.zeros((2, 3, n_target), single), velocity=np.zeros((2, 3, n_target), single),
-            scratch=np.zeros(8 * WIDTH * widest + 14 * n_target, single),
-            rows=np.zeros(n_max + 1, dtype=np.int64), n_turn=np.zeros(1, dtype=np.int64),
-            corners=np.zeros((2, n_blade, n_corner, 3)),
-            points=np.zeros((3, n_point)), part=np.zeros((3, n_point)), flow=np.zeros((3, n_point)),
-            normal=np.zeros((n_ring, 3)), area=np.zeros(n_ring), swap=np.zeros(n_ring, dtype=np.int64),
-            panel=np.zeros((n_ring, 4)), pivots=np.zeros((4, n_ring)),
-            through=np.zeros(n_ring), axes=np.zeros((n_strip, 3)), normals=np.zeros((n_strip, 3)),
-            strip=np.zeros((5, n_strip)), jacobian=np.zeros((n_span, n_span)), lines=np.zeros((3, n_edge + 1)),
+            bound_sheet=aligned_zeros((n_chord + 1, n_blade, n_node, 7), single),
+            wake_sheet=aligned_zeros((n_max + 1, n_blade, n_edge + 1, 7), single),
+            sparse_sheet=aligned_zeros((n_sparse, n_blade, p.sparse_nodes.size, 7), single),
+            targets=aligned_zeros((2, 3, n_target), single), velocity=aligned_zeros((2, 3, n_target), single),
+            scratch=aligned_zeros(8 * WIDTH * widest + 14 * n_target, single),
+            rows=aligned_zeros(n_max + 1, dtype=np.int64), n_turn=aligned_zeros(1, dtype=np.int64),
+            corners=aligned_zeros((2, n_blade, n_corner, 3)),
+            points=aligned_zeros((3, n_point)), part=aligned_zeros((3, n_point)), flow=aligned_zeros((3, n_point)),
+            normal=aligned_zeros((n_ring, 3)), area=aligned_zeros(n_ring), swap=aligned_zeros(n_ring, dtype=np.int64),
+            panel=aligned_zeros((n_ring, 4)), pivots=aligned_zeros((4, n_ring)),
+            through=aligned_zeros(n_ring), axes=aligned_zeros((n_strip, 3)), normals=aligned_zeros((n_strip, 3)),
+            strip=aligned_zeros((5, n_strip)), jacobian=aligned_zeros((n_span, n_span)),
+            lines=aligned_zeros((3, n_edge + 1)),
         )  # fmt: skip
 
 
@@ -251,9 +253,9 @@ class AeroState:
                 nodes=np.zeros(bound_shape), gamma=np.zeros(gamma_shape),
                 gamma_1=np.zeros(gamma_shape), gamma_2=np.zeros(gamma_shape), source=np.zeros(n_strip),
                 source_1=np.zeros(n_strip), alpha=np.zeros(n_strip), speed=np.zeros(n_strip),
-                forces=np.zeros(bound_shape), influence=np.zeros((n_ring, 3, n_point)),
-                inverse=np.zeros((n_ring, n_ring)), response=np.zeros((n_strip, n_strip)),
-                wake_flow=np.zeros((3, n_point)), body_strength=np.zeros(n_panel),
+                forces=np.zeros(bound_shape), influence=aligned_zeros((n_ring, 3, n_point)),
+                inverse=aligned_zeros((n_ring, n_ring)), response=aligned_zeros((n_strip, n_strip)),
+                wake_flow=aligned_zeros((3, n_point)), body_strength=np.zeros(n_panel),
             )
         )  # fmt: skip
 

@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from wt_gym.aerodynamics.aligned import aligned_zeros
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.induction_kernels import direct_induction
 from wt_gym.aerodynamics.simd_kernels import WIDTH
@@ -22,8 +23,10 @@ from wt_gym.aerodynamics.tree_induction_kernels import (
     STACK,
     TARGETS,
     TILE,
+    grow_tree,
     order_targets,
-    plant_tree,
+    order_tiles,
+    plant_leaves,
     tile_count,
     walk_blocks,
 )
@@ -32,22 +35,22 @@ __all__ = ["Block", "Tree", "TreeInduction", "make_block", "make_tree", "run_bes
 
 Tree = namedtuple(
     "Tree",
-    "centres keys spare_keys spare_order count tiles order bounds segments records measures reach parts root",
+    "centres keys spare_keys spare_order count tiles order bounds records measures reach parts root",
 )
 Tree.__doc__ = """Arrays of the clusters of a sheet and of the order of the targets.
 
 centres (3, n_tile): middle nodes of the tiles [m]; keys, spare_keys, spare_order, count: of the sort; tiles (n_tile,):
 tiles in the order of the curve; order (n,): targets likewise; bounds (n_tile, 5): rows, sheet and nodes of a tile;
-segments: of one tile; records, measures, reach, parts: moments, sizes, least distance [m] and first and last + 1 part
-of each cluster (leaves first); root (1,): number of the last cluster, which holds all others.
+records, measures, reach, parts: moments, sizes, least distance [m] and first and last + 1 part of each cluster (leaves
+first); root (1,): number of the last cluster, which holds all others.
 """
-Block = namedtuple("Block", "targets velocity spheres far near group_far group_near stack scratch acted")
+Block = namedtuple("Block", "targets velocity segments spheres far near group_far group_near stack scratch acted")
 Block.__doc__ = """Arrays of one block of targets, one set for each thread.
 
-targets, velocity (3, TARGETS); spheres: centre and radius of the block and of each of its vectors [m]; far, near:
-gathered clusters and tiles; group_far, group_near: the same as one vector of targets
-sees them; stack: of the walk; scratch:
-vectors from the nodes of a tile; acted (2,): count of clusters and of tiles that acted on a vector of targets.
+targets, velocity (3, TARGETS); segments: of one tile; spheres: centre and radius of the block and of each of its
+vectors [m]; far, near: gathered clusters and tiles; group_far, group_near: the same as one vector of targets sees them;
+stack: of the walk; scratch: vectors from the nodes of a tile; acted (2,): count of clusters and of tiles that acted on
+a vector of targets.
 """
 
 
@@ -77,7 +80,6 @@ def make_tree(n_row, n_sheet, n_node, n_target):
     }
     reals = {
         "centres": (3, n_tile),
-        "segments": (2 * TILE * TILE, 8),
         "records": (n_cluster, RECORD),
         "measures": (n_cluster, MEASURES),
         "reach": n_cluster,
@@ -96,6 +98,7 @@ def make_block():
     reals = {
         "targets": (3, TARGETS),
         "velocity": (3, TARGETS),
+        "segments": (2 * TILE * TILE, 8),
         "spheres": (1 + TARGETS // WIDTH, 4),
         "scratch": 4 * WIDTH * (TILE + 1) ** 2,
     }
@@ -104,8 +107,8 @@ def make_block():
 
 def _arrays(kind, integers, reals):
     """Fill a named tuple with int32 and float32 arrays of the given shapes."""
-    arrays = {name: np.zeros(shape, dtype=np.int32) for name, shape in integers.items()}
-    arrays |= {name: np.zeros(shape, dtype=np.float32) for name, shape in reals.items()}
+    arrays = {name: aligned_zeros(shape, np.int32) for name, shape in integers.items()}
+    arrays |= {name: aligned_zeros(shape, np.float32) for name, shape in reals.items()}
     return kind(**arrays)
 
 
@@ -177,7 +180,8 @@ def split_direct(sheet, targets, velocity, scratch):
     sheet : float32, (n_row, n_sheet, n_node, 7)
     targets, velocity : float32, (3, n)
         n is a multiple of 16.
-    scratch : float32, (n_threads, at least 128 n_node)
+    scratch : sequence of float32, (at least 128 n_node,)
+        One for each thread.
     """
 
     def part(first, last, thread):
@@ -212,7 +216,7 @@ class TreeInduction:
         self.tree = make_tree(n_row, n_sheet, n_node, n_target)
         self.blocks = [make_block() for _ in range(n_threads)]
 
-    def add_velocity(self, sheet, targets, velocity, limit):
+    def add_velocity(self, sheet, targets, velocity, limit, n_threads=None):
         """Add the velocity of all sheets at all targets.
 
         Parameters
@@ -223,7 +227,10 @@ class TreeInduction:
             Positions [m] and velocities [m/s].
         limit : float
             Root mean square error of the velocity that may be made, to its order of magnitude [m/s].
+        n_threads : int, optional
+            Use no more than these.
         """
+        n_threads = n_threads or len(self.blocks)
         n = targets.shape[1]
         n_tile = tile_count(*sheet.shape[:3])
         if n_tile > len(self.tree.tiles) or n > len(self.tree.order):
@@ -235,10 +242,22 @@ class TreeInduction:
             raise AerodynamicsError(f"the error limit of the tree code is {limit} m/s; it must be positive")
         if n == 0:
             return
-        plant_tree(sheet, limit, self.tree)
-        order_targets(targets, n, self.tree)
+        self._plant(sheet, targets, n, limit, n_threads)
 
         def part(first, last, thread):
             walk_blocks(sheet, self.tree, targets, n, velocity, first, last, self.blocks[thread])
 
-        split_range(part, -(-n // TARGETS), 1, len(self.blocks))
+        split_range(part, -(-n // TARGETS), 1, n_threads)
+
+    def _plant(self, sheet, targets, n_target, limit, n_threads):
+        """Build the tree of a sheet and put the targets in order."""
+        n_tile = order_tiles(sheet, self.tree)  # with the keys that the targets take next
+
+        def part(first, last, thread):
+            plant_leaves(sheet, self.tree, first, last, self.blocks[thread].segments)
+
+        def leaves():
+            split_range(part, n_tile, 1, n_threads)
+
+        run_beside(lambda: order_targets(targets, n_target, self.tree), leaves, n_threads)
+        grow_tree(self.tree, n_tile, limit)

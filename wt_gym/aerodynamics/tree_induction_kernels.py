@@ -282,15 +282,12 @@ def _finish(record, measure, limit):
 
 
 @kernel
-def plant_tree(sheet, limit, tree):
-    """Put the tiles of a sheet in order, and build the clusters.
+def order_tiles(sheet, tree):
+    """Put the tiles of a sheet in the order of a Hilbert curve; returns their number.
 
     Parameters
     ----------
     sheet : float32, (n_row, n_sheet, n_node, 7)
-    limit : float
-        Root mean square error of the velocity that may be made [m/s], positive; a cluster acts through its moments
-        where they are good to the share `SHARE` of it.
     tree : Tree
         Work arrays; see `tree_induction.Tree`.
     """
@@ -301,12 +298,32 @@ def plant_tree(sheet, limit, tree):
             tree.centres[c, tile] = sheet[(k0 + k1) // 2, s, (j0 + j1) // 2, c]
     hilbert_keys(tree.centres, n, tree.keys)
     sort_by_key(n, tree.keys, tree.tiles, tree.spare_keys, tree.spare_order, tree.count)
-    for i in range(n):
+    return n
+
+
+@kernel(nogil=True)
+def plant_leaves(sheet, tree, first, last, segments):
+    """Moments of the tiles number ``first`` to ``last`` - 1 in their order; parts may be planted in several threads.
+
+    segments : float32, (2 * TILE * TILE, 8)
+        For work.
+    """
+    for i in range(first, last):
         bounds = tree.bounds[i]
         bounds[0], bounds[1], bounds[2], bounds[3], bounds[4] = _tile_bounds(sheet, tree.tiles[i])
-        _leaf(sheet, bounds, tree.segments, tree.records[i], tree.measures[i])
+        _leaf(sheet, bounds, segments, tree.records[i], tree.measures[i])
         tree.parts[i, 0] = -1
         tree.parts[i, 1] = -1
+
+
+@kernel
+def grow_tree(tree, n, limit):
+    """Build the clusters above ``n`` leaves.
+
+    limit : float
+        Root mean square error of the velocity that may be made [m/s], positive; a cluster acts through its moments
+        where they are good to the share `SHARE` of it.
+    """
     first, last = 0, n
     while last - first > 1:
         new = last
@@ -445,7 +462,7 @@ def _add_tiles(sheet, bounds, chosen, n_chosen, targets, velocity, o, scratch):
 # ---- the walk ----
 
 
-@kernel
+@kernel(nogil=True)
 def order_targets(targets, n_target, tree):
     """Put targets (3, >= n_target) in the order of a Hilbert curve, into ``tree.order``."""
     hilbert_keys(targets, n_target, tree.keys)
@@ -543,26 +560,3 @@ def walk_blocks(sheet, tree, targets, n_target, velocity, first_block, last_bloc
             velocity[0, m] += induced[0, i]
             velocity[1, m] += induced[1, i]
             velocity[2, m] += induced[2, i]
-
-
-@kernel(fastmath=False)
-def tree_induction(sheet, targets, n_target, velocity, limit, tree, block):
-    """Add the velocity of all sheets at the first ``n_target`` targets; the error is chosen by ``limit``.
-
-    Parameters
-    ----------
-    sheet : float32, (n_row, n_sheet, n_node, 7)
-        See `induction_kernels`; trailing segments into the first row have no start and are left out.
-    targets, velocity : float32, (3, at least n_target)
-    n_target : int
-    limit : float
-        Error of the velocity [m/s]; see `plant_tree`.
-    tree : Tree
-    block : Block
-        Work arrays, of at least the size that `tree_induction.make_tree` gives them.
-    """
-    if n_target == 0:
-        return
-    plant_tree(sheet, limit, tree)
-    order_targets(targets, n_target, tree)
-    walk_blocks(sheet, tree, targets, n_target, velocity, 0, (n_target + TARGETS - 1) // TARGETS, block)

@@ -303,16 +303,16 @@ class VortexLattice:
             step_kernels.prepare(p, o, a, w, nodes, place, *self.body_arrays)
             return
 
-        def wake_flow():
+        def wake_flow(n_threads=1):
             if state.n_rows:
-                self.split.at_points(state)
+                self.split.at_points(state, n_threads)
 
         def boundary():
             step_kernels.prepare_boundary(p, o, a, w, nodes, *self.body_arrays)
 
         step_kernels.prepare_wake(p, o, a, w, nodes, place, *self.body_arrays)
         if self.bodies:  # they answer the flow of the wake
-            wake_flow()
+            wake_flow(self.split.threads)
             boundary()
         else:
             run_beside(boundary, wake_flow, self.split.threads)
@@ -323,7 +323,7 @@ class VortexLattice:
             step_kernels.accept(p, o, a, w, place, all_rows, *self.body_arrays)
             return
         n_target = step_kernels.shed_newest(p, o, a, w, place, all_rows, *self.body_arrays)
-        self.split.at_targets(state, w.bound_sheet, 0, n_target)
+        self.split.at_targets(state, w.bound_sheet, 0, n_target, self.split.threads)
         step_kernels.store_induced(p, o, a, w, n_target, *self.body_arrays)
 
     @staticmethod

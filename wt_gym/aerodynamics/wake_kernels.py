@@ -175,6 +175,18 @@ def induced_at(bound_sheet, wake_sheet, sparse_sheet, far, n_target, w, o, origi
     fold_images(o, w, n_target)
 
 
+@kernel
+def mean_induced(a, n_row):
+    """Root mean square of the induced velocity at the first rows of the wake [m/s]."""
+    total = 0.0
+    for k in range(n_row):
+        for b in range(a.induced.shape[1]):
+            for j in range(a.induced.shape[2]):
+                for c in range(3):
+                    total += a.induced[k, b, j, c] * a.induced[k, b, j, c]
+    return (total / (n_row * a.induced.shape[1] * a.induced.shape[2])) ** 0.5
+
+
 @kernel(fastmath=False)
 def fold_images(o, w, n_target):
     """Add what the mirrored vortices do to the velocity of the targets."""
