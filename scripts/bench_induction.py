@@ -288,7 +288,7 @@ def main() -> None:
     threads = measure_threads()
     print(f"two threads against one, by the clock: direct {threads['direct']:.2f}x, tree {threads['tree']:.2f}x")
     if arguments.json:
-        print(json.dumps({"kernels": kernels, "tree": rows, "threads": threads}, indent=2))
+        print(json.dumps({"kernels": kernels, "tree": rows, "threads": threads}))
 
 
 if __name__ == "__main__":
