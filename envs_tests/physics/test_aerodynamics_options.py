@@ -1,15 +1,18 @@
 """Options of the lattice: wake of the tips, form of the loads, strained cores, curved filaments, coupling, refusals."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, LatticePlanform, VortexLattice
 from wt_gym.aerodynamics.induction_kernels import direct_induction
+from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.aerodynamics.sheet_kernels import LAMB, build_wake_sheet
 from wt_gym.aerodynamics.simd_kernels import WIDTH
 from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.simulation.blade_lattice import blade_planform
 from wt_gym.turbines import load_turbine
 from wt_gym.validation.lifting_surfaces import starting_impulse
 from wt_gym.validation.lifting_tools import (
@@ -302,6 +305,27 @@ def test_circulation_and_polars_agree_at_any_attitude(wind, yaw):
         assert aero.residual < 1.001e-5 * (aero.arrays.speed.max() + 1e-3)
         reversed_flow += np.sum(np.cos(aero.arrays.alpha) < 0)
     assert reversed_flow > 100 or yaw < 1.0
+
+
+@pytest.mark.parametrize("options", [TRAINING, replace(TRAINING, tip_wake=True), ENGINEERING])
+def test_polars_and_circulation_agree_at_every_angle_and_rate(options):
+    """One blade swept through all angles of attack, with long steps in which the lag hardly helps."""
+    options = replace(options, far_wake=False, wake_rows=20, full_rows=20, sparse_from=None, sparse_stride=1,
+                      sparse_span=1)  # fmt: skip
+    planform = blade_planform(load_turbine("nrel_5mw"), options)
+    lattice, still = VortexLattice(planform, 1, options), np.zeros((1, *planform.nodes.shape))
+    state, nodes, rng = lattice.new_state(), planform.nodes[None].copy(), np.random.default_rng(5)
+    for _ in range(40):
+        speed, angle = rng.uniform(5, 60), rng.uniform(-np.pi, np.pi)
+        rate, dt = 0.15 * rng.normal(), rng.choice([0.1, 0.2])
+        winds = [speed * np.array([np.sin(x), np.cos(x), 0.0]) for x in angle + rate * np.arange(26)]
+        lattice.reset(state, nodes, still, still + winds[0])
+        for wind in winds[1:]:
+            inflow = SimpleNamespace(velocity=lambda points, time, wind=wind: np.broadcast_to(wind, points.shape))
+            lattice.convect_wake(state, inflow, 0.0, dt)
+            lattice.solve(state, nodes, still, still + wind, dt)
+            assert state.residual < 1.001e-5 * (state.arrays.speed.max() + 1e-3)
+            lattice.accept(state)
 
 
 def test_refused_options():

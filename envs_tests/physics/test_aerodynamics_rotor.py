@@ -171,16 +171,15 @@ SPEED_SCALE = 25.0  # [m/s]
     ("speed", "rotor_speed", "pitch_deg"),
     [
         (0.0, 1.2, 0.0), (8.0, 1.2, 90.0), (25.0, 0.0, 0.0), (25.0, 0.0, 90.0), (20.0, 1.25, 0.0), (-15.0, 1.2, 0.0),
-        (15.0, -0.8, 0.0), (3.0, 1.25, 0.0), (12.0, 1.2, -30.0),
+        (15.0, -0.8, 0.0), (3.0, 1.25, 0.0), (12.0, 1.2, -30.0), (0.5, 1.2, 0.0), (0.0, 0.3, 0.0),
     ],
 )  # fmt: skip
 def test_no_corner_yields_more_than_momentum_allows(speed, rotor_speed, pitch_deg):
-    # In still air all helices of the start lie in the rotor plane: it takes four turns until they have left it.
-    turns = 3 if speed else 6
-    power, thrust, state = simulate(TRAINING, speed, rotor_speed=rotor_speed, pitch=np.radians(pitch_deg), turns=turns)
+    power, thrust, state = simulate(TRAINING, speed, rotor_speed=rotor_speed, pitch=np.radians(pitch_deg), turns=3)
     betz = 16 / 27 * 0.5 * DENSITY * np.pi * RADIUS**2 * abs(speed) ** 3
     assert power.mean() < betz + 1.0
-    if speed == 0.0:
+    if abs(speed) < 1.0:  # from the start on
+        assert simulate(TRAINING, speed, rotor_speed=rotor_speed, turns=1)[0].max() < 0.0
         assert power.max() < 0.0
     # No strip carries more than its polar; where its speed has just fallen the lag of the stall may keep an older
     # angle, at a dynamic pressure that makes the excess meaningless.

@@ -252,3 +252,25 @@ def test_operating_points_of_the_nrel_5mw(wind, rpm, power, thrust, tip, pitch):
     for name, (value, wanted) in obtained.items():
         if wanted is not None:
             assert value == pytest.approx(wanted[0], abs=wanted[1]), name
+
+
+def test_threads_change_no_number():
+    """A second thread shares the work on the wake; every number is the same to the last bit."""
+    runs = []
+    for threads in (1, 2):
+        simulator = Simulator("nrel_5mw", SteadyInflow(10.0, shear_exponent=0.2), threads=threads)
+        simulator.reset(rotor_speed=1.2)
+        for _ in range(10):
+            signals = simulator.advance(0.2, pitch=0.0, generator_torque=3e4)
+        runs.append((signals.aero_power, simulator._aero.wake_nodes.copy()))
+    assert runs[0][0] == runs[1][0]
+    np.testing.assert_array_equal(runs[0][1], runs[1][1])
+
+
+@pytest.mark.parametrize(("wind", "rotor_speed"), [(0.0, 1.26), (0.6, 1.26), (0.3, 0.5)])
+def test_a_rotor_started_in_still_air_yields_no_power(wind, rotor_speed):
+    """Its wake is carried away by what the rotor itself induces; the start holds no energy that was never there."""
+    simulator = Simulator("nrel_5mw", SteadyInflow(wind))
+    powers = [simulator.reset(rotor_speed=rotor_speed).aero_power]
+    powers += [simulator.advance(0.2, pitch=0.0).aero_power for _ in range(10)]
+    assert max(powers) < 0.0

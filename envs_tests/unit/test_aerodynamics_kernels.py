@@ -177,7 +177,7 @@ def test_decambering_converges_quadratically_within_a_blade(first):
         source = np.zeros(3)
         residuals.append(
             decambering.py_func(potential, along, response, np.array([0.2, 0.05, 0.0]), first, 0.1, 1.5, Planform, 1,
-                                0.0, iterations, np.zeros((3, 3)), np.zeros(3), np.zeros(3), source)
+                                0.0, iterations, np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3), source)
         )  # fmt: skip
     assert residuals[0] > 0.3
     assert residuals[2] < 3e-3 * residuals[0]

@@ -4,6 +4,7 @@ import numpy as np
 
 from wt_gym.compiled import kernel
 
+LEAST_SHARE = 0.02  # of a step of Newton's method; where none helps the smallest is taken
 STEEPEST = 0.9  # slope of the right-hand side over s for a strip alone, in the Jacobian
 
 
@@ -80,7 +81,7 @@ def section_state(across, along, tilt, polar, alpha0, chord, kappa):
 
 @kernel(fastmath=False, inline="always")
 def decambering(potential, along, response, previous, first, dt, lag, p, n_blade, tolerance, max_iterations, jacobian,
-                rhs, derivative, source):  # fmt: skip
+                rhs, derivative, step, source):  # fmt: skip
     """Decambering velocities of all strips such that circulation and polar agree; returns the residual [m/s].
 
     Strip k with decambering velocity s_k has the circulation G = potential + response @ s and sees the normal
@@ -89,15 +90,14 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
     step: what lags is an angle, so that the lift coefficient does not overshoot where the speed drops. Newton's
     method has the coupling inside a blade in its Jacobian, the weak one between blades only in the residual. The
     slope of the right-hand side is limited in the Jacobian (not in the equation) where the polar falls steeply, since
-    there the equation has several solutions.
+    there the equation has several solutions. A step that does not lessen the sum of squares is halved.
     """
     n_strip = potential.shape[0]
     n_span = n_strip // n_blade
     chord, kappa = p.chord, p.kappa
-    residual = 0.0
+    residual, last_sum, share = 0.0, np.inf, 1.0
     for iteration in range(max_iterations + 1):
-        residual = 0.0
-        scale = 0.0
+        residual, square_sum, scale = 0.0, 0.0, 0.0
         for k in range(n_strip):
             g = potential[k]
             for m in range(n_strip):
@@ -118,9 +118,17 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
             if derivative[k] * own > STEEPEST:
                 derivative[k] = STEEPEST / own
             residual = max(residual, abs(rhs[k]))
+            square_sum += rhs[k] * rhs[k]
             scale = max(scale, speed)
         if not residual > tolerance * (scale + 1e-3) or iteration == max_iterations:
             break
+        if not square_sum < last_sum and share > LEAST_SHARE:
+            share *= 0.5
+            for k in range(n_strip):
+                step[k] *= 0.5
+                source[k] -= step[k]
+            continue
+        last_sum, share = square_sum, 1.0
         for b in range(n_blade):
             o = b * n_span
             for k in range(n_span):
@@ -137,5 +145,6 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
                 for l in range(k + 1, n_span):
                     rhs[o + k] -= jacobian[k, l] * rhs[o + l]
                 rhs[o + k] /= jacobian[k, k]
+                step[o + k] = rhs[o + k]
                 source[o + k] += rhs[o + k]
     return residual

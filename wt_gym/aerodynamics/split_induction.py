@@ -60,13 +60,13 @@ class SplitInduction:
         for image in range(2 if constants.has_ground else 1):
             targets = np.ascontiguousarray(w.targets[image, :, :n_padded])
             velocity = np.zeros_like(targets)
-            for sheet in (bound_sheet, sparse_sheet):
-                if len(sheet):
-                    split_direct(sheet, targets, velocity, scratch)
+            # in the order of `induced_at`, for the same rounding
+            split_direct(bound_sheet, targets, velocity, scratch)
             if self._tree is None:
                 split_direct(wake_sheet, targets, velocity, scratch)
             else:
                 self._tree.add_velocity(wake_sheet, targets, velocity, limit, n_threads)
+            split_direct(sparse_sheet, targets, velocity, scratch)
             if a.far[0] > 0.0:
                 table = self._lattice.arrays.cylinder_table
                 far_wake_velocity(a.far, table, targets, velocity, n_target, self._lane)

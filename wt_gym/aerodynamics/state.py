@@ -142,7 +142,7 @@ class AeroWork(NamedTuple):
     through: np.ndarray  # (n_ring,)
     axes: np.ndarray  # (n_strip, 3) chord direction
     normals: np.ndarray  # (n_strip, 3)
-    strip: np.ndarray  # (5, n_strip): width, along, potential, right-hand side, derivative
+    strip: np.ndarray  # (6, n_strip): width, along, potential, right-hand side, derivative, step
     jacobian: np.ndarray  # (n_span, n_span)
     lines: np.ndarray  # (3, n_edge + 1)
 
@@ -173,7 +173,7 @@ class AeroWork(NamedTuple):
             normal=aligned_zeros((n_ring, 3)), area=aligned_zeros(n_ring), swap=aligned_zeros(n_ring, dtype=np.int64),
             panel=aligned_zeros((n_ring, 4)), pivots=aligned_zeros((4, n_ring)),
             through=aligned_zeros(n_ring), axes=aligned_zeros((n_strip, 3)), normals=aligned_zeros((n_strip, 3)),
-            strip=aligned_zeros((5, n_strip)), jacobian=aligned_zeros((n_span, n_span)),
+            strip=aligned_zeros((6, n_strip)), jacobian=aligned_zeros((n_span, n_span)),
             lines=aligned_zeros((3, n_edge + 1)),
         )  # fmt: skip
 

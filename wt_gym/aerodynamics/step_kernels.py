@@ -32,7 +32,7 @@ from wt_gym.aerodynamics.wake_kernels import (
 from wt_gym.compiled import kernel
 
 TOLERANCE = 1e-5  # of the decambering, relative to the largest section speed
-MAX_ITERATIONS = 8
+MAX_ITERATIONS = 40  # one or two in attached flow
 CLEARANCE = 1.2  # tower radii within which the wake loses its segments (Gebhardt et al. 2012)
 
 
@@ -252,8 +252,9 @@ def solve(p, o, a, w, nodes, velocities, wind, dt, first):
             for c in range(3):
                 along[k] += flow[c, r] * w.axes[k, c] / n_chord
     if o.viscous:
+        rhs, derivative, step = w.strip[3], w.strip[4], w.strip[5]
         a.clock[1] = decambering(potential, along, a.response, a.source_1, first, dt, o.stall_lag, p, n_blade,
-                                 TOLERANCE, MAX_ITERATIONS, w.jacobian, w.strip[3], w.strip[4], a.source)  # fmt: skip
+                                 TOLERANCE, MAX_ITERATIONS, w.jacobian, rhs, derivative, step, a.source)  # fmt: skip
         let_through(a.source, n_blade, n_chord, n_span, through)
         apply_inverse(a.inverse, through, gamma)
     for k in range(n_strip):

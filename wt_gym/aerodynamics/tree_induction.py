@@ -150,9 +150,11 @@ def split_range(part, n, step, n_threads):
             part(bounds[k], bounds[k + 1], thread)
 
     waiting = [_pool(n_threads).submit(work, t) for t in range(1, n_threads)]
-    work(0)
-    for result in waiting:
-        result.result()
+    try:
+        work(0)
+    finally:
+        for result in waiting:
+            result.result()
 
 
 def run_beside(function, other, n_threads):
@@ -162,8 +164,10 @@ def run_beside(function, other, n_threads):
         other()
         return
     result = _pool(n_threads).submit(function)
-    other()
-    result.result()
+    try:
+        other()
+    finally:
+        result.result()
 
 
 def _pool(n_threads):
@@ -183,6 +187,8 @@ def split_direct(sheet, targets, velocity, scratch):
     scratch : sequence of float32, (at least 128 n_node,)
         One for each thread.
     """
+    if len(sheet) == 0:
+        return
 
     def part(first, last, thread):
         direct_induction(sheet, targets, velocity, first, last, scratch[thread])

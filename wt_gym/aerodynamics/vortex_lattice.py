@@ -18,6 +18,11 @@ from wt_gym.aerodynamics.wake_kernels import place_newest_row, shedding_edge
 
 __all__ = ["VortexLattice"]
 
+PASSES = 25
+"""Most passes between a prescribed wake and the circulation of the blades."""
+UNBALANCED = 0.05
+"""Largest change of the circulation in the last of them, over the circulation."""
+
 
 class VortexLattice:
     """N equal blades (or wings) in unsteady potential flow with decambering from airfoil polars.
@@ -125,11 +130,26 @@ class VortexLattice:
             Time since each row was shed [s].
         far_wake : bool
             Close the wake with vortex cylinders (if the options have them) although it has not its full length.
+
+        Raises
+        ------
+        AerodynamicsError
+            When the circulations of wake and blades find no balance.
         """
         wake_rows = np.asarray(wake_rows, dtype=np.float64)
         n_rows = len(wake_rows)
         if not 1 <= n_rows <= self.options.wake_rows:
             raise AerodynamicsError(f"{n_rows} wake rows given; between 1 and {self.options.wake_rows} are allowed")
+        change = self._balance(state, nodes, velocities, wind, wake_rows, ages, far_wake)
+        if not change <= UNBALANCED:
+            raise AerodynamicsError(
+                f"blades and prescribed wake find no balance: the circulation still changes by {change:.3g} of its "
+                f"size after {PASSES} passes; rows of the wake may lie too close together"
+            )
+
+    def _balance(self, state, nodes, velocities, wind, wake_rows, ages, far_wake):
+        """Start with a prescribed wake; returns the change of the circulation in the last pass, over its size."""
+        n_rows = len(wake_rows)
         self._clear(state, nodes)
         a = state.arrays
         a.wake[1 : n_rows + 1] = wake_rows
@@ -139,7 +159,7 @@ class VortexLattice:
         a.shed[1 : n_rows + 1] = -np.arange(1, n_rows + 1)
         a.count[0] = n_rows
         a.count[4] = int(far_wake)
-        for _ in range(25):
+        for _ in range(PASSES):
             before = self._shed_circulation(a)
             a.wake_gamma[:n_rows] = before
             a.count[3] = 0
@@ -153,6 +173,7 @@ class VortexLattice:
         a.count[3] = 0
         self._solve(state, nodes, velocities, wind, 0.0, first=True, place=False)
         self._accept(state, place=False, all_rows=True)
+        return float(change / max(np.abs(before).max(), 1e-9))
 
     def _shed_circulation(self, a):
         """Circulation that each part of the shedding edge continues, a copy (n_blades, n_edge)."""
@@ -162,6 +183,8 @@ class VortexLattice:
         self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5
     ) -> None:
         """Start a rotor with a full wake of helices in the momentum balance of its own thrust.
+
+        Without a wake where there is no such balance, as for a rotor that is driven backwards in still air.
 
         Parameters
         ----------
@@ -180,21 +203,26 @@ class VortexLattice:
         axis = axis / np.linalg.norm(axis)
         nodes = np.asarray(nodes, dtype=np.float64)
         stream = np.asarray(wind, dtype=np.float64).mean(axis=(0, 1, 2))
-        speed = float(np.linalg.norm(stream))
+        speed = float(abs(stream @ axis))
         radius = float(np.linalg.norm(np.cross(nodes - centre, axis), axis=-1).max())
         numbers = self.options.row_numbers()
         ages = (numbers + self.options.shed_fraction) * dt
         edge = np.empty((self.n_blades, self.n_edge + 1, 3))
         shedding_edge(nodes, self.arrays.shed_nodes, edge)
-        induction = 0.2
+        # Rows closer than those that a hundredth of the speed of the tips parts do not come to a balance.
+        closest = 0.01 * float(np.linalg.norm(velocities, axis=-1).max())
+        induced, slowest = -0.2 * speed, 2.0 * closest
         for _ in range(passes):
-            rows = self._helix(edge, centre, axis, rotor_speed, ages, stream, induction, radius)
-            self.initialise_wake(state, nodes, velocities, wind, rows, ages, far_wake=True)
+            rows = self._helix(edge, centre, axis, rotor_speed, ages, stream, induced, slowest, radius)
+            if not self._balance(state, nodes, velocities, wind, rows, ages, far_wake=True) <= UNBALANCED:
+                self.reset(state, nodes, velocities, wind)
+                return
             thrust = float(state.nodal_forces.sum(axis=(0, 1, 2)) @ axis)
-            loading = thrust / max(0.5 * self.air_density * np.pi * radius**2 * speed**2, 1e-9)
-            # Momentum theory up to a = 0.4; beyond it the wake is turbulent and the start need not be better.
-            target = 0.5 * (1.0 - np.sqrt(1.0 - min(max(loading, 0.0), 0.96)))
-            induction = 0.5 * (induction + target)
+            # T = -2 rho A (U + v) v, also for a rotor that drives the air. Beyond v = -0.4 U the wake is turbulent and
+            # the start need not be better; in still air it is carried away by what a hovering rotor induces.
+            pressure = thrust / (2.0 * self.air_density * np.pi * radius**2) * np.copysign(1.0, stream @ axis)
+            target = np.sqrt(0.25 * speed**2 - min(pressure, 0.24 * speed**2)) - 0.5 * speed
+            induced, slowest = 0.5 * (induced + target), max(0.5 * np.sqrt(abs(pressure)), closest)
         state.arrays.shed[1:] = -numbers
 
     def convect_wake(self, state: AeroState, inflow, time: float, dt: float) -> None:
@@ -327,8 +355,12 @@ class VortexLattice:
         step_kernels.store_induced(p, o, a, w, n_target, *self.body_arrays)
 
     @staticmethod
-    def _helix(edge, centre, axis, rotor_speed, ages, stream, induction, radius):
-        """Rows of trailing-edge nodes turned back and carried downstream, shape (n_rows, n_blades, n_node, 3)."""
+    def _helix(edge, centre, axis, rotor_speed, ages, stream, induced, slowest, radius):
+        """Rows of trailing-edge nodes turned back and carried downstream, shape (n_rows, n_blades, n_node, 3).
+
+        ``induced`` is the axial velocity at the rotor [m/s], twice that far away, positive downstream; the wake moves
+        no slower than with ``slowest``.
+        """
         arm = edge - centre
         along = arm @ axis
         normal = arm - along[..., None] * axis
@@ -337,8 +369,8 @@ class VortexLattice:
         axial_speed = float(stream @ axis)
         distance, time = 0.0, 0.0
         for k, age in enumerate(ages):
-            slowing = 1.0 - induction * (1.0 + distance / np.sqrt(distance**2 + radius**2))
-            distance += abs(axial_speed) * slowing * (age - time)
+            here = abs(axial_speed) + induced * (1.0 + distance / np.sqrt(distance**2 + radius**2))
+            distance += max(here, slowest) * (age - time)
             time = age
             drift = stream * age - axial_speed * age * axis
             angle = -rotor_speed * age

@@ -116,7 +116,7 @@ def place_newest_row(nodes, shed_nodes, free_edge, shed_fraction, wake):
                 outward = nodes[b, row, column, c] - before[c]
                 off += outward * (free_edge[b, j, c] - wake[0, b, j, c])
                 size2 += outward * outward
-            back = min(off, 0.0) / size2
+            back = 2.0 * min(off, 0.0) / size2
             for c in range(3):
                 way = free_edge[b, j, c] - wake[0, b, j, c] - back * (nodes[b, row, column, c] - before[c])
                 wake[1, b, j, c] = wake[0, b, j, c] + shed_fraction * way

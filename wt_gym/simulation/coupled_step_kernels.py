@@ -7,7 +7,8 @@ from wt_gym.multibody.tree_kernels import OK, kinematics
 from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion
 
 # Beyond the codes of the multibody kernels
-OVERSPEED, DEFLECTION = 101, 102
+OVERSPEED, DEFLECTION, UNSETTLED = 101, 102, 103
+DISAGREEMENT = 1e-3  # of circulation and polars, over the largest speed of a section, with which a step may end
 # The predictor alone is unstable: what it amplifies in so few sub-steps is less than the change of the loads.
 MOST_UNCORRECTED = 4
 
@@ -91,7 +92,7 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, 
     Returns
     -------
     int
-        OK, a code of the multibody kernels, OVERSPEED or DEFLECTION.
+        OK, a code of the multibody kernels, OVERSPEED, DEFLECTION or UNSETTLED.
     """
     code = predict_step(o, a, x, history, saved, inputs, tree, work, dt, h, n_sub, n_corrections, iterations,
                         constrained)  # fmt: skip
@@ -141,7 +142,16 @@ def correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, 
         if code != OK:
             return code
         move_lattice(history.y[3], tree, work, x)
-    return OK
+    return check_sections(a)
+
+
+@kernel
+def check_sections(a):
+    """OK, or UNSETTLED where circulation and polars have not come to agree."""
+    fastest = 0.0
+    for k in range(a.speed.shape[0]):
+        fastest = max(fastest, a.speed[k])
+    return OK if a.clock[1] <= DISAGREEMENT * (fastest + 1e-3) else UNSETTLED
 
 
 @kernel

@@ -443,6 +443,8 @@ class Simulator:
         if code == coupled_step_kernels.DEFLECTION:
             largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
+        if code == coupled_step_kernels.UNSETTLED:
+            return f"circulation and polars of the blades disagree by {self._aero.residual:.3g} m/s"
         return failure_of_a_step(code, self._h)
 
     def _move_lattice(self, y):
