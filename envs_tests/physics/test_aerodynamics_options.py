@@ -319,6 +319,40 @@ def test_refused_options():
         AeroOptions(load_form="pressure")
 
 
+@pytest.mark.parametrize(
+    ("name", "values", "allowed"),
+    [
+        ("ground_height", (np.nan, np.inf, -1.0, "sea"), "None or finite and >= 0"),
+        ("azimuth_step_deg", (np.nan, np.inf, -3.0, 0.0, None), "positive and finite"),
+        ("viscosity", (np.nan, np.inf, -1.0), "finite and >= 0"),
+        ("tree_tolerance", (np.nan, 0.0), r"\(0, 0.1\)"),
+        ("shed_fraction", (np.nan, 0.0), r"\(0, 1\]"),
+        ("sparse_from", (np.nan, 200.5), "more than full_rows, 135, a whole number"),
+        ("fresh_rows", (np.nan, 1.5, -1), "at least 0, a whole number"),
+        *((name, (np.nan, 2.5, 3.0, 0, "2", None, True), "at least 1, a whole number") for name in (
+            "n_chord", "n_span", "wake_rows", "full_rows", "coarse_stride", "sparse_stride", "sparse_span",
+            "refresh_stride", "wind_stride", "far_wake_rows",
+        )),
+    ],
+)  # fmt: skip
+def test_refused_numbers(name, values, allowed):
+    """The message names the field, the value and what is allowed."""
+    for value in values:
+        with pytest.raises(AerodynamicsError, match=rf"AeroOptions\.{name} is {value!r}; .*{allowed}"):
+            AeroOptions(**{name: value})
+
+
+def test_numbers_of_numpy_are_taken():
+    options = AeroOptions(n_span=np.int64(12), azimuth_step_deg=np.float32(5.0), ground_height=np.float64(0.0))
+    assert options.n_span == 12
+
+
+@pytest.mark.parametrize("thinning", [{"sparse_stride": 8}, {"sparse_span": 2}])
+def test_refused_thinning_that_begins_nowhere(thinning):
+    with pytest.raises(AerodynamicsError, match=r"sparse_stride is \d and sparse_span \d with sparse_from=None"):
+        AeroOptions(**thinning)
+
+
 def planform_with(nodes):
     """The flat wing of four strips with other ring nodes."""
     good = flat_planform(np.linspace(0.0, 4.0, 5), 1.0, 2)
