@@ -9,7 +9,15 @@ import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
 
-__all__ = ["LatticePlanform", "SectionLattice", "build_planform", "section_lattice", "span_distribution"]
+__all__ = [
+    "LatticePlanform",
+    "SectionLattice",
+    "build_planform",
+    "check_areas",
+    "numeric_array",
+    "section_lattice",
+    "span_distribution",
+]
 
 MOST_LISTED = 8  # panels that a message names
 SECTION_FIELDS = ("alpha0_lattice", "lift_slope", "moment0_lattice", "slope_angle")
