@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, LatticePlanform, VortexLattice
+from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.induction_kernels import direct_induction
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.aerodynamics.sheet_kernels import LAMB, build_wake_sheet
@@ -22,6 +22,7 @@ from wt_gym.validation.lifting_tools import (
     far_field_drag,
     flat_planform,
     half_span_edges,
+    panels_of,
     steady_coefficients,
     steady_wing,
 )
@@ -163,7 +164,7 @@ def drawn_out_wake(**options):
     """Core (rc l)^2, length and volume of the trailing segments at the tip of a wake that only drifts, by its rows."""
     planform = flat_planform(half_span_edges(2.0, 3), 1.0, 2)
     drifting = {"fresh_rows": 0, "refresh_stride": 10**9, "wake_rows": 20, "full_rows": 20, "wake_core": 0.1}
-    lattice = VortexLattice(planform, 1, AeroOptions(**(INVISCID | drifting | options)), 1.0)
+    lattice = VortexLattice(planform, 1, AeroOptions(**(INVISCID | panels_of(planform) | drifting | options)), 1.0)
     state, nodes = lattice.new_state(), planform.nodes[None].copy()
     wind = 0.0 * nodes + [0.05, 1.0, 0.0]
     lattice.reset(state, nodes, 0.0 * nodes, wind)
@@ -209,8 +210,9 @@ def polygon_velocity(n, pitch, curved):
 
     One strip whose outer node row is the filament, with three turns around; the inner one is far away.
     """
-    options = AeroOptions(**(INVISCID | {"wake_rows": 3 * n + 1, "curved_filaments": curved, "core_strain": False}))
-    lattice = VortexLattice(flat_planform(np.array([0.0, 1.0]), 1.0, 1), 1, options)
+    planform = flat_planform(np.array([0.0, 1.0]), 1.0, 1)
+    chosen = {"wake_rows": 3 * n + 1, "curved_filaments": curved, "core_strain": False}
+    lattice = VortexLattice(planform, 1, AeroOptions(**(INVISCID | panels_of(planform) | chosen)))
     a, w = lattice.new_state().arrays, lattice.work
     n_rows = 3 * n + 1
     angle = 2.0 * np.pi * (np.arange(1, n_rows + 1) / n - 1.5) - np.pi / n
@@ -343,11 +345,47 @@ def test_refused_options():
         AeroOptions(load_form="pressure")
 
 
+@pytest.mark.parametrize(
+    ("name", "values", "allowed"),
+    [
+        ("ground_height", (np.nan, np.inf, -1.0, "sea"), "None or finite and >= 0"),
+        ("azimuth_step_deg", (np.nan, np.inf, -3.0, 0.0, None), "positive and finite"),
+        ("viscosity", (np.nan, np.inf, -1.0), "finite and >= 0"),
+        ("tree_tolerance", (np.nan, 0.0), r"\(0, 0.1\)"),
+        ("shed_fraction", (np.nan, 0.0), r"\(0, 1\]"),
+        ("sparse_from", (np.nan, 200.5), "more than full_rows, 135, a whole number"),
+        ("fresh_rows", (np.nan, 1.5, -1), "at least 0, a whole number"),
+        *((name, (np.nan, 2.5, 3.0, 0, "2", None, True), "at least 1, a whole number") for name in (
+            "n_chord", "n_span", "wake_rows", "full_rows", "coarse_stride", "sparse_stride", "sparse_span",
+            "refresh_stride", "wind_stride", "far_wake_rows",
+        )),
+    ],
+)  # fmt: skip
+def test_refused_numbers(name, values, allowed):
+    """The message names the field, the value and what is allowed."""
+    for value in values:
+        with pytest.raises(AerodynamicsError, match=rf"AeroOptions\.{name} is {value!r}; .*{allowed}"):
+            AeroOptions(**{name: value})
+
+
+def test_numbers_of_numpy_are_taken():
+    options = AeroOptions(n_span=np.int64(12), azimuth_step_deg=np.float32(5.0), ground_height=np.float64(0.0))
+    assert options.n_span == 12
+
+
+@pytest.mark.parametrize("thinning", [{"sparse_stride": 8}, {"sparse_span": 2}])
+def test_refused_thinning_that_begins_nowhere(thinning):
+    with pytest.raises(AerodynamicsError, match=r"sparse_stride is \d and sparse_span \d with sparse_from=None"):
+        AeroOptions(**thinning)
+
+
+GOOD = flat_planform(np.linspace(0.0, 4.0, 5), 1.0, 2)
+"""A flat wing of four strips."""
+
+
 def planform_with(nodes):
-    """The flat wing of four strips with other ring nodes."""
-    good = flat_planform(np.linspace(0.0, 4.0, 5), 1.0, 2)
-    fields = {name: getattr(good, name) for name in LatticePlanform.__dataclass_fields__}
-    return LatticePlanform(**(fields | {"nodes": nodes(good.nodes.copy())}))
+    """The flat wing with other ring nodes."""
+    return replace(GOOD, nodes=nodes(GOOD.nodes.copy()))
 
 
 def test_refused_lattices():
@@ -371,11 +409,158 @@ def test_refused_lattices():
         flat_planform(np.linspace(4.0, 0.0, 5), 1.0, 2)
 
 
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        (lambda n: n[:, ::-1], r"larger z, from root to tip; .*\[\[0, 0\], .*\[1, 3\]\]"),
+        (lambda n: n[::-1], "larger y, from the leading to the trailing edge"),
+        (lambda n: n * [1, -1, 1], "larger y"),
+        (lambda n: n * [1, 1, -1], "larger z"),
+        (lambda n: n[[0, 2, 1]], r"folded back .*\[\[0, 0\], \[0, 1\], \[0, 2\], \[0, 3\]\]"),
+        (lambda n: n + np.cumsum(n[..., 1:2], axis=0) * [0, 0, 30] + n[..., 2:] * [3, 3, 0], "larger x, the suction"),
+    ],
+)
+def test_refused_blades_against_their_frame(place, message):
+    with pytest.raises(AerodynamicsError, match=message):
+        planform_with(place)
+
+
+def built(**changes):
+    """The flat wing with other arguments of `build_planform`."""
+    edges, one = GOOD.span_edges, np.ones(5)
+    given = {"span_edges": edges, "axis": np.outer(edges, [0.0, 0.0, 1.0]), "chord": one, "twist": 0.0 * one,
+             "le_offset": 0.25 * one, "polars": GOOD.polars, "n_chord": 2}  # fmt: skip
+    return build_planform(**(given | changes))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 89.0, -89.0])
+def test_blades_along_their_frame_are_taken(degrees):
+    """Twist, sweep, prebend, dihedral and a tip without chord."""
+    edges = GOOD.span_edges
+    axis = np.column_stack([0.5 * edges, -0.5 * edges, edges])
+    planform = built(axis=axis, twist=np.full(5, np.radians(degrees)), chord=np.array([1.0, 1.0, 1.0, 0.5, 0.0]))
+    assert planform.nodes.shape == (3, 5, 3)
+
+
+def test_refused_planforms():
+    edges = GOOD.span_edges
+    for degrees in (91.0, 180.0, -100.0):
+        with pytest.raises(AerodynamicsError, match="a twist between -90 and 90 degrees"):
+            built(twist=np.full(5, np.radians(degrees)))
+    with pytest.raises(AerodynamicsError, match="larger z, from root to tip"):
+        built(axis=np.outer(edges[::-1], [0.0, 0.0, 1.0]))
+    with pytest.raises(AerodynamicsError, match=r"n_chord=1\.5,"):
+        built(n_chord=1.5)
+    with pytest.raises(AerodynamicsError, match="chord must be an array of numbers"):
+        built(chord="wide")
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("alpha0_lattice", np.full(4, np.nan), "alpha0_lattice is not finite"),
+        ("alpha0_lattice", np.zeros(7), r"alpha0_lattice has shape \(7,\); \(4,\) is needed"),
+        ("lift_slope", np.zeros(4), "lift_slope must be positive"),
+        ("lift_slope", -np.ones(4), "lift_slope must be positive"),
+        ("moment0_lattice", np.full(4, np.inf), "moment0_lattice is not finite"),
+        ("slope_angle", np.zeros((4, 1)), r"slope_angle has shape \(4, 1\)"),
+        ("chord", np.full(4, np.inf), "chord is not finite"),
+        ("chord", np.full(4, np.nan), "chord is not finite"),
+        ("edge_chord", np.ones(4), r"edge_chord has shape \(4,\); \(5,\)"),
+        ("edge_chord", -np.ones(5), "no edge chord may be negative"),
+        ("span_edges", np.arange(4.0), r"span_edges has shape \(4,\); \(5,\)"),
+        ("polars", None, "polars"),
+    ],
+)
+def test_refused_properties_of_strips(field, value, message):
+    with pytest.raises(AerodynamicsError, match=message):
+        replace(GOOD, **{field: value})
+
+
+def small_lattice(**options):
+    """Lattice of the flat wing with few wake rows, a state, nodes, no velocities, a wind."""
+    lattice = VortexLattice(GOOD, 1, AeroOptions(**(INVISCID | panels_of(GOOD) | {"wake_rows": 4} | options)), 1.0)
+    nodes = GOOD.nodes[None].copy()
+    return lattice, lattice.new_state(), nodes, 0.0 * nodes, 0.0 * nodes + [0.1, 1.0, 0.0]
+
+
+def test_refused_numbers_of_panels():
+    with pytest.raises(AerodynamicsError, match=r"planform has 2 x 4 panels .* n_chord x n_span = 3 x 4"):
+        small_lattice(n_chord=3)
+    with pytest.raises(AerodynamicsError, match=r"planform has 2 x 4 panels .* n_chord x n_span = 2 x 7"):
+        small_lattice(n_span=7)
+    for blades in (0, 1.5, np.nan):
+        with pytest.raises(AerodynamicsError, match=f"n_blades is {blades}"):
+            VortexLattice(GOOD, blades, AeroOptions(**panels_of(GOOD)))
+
+
+def test_refused_panels_without_area_in_motion():
+    lattice, state, nodes, still, wind = small_lattice()
+    thin = nodes.copy()
+    thin[0, :, 1] = thin[0, :, 2]
+    row = [nodes[:, -1] + [0.0, 1.0, 0.0]]
+    message = r"\(blade, chord, span\) without area: \[\[0, 0, 1\], \[0, 1, 1\]\]"
+    lattice.reset(state, nodes, still, wind)
+    lattice.convect_wake(state, UniformStream([0.1, 1.0, 0.0]), 0.0, 0.1)
+    with pytest.raises(AerodynamicsError, match=message):
+        lattice.solve(state, thin, still, wind, 0.1)
+    with pytest.raises(AerodynamicsError, match=message):
+        lattice.reset(state, thin, still, wind)
+    with pytest.raises(AerodynamicsError, match=message):
+        lattice.initialise_wake(state, thin, still, wind, row, [1.0])
+    with pytest.raises(AerodynamicsError, match=message):
+        lattice.initialise_helix(state, thin, still, wind, [0.0] * 3, [0.0, 1.0, 0.0], 1.0, 0.1)
+    with pytest.raises(AerodynamicsError, match=r"\[0, 1, 3\]\]; every panel"):
+        lattice.reset(state, 0.0 * nodes, still, wind)
+
+
+def test_refused_wakes():
+    lattice, state, nodes, still, wind = small_lattice()
+    rows = np.array([nodes[:, -1] + [0.0, 0.5 * k, 0.0] for k in (1, 2, 3)])
+    ages = np.array([0.5, 1.0, 1.5])
+    lattice.initialise_wake(state, nodes, still, wind, rows, ages)
+    before = state.copy()
+    broken = rows.copy()
+    broken[1, 0, 2, 0] = np.nan
+    cases = [
+        (broken, ages, r"wake_rows are not finite in rows \[1\]"),
+        (rows[..., :-1, :], ages, r"wake_rows have shape \(3, 1, 4, 3\); \(3, 1, 5, 3\) is needed"),
+        (rows[:, 0], ages, "wake_rows have shape"),
+        (rows, ages[:-1], r"ages have shape \(2,\); \(3,\) is needed"),
+        (rows, ages[:, None], "ages have shape"),
+        (rows, ages * np.nan, r"ages are not finite in rows \[0, 1, 2\]"),
+        (rows[:0], ages[:0], "0 wake rows given; between 1 and 4"),
+        (np.tile(rows, (2, 1, 1, 1)), np.arange(1.0, 7.0), "6 wake rows given; between 1 and 4"),
+        *((rows, wrong, "ages are .* positive and increase from row to row") for wrong in (
+            0.0 * ages, -ages, ages[::-1], ages - 0.5, [0.5, 0.5, 1.0],
+        )),
+    ]  # fmt: skip
+    for given, times, message in cases:
+        with pytest.raises(AerodynamicsError, match=message):
+            lattice.initialise_wake(state, nodes, still, wind, given, times)
+    assert state == before
+
+
+def test_refused_helices():
+    lattice, state, nodes, still, wind = small_lattice()
+    good = {"centre": [0.0, 0.0, -1.0], "axis": [0.0, 1.0, 0.0], "rotor_speed": 1.0, "dt": 0.1}
+    for name, values in {
+        "axis": ([0.0, 0.0, 0.0], [0.0, np.nan, 0.0], [1.0, 0.0], None),
+        "centre": ([np.inf, 0.0, 0.0], 0.0),
+        "dt": (0.0, -0.1, np.nan, np.inf),
+        "rotor_speed": (np.nan, np.inf),
+        "passes": (0, 1.5),
+    }.items():
+        for value in values:
+            with pytest.raises(AerodynamicsError, match=name):
+                lattice.initialise_helix(state, nodes, still, wind, **(good | {name: value}))
+    with pytest.raises(AerodynamicsError, match="wind have shape"):
+        lattice.initialise_helix(state, nodes, still, wind[0], **good)
+
+
 def test_refused_flows():
-    planform = flat_planform(np.linspace(0.0, 4.0, 5), 1.0, 2)
-    lattice = VortexLattice(planform, 1, AeroOptions(**(INVISCID | {"wake_rows": 4})), 1.0)
-    state, nodes = lattice.new_state(), planform.nodes[None].copy()
-    still, wind, broken = 0.0 * nodes, 0.0 * nodes + [0.1, 1.0, 0.0], nodes.copy()
+    lattice, state, nodes, still, wind = small_lattice()
+    broken = nodes.copy()
     broken[0, 1, 2, 0] = np.nan
     for arguments, name in (((broken, still, wind), "nodes"), ((nodes, broken, wind), "velocities"),
                             ((nodes, still, broken), "wind")):  # fmt: skip
@@ -388,3 +573,22 @@ def test_refused_flows():
         lattice.convect_wake(state, UniformStream([0.0, 1.0, 0.0]), 0.0, 0.0)
     with pytest.raises(AerodynamicsError, match="is needed"):
         lattice.solve(state, nodes[:, :-1], still, wind, 0.1)
+    for dt in (0.0, -0.1, np.nan, np.inf):
+        with pytest.raises(AerodynamicsError, match=f"dt is {dt}; it must be positive and finite"):
+            lattice.solve(state, nodes, still, wind, dt)
+
+
+def test_refused_inflows():
+    class OneVelocity:
+        def velocity(self, points, time):
+            return np.array([0.0, 1.0, 0.0])
+
+    lattice, state, nodes, still, wind = small_lattice()
+    lattice.reset(state, nodes, still, wind)
+    with pytest.raises(AerodynamicsError, match=r"shape \(3,\) at wake nodes of shape \(1, 1, 5, 3\)"):
+        lattice.convect_wake(state, OneVelocity(), 0.0, 0.1)
+    lattice.convect_wake(state, UniformStream([1e30, 0.0, 0.0]), 0.0, 0.1)
+    with pytest.raises(AerodynamicsError, match=r"forces are not finite; .*wind at the wake 1e\+30 m/s"):
+        lattice.solve(state, nodes, still, wind, 0.1)
+    with pytest.raises(AerodynamicsError, match=r"forces are not finite; .*wind at a node 1e\+200 m/s"):
+        lattice.reset(state, nodes, still, 1e200 * wind)

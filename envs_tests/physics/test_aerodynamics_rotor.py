@@ -114,9 +114,8 @@ def test_rings_of_a_wake_thinned_twice_are_closed_and_induce_what_all_nodes_do()
     """Circulation times length sums to nothing over each sheet; the velocity at the rotor changes by 1 %."""
     _, _, state = simulate(THINNED, 8.0, ratio=7.0, turns=6)
     assert state.n_rows == THINNED.wake_rows
-    thinned, full = (
-        VortexLattice(blade(o), 3, o, DENSITY) for o in (THINNED, replace(THINNED, sparse_from=None, sparse_span=1))
-    )
+    unthinned = replace(THINNED, sparse_from=None, sparse_stride=1, sparse_span=1)
+    thinned, full = (VortexLattice(blade(o), 3, o, DENSITY) for o in (THINNED, unthinned))
     copy = full.new_state()
     for name, array in state.arrays._asdict().items():
         if name != "far":

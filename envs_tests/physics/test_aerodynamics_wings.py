@@ -5,6 +5,7 @@ import pytest
 
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.lattice import section_lattice
+from wt_gym.validation.lifting_tools import panels_of
 
 ANGLES = -np.pi + 2 * np.pi * np.arange(720) / 720
 FLAT_PLATE = np.stack([2 * np.pi * np.sin(ANGLES), 0 * ANGLES, 0 * ANGLES], -1)
@@ -37,18 +38,20 @@ def wing(aspect, n_chord, n_span, polar=FLAT_PLATE, camber=None, inset=(0.25, 0.
 
 def lattice(planform, **options):
     chosen = {"wake_rows": 1, "viscous": False, "far_wake": False, "wake_core": 1e-3, "bound_core": 1e-4, "squire": 0.0}
-    return VortexLattice(planform, 1, AeroOptions(**(chosen | options)), 1.0)
+    return VortexLattice(planform, 1, AeroOptions(**(chosen | panels_of(planform) | options)), 1.0)
 
 
 def steady(planform, alpha, speed=1.0, **options):
     """State with a straight wake, lift and drag coefficients of the true area."""
-    solver = lattice(planform, **options)
+    solver = lattice(planform, viscosity=0.0, **options)
     state = solver.new_state()
     nodes = planform.nodes[None].copy()
     stream = speed * np.array([np.sin(alpha), np.cos(alpha), 0.0])
     length = 2e3 * planform.span_edges[-1]
     edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
-    solver.initialise_wake(state, nodes, 0 * nodes, 0 * nodes + stream, [edge + length * stream / speed], [0.0])
+    solver.initialise_wake(
+        state, nodes, 0 * nodes, 0 * nodes + stream, [edge + length * stream / speed], [length / speed]
+    )
     total = state.nodal_forces.sum(axis=(0, 1, 2))
     inset = planform.span_edges[0]
     scale = 0.5 * speed**2 * (planform.span_edges[-1] + inset)
@@ -205,7 +208,7 @@ def test_ground_reduces_downwash():
     """A wing half a span above ground lifts more; the image method is exact for a mirrored pair of wings."""
     planform = wing(4.0, 2, 8)
     _, free, _ = steady(planform, 0.05)
-    solver = lattice(planform, ground_height=0.0)
+    solver = lattice(planform, ground_height=0.0, viscosity=0.0)
     state = solver.new_state()
     # Lift upwards, +z: span along y, chord along x.
     turn = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]).T
@@ -214,7 +217,7 @@ def test_ground_reduces_downwash():
     stream = turn @ np.array([np.sin(alpha), np.cos(alpha), 0])
     edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
     along = turn @ np.array([0.0, 1.0, 0.0])
-    solver.initialise_wake(state, nodes, 0 * nodes, 0 * nodes + stream, [edge + 1e3 * along], [0.0])
+    solver.initialise_wake(state, nodes, 0 * nodes, 0 * nodes + stream, [edge + 1e3 * along], [1e3])
     lift = state.nodal_forces.sum(axis=(0, 1, 2))[2] / (0.5 * 4.0)
     assert free * 1.03 < lift < free * 1.3
 

@@ -3,13 +3,24 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from numbers import Integral
 
 import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
 
-__all__ = ["LatticePlanform", "SectionLattice", "build_planform", "section_lattice", "span_distribution"]
+__all__ = [
+    "LatticePlanform",
+    "SectionLattice",
+    "build_planform",
+    "check_areas",
+    "numeric_array",
+    "section_lattice",
+    "span_distribution",
+]
 
+MOST_LISTED = 8  # panels that a message names
+SECTION_FIELDS = ("alpha0_lattice", "lift_slope", "moment0_lattice", "slope_angle")
 FINE_PANELS = 48  # the zero-lift angle of measured camber lines is converged to 0.05 degrees
 
 
@@ -56,6 +67,12 @@ class LatticePlanform:
         cl, cd, cm of each strip at ``n_alpha`` angles of attack, evenly spaced from -pi (included) to pi (excluded).
     alpha0_lattice, lift_slope, moment0_lattice, slope_angle : ndarray, shape (n_span,)
         Properties of the strip's two-dimensional lattice, see `SectionLattice`.
+
+    Raises
+    ------
+    AerodynamicsError
+        For wrong shapes, values that are not finite, chords or lift slopes that are not positive, panels without area,
+        and nodes that do not run from root to tip and from the leading to the trailing edge.
     """
 
     nodes: np.ndarray
@@ -70,13 +87,26 @@ class LatticePlanform:
 
     def __post_init__(self):
         """Check shapes, orientation and values, then make the arrays read-only."""
+        arrays = {name: numeric_array(name, getattr(self, name)) for name in self.__dataclass_fields__}
+        for name, array in arrays.items():
+            object.__setattr__(self, name, array)
         n_span = self.chord.size
         if self.nodes.ndim != 3 or self.nodes.shape[1:] != (n_span + 1, 3) or self.nodes.shape[0] < 2:
             raise AerodynamicsError(f"nodes have shape {self.nodes.shape}; (n_chord + 1, {n_span + 1}, 3) is needed")
+        of_edges, of_strips = ("edge_chord", "span_edges"), ("chord", *SECTION_FIELDS)
+        for name, n in (*((x, n_span + 1) for x in of_edges), *((x, n_span) for x in of_strips)):
+            if arrays[name].shape != (n,):
+                raise AerodynamicsError(f"{name} has shape {arrays[name].shape}; ({n},) is needed")
+            if not np.all(np.isfinite(arrays[name])):
+                raise AerodynamicsError(f"{name} is not finite: {arrays[name]}")
         if not np.all(np.diff(self.span_edges) > 0.0):
             raise AerodynamicsError(f"span edges must increase from root to tip; given {self.span_edges}")
         if not np.all(self.chord > 0.0):
             raise AerodynamicsError(f"every chord must be positive; given {self.chord}")
+        if np.any(self.edge_chord < 0.0):
+            raise AerodynamicsError(f"no edge chord may be negative; given {self.edge_chord}")
+        if not np.all(self.lift_slope > 0.0):
+            raise AerodynamicsError(f"every lift_slope must be positive; given {self.lift_slope}")
         if self.polars.ndim != 3 or self.polars.shape[0] != n_span or self.polars.shape[2] != 3:
             raise AerodynamicsError(f"polars have shape {self.polars.shape}; ({n_span}, n_alpha, 3) is needed")
         if self.polars.shape[1] < 8 or not np.all(np.isfinite(self.polars)):
@@ -84,10 +114,8 @@ class LatticePlanform:
         if np.any(self.polars[:, :, 1] < 0.0):
             raise AerodynamicsError("a polar has a negative drag coefficient")
         _check_panels(self.nodes)
-        for name in self.__dataclass_fields__:
-            array = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+        for array in arrays.values():
             array.setflags(write=False)
-            object.__setattr__(self, name, array)
 
     @property
     def n_chord(self) -> int:
@@ -100,20 +128,72 @@ class LatticePlanform:
         return self.nodes.shape[1] - 1
 
 
-def _check_panels(nodes):
-    """Refuse non-finite nodes, rings without area and rings turned inside out."""
-    if not np.all(np.isfinite(nodes)):
-        raise AerodynamicsError("the lattice has nodes that are not finite")
-    chordwise = 0.5 * (nodes[1:, 1:] - nodes[:-1, 1:] + nodes[1:, :-1] - nodes[:-1, :-1])
-    spanwise = 0.5 * (nodes[1:, 1:] - nodes[1:, :-1] + nodes[:-1, 1:] - nodes[:-1, :-1])
+def numeric_array(name, values):
+    """Contiguous array of double precision; `AerodynamicsError` with this name for anything else than numbers."""
+    try:
+        return np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise AerodynamicsError(f"{name} must be an array of numbers: {error}") from error
+
+
+def _panel_sides(nodes):
+    """Mean vectors along chord and span of every panel, shape (..., n_chord, n_span, 3)."""
+    along, across = nodes[..., 1:, :, :] - nodes[..., :-1, :, :], nodes[..., 1:, :] - nodes[..., :-1, :]
+    return 0.5 * (along[..., 1:, :] + along[..., :-1, :]), 0.5 * (across[..., 1:, :, :] + across[..., :-1, :, :])
+
+
+def check_areas(nodes) -> None:
+    """Refuse panels without area.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (..., n_chord + 1, n_span + 1, 3)
+        Corners of the panels of one or more blades [m].
+
+    Raises
+    ------
+    AerodynamicsError
+        That names the panels by blade (if there are several), place along the chord and along the span.
+    """
+    chordwise, spanwise = _panel_sides(nodes)
     area = np.linalg.norm(np.cross(chordwise, spanwise), axis=-1)
     scale = np.linalg.norm(chordwise, axis=-1) * np.linalg.norm(spanwise, axis=-1)
-    flat = np.argwhere(area <= 1e-6 * np.maximum(scale, 1e-12))
-    if flat.size:
-        raise AerodynamicsError(f"panels (chord, span) without area: {flat.tolist()}")
-    twisted = np.einsum("ijk,ijk->ij", chordwise, np.roll(chordwise, 1, axis=1))[:, 1:]
-    if np.any(twisted < 0.0):
+    flat = ~(area > 1e-6 * np.maximum(scale, 1e-12))
+    if np.any(flat):
+        where = "(blade, chord, span)" if nodes.ndim > 3 else "(chord, span)"
+        raise AerodynamicsError(f"panels {where} without area: {_listed(flat)}; every panel needs some")
+
+
+def _listed(wrong):
+    """Indices of the first panels for which ``wrong`` holds, as text."""
+    places = np.argwhere(wrong).tolist()
+    return f"{places[:MOST_LISTED]}" + (f" and {len(places) - MOST_LISTED} more" if places[MOST_LISTED:] else "")
+
+
+def _check_panels(nodes):
+    """Refuse non-finite nodes, rings without area, rings turned inside out and blades against their own frame."""
+    if not np.all(np.isfinite(nodes)):
+        raise AerodynamicsError("the lattice has nodes that are not finite")
+    check_areas(nodes)
+    chordwise, spanwise = _panel_sides(nodes)
+    if np.any(np.einsum("ijk,ijk->ij", chordwise[:, 1:], chordwise[:, :-1]) < 0.0):
         raise AerodynamicsError("the chord direction turns by more than 90 degrees between neighbouring strips")
+    folded = np.einsum("ijk,ijk->ij", chordwise[1:], chordwise[:-1]) <= 0.0
+    if np.any(folded):
+        raise AerodynamicsError(
+            f"panels (chord, span) folded back onto the next one along the chord: {_listed(folded)}; rows of nodes "
+            "must follow each other from the leading to the trailing edge"
+        )
+    against = (
+        (spanwise[..., 2] <= 0.0, "the span of panels must run to larger z, from root to tip"),
+        (chordwise.sum(axis=0, keepdims=True)[..., 1] <= 0.0, "the chord of strips must run to larger y, from the "
+         "leading to the trailing edge, which takes a twist between -90 and 90 degrees"),
+        (np.cross(chordwise, spanwise)[..., 0] <= 0.0, "chord x span of panels must point to larger x, the suction "
+         "side"),
+    )  # fmt: skip
+    for wrong, need in against:
+        if np.any(wrong):
+            raise AerodynamicsError(f"in the blade frame {need}; panels (chord, span) that do not: {_listed(wrong)}")
 
 
 def section_lattice(slope: Callable, n_chord: int, height: Callable | None = None) -> SectionLattice:
@@ -232,14 +312,13 @@ def build_planform(
     Raises
     ------
     AerodynamicsError
-        For wrong shapes, spans that do not increase, chords that are not positive, panels without area, bad polars.
+        For wrong shapes, spans that do not increase, chords that are not positive, panels without area, bad polars,
+        and a blade against its frame: an axis towards smaller z, or a twist of 90 degrees or more.
     """
-    span_edges, chord, twist, le_offset = (
-        np.asarray(a, dtype=np.float64) for a in (span_edges, chord, twist, le_offset)
-    )
-    axis = np.asarray(axis, dtype=np.float64)
+    given = {"span_edges": span_edges, "chord": chord, "twist": twist, "le_offset": le_offset, "axis": axis}
+    span_edges, chord, twist, le_offset, axis = (numeric_array(name, values) for name, values in given.items())
     n_edge = span_edges.size
-    if n_chord < 1 or n_edge < 2:
+    if not isinstance(n_chord, Integral) or n_chord < 1 or n_edge < 2:
         raise AerodynamicsError(f"a lattice needs at least one panel each way; n_chord={n_chord}, span edges={n_edge}")
     for name, array, shape in (("axis", axis, (n_edge, 3)), ("chord", chord, (n_edge,)), ("twist", twist, (n_edge,)),
                                ("le_offset", le_offset, (n_edge,))):  # fmt: skip
@@ -259,10 +338,10 @@ def build_planform(
     strips = [_mean_section(a, b, n_chord) for a, b in pairwise(sections)]
     return LatticePlanform(
         nodes=nodes,
-        chord=0.5 * (chord[1:] + chord[:-1]) if strip_chord is None else np.asarray(strip_chord, dtype=np.float64),
+        chord=0.5 * (chord[1:] + chord[:-1]) if strip_chord is None else numeric_array("strip_chord", strip_chord),
         edge_chord=chord,
         span_edges=span_edges,
-        polars=np.asarray(polars, dtype=np.float64),
+        polars=polars,
         alpha0_lattice=np.array([s.zero_lift_angle for s in strips]),
         lift_slope=np.array([s.lift_slope for s in strips]),
         moment0_lattice=np.array([s.zero_lift_moment for s in strips]),

@@ -1,5 +1,6 @@
 """Choices of the vortex-lattice solver, with the measured error of the presets' wakes."""
 
+import numbers
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,12 @@ __all__ = ["ENGINEERING", "REFERENCE", "TRAINING", "AeroOptions"]
 
 LOAD_FORMS = ("joukowski", "bernoulli")
 INDUCTIONS = ("direct", "tree")
+# Whole numbers and the least that each may be
+COUNTS = {
+    "n_chord": 1, "n_span": 1, "wake_rows": 1, "full_rows": 1, "coarse_stride": 1, "sparse_stride": 1,
+    "sparse_span": 1, "fresh_rows": 0, "refresh_stride": 1, "wind_stride": 1, "far_wake_rows": 1,
+}  # fmt: skip
+NOT_NEGATIVE = ("bound_core", "wake_core", "viscosity", "squire", "stall_lag")
 
 
 @dataclass(frozen=True)
@@ -33,7 +40,7 @@ class AeroOptions:
     sparse_from, sparse_stride, sparse_span : int
         From row ``sparse_from`` on (None: nowhere) only every ``sparse_stride``-th shed row is kept, and of its nodes
         only every ``sparse_span``-th, and both ends, carry vortices, rings between merged by their widths; the other
-        nodes move with the velocities of these neighbours.
+        nodes move with the velocities of these neighbours. With ``sparse_from=None`` both must be 1.
     fresh_rows, refresh_stride : int
         The induced velocity of the first ``fresh_rows`` rows is computed every step, that of an older row every
         ``refresh_stride`` steps (rows take turns); between, it turns with the blade.
@@ -79,7 +86,7 @@ class AeroOptions:
     tree_tolerance : float
         Error of the tree code, root mean square, relative to the mean induced velocity.
     ground_height : float or None
-        Height of a flat ground [m]; the wake and the blades are then mirrored in it. None: no ground.
+        Height of a flat ground, not negative [m]; the wake and the blades are then mirrored in it. None: no ground.
 
     Raises
     ------
@@ -120,35 +127,14 @@ class AeroOptions:
 
     def __post_init__(self):
         """Refuse values without meaning."""
-        at_least_one = (
-            "n_chord",
-            "n_span",
-            "wake_rows",
-            "full_rows",
-            "coarse_stride",
-            "sparse_stride",
-            "sparse_span",
-            "refresh_stride",
-            "wind_stride",
-            "far_wake_rows",
-        )
-        for name in at_least_one:
-            if getattr(self, name) < 1:
-                raise AerodynamicsError(f"AeroOptions.{name} is {getattr(self, name)}; it must be at least 1")
-        if self.sparse_from is not None and not self.full_rows < self.sparse_from:
-            raise AerodynamicsError(
-                f"AeroOptions.sparse_from is {self.sparse_from}; allowed: None or more than full_rows, {self.full_rows}"
-            )
-        if self.sparse_from is not None and self.sparse_stride % self.coarse_stride:
-            raise AerodynamicsError(
-                f"AeroOptions.sparse_stride is {self.sparse_stride}; it must be a multiple of coarse_stride, "
-                f"{self.coarse_stride}"
-            )
-        if self.fresh_rows < 0:
-            raise AerodynamicsError(f"AeroOptions.fresh_rows is {self.fresh_rows}; it must not be negative")
-        for name in ("bound_core", "wake_core", "viscosity", "squire", "stall_lag"):
-            if not 0.0 <= getattr(self, name) < float("inf"):
-                raise AerodynamicsError(f"AeroOptions.{name} is {getattr(self, name)}; it must be finite and >= 0")
+        self._check_counts()
+        for name in NOT_NEGATIVE:
+            self._check_number(name, lambda x: 0.0 <= x < float("inf"), "it must be finite and >= 0")
+        self._check_number("azimuth_step_deg", lambda x: 0.0 < x < float("inf"), "it must be positive and finite")
+        self._check_number("tree_tolerance", lambda x: 0.0 < x < 0.1, "it must lie in (0, 0.1)")
+        self._check_number("shed_fraction", lambda x: 0.0 < x <= 1.0, "it must lie in (0, 1]")
+        if self.ground_height is not None:
+            self._check_number("ground_height", lambda x: 0.0 <= x < float("inf"), "allowed: None or finite and >= 0")
         if not (self.trailing_edge_wake or self.tip_wake):
             raise AerodynamicsError(
                 "AeroOptions.trailing_edge_wake and tip_wake are both False: a lattice that sheds no wake has no memory"
@@ -157,10 +143,36 @@ class AeroOptions:
             raise AerodynamicsError(f"AeroOptions.load_form is {self.load_form!r}; allowed: {', '.join(LOAD_FORMS)}")
         if self.induction not in INDUCTIONS:
             raise AerodynamicsError(f"AeroOptions.induction is {self.induction!r}; allowed: {', '.join(INDUCTIONS)}")
-        if not 0.0 < self.tree_tolerance < 0.1:
-            raise AerodynamicsError(f"AeroOptions.tree_tolerance is {self.tree_tolerance}; it must lie in (0, 0.1)")
-        if not 0.0 < self.shed_fraction <= 1.0:
-            raise AerodynamicsError(f"AeroOptions.shed_fraction is {self.shed_fraction}; it must lie in (0, 1]")
+
+    def _check_number(self, name, within, allowed):
+        """Refuse a value that is no number or not within the range."""
+        value = getattr(self, name)
+        if not isinstance(value, numbers.Real) or not within(value):
+            raise AerodynamicsError(f"AeroOptions.{name} is {value!r}; {allowed}")
+
+    def _check_counts(self):
+        """Refuse counts that are no whole numbers or too small, and thinning that contradicts itself."""
+        for name, least in COUNTS.items():
+            value = getattr(self, name)
+            if not _is_count(value) or value < least:
+                raise AerodynamicsError(f"AeroOptions.{name} is {value!r}; it must be at least {least}, a whole number")
+        if self.sparse_from is None:
+            if self.sparse_stride != 1 or self.sparse_span != 1:
+                raise AerodynamicsError(
+                    f"AeroOptions.sparse_stride is {self.sparse_stride} and sparse_span {self.sparse_span} with "
+                    "sparse_from=None; both must be 1 there, or sparse_from a row number: nothing else thins by them"
+                )
+            return
+        if not _is_count(self.sparse_from) or not self.full_rows < self.sparse_from:
+            raise AerodynamicsError(
+                f"AeroOptions.sparse_from is {self.sparse_from!r}; allowed: None or more than full_rows, "
+                f"{self.full_rows}, a whole number"
+            )
+        if self.sparse_stride % self.coarse_stride:
+            raise AerodynamicsError(
+                f"AeroOptions.sparse_stride is {self.sparse_stride}; it must be a multiple of coarse_stride, "
+                f"{self.coarse_stride}"
+            )
 
     def row_numbers(self):
         """Steps since each row of a full wake was shed, newest first, given the thinning of old rows.
@@ -179,6 +191,10 @@ class AeroOptions:
                 numbers.append(step)
             step += 1
         return np.array(numbers)
+
+
+def _is_count(value):
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 
 # Errors against REFERENCE in steady and turbulent wind: scripts/validate.py run fidelity.

@@ -1,6 +1,7 @@
 """The unsteady vortex-lattice method: blades on their camber surfaces, free wake, loads."""
 
 import math
+from numbers import Integral
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from wt_gym.aerodynamics import step_kernels
 from wt_gym.aerodynamics.bodies import BodySet
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.far_wake import cylinder_table
-from wt_gym.aerodynamics.lattice import LatticePlanform
+from wt_gym.aerodynamics.lattice import LatticePlanform, check_areas, numeric_array
 from wt_gym.aerodynamics.options import AeroOptions
 from wt_gym.aerodynamics.simd_kernels import WIDTH
 from wt_gym.aerodynamics.split_induction import SplitInduction
@@ -53,7 +54,8 @@ class VortexLattice:
     Raises
     ------
     AerodynamicsError
-        If the number of blades or the density makes no sense, or the bodies have another ground than the options.
+        If the number of blades or the density makes no sense, the planform has other numbers of panels than the
+        options, or the bodies have another ground.
     """
 
     def __init__(
@@ -65,8 +67,14 @@ class VortexLattice:
         bodies: BodySet | None = None,
         threads: int = 1,
     ):
-        if n_blades < 1:
-            raise AerodynamicsError(f"n_blades is {n_blades}; at least one blade is needed")
+        if not isinstance(n_blades, Integral) or n_blades < 1:
+            raise AerodynamicsError(f"n_blades is {n_blades!r}; at least one blade is needed, a whole number")
+        panels, chosen = (planform.n_chord, planform.n_span), (options.n_chord, options.n_span)
+        if panels != chosen:
+            raise AerodynamicsError(
+                f"the planform has {panels[0]} x {panels[1]} panels (chord x span), the options have n_chord x n_span "
+                f"= {chosen[0]} x {chosen[1]}; they must agree"
+            )
         if not 0.0 < air_density < np.inf:
             raise AerodynamicsError(f"air_density is {air_density}; it must be positive and finite")
         self.planform, self.n_blades, self.options, self.air_density = planform, n_blades, options, float(air_density)
@@ -107,6 +115,12 @@ class VortexLattice:
         ----------
         nodes, velocities, wind : ndarray, shape (n_blades, n_chord + 1, n_span + 1, 3)
             Positions [m] and velocities [m/s] of the ring nodes and undisturbed wind there [m/s], global.
+
+        Raises
+        ------
+        AerodynamicsError
+            For arrays of another shape or not finite, panels without area, and a flow so strong that the forces are
+            not finite.
         """
         self._clear(state, nodes)
         self._solve(state, nodes, velocities, wind, 0.0, first=True)
@@ -127,19 +141,17 @@ class VortexLattice:
             Positions of the rows behind the shedding edge, newest first [m]; the newest is kept off the blade, see
             `wake_kernels.place_newest_row`.
         ages : ndarray, shape (n_rows,)
-            Time since each row was shed [s].
+            Time since each row was shed [s]: positive, and more from row to row.
         far_wake : bool
             Close the wake with vortex cylinders (if the options have them) although it has not its full length.
 
         Raises
         ------
         AerodynamicsError
-            When the circulations of wake and blades find no balance.
+            As for `reset`, for rows or ages of another shape, not finite or out of order, and when the circulations of
+            wake and blades find no balance.
         """
-        wake_rows = np.asarray(wake_rows, dtype=np.float64)
-        n_rows = len(wake_rows)
-        if not 1 <= n_rows <= self.options.wake_rows:
-            raise AerodynamicsError(f"{n_rows} wake rows given; between 1 and {self.options.wake_rows} are allowed")
+        wake_rows, ages = self._checked_rows(wake_rows, ages)
         change = self._balance(state, nodes, velocities, wind, wake_rows, ages, far_wake)
         if not change <= UNBALANCED:
             raise AerodynamicsError(
@@ -198,11 +210,25 @@ class VortexLattice:
             Aerodynamic time step that will follow [s].
         passes : int
             Fixed-point passes between thrust and wake.
+
+        Raises
+        ------
+        AerodynamicsError
+            As for `reset`, and for an axis without length, a time step that is not positive, values not finite.
         """
-        centre, axis = np.asarray(centre, dtype=np.float64), np.asarray(axis, dtype=np.float64)
+        centre, axis = _vector("centre", centre), _vector("axis", axis)
+        if not np.linalg.norm(axis) > 0.0:
+            raise AerodynamicsError(f"axis is {axis}; it must have a length")
+        if not 0.0 < dt < np.inf:
+            raise AerodynamicsError(f"dt is {dt}; it must be positive and finite")
+        if not math.isfinite(rotor_speed):
+            raise AerodynamicsError(f"rotor_speed is {rotor_speed}; it must be finite")
+        if not isinstance(passes, Integral) or passes < 1:
+            raise AerodynamicsError(f"passes is {passes!r}; at least one is needed, a whole number")
+        nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
+        check_areas(nodes)
         axis = axis / np.linalg.norm(axis)
-        nodes = np.asarray(nodes, dtype=np.float64)
-        stream = np.asarray(wind, dtype=np.float64).mean(axis=(0, 1, 2))
+        stream = wind.mean(axis=(0, 1, 2))
         speed = float(abs(stream @ axis))
         radius = float(np.linalg.norm(np.cross(nodes - centre, axis), axis=-1).max())
         numbers = self.options.row_numbers()
@@ -236,7 +262,7 @@ class VortexLattice:
         Raises
         ------
         AerodynamicsError
-            If the inflow is not finite or ``dt`` is not positive.
+            If the inflow is not finite or has a wrong shape, or ``dt`` is not positive.
         """
         if not 0.0 < dt < np.inf:
             raise AerodynamicsError(f"dt is {dt}; it must be positive and finite")
@@ -249,7 +275,7 @@ class VortexLattice:
         Raises
         ------
         AerodynamicsError
-            If the inflow is not finite.
+            If the inflow is not finite or has another shape than the points.
         """
         a, stride, n = state.arrays, self.options.wind_stride, state.n_rows + 1
         rows = slice(0, n)
@@ -257,7 +283,13 @@ class VortexLattice:
             turn = (a.count[STEP] - a.shed[:n]) % stride == 0  # by the time since they were shed
             turn[0] = True
             rows = np.flatnonzero(turn)
-        wind = inflow.velocity(a.wake[rows], time)
+        points = a.wake[rows]
+        wind = np.asarray(inflow.velocity(points, time))
+        if wind.shape != points.shape:
+            raise AerodynamicsError(
+                f"the inflow gives velocities of shape {wind.shape} at wake nodes of shape {points.shape}; they must "
+                "have the same"
+            )
         if not math.isfinite(wind.sum()):
             raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
         a.wind[rows] = wind
@@ -278,7 +310,14 @@ class VortexLattice:
         -------
         forces : ndarray, shape (n_blades, n_chord + 1, n_span + 1, 3)
             Forces of the air on the ring nodes [N], global; ``state.nodal_forces``, overwritten by the next call.
+
+        Raises
+        ------
+        AerodynamicsError
+            As for `reset`, and if ``dt`` is not positive.
         """
+        if not 0.0 < dt < np.inf:
+            raise AerodynamicsError(f"dt is {dt}; it must be positive and finite")
         return self._solve(state, nodes, velocities, wind, float(dt), first=False)
 
     def accept(self, state: AeroState) -> None:
@@ -302,27 +341,71 @@ class VortexLattice:
         return velocity + self.bodies.velocity(points, a.body_strength) if self.bodies else velocity
 
     def _clear(self, state, nodes):
-        nodes = np.asarray(nodes, dtype=np.float64)
+        nodes = numeric_array("nodes", nodes)
         if nodes.shape != self.nodes_shape:
             raise AerodynamicsError(f"nodes have shape {nodes.shape}; {self.nodes_shape} is needed")
+        if not np.isfinite(nodes.sum()):
+            raise AerodynamicsError("nodes are not finite")
+        check_areas(nodes)
         state.clear()
         state.arrays.origin[:] = nodes.mean(axis=(0, 1, 2))
         state.arrays.nodes[:] = nodes
 
     def _solve(self, state, nodes, velocities, wind, dt, first, place=True):
         a = state.arrays
-        nodes, velocities, wind = (np.ascontiguousarray(x, dtype=np.float64) for x in (nodes, velocities, wind))
-        for name, array in (("nodes", nodes), ("velocities", velocities), ("wind", wind)):
+        nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
+        if not np.isfinite(self.body_wind.sum()):
+            raise AerodynamicsError("the wind at the bodies is not finite")
+        if not a.count[3]:
+            check_areas(nodes)
+            self.prepare(state, nodes, place)
+        step_kernels.solve(self.arrays, self.constants, a, self.work, nodes, velocities, wind, dt, first)
+        if not np.isfinite(a.forces).all():
+            raise AerodynamicsError(self._why_not_finite(state, nodes, velocities, wind))
+        return a.forces
+
+    def _checked_motion(self, nodes, velocities, wind):
+        """Contiguous arrays of what `reset` and `solve` take, of the right shape and finite."""
+        given = {"nodes": nodes, "velocities": velocities, "wind": wind}
+        arrays = []
+        for name, values in given.items():
+            array = numeric_array(name, values)
             if array.shape != self.nodes_shape:
                 raise AerodynamicsError(f"{name} have shape {array.shape}; {self.nodes_shape} is needed")
             if not np.isfinite(array.sum()):
                 raise AerodynamicsError(f"{name} are not finite")
-        if not np.isfinite(self.body_wind.sum()):
-            raise AerodynamicsError("the wind at the bodies is not finite")
-        if not a.count[3]:
-            self.prepare(state, nodes, place)
-        step_kernels.solve(self.arrays, self.constants, a, self.work, nodes, velocities, wind, dt, first)
-        return a.forces
+            arrays.append(array)
+        return arrays
+
+    def _checked_rows(self, wake_rows, ages):
+        """Arrays of a prescribed wake, of the right shape, finite and in order."""
+        wake_rows, ages = numeric_array("wake_rows", wake_rows), numeric_array("ages", ages)
+        n_rows, needed = len(wake_rows), (self.n_blades, self.n_edge + 1, 3)
+        if not 1 <= n_rows <= self.options.wake_rows:
+            raise AerodynamicsError(f"{n_rows} wake rows given; between 1 and {self.options.wake_rows} are allowed")
+        for name, array, shape in (("wake_rows", wake_rows, (n_rows, *needed)), ("ages", ages, (n_rows,))):
+            if array.shape != shape:
+                raise AerodynamicsError(f"{name} have shape {array.shape}; {shape} is needed")
+            if not np.all(np.isfinite(array)):
+                wrong = np.flatnonzero(~np.isfinite(array.reshape(n_rows, -1)).all(axis=1))
+                raise AerodynamicsError(f"{name} are not finite in rows {wrong[:8].tolist()}")
+        if not np.all(np.diff(ages, prepend=0.0) > 0.0):
+            raise AerodynamicsError(f"ages are {ages} s; they must be positive and increase from row to row")
+        return wake_rows, ages
+
+    def _why_not_finite(self, state, nodes, velocities, wind):
+        """Message with the largest numbers that led to forces that are not finite."""
+        a = state.arrays
+        rows = slice(0, state.n_rows + 1)
+        largest = {
+            "coordinate of a node": (nodes, "m"),
+            "velocity of a node": (velocities, "m/s"),
+            "wind at a node": (wind, "m/s"),
+            "wind at the wake": (a.wind[rows], "m/s"),
+            "coordinate of the wake": (a.wake[rows], "m"),
+        }
+        parts = [f"{name} {np.abs(values).max():.3g} {unit}" for name, (values, unit) in largest.items()]
+        return f"the forces are not finite; largest {', '.join(parts)}: all must be finite and of a physical size"
 
     def prepare(self, state: AeroState, nodes, place: bool = True) -> None:
         """Compute what a step needs once, before its first `solve`; `solve` does it if it was not done."""
@@ -377,3 +460,11 @@ class VortexLattice:
             turned = normal * np.cos(angle) + sideways * np.sin(angle) + along[..., None] * axis
             rows[k] = centre + turned + drift + np.copysign(distance, axial_speed) * axis
         return rows
+
+
+def _vector(name, values):
+    """Three finite numbers."""
+    vector = numeric_array(name, values)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise AerodynamicsError(f"{name} is {values}; three finite numbers are needed")
+    return vector

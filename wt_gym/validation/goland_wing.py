@@ -24,7 +24,15 @@ from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.validation.case import CaseResult, Check, Curve, Figure, case
-from wt_gym.validation.lifting_tools import DRIFTING, INVISCID, MIRRORED, UniformStream, flat_planform, half_span_edges
+from wt_gym.validation.lifting_tools import (
+    DRIFTING,
+    INVISCID,
+    MIRRORED,
+    UniformStream,
+    flat_planform,
+    half_span_edges,
+    panels_of,
+)
 from wt_gym.validation.linear_lattice import LinearLattice
 from wt_gym.validation.unsteady_aerofoil import theodorsen
 
@@ -139,7 +147,8 @@ class GolandWing:
         self._system = system.build()
         planform = flat_planform(half_span_edges(LENGTH, resolution.n_span, resolution.inset), CHORD, n_chord, AXIS)
         rows = round(resolution.wake_chords * n_chord)
-        options = AeroOptions(**(INVISCID | MIRRORED | DRIFTING | {"wake_rows": rows, "full_rows": rows}))
+        chosen = INVISCID | MIRRORED | DRIFTING | panels_of(planform) | {"wake_rows": rows, "full_rows": rows}
+        options = AeroOptions(**chosen)
         self.lattice = VortexLattice(planform, 1, options, DENSITY)
         self.state = self.lattice.new_state()
         self.stream = UniformStream.at_incidence(0.0, speed)

@@ -15,6 +15,7 @@ __all__ = [
     "far_field_drag",
     "flat_planform",
     "half_span_edges",
+    "panels_of",
     "steady_coefficients",
     "steady_wing",
     "two_dimensional_planform",
@@ -91,6 +92,11 @@ def two_dimensional_planform(n_chord: int) -> LatticePlanform:
     return flat_planform(np.concatenate(([0.0], np.cumsum(widths))), 1.0, n_chord)
 
 
+def panels_of(planform: LatticePlanform) -> dict:
+    """Options with the numbers of panels of this planform."""
+    return {"n_chord": planform.n_chord, "n_span": planform.n_span}
+
+
 def steady_wing(planform: LatticePlanform, alpha: float, **options):
     """Lattice and state of a half wing, mirrored at z = 0, with a straight wake of one row, two thousand spans long.
 
@@ -100,14 +106,15 @@ def steady_wing(planform: LatticePlanform, alpha: float, **options):
     state : AeroState
     stream : UniformStream
     """
-    lattice = VortexLattice(planform, 1, AeroOptions(**(INVISCID | MIRRORED | {"wake_rows": 1} | options)), 1.0)
+    chosen = INVISCID | MIRRORED | panels_of(planform) | {"wake_rows": 1} | options
+    lattice = VortexLattice(planform, 1, AeroOptions(**chosen), 1.0)
     stream = UniformStream.at_incidence(alpha)
     state = lattice.new_state()
     nodes = planform.nodes[None].copy()
     still = np.zeros_like(nodes)
     edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
     length = 2e3 * (planform.span_edges[-1] - planform.span_edges[0])
-    lattice.initialise_wake(state, nodes, still, still + stream.vector, [edge + length * stream.vector], [0.0])
+    lattice.initialise_wake(state, nodes, still, still + stream.vector, [edge + length * stream.vector], [length])
     return lattice, state, stream
 
 
@@ -151,7 +158,7 @@ class WingFlow:
 
     def __init__(self, planform, stream, n_steps, dt, drifting=True, **options):
         rows = {"wake_rows": n_steps + 1, "full_rows": n_steps + 1, "fresh_rows": n_steps + 1}
-        chosen = INVISCID | MIRRORED | rows | (DRIFTING if drifting else {}) | options
+        chosen = INVISCID | MIRRORED | panels_of(planform) | rows | (DRIFTING if drifting else {}) | options
         self.lattice = VortexLattice(planform, 1, AeroOptions(**chosen), 1.0)
         self.state = self.lattice.new_state()
         self.stream, self.dt, self.n_done = stream, float(dt), 0
