@@ -381,3 +381,16 @@ def test_nacelle_bodies_in_the_way_are_refused():
     for message, change, choice in cases:
         with pytest.raises(SimulationError, match=message):
             turbine_bodies(SimpleNamespace(**(vars(turbine) | change)), replace(fidelity, **choice), nodes)
+
+
+def test_linear_model_with_bodies_is_nearly_the_one_without(shrouded):
+    """Tower and nacelle change the flow at the blades little, and so what follows from it."""
+    alone = replace(FIDELITIES["training"], tower_shadow=False)
+    models = []
+    for fidelity in (alone, shrouded.fidelity):
+        sim = Simulator("nrel_5mw", inflow=SteadyInflow(8.0), fidelity=fidelity)
+        sim.reset(rotor_speed=9.16 * RPM)
+        models.append(sim.linearize())
+    for name, share in (("A", 1e-3), ("B", 2e-3)):
+        plain, other = (getattr(model, name) for model in models)
+        assert np.linalg.norm(other - plain) < share * np.linalg.norm(plain)
