@@ -1,6 +1,7 @@
 """The coupled simulator: energy across the interface, frames and signs, snapshots."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,9 @@ import pytest
 from agents.closed_loop import run_baseline
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator, SimulatorState
+from wt_gym.simulation.blade_lattice import blade_planform
+from wt_gym.simulation.turbine_bodies import turbine_bodies
+from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 RPM = np.pi / 30.0
@@ -274,3 +278,141 @@ def test_a_rotor_started_in_still_air_yields_no_power(wind, rotor_speed):
     powers = [simulator.reset(rotor_speed=rotor_speed).aero_power]
     powers += [simulator.advance(0.2, pitch=0.0).aero_power for _ in range(10)]
     assert max(powers) < 0.0
+
+
+# ---- hub and nacelle as a body ----
+
+
+def with_nacelle(yaw=0.0, **choices):
+    fidelity = replace(FIDELITIES["training"], tower_body=(8, 8), nacelle_body=(8, 8), **choices)
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(8.0), fidelity=fidelity)
+    sim.reset(rotor_speed=9.16 * RPM, yaw=yaw)
+    return sim
+
+
+@pytest.fixture(scope="module")
+def shrouded():
+    return with_nacelle()
+
+
+def flow_through_nacelle(sim):
+    """Root mean square of the normal velocity at its control points, the mean, and the largest speed [m/s]."""
+    bodies, aero, work = sim.lattice.bodies, sim._aero, sim.lattice.body_arrays[1]
+    strengths, points = aero.arrays.body_strength, bodies.control_points
+    felt = work.wind + work.wake_flow.T + np.einsum("r,rcp->pc", aero.arrays.gamma.ravel(), work.ring_influence)
+    np.testing.assert_allclose(strengths, bodies.strengths(felt), atol=1e-8)
+    flow = sim.lattice.induced_velocity(aero, points) + sim._wind(points, sim.time)
+    # the vortices of the blades have other cores in the flow than in the boundary condition
+    expected = bodies.strengths(flow - bodies.velocity(points, strengths))
+    assert np.linalg.norm(expected - strengths) < 0.02 * np.linalg.norm(strengths)
+    nacelle, normal = bodies._panels()[1], bodies.arrays.normal
+    through, share = np.sum(flow * normal, axis=1)[nacelle], bodies.area[nacelle] / bodies.area[nacelle].sum()
+    return np.sqrt(share @ through**2), share @ through, np.linalg.norm(flow[nacelle], axis=1).max()
+
+
+@pytest.mark.parametrize("yaw", [0.0, 20.0])
+def test_no_flow_through_the_nacelle(shrouded, yaw):
+    """Strengths are those that bodies need in the flow of everything else; the panels let through what is coarse."""
+    sim = shrouded
+    sim.reset(rotor_speed=9.16 * RPM, yaw=np.radians(yaw))
+    sim.advance(0.4, pitch=0.0, generator_torque=20e3)
+    root_mean_square, mean, fastest = flow_through_nacelle(sim)
+    assert root_mean_square < 0.07 * 8.0
+    assert abs(mean) < 0.01 * 8.0
+    assert 8.0 < fastest < 20.0
+
+
+def test_nacelle_body_turns_with_the_nacelle(shrouded):
+    bodies = shrouded.lattice.bodies
+    shrouded.reset(rotor_speed=9.16 * RPM)
+    straight = bodies.control_points
+    shrouded.reset(rotor_speed=9.16 * RPM, yaw=np.radians(20.0))
+    c, s = np.cos(np.radians(20.0)), np.sin(np.radians(20.0))
+    turned = straight @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    tower, nacelle = bodies._panels()
+    np.testing.assert_allclose(bodies.control_points[nacelle], turned[nacelle], atol=0.02)  # steps of a quarter degree
+    assert np.array_equal(bodies.control_points[tower], straight[tower])
+    work, hub = shrouded._integrator.work, shrouded.structure.hub
+    nose = bodies.control_points[nacelle][:8].mean(axis=0) - work.r[hub]  # of the first ring of panels
+    assert nose / np.linalg.norm(nose) @ work.rot[hub, :, 0] < -0.85
+    for _ in range(2):  # the drive turns it further, and its surface with the rate of the drive
+        shrouded.advance(0.4, pitch=0.0, yaw_rate=0.005, generator_torque=20e3)
+    heading = np.arctan2(*bodies._frames[1, (1, 0), 0])
+    assert heading == pytest.approx(shrouded.signals.yaw, abs=np.radians(0.2))
+    rate, (x, y, _) = shrouded._integrator.work.omega[shrouded.structure.nacelle, 2], bodies.arrays.centre[:, nacelle]
+    np.testing.assert_allclose(bodies.arrays.motion[:, nacelle], [-rate * y, rate * x, 0 * x], atol=0.01)
+    assert not bodies.arrays.motion[:, tower].any()
+
+
+def test_nacelle_speeds_up_the_flow_at_the_roots(shrouded):
+    """Round the nacelle the air is faster; the blade roots carry little, so power rises by less than a per mille."""
+    speeds, power, thrust = [], [], []
+    alone = Simulator("nrel_5mw", inflow=SteadyInflow(8.0), fidelity=replace(shrouded.fidelity, nacelle_body=None))
+    for sim in (alone, shrouded):
+        sim.reset(rotor_speed=9.16 * RPM)
+        signals = sim.advance(0.4, pitch=0.0, generator_torque=20e3)
+        speeds.append(sim._aero.section_speed.mean(axis=0))
+        power.append(signals.aero_power)
+        thrust.append(signals.aero_thrust)
+    assert 1.003 < speeds[1][0] / speeds[0][0] < 1.03
+    np.testing.assert_allclose(speeds[1][3:], speeds[0][3:], rtol=1e-3)
+    assert 0.0 < power[1] / power[0] - 1.0 < 1e-3
+    assert 0.0 < thrust[1] / thrust[0] - 1.0 < 1e-3
+
+
+def test_snapshot_with_a_turning_nacelle_continues_bit_for_bit(shrouded):
+    command = {"pitch": 0.01, "yaw_rate": 0.005, "generator_torque": 20e3}
+    shrouded.reset(rotor_speed=9.16 * RPM, yaw=0.1)
+    shrouded.advance(1.0, **command)
+    middle, placed = shrouded.state(), shrouded.lattice.bodies.control_points
+    first = shrouded.advance(2.0, **command).values
+    end = shrouded.state()
+    assert np.abs(shrouded.lattice.bodies.control_points - placed).max() > 0.02
+    other = with_nacelle(yaw=-0.3)
+    for sim in (shrouded, other):
+        sim.restore(middle)
+        assert np.array_equal(sim.advance(2.0, **command).values, first)
+        assert sim.state() == end
+
+
+def test_tower_body_ends_below_the_nacelle():
+    """Its top is lowered where the shaft lies low; the cheap form of the tower stays where it is no body."""
+    turbine = load_turbine("nrel_5mw")
+    fidelity = replace(FIDELITIES["training"], tower_body=(8, 8), nacelle_body=(8, 8))
+    nodes = blade_planform(turbine, fidelity.aero).nodes
+    low = replace(turbine, nacelle=replace(turbine.nacelle, tower_top_to_shaft=1.4))
+    for machine, top in ((turbine, 87.6), (low, 87.36)):
+        bodies = turbine_bodies(machine, fidelity, nodes)
+        assert bodies.names == ("tower", "nacelle")
+        assert bodies.arrays.axis[1, 2] == pytest.approx(top, abs=0.01)
+        assert bodies.bodies[1].vertices[:, 2].min() > bodies.arrays.axis[1, 2]
+    assert turbine_bodies(turbine, replace(fidelity, tower_body=None), nodes).names == ("nacelle",)
+    assert turbine_bodies(turbine, replace(fidelity, nacelle_body=None), nodes).arrays.axis[1, 2] == 87.6
+
+
+def test_nacelle_bodies_in_the_way_are_refused():
+    turbine, fidelity = load_turbine("nrel_5mw"), replace(FIDELITIES["training"], nacelle_body=(8, 8))
+    nodes = blade_planform(turbine, fidelity.aero).nodes
+    stump = SimpleNamespace(**(vars(turbine.tower) | {"base_height": 87.0}))
+    cases = [
+        ("come to .* needed", {"hub": replace(turbine.hub, cone=np.radians(12.0))}, {}),
+        ("hub with a radius", {"hub": replace(turbine.hub, radius=0.0)}, {}),
+        ("leaves no tower body", {"nacelle": replace(turbine.nacelle, tower_top_to_shaft=0.0), "tower": stump},
+         {"tower_body": (8, 8)}),
+    ]  # fmt: skip
+    for message, change, choice in cases:
+        with pytest.raises(SimulationError, match=message):
+            turbine_bodies(SimpleNamespace(**(vars(turbine) | change)), replace(fidelity, **choice), nodes)
+
+
+def test_linear_model_with_bodies_is_nearly_the_one_without(shrouded):
+    """Tower and nacelle change the flow at the blades little, and so what follows from it."""
+    alone = replace(FIDELITIES["training"], tower_shadow=False)
+    models = []
+    for fidelity in (alone, shrouded.fidelity):
+        sim = Simulator("nrel_5mw", inflow=SteadyInflow(8.0), fidelity=fidelity)
+        sim.reset(rotor_speed=9.16 * RPM)
+        models.append(sim.linearize())
+    for name, share in (("A", 1e-3), ("B", 2e-3)):
+        plain, other = (getattr(model, name) for model in models)
+        assert np.linalg.norm(other - plain) < share * np.linalg.norm(plain)

@@ -257,7 +257,7 @@ class BodySet:
         self.arrays = BodyArrays(
             corners=np.zeros((n, 4, 3)), centre=np.zeros((3, n)), normal=np.zeros((n, 3)), far=np.zeros((n, 8)),
             motion=np.zeros((3, n)), owner=np.repeat(np.arange(len(bodies)), np.diff(self.first_panel)),
-            axis=tower.ends.copy(), stations=tower.stations, radii=tower.radii, inverse=np.zeros((n, n)),
+            axis=tower.ends.copy(), stations=tower.stations.copy(), radii=tower.radii.copy(), inverse=np.zeros((n, n)),
         )  # fmt: skip
         self._part = np.zeros((3, n))
         self._elimination = np.zeros(n, dtype=np.int64), np.zeros((n, 4)), np.zeros((4, n))

@@ -10,6 +10,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.multibody import tree_kernels
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.measurement import Measurement
+from wt_gym.simulation.turbine_bodies import place_nacelle
 
 __all__ = ["AERODYNAMICS", "FrozenPlant", "Wake"]
 
@@ -241,7 +242,7 @@ class FrozenPlant:
         near = np.flatnonzero(a.age[1 : aero.n_rows] < self._near_wake) + 1
         if len(near):
             points, probe = self.lattice.work.points.copy(), aero.copy()
-            for array in (probe.arrays.gamma, probe.arrays.wake_gamma, probe.arrays.far):
+            for array in (probe.arrays.gamma, probe.arrays.wake_gamma, probe.arrays.far, probe.arrays.body_strength):
                 array[...] = 0.0
             probe.arrays.count[_ROWS] = near[-1] + 1
             per_blade = a.gamma[0].size
@@ -278,8 +279,10 @@ class FrozenPlant:
         """Undisturbed wind at the lattice nodes, with the blocking of the tower."""
         wind = self._wind.velocity(self._nodes, 0.0)
         if self.lattice.bodies:
+            nacelle = self.structure.nacelle
+            place_nacelle(self.lattice.bodies, self.work.rot[nacelle], self.work.omega[nacelle])
             self.lattice.body_wind[:] = self._wind.velocity(self.lattice.bodies.control_points, 0.0)
-        elif self.fidelity.tower_shadow:
+        if self.fidelity.tower_shadow and self.fidelity.tower_body is None:
             wind = np.array(wind, dtype=np.float64)
             self.tower_flow.add(self._nodes, wind, self.work.r[self.structure.nacelle])
         return wind

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wt_gym.aerodynamics import BodySet, TowerFlow, VortexLattice, tower_body
+from wt_gym.aerodynamics import TowerFlow, VortexLattice
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.compiled import compiled_for
 from wt_gym.errors import ActionError, SimulationError
@@ -22,6 +22,7 @@ from wt_gym.simulation.equilibrium import elastic_equilibrium, highest_frequency
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.measurement import Measurement
 from wt_gym.simulation.state import SimulatorState, fingerprint
+from wt_gym.simulation.turbine_bodies import place_nacelle, turbine_bodies
 from wt_gym.simulation.turbine_structure import build_structure
 from wt_gym.turbines import Turbine, load_turbine
 
@@ -104,11 +105,7 @@ class Simulator:
         self.structure = build_structure(turbine, fid, planform.nodes)
         tower, base = turbine.tower, np.array([0.0, 0.0, turbine.tower.base_height])
         self.tower_flow = TowerFlow(base, tower.diameter_station, tower.diameter)
-        bodies = None
-        if fid.tower_body is not None:
-            ground, top = fid.aero.ground_height, np.array([0.0, 0.0, tower.height])
-            surface = tower_body(tower.diameter_station, tower.diameter, base, top, *fid.tower_body, ground=ground)
-            bodies = BodySet([surface], ground)
+        bodies = turbine_bodies(turbine, fid, planform.nodes)
         self.lattice = VortexLattice(planform, turbine.n_blades, fid.aero, turbine.air_density, bodies, self._threads)
         if fid.formulation == "embedded":
             self._embedded = None
@@ -286,6 +283,7 @@ class Simulator:
         self._n_steps = state.n_steps
         self._started = True
         self._move_lattice(self._integrator.state)
+        self._place_bodies()
 
     def _state_arrays(self):
         """Every array that carries state, by name."""
@@ -421,8 +419,10 @@ class Simulator:
         body = i.history, self._saved, i.inputs, tree, i.work
         steps = self.time_step, self._h, self._n_sub, i.n_corrections, fid.coupling_iterations
         if lattice.split is None:
-            bodies = lattice.body_arrays or (None, None)
-            arguments = (*air, x, *body, blade_wind, *steps, fid.coupling_tolerance, fixed, *bodies)
+            arguments = (*air, x, *body, blade_wind, *steps, fid.coupling_tolerance, fixed)
+            if lattice.bodies:
+                return ck.coupled_step(*arguments, *lattice.body_arrays)
+            arguments = (*arguments, None, None)
             if self._coupled_step is None:
                 self._coupled_step = compiled_for(ck.coupled_step, arguments)
             return self._coupled_step(*arguments)
@@ -462,14 +462,20 @@ class Simulator:
         """Undisturbed wind at the lattice nodes, with the blocking of the tower."""
         wind = self._wind(nodes, time)
         if self.lattice.bodies:
+            self._place_bodies()
             self.lattice.body_wind[:] = self._wind(self.lattice.bodies.control_points, time)
-        elif self.fidelity.tower_shadow:
+        if self.fidelity.tower_shadow and self.fidelity.tower_body is None:
             # The tower stands in a wind that the rotor has slowed; the undisturbed one would double its effect.
             slowed = self._aero.arrays.wake_flow.mean(axis=1)
             wind = wind + slowed
             self.tower_flow.add(nodes, wind, self._integrator.work.r[self.structure.nacelle])
             wind -= slowed
         return wind
+
+    def _place_bodies(self):
+        """The nacelle's body where the nacelle is, as far as the kinematics are up to date."""
+        work, nacelle = self._integrator.work, self.structure.nacelle
+        place_nacelle(self.lattice.bodies, work.rot[nacelle], work.omega[nacelle])
 
     # ---- start ----
 
