@@ -85,7 +85,7 @@ class VortexLattice:
         n_panel = bodies.n_panels if bodies else 0
         self.work = AeroWork.empty(n_blades, planform.n_chord, planform.n_span, self.arrays, options, n_panel)
         self.bodies = bodies
-        self.body_arrays = ()  # what the kernels take where there are bodies
+        self.body_arrays = None, None  # bodies and work arrays, as the kernels take them
         self.body_wind = np.zeros((0, 3))
         if bodies is not None:
             ground = bodies.ground if bodies.has_ground else None

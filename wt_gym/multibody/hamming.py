@@ -119,7 +119,7 @@ class HammingIntegrator:
         """
         code = integrator_kernels.hamming_advance(
             self.history, self.inputs, self.system.tree, self.work, self.step, int(n_steps), self.n_corrections,
-            self.system.constrained,
+            self.system.constrained, True,
         )  # fmt: skip
         if code != tree_kernels.OK:
             raise MultibodyError(failure_of_a_step(code, self.step))

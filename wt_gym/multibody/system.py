@@ -436,7 +436,7 @@ class MultibodySystem:
         history = new_history(self.n_state)
         history.y[3] = y
         code = integrator_kernels.hamming_advance(
-            history, inputs or self.new_inputs(), self.tree, work or self.new_work(), 0.0, 0, 0, self.constrained
+            history, inputs or self.new_inputs(), self.tree, work or self.new_work(), 0.0, 0, 0, self.constrained, True
         )
         if code != tree_kernels.OK:
             raise MultibodyError(FAILURES[code])

@@ -1,4 +1,8 @@
-"""One step of structure and air together, in one compiled call that allocates nothing."""
+"""One step of structure and air together, in one compiled call that allocates nothing.
+
+Constants among the arguments of big kernels stand as ``bool(True)`` or ``int(0)``: a bare one would compile a form of
+the kernel for this value alone, beside the one that Python calls.
+"""
 
 from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solve
 from wt_gym.compiled import kernel
@@ -97,11 +101,11 @@ def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, 
     code = predict_step(o, a, x, history, saved, inputs, tree, work, dt, h, n_sub, n_corrections, iterations,
                         constrained)  # fmt: skip
     if code == OK:
-        prepare(p, o, a, w, x.nodes, True, bodies, body_work)
+        prepare(p, o, a, w, x.nodes, bool(True), bodies, body_work)
         code = correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, dt, h, n_sub, n_corrections,
                             iterations, tolerance, constrained)  # fmt: skip
     if code == OK:
-        accept(p, o, a, w, True, False, bodies, body_work)
+        accept(p, o, a, w, bool(True), bool(False), bodies, body_work)
         code = end_step(x, history, inputs, tree, work, constrained)
     return code
 
@@ -116,7 +120,7 @@ def predict_step(o, a, x, history, saved, inputs, tree, work, dt, h, n_sub, n_co
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
     rough = constrained is None and iterations > 1 and n_sub <= MOST_UNCORRECTED
     guess = 0 if rough else n_corrections
-    code = hamming_advance(history, inputs, tree, work, h, n_sub, guess, constrained, False)
+    code = hamming_advance(history, inputs, tree, work, h, n_sub, guess, constrained, bool(False))
     if code == OK:
         move_lattice(history.y[3], tree, work, x)
     return code
@@ -130,7 +134,7 @@ def correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, 
     share = 1.0
     for iteration in range(iterations):
         copy_loads(inputs.body_loads[1], x.passes[0])
-        solve(p, o, a, w, x.nodes, x.velocities, blade_wind, dt, False)
+        solve(p, o, a, w, x.nodes, x.velocities, blade_wind, dt, bool(False))
         change = rotor_loads(a.forces.reshape((n_blade, n_point, 3)), work.rot, x.elastic, x.points, x.blades,
                              inputs.body_loads[1])  # fmt: skip
         # the prediction was not corrected yet: one pass at least
@@ -138,7 +142,7 @@ def correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, 
             break
         share = relax_loads(inputs.body_loads[1], x.passes, share, iteration)
         copy_history(saved, history)
-        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections, constrained, False)
+        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections, constrained, bool(False))
         if code != OK:
             return code
         move_lattice(history.y[3], tree, work, x)
@@ -190,7 +194,7 @@ def relax_loads(new, passes, share, iteration):
 @kernel
 def end_step(x, history, inputs, tree, work, constrained=None):
     """Rates that belong to the stored state and the final loads; has anything left the range of the model?"""
-    code = hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained, True)
+    code = hamming_advance(history, inputs, tree, work, 1.0, int(0), int(0), constrained, bool(True))
     if code != OK:
         return code
     for b in range(x.previous_loads.shape[0]):

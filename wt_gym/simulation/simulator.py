@@ -419,10 +419,9 @@ class Simulator:
         body = i.history, self._saved, i.inputs, tree, i.work
         steps = self.time_step, self._h, self._n_sub, i.n_corrections, fid.coupling_iterations
         if lattice.split is None:
-            arguments = (*air, x, *body, blade_wind, *steps, fid.coupling_tolerance, fixed)
-            if lattice.bodies:
-                return ck.coupled_step(*arguments, *lattice.body_arrays)
-            arguments = (*arguments, None, None)
+            arguments = (*air, x, *body, blade_wind, *steps, fid.coupling_tolerance, fixed, *lattice.body_arrays)
+            if lattice.bodies:  # placed anew now and then
+                return ck.coupled_step(*arguments)
             if self._coupled_step is None:
                 self._coupled_step = compiled_for(ck.coupled_step, arguments)
             return self._coupled_step(*arguments)

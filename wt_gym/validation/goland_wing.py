@@ -205,7 +205,7 @@ class GolandWing:
                 break
         self.lattice.accept(self.state)
         # the stored rate belongs to the stored state and the final loads
-        hamming_advance(history, inputs, self._system.tree, integrator.work, 1.0, 0, 0, self._system.constrained)
+        hamming_advance(history, inputs, self._system.tree, integrator.work, 1.0, 0, 0, self._system.constrained, True)
         self._previous[:] = first
         first[:] = last
 
