@@ -592,3 +592,19 @@ def test_refused_inflows():
         lattice.solve(state, nodes, still, wind, 0.1)
     with pytest.raises(AerodynamicsError, match=r"forces are not finite; .*wind at a node 1e\+200 m/s"):
         lattice.reset(state, nodes, still, 1e200 * wind)
+
+
+def test_tip_without_chord():
+    """The shedding edge has no direction there; the wake starts all the same."""
+    edges, wing = np.linspace(0.0, 1.0, 6), AeroOptions(n_chord=2, n_span=5, wake_rows=5, full_rows=5, far_wake=False)
+    angles = np.linspace(-np.pi, np.pi, 72, endpoint=False)
+    polar = np.stack([2 * np.pi * np.sin(angles), 0.01 + 0 * angles, 0 * angles], -1)
+    axis = np.stack([0 * edges, 0 * edges, edges], -1)
+    chord, quarter = np.sqrt(1.0 - edges**2), 0.25 + 0 * edges
+    planform = build_planform(edges, axis, chord, 0 * edges, quarter, np.tile(polar, (5, 1, 1)), 2)
+    lattice, nodes = VortexLattice(planform, 1, wing), planform.nodes[None].copy()
+    state, still, stream = lattice.new_state(), np.zeros_like(nodes), np.array([1.0, 10.0, 0.0])
+    inflow = SimpleNamespace(velocity=lambda points, time: np.broadcast_to(stream, points.shape))
+    lattice.reset(state, nodes, still, still + stream)
+    lattice.convect_wake(state, inflow, 0.0, 0.05)
+    assert lattice.solve(state, nodes, still, still + stream, 0.05)[..., 0].sum() > 0.0

@@ -103,8 +103,9 @@ def place_newest_row(nodes, shed_nodes, free_edge, shed_fraction, wake):
     Counting from the true trailing edge, not from the end of the last ring, matters: with a quarter of the way and a
     path of one panel chord the wake continues the quarter points of the panels, and Wagner's lift comes out exact.
 
-    Where the flow is reversed the newest row stays beside the edge. Over the blade it would take away what the bound
-    rings induce there, and the boundary condition would have no solution when it comes to lie on their control points.
+    Where the flow is reversed the newest row lies as far behind the edge as it would lie before it. Over the blade it
+    would take away what the bound rings induce there, and the boundary condition would have no solution when it comes
+    to lie on their control points.
     """
     n_row, n_bound = nodes.shape[1], nodes.shape[2]
     for b in range(wake.shape[1]):
@@ -116,7 +117,7 @@ def place_newest_row(nodes, shed_nodes, free_edge, shed_fraction, wake):
                 outward = nodes[b, row, column, c] - before[c]
                 off += outward * (free_edge[b, j, c] - wake[0, b, j, c])
                 size2 += outward * outward
-            back = 2.0 * min(off, 0.0) / size2
+            back = 2.0 * off / size2 if off < 0.0 else 0.0  # a tip without chord has no direction
             for c in range(3):
                 way = free_edge[b, j, c] - wake[0, b, j, c] - back * (nodes[b, row, column, c] - before[c])
                 wake[1, b, j, c] = wake[0, b, j, c] + shed_fraction * way
