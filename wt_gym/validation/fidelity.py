@@ -69,6 +69,10 @@ def fidelity_ladder():
         Check(f"training: {name}", reference[name], turbulent["training"][name], tolerance, units[name])
         for name, tolerance in TARGETS.items()
     ]
+    checks += [
+        Check(f"training: {name}, steady wind", steady["reference"][k], steady["training"][k], 0.02)
+        for k, name in enumerate(("Cp", "Ct"))
+    ]
     header = "rung           Cp     Ct    power   dev.  thrust  flap DEL tower DEL   x real time"
     rows = [header]
     for name in RUNGS:
