@@ -158,9 +158,10 @@ def measure_threads(fidelity: str, wall: float) -> dict:
 
 def measure_structures(fidelity: str, wall: float) -> dict:
     """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the cases are no part of the installed package
+    from validation import mixed_coordinates, observer_frame
     from wt_gym.multibody.system import HammingIntegrator
     from wt_gym.simulation import FIDELITIES, Simulator
-    from wt_gym.validation import mixed_coordinates, observer_frame
     from wt_gym.wind import SteadyInflow
 
     figures = {}

@@ -19,7 +19,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from wt_gym.validation.case import CaseResult, Check, all_cases, load_cases, run_case
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the cases are no part of the installed package
+from validation.case import CaseResult, Check, all_cases, load_cases, run_case
 
 
 def parse(arguments=None):
@@ -132,7 +133,7 @@ def main(arguments=None):
         f"{len(cases)} cases, {n_checks} checks, {n_failed} failed" + (f": {', '.join(failed)}" if failed else "")
     )
     if options.report:
-        from wt_gym.validation.report import write_report
+        from validation.report import write_report
 
         console.print(f"report: {write_report(options.report, list(zip(cases, results, strict=True)))}")
     if options.json:

@@ -6,16 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
-from wt_gym.aerodynamics.induction_kernels import direct_induction
-from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
-from wt_gym.aerodynamics.sheet_kernels import LAMB, build_wake_sheet
-from wt_gym.aerodynamics.simd_kernels import WIDTH
-from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.blade_lattice import blade_planform
-from wt_gym.turbines import load_turbine
-from wt_gym.validation.lifting_surfaces import starting_impulse
-from wt_gym.validation.lifting_tools import (
+from validation.lifting_surfaces import starting_impulse
+from validation.lifting_tools import (
     INVISCID,
     UniformStream,
     WingFlow,
@@ -26,7 +18,15 @@ from wt_gym.validation.lifting_tools import (
     steady_coefficients,
     steady_wing,
 )
-from wt_gym.validation.unsteady_aerofoil import exact_lift, oscillating_lift
+from validation.unsteady_aerofoil import exact_lift, oscillating_lift
+from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
+from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
+from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
+from wt_gym.aerodynamics.wake.sheet_kernels import LAMB, build_wake_sheet
+from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.simulation.blade_lattice import blade_planform
+from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 # ---- wake of the tips ------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wt_gym.aerodynamics import TRAINING, AeroOptions, VortexLattice, build_planform, span_distribution
-from wt_gym.aerodynamics.wake_kernels import wake_sheets
+from wt_gym.aerodynamics.wake.wake_kernels import wake_sheets
 
 RADIUS, DENSITY = 60.0, 1.225
 CENTRE = np.array([-5.0, 0.0, 90.0])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from validation.lifting_tools import panels_of
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform, span_distribution
-from wt_gym.aerodynamics.lattice import section_lattice
-from wt_gym.validation.lifting_tools import panels_of
+from wt_gym.aerodynamics.lattice.planform import section_lattice
 
 ANGLES = -np.pi + 2 * np.pi * np.arange(720) / 720
 FLAT_PLATE = np.stack([2 * np.pi * np.sin(ANGLES), 0 * ANGLES, 0 * ANGLES], -1)

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, body_kernels, build_planform
-from wt_gym.aerodynamics.bodies import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
-from wt_gym.aerodynamics.tower_flow import TowerFlow
-from wt_gym.aerodynamics.tower_kernels import flag_wake_segments
-from wt_gym.validation.bodies import box_body
+from validation.bodies import box_body
+from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
+from wt_gym.aerodynamics.bodies import body_kernels
+from wt_gym.aerodynamics.bodies.body_set import BodySet, BodySurface, ellipsoid_body, revolution_body, tower_body
+from wt_gym.aerodynamics.bodies.tower_flow import TowerFlow
+from wt_gym.aerodynamics.bodies.tower_kernels import flag_wake_segments
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]

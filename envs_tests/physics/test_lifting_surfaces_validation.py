@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from wt_gym.validation.case import load_cases, run_case
-from wt_gym.validation.goland_wing import Resolution, dominant_mode, growth, linear_flutter
-from wt_gym.validation.lifting_surfaces import RECTANGULAR, rectangular_wing, starting_impulse, sudden_acceleration
-from wt_gym.validation.lifting_tools import flat_planform, steady_coefficients, steady_wing
-from wt_gym.validation.linear_lattice import LinearLattice
-from wt_gym.validation.unsteady_aerofoil import exact_lift, oscillating_lift
+from validation.case import load_cases, run_case
+from validation.goland_wing import Resolution, dominant_mode, growth, linear_flutter
+from validation.lifting_surfaces import RECTANGULAR, rectangular_wing, starting_impulse, sudden_acceleration
+from validation.lifting_tools import flat_planform, steady_coefficients, steady_wing
+from validation.linear_lattice import LinearLattice
+from validation.unsteady_aerofoil import exact_lift, oscillating_lift
 
 
 @pytest.mark.parametrize("name", ["wagner", "elliptic-wings", "vortex-conservation", "goland-strip-theory"])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody import tree_kernels
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodyError, MultibodySystem
+from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.flexible_body import FlexibleBody, particle_fields
 from wt_gym.structure.modes import clamped_modes

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody.integrator_kernels import hamming_advance
-from wt_gym.multibody.integrators import INTEGRATORS, make_integrator
-from wt_gym.multibody.stability import hamming_matrix
-from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
-from wt_gym.structure.flexible_body import FlexibleBody
-from wt_gym.validation.integrators import (
+from validation.integrators import (
     HAMMING_TABLE,
     amplification,
     oscillator,
@@ -18,6 +13,11 @@ from wt_gym.validation.integrators import (
     pendulum_state,
     spectral_radius,
 )
+from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
+from wt_gym.multibody.integrators.schemes import INTEGRATORS, make_integrator
+from wt_gym.multibody.integrators.stability import hamming_matrix
+from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
+from wt_gym.structure.flexible_body import FlexibleBody
 
 IMPLICIT = [("newmark", {}), ("generalized-alpha", {"rho_inf": 0.8}), ("generalized-alpha", {"rho_inf": 0.0})]
 EVERY = [("hamming", {}), *IMPLICIT]

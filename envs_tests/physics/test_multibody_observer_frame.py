@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody import observer_frame_matrix_kernels as matrix
-from wt_gym.multibody.observer_frame import (
+from validation import observer_frame as example
+from validation import observer_frame_follower as follower
+from validation import observer_frame_updates as updates
+from validation import three_formulations
+from validation.exact_rod import exact_rod
+from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
+from wt_gym.multibody.observer_frame.frame import (
     REFERENCE_CONDITIONS,
     ObserverFrameError,
     ObserverFrameIntegrator,
     ObserverFrameSystem,
     Substructure,
 )
-from wt_gym.multibody.observer_frame_from_system import mass_points, observer_frame_from_system
+from wt_gym.multibody.observer_frame.observer_frame_from_system import mass_points, observer_frame_from_system
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, particle_fields
 from wt_gym.structure.modes import clamped_modes
-from wt_gym.validation import observer_frame as example
-from wt_gym.validation import observer_frame_follower as follower
-from wt_gym.validation import observer_frame_updates as updates
-from wt_gym.validation import three_formulations
-from wt_gym.validation.exact_rod import exact_rod
 
 LENGTH, EI, MASS = 10.0, 1.4e4, 1.2
 HORIZONTAL = Rotation.from_euler("y", 90, degrees=True).as_matrix()

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wt_gym.multibody.descriptor import descriptor_form
-from wt_gym.multibody.integrators import INTEGRATORS, make_integrator
+from wt_gym.multibody.constraints.descriptor import descriptor_form
+from wt_gym.multibody.integrators.schemes import INTEGRATORS, make_integrator
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodyError, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 

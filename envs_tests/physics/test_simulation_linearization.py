@@ -6,13 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wt_gym.errors import SimulationError
-from wt_gym.simulation import Simulator
-from wt_gym.simulation.campbell import campbell
-from wt_gym.simulation.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
-from wt_gym.simulation.linearization import linearize
-from wt_gym.turbines import load_turbine
-from wt_gym.validation.linearization import (
+from validation.linearization import (
     TOLERANCES,
     free_vibration,
     rigid_support,
@@ -20,7 +14,13 @@ from wt_gym.validation.linearization import (
     weightless_simulator,
     whirl_frequencies,
 )
-from wt_gym.validation.tree_tools import mass_matrix, rate_jacobian
+from validation.tree_tools import mass_matrix, rate_jacobian
+from wt_gym.errors import SimulationError
+from wt_gym.simulation import Simulator
+from wt_gym.simulation.campbell import campbell
+from wt_gym.simulation.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
+from wt_gym.simulation.linearization import linearize
+from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow
 
 RPM = np.pi / 30.0

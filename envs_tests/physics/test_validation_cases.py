@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
+from validation.case import load_cases, run_case
+from validation.exact_rod import BarChain, exact_rod
+from validation.large_deflection import bathe_displacement
+from validation.mixed_coordinates import Disc, simulate, small_turbine
+from validation.rotating_beams import spinning_beam, spinning_frequencies, tapered_sections, uniform_sections
+from validation.tree_tools import NoBalance, frequencies, read_table, static_balance
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.substructure import add_chain, cut_beam, piece_at
-from wt_gym.validation.case import load_cases, run_case
-from wt_gym.validation.exact_rod import BarChain, exact_rod
-from wt_gym.validation.large_deflection import bathe_displacement
-from wt_gym.validation.mixed_coordinates import Disc, simulate, small_turbine
-from wt_gym.validation.rotating_beams import spinning_beam, spinning_frequencies, tapered_sections, uniform_sections
-from wt_gym.validation.tree_tools import NoBalance, frequencies, read_table, static_balance
 
 FAST_CASES = (
     "beam-static",

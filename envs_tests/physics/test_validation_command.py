@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from validation import case as module
+from validation.case import Case, CaseResult, Check, Curve, Figure, case, load_cases, run_case
 from wt_gym.structure.beam import Beam
 from wt_gym.structure.coordinates import body_from_beam, circular_sections
-from wt_gym.validation import case as module
-from wt_gym.validation.case import Case, CaseResult, Check, Curve, Figure, case, load_cases, run_case
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from validation.blade_element import BladeElementRotor, blade_element
+from validation.lattice_convergence import HELIX, rigid_helix
+from validation.nrel5mw_rotor import WIND, tilted_element, wake_options
+from validation.operating_curve import GENERATOR_EFFICIENCY, steady_point
+from validation.phase_vi import OPTIONS, run_blade
+from validation.rigid_rotor import RigidRotor
+from validation.tree_tools import read_table
 from wt_gym.turbines import load_turbine
-from wt_gym.validation.blade_element import BladeElementRotor, blade_element
-from wt_gym.validation.lattice_convergence import HELIX, rigid_helix
-from wt_gym.validation.nrel5mw_rotor import WIND, tilted_element, wake_options
-from wt_gym.validation.operating_curve import GENERATOR_EFFICIENCY, steady_point
-from wt_gym.validation.phase_vi import OPTIONS, run_blade
-from wt_gym.validation.rigid_rotor import RigidRotor
-from wt_gym.validation.tree_tools import read_table
 
 RPM = np.pi / 30.0
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from wt_gym.aerodynamics import AerodynamicsError, tower_perturbation
-from wt_gym.aerodynamics.bound_kernels import invert
-from wt_gym.aerodynamics.far_wake import cylinder_table, ring_velocity
-from wt_gym.aerodynamics.far_wake_kernels import HEADER, PER_CYLINDER, far_wake_velocity
-from wt_gym.aerodynamics.induction_kernels import direct_induction
-from wt_gym.aerodynamics.section_kernels import decambering, section_state
-from wt_gym.aerodynamics.simd_kernels import WIDTH
+from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
+from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.lattice.bound_kernels import invert
+from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state
+from wt_gym.aerodynamics.wake.far_wake import cylinder_table, ring_velocity
+from wt_gym.aerodynamics.wake.far_wake_kernels import HEADER, PER_CYLINDER, far_wake_velocity
 
 
 def segment_sum(starts, ends, strengths, points, core2=0.0):

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from validation.case import load_cases
 from wt_gym.aerodynamics import AeroOptions
-from wt_gym.validation.case import load_cases
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "aerodynamics.md").read_text(encoding="utf-8")
 SPANS = sorted(set(re.findall(r"`([^`]+)`", PAGE)))
 FILES = [
-    *sorted((ROOT / "wt_gym" / "aerodynamics").glob("*.py")),
+    *sorted((ROOT / "wt_gym" / "aerodynamics").rglob("*.py")),
     ROOT / "wt_gym" / "simulation" / "blade_lattice.py",
     ROOT / "wt_gym" / "simulation" / "coupled_step_kernels.py",
     ROOT / "wt_gym" / "simulation" / "fidelity.py",

@@ -6,14 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from validation.case import load_cases
 from wt_gym.multibody.system import WORK_FIELDS
 from wt_gym.simulation import FIDELITIES
-from wt_gym.validation.case import load_cases
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "formulations.md").read_text(encoding="utf-8")
 SPANS = sorted({" ".join(span.split()) for span in re.findall(r"`([^`]+)`", PAGE)})
-SOURCES = {path: path.read_text(encoding="utf-8") for path in sorted((ROOT / "wt_gym").rglob("*.py"))}
+ROOMS = [ROOT / "wt_gym", ROOT / "validation"]
+SOURCES = {path: path.read_text(encoding="utf-8") for room in ROOMS for path in sorted(room.rglob("*.py"))}
 ALL = "\n".join(SOURCES.values())
 TREES = {path: ast.parse(text) for path, text in SOURCES.items()}
 
@@ -41,7 +42,7 @@ def missing(span):
         script, *words = span.split()
         return [] if (ROOT / script).exists() and set(words[1:]) <= set(load_cases()) else [span]
     if re.fullmatch(r"[\w/]+\.(py|json)", span):
-        return [] if any(path.as_posix().endswith(f"/{span}") for path in (ROOT / "wt_gym").rglob("*.*")) else [span]
+        return [] if any(p.as_posix().endswith(f"/{span}") for room in ROOMS for p in room.rglob("*.*")) else [span]
     if re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)+", span):
         return [] if span in load_cases() else [span]
     head = re.match(r"(\w+)(?:\.(\w+))?", span)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
-from wt_gym.aerodynamics.induction_kernels import direct_induction
-from wt_gym.aerodynamics.tree_induction import TreeInduction, split_direct, split_range
+from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
+from wt_gym.aerodynamics.induction.tree_induction import TreeInduction, split_direct, split_range
 
 
 def exact_velocity(sheet, points):

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wt_gym.aerodynamics.aligned import aligned_zeros
-from wt_gym.aerodynamics.edges import SheddingEdge, bound_segments
-from wt_gym.aerodynamics.lattice import LatticePlanform
+from wt_gym.aerodynamics.induction.aligned import aligned_zeros
+from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.lattice.edges import SheddingEdge, bound_segments
+from wt_gym.aerodynamics.lattice.planform import LatticePlanform
 from wt_gym.aerodynamics.options import AeroOptions
-from wt_gym.aerodynamics.simd_kernels import WIDTH
 
 __all__ = ["AeroArrays", "AeroConstants", "AeroState", "AeroWork", "PlanformArrays"]
 

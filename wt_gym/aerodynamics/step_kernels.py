@@ -4,20 +4,20 @@ Arguments are ``p``, `PlanformArrays`; ``o``, `AeroConstants`; ``a``, `AeroArray
 closed bodies in the flow also ``bodies``, `BodyArrays`, and ``body_work``, `BodyWork`. Nothing is allocated.
 """
 
-from wt_gym.aerodynamics.body_kernels import add_body_velocity, body_strengths, couple_bodies
-from wt_gym.aerodynamics.bound_kernels import (
+from wt_gym.aerodynamics.bodies.body_kernels import add_body_velocity, body_strengths, couple_bodies
+from wt_gym.aerodynamics.bodies.tower_kernels import flag_wake_segments
+from wt_gym.aerodynamics.induction.induction_kernels import FAST
+from wt_gym.aerodynamics.lattice.bound_kernels import (
     bound_influence,
     geometry,
     invert_boundary_condition,
     relative_wind,
 )
-from wt_gym.aerodynamics.far_wake_kernels import measure_far_wake
-from wt_gym.aerodynamics.induction_kernels import FAST
-from wt_gym.aerodynamics.load_kernels import bernoulli_loads, joukowski_loads, viscous_loads
-from wt_gym.aerodynamics.section_kernels import decambering, section_state, strip_axes
-from wt_gym.aerodynamics.sheet_kernels import build_bound_sheet, build_sparse_sheet, build_wake_sheet
-from wt_gym.aerodynamics.tower_kernels import flag_wake_segments
-from wt_gym.aerodynamics.wake_kernels import (
+from wt_gym.aerodynamics.lattice.load_kernels import bernoulli_loads, joukowski_loads, viscous_loads
+from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state, strip_axes
+from wt_gym.aerodynamics.wake.far_wake_kernels import measure_far_wake
+from wt_gym.aerodynamics.wake.sheet_kernels import build_bound_sheet, build_sparse_sheet, build_wake_sheet
+from wt_gym.aerodynamics.wake.wake_kernels import (
     age_rows,
     choose_rows,
     convect,

@@ -6,16 +6,16 @@ from numbers import Integral
 import numpy as np
 
 from wt_gym.aerodynamics import step_kernels
-from wt_gym.aerodynamics.bodies import BodySet
+from wt_gym.aerodynamics.bodies.body_set import BodySet
 from wt_gym.aerodynamics.errors import AerodynamicsError
-from wt_gym.aerodynamics.far_wake import cylinder_table
-from wt_gym.aerodynamics.lattice import LatticePlanform, check_areas, numeric_array
+from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.induction.split_induction import SplitInduction
+from wt_gym.aerodynamics.induction.tree_induction import run_beside
+from wt_gym.aerodynamics.lattice.planform import LatticePlanform, check_areas, numeric_array
 from wt_gym.aerodynamics.options import AeroOptions
-from wt_gym.aerodynamics.simd_kernels import WIDTH
-from wt_gym.aerodynamics.split_induction import SplitInduction
 from wt_gym.aerodynamics.state import LEVELS, STEP, AeroConstants, AeroState, AeroWork, PlanformArrays
-from wt_gym.aerodynamics.tree_induction import run_beside
-from wt_gym.aerodynamics.wake_kernels import place_newest_row, shedding_edge
+from wt_gym.aerodynamics.wake.far_wake import cylinder_table
+from wt_gym.aerodynamics.wake.wake_kernels import place_newest_row, shedding_edge
 
 __all__ = ["VortexLattice"]
 

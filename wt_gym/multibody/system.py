@@ -1,7 +1,7 @@
 """Flexible multibody systems of tree topology, assembled from bodies and joints.
 
 ``MultibodySystem`` collects bodies, each hung by a joint on a marker of an earlier body (or on the ground), and packs
-them into plain arrays for the compiled equations of motion in :mod:`wt_gym.multibody.tree_kernels`.
+them into plain arrays for the compiled equations of motion in :mod:`wt_gym.multibody.tree.tree_kernels`.
 """
 
 from collections import namedtuple
@@ -9,11 +9,13 @@ from collections import namedtuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody import constraint_kernels, integrator_kernels, output_kernels, rate_kernels, tree_kernels
 from wt_gym.multibody.checks import check_body, check_number, check_state, check_unique, check_vector
+from wt_gym.multibody.constraints import constraint_kernels
 from wt_gym.multibody.errors import FAILURES, MultibodyError
-from wt_gym.multibody.hamming import HammingIntegrator, new_history
-from wt_gym.multibody.joints import Constraint, Joint
+from wt_gym.multibody.integrators import integrator_kernels
+from wt_gym.multibody.integrators.hamming import HammingIntegrator, new_history
+from wt_gym.multibody.tree import output_kernels, rate_kernels, tree_kernels
+from wt_gym.multibody.tree.joints import Constraint, Joint
 from wt_gym.structure.flexible_body import FlexibleBody, Marker
 
 __all__ = ["FAILURES", "Constraint", "HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]

@@ -6,8 +6,8 @@ the kernel for this value alone, beside the one that Python calls.
 
 from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solve
 from wt_gym.compiled import kernel
-from wt_gym.multibody.integrator_kernels import hamming_advance
-from wt_gym.multibody.tree_kernels import OK, kinematics
+from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
+from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion
 
 # Beyond the codes of the multibody kernels

@@ -3,9 +3,9 @@
 import math
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.output_kernels import joint_wrenches
-from wt_gym.multibody.point_kernels import point_loads, point_motion
-from wt_gym.multibody.tree_kernels import kinematics
+from wt_gym.multibody.tree.output_kernels import joint_wrenches
+from wt_gym.multibody.tree.point_kernels import point_loads, point_motion
+from wt_gym.multibody.tree.tree_kernels import kinematics
 
 
 @kernel

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.errors import SimulationError
-from wt_gym.multibody.hamming import STARTERS
-from wt_gym.multibody.stability import undamped_limit
+from wt_gym.multibody.integrators.hamming import STARTERS
+from wt_gym.multibody.integrators.stability import undamped_limit
 
 __all__ = ["ELASTODYN_NREL_5MW_TOWER", "FIDELITIES", "Fidelity", "fidelity"]
 
@@ -74,7 +74,7 @@ class Fidelity:
         :mod:`wt_gym.structure.substructure`.
     integrator : str
         "hamming". Newmark's and the generalised-α scheme integrate any multibody system by
-        :mod:`wt_gym.multibody.integrators`, but not yet the coupled one.
+        :mod:`wt_gym.multibody.integrators.schemes`, but not yet the coupled one.
     tower_shadow : bool
         Potential flow round a cylinder acts on the blades near the tower: the cheap form of a tower in the flow.
     tower_body : (int, int) or None
@@ -143,7 +143,7 @@ class Fidelity:
         if self.integrator != "hamming":
             raise SimulationError(
                 f"Fidelity.integrator is {self.integrator!r}: the coupled step takes 'hamming' only; the other schemes "
-                "integrate multibody systems (wt_gym.multibody.integrators)"
+                "integrate multibody systems (wt_gym.multibody.integrators.schemes)"
             )
         if self.blade_bodies != 1:
             raise SimulationError(

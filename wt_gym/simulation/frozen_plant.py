@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from wt_gym.aerodynamics import AeroState
 from wt_gym.errors import SimulationError
-from wt_gym.multibody import tree_kernels
+from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.measurement import Measurement
 from wt_gym.simulation.turbine_bodies import place_nacelle

@@ -11,10 +11,10 @@ from wt_gym.aerodynamics import TowerFlow, VortexLattice
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.compiled import compiled_for
 from wt_gym.errors import ActionError, SimulationError
-from wt_gym.multibody import point_kernels, tree_kernels
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.system import HammingIntegrator, MultibodyError
+from wt_gym.multibody.tree import point_kernels, tree_kernels
 from wt_gym.simulation import coupled_step_kernels, coupling_kernels
 from wt_gym.simulation.blade_lattice import blade_planform
 from wt_gym.simulation.channels import Signals

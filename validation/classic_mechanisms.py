@@ -1,0 +1,310 @@
+"""Rigid-body benchmarks with exact solutions: pendulum, heavy top, spatial slider-crank."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+from scipy.special import ellipj, ellipk
+
+from validation.case import CaseResult, Check, Curve, Figure, case
+from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
+from wt_gym.structure.flexible_body import FlexibleBody
+
+GRAVITY = 9.81
+
+
+def trajectory(system, y, step, times):
+    """States (n_times, n_state) at times that are multiples of the step."""
+    integrator = HammingIntegrator(system, step)
+    integrator.start(y)
+    out = [np.array(integrator.state)]
+    for before, after in pairwise(times):
+        integrator.advance(round((after - before) / step))
+        out.append(np.array(integrator.state))
+    return np.array(out)
+
+
+# ---- simple pendulum -------------------------------------------------------------------------------------------------
+
+
+@case(
+    "simple-pendulum",
+    "Simple pendulum released horizontally: energy drift, period and angle over 10 s",
+    "IFToMM Multibody Benchmark Library A01 (L = 1 m, m = 1 kg); exact solution by Jacobi's elliptic functions",
+)
+def simple_pendulum():
+    """θ(t) = 2 asin(k sn(K − ω t, k)) with k = sin(θ₀/2), ω = √(g/L); energy criterion of the library 5e-5 J."""
+    system = MultibodySystem()
+    bob = FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), np.zeros((3, 3)))
+    system.add(bob, Joint("revolute", (0.0, 1.0, 0.0), name="swing"))
+    y = system.build().initial_state()
+    y[0] = np.pi / 2.0
+    step = 2e-3
+    times = np.arange(0.0, 10.0 + 1e-9, 10 * step)
+    states = trajectory(system, y, step, times)
+    energy = np.array([sum(system.energy(state)) for state in states])
+    omega, quarter = np.sqrt(GRAVITY), ellipk(0.5)
+    exact = 2.0 * np.arcsin(np.sqrt(0.5) * ellipj(quarter - omega * times, 0.5)[0])
+    fine = trajectory(system, y, step, np.arange(0.0, 4.5, step))[:, 0]
+    down = np.flatnonzero((fine[:-1] > 0.0) & (fine[1:] <= 0.0))
+    crossing = (down + fine[down] / (fine[down] - fine[down + 1])) * step
+    drift = float(np.abs(energy - energy[0]).max())
+    checks = [
+        Check("largest energy drift in 10 s", "<= 5e-5", drift, 0.0, "J", False, "criterion of the benchmark library"),
+        Check("period", 4.0 * quarter / omega, float(np.diff(crossing)[0]), 1e-6, "s", True, "4 K(1/√2) √(L/g)"),
+        Check(
+            "largest error of the angle in 10 s",
+            0.0,
+            float(np.abs(states[:, 0] - exact).max()),
+            1e-5,
+            "rad",
+            False,
+            "elliptic functions",
+        ),
+    ]
+    figure = Figure((Curve(times, states[:, 0], "simulated", "o"), Curve(times, exact, "exact")), "t [s]", "θ [rad]")
+    return CaseResult(checks, {"simple pendulum": figure}, f"step {step} s, modified Hamming scheme")
+
+
+# ---- heavy top -------------------------------------------------------------------------------------------------------
+
+
+def top_system(mass, length, axial, transverse):
+    """Symmetric top with axis z on a ball joint at the origin; inertias about the fixed point."""
+    centre = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
+    system = MultibodySystem((0.0, 0.0, -GRAVITY))
+    system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), centre), Joint("spherical"))
+    return system.build()
+
+
+def top_state(system, theta, body_rate):
+    """State with the axis tilted by θ in the x–z plane and an angular velocity in body components."""
+    y = system.initial_state()
+    y[:4] = Rotation.from_euler("y", theta).as_quat()[[3, 0, 1, 2]]
+    y[4:7] = body_rate
+    return y
+
+
+def top_axes(states):
+    """Direction (n, 3) of the axis of the top."""
+    return Rotation.from_quat(states[:, [1, 2, 3, 0]]).apply([0.0, 0.0, 1.0])
+
+
+def lagrange_top(mass, length, axial, transverse, theta, body_rate, times):
+    """Exact nutation and precession (cos θ, φ) of a symmetric heavy top at the given times.
+
+    Conserved are the spin ω₃, the vertical angular momentum and the energy; θ and φ follow from
+    θ̈ = sin θ (φ̇² cos θ − (C ω₃ φ̇ − m g l)/A) and φ̇ = (L_z − C ω₃ cos θ)/(A sin² θ), integrated to 1e-12.
+    """
+    spin, weight = body_rate[2], mass * GRAVITY * length
+    # at the start the body y axis is horizontal (θ̇ = ω_y) and φ̇ sin θ = −ω_x
+    momentum = axial * spin * np.cos(theta) - transverse * body_rate[0] * np.sin(theta)
+
+    def rate(_, state):
+        angle, speed, _ = state
+        s, c = np.sin(angle), np.cos(angle)
+        turn = (momentum - axial * spin * c) / (transverse * s * s)
+        return [speed, s * (turn * turn * c - (axial * spin * turn - weight) / transverse), turn]
+
+    start = [theta, body_rate[1], 0.0]
+    found = solve_ivp(rate, (0.0, times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-13)
+    return np.cos(found.y[0]), found.y[2]
+
+
+@case(
+    "heavy-top-precession",
+    "Fast symmetric top: steady precession and nutation",
+    "Lagrange's top (Goldstein, Classical Mechanics, ch. 5)",
+)
+def heavy_top_precession():
+    """Precession Ω of the steady top: (A − C) Ω² cos θ − C ω Ω + m g l = 0; fast top: nutation at C ω₃/A."""
+    mass, length, axial, transverse, spin, theta = 2.0, 0.5, 0.3, 0.8, 40.0, 0.4
+    system = top_system(mass, length, axial, transverse)
+    weight = mass * GRAVITY * length
+    precession = np.roots([(transverse - axial) * np.cos(theta), -axial * spin, weight]).min()
+    upright = Rotation.from_euler("y", theta).inv()
+    steady = upright.apply([0.0, 0.0, precession]) + np.array([0.0, 0.0, spin])
+    times = np.arange(0.0, 10.0 + 1e-9, 0.05)
+    axes = top_axes(trajectory(system, top_state(system, theta, steady), 5e-4, times))
+    turned = np.unwrap(np.arctan2(axes[:, 1], axes[:, 0]))
+    nods = np.abs(np.arccos(axes[:, 2]) - theta).max()
+    # fast top released without precession: cusps at θ₀, small nutation
+    fast = 400.0
+    times_fast = np.arange(0.0, 1.0 + 1e-9, 1e-3)
+    axes_fast = top_axes(trajectory(system, top_state(system, theta, [0.0, 0.0, fast]), 1e-4, times_fast))
+    angle = np.arccos(axes_fast[:, 2])
+    middle = angle - 0.5 * (angle.max() + angle.min())
+    up = np.flatnonzero((middle[:-1] < 0.0) & (middle[1:] >= 0.0))
+    crossing = times_fast[up] + middle[up] / (middle[up] - middle[up + 1]) * 1e-3
+    nutation = 2.0 * np.pi * (len(crossing) - 1) / (crossing[-1] - crossing[0])
+    slow = np.unwrap(np.arctan2(axes_fast[:, 1], axes_fast[:, 0]))
+    mean = (np.interp(crossing[-1], times_fast, slow) - np.interp(crossing[0], times_fast, slow)) / (
+        crossing[-1] - crossing[0]
+    )
+    depth = 2.0 * transverse * weight * np.sin(theta) / (axial * fast) ** 2
+    goldstein = "fast top, leading order in 2 A m g l/(C ω₃)²"
+    checks = [
+        Check(
+            "precession angle after 10 s", precession * 10.0, float(turned[-1]), 1e-5, "rad", True, "quadratic for Ω"
+        ),
+        Check("largest nutation of the steady top", 0.0, float(nods), 1e-6, "rad", False, "steady motion"),
+        Check(
+            "nutation frequency of the fast top", axial * fast / transverse, nutation, 0.01, "rad/s", True, goldstein
+        ),
+        Check("nutation depth of the fast top", depth, float(angle.max() - angle.min()), 0.01, "rad", True, goldstein),
+        Check("mean precession of the fast top", weight / (axial * fast), float(mean), 0.01, "rad/s", True, goldstein),
+    ]
+    return CaseResult(checks, {"nutation of the fast top": Figure((Curve(times_fast, angle),), "t [s]", "θ [rad]")})
+
+
+@case(
+    "heavy-top-spherical",
+    "Heavy top on a ball joint, horizontal start, spin 150 rad/s",
+    "Géradin & Cardona 2001; Brüls & Cardona 2010, J. Comput. Nonlinear Dyn. 5; exact by Lagrange's integrals",
+)
+def heavy_top_spherical():
+    """Mass 15 kg, centre at 1 m, J = diag(0.234375, 0.46875, 0.234375) about it, Ω₀ = (0, 150, −4.61538) rad/s.
+
+    The published top lies along the global y axis; here it starts along x, with the same spin of 150 rad/s about its
+    axis and the same −4.61538 rad/s about the vertical. Its vertical angular momentum is the negative of its spin
+    momentum, so that it passes almost exactly through the lowest point.
+    """
+    mass, length, axial, across = 15.0, 1.0, 0.46875, 0.234375
+    transverse = across + mass * length**2
+    system = top_system(mass, length, axial, transverse)
+    theta, rate = np.pi / 2.0, np.array([4.61538, 0.0, 150.0])
+    times = np.arange(0.0, 2.0 + 1e-9, 2e-3)
+    states = trajectory(system, top_state(system, theta, rate), 1e-4, times)
+    axes = top_axes(states)
+    height, turn = lagrange_top(mass, length, axial, transverse, theta, rate, times)
+    exact = np.column_stack([np.sqrt(1.0 - height**2) * np.cos(turn), np.sqrt(1.0 - height**2) * np.sin(turn), height])
+    energy = np.array([sum(system.energy(state)) for state in (states[0], states[-1])])
+    norm = np.abs(np.linalg.norm(states[:, :4], axis=1) - 1.0).max()
+    source = "Lagrange's integrals, DOP853 with tolerance 1e-12"
+    checks = [
+        Check(
+            "largest error of the mass centre in 2 s", 0.0, float(np.abs(axes - exact).max()), 1e-5, "m", False, source
+        ),
+        Check(
+            "lowest height of the mass centre", float(height.min()), float(axes[:, 2].min()), 1e-4, "m", True, source
+        ),
+        Check("relative energy drift in 2 s", 0.0, float(abs(energy[1] / energy[0] - 1.0)), 1e-6, "", False, "energy"),
+        Check("error of the quaternion norm", 0.0, float(norm), 1e-12, "", False, "unit quaternion"),
+    ]
+    curves = tuple(Curve(times, axes[:, i], "xyz"[i]) for i in range(3))
+    curves += tuple(Curve(times[::20], exact[::20, i], "", "o") for i in range(3))
+    return CaseResult(checks, {"mass centre of the heavy top (dots: exact)": Figure(curves, "t [s]", "m")})
+
+
+# ---- spatial slider-crank --------------------------------------------------------------------------------------------
+
+CRANK, ROD = 0.08, 0.3
+PIVOT = np.array([0.0, 0.1, 0.12])
+CRANK_INERTIA, ROD_MASS, ROD_INERTIA, ROD_AXIAL, SLIDER_MASS = 1e-4, 0.5, 4e-3, 4e-4, 2.0
+"""About the crank's pivot axis; rod about transverse axes through its middle and about its own axis [kg, kg m²]."""
+HAUG = "Haug 1989, Computer Aided Kinematics and Dynamics of Mechanical Systems, section 12.2 (IFToMM benchmark)"
+
+
+def crank_pin(theta):
+    """Position (3,) of the pin for a crank turned by θ about +x from straight up."""
+    return PIVOT + CRANK * np.array([0.0, -np.sin(theta), np.cos(theta)])
+
+
+def slider_position(theta):
+    """Position of the slider on the x axis: √(ℓ² − y² − z²) of the pin."""
+    pin = crank_pin(theta)
+    return np.sqrt(ROD**2 - pin[1] ** 2 - pin[2] ** 2)
+
+
+def rod_frame(theta):
+    """Axes of the rod (columns): its second axis stays across the x axis (universal joint on the slider)."""
+    along = (crank_pin(theta) - [slider_position(theta), 0.0, 0.0]) / ROD
+    second = np.cross(along, [1.0, 0.0, 0.0])
+    second /= np.linalg.norm(second)
+    return np.column_stack([np.cross(second, along), second, along])
+
+
+def mechanism_energy(theta, h=1e-5):
+    """Inertia I(θ) with T = ½ I θ̇², and potential energy V(θ), from the closed-form positions."""
+    slider = (slider_position(theta + h) - slider_position(theta - h)) / (2.0 * h)
+    middle = 0.5 * (crank_pin(theta + h) - crank_pin(theta - h)) / (2.0 * h) + [0.5 * slider, 0.0, 0.0]
+    spin = (rod_frame(theta + h) - rod_frame(theta - h)) / (2.0 * h) @ rod_frame(theta).T
+    turn = rod_frame(theta).T @ [spin[2, 1], spin[0, 2], spin[1, 0]]
+    inertia = CRANK_INERTIA + SLIDER_MASS * slider**2 + ROD_MASS * middle @ middle
+    inertia += ROD_INERTIA * (turn[0] ** 2 + turn[1] ** 2) + ROD_AXIAL * turn[2] ** 2
+    return inertia, ROD_MASS * GRAVITY * 0.5 * crank_pin(theta)[2]
+
+
+def exact_slider_crank(times, speed):
+    """Crank angle (n,) from the energy of the only degree of freedom: θ̇ = √(2 (E − V(θ))/I(θ)), full turns."""
+    inertia, potential = mechanism_energy(0.0)
+    total = 0.5 * inertia * speed**2 + potential
+
+    def rate(_, state):
+        inertia, potential = mechanism_energy(state[0])
+        return [np.sqrt(2.0 * (total - potential) / inertia)]
+
+    return solve_ivp(rate, (times[0], times[-1]), [0.0], "DOP853", times, rtol=1e-8, atol=1e-9).y[0]
+
+
+def slider_crank_system():
+    """Crank on a hinge, rod on the slider by a universal joint, and a ball constraint at the pin to close the loop."""
+    system = MultibodySystem((0.0, 0.0, -GRAVITY), stabilisation=100.0)
+    ends = {"origin": np.zeros(3), "pin": (0.0, 0.0, CRANK)}
+    crank = FlexibleBody.rigid("crank", 0.12, np.zeros(3), np.diag([CRANK_INERTIA, 1e-5, 1e-4]), ends)
+    crank = system.add(crank, Joint("revolute", (1.0, 0.0, 0.0), offset=tuple(PIVOT), name="crank"))
+    slider = FlexibleBody.rigid("slider", SLIDER_MASS, np.zeros(3), 1e-4 * np.eye(3))
+    slider = system.add(slider, Joint("prismatic", (1.0, 0.0, 0.0), name="slider"))
+    cross = FlexibleBody.rigid("cross", 0.0, np.zeros(3), np.zeros((3, 3)))
+    cross = system.add(cross, Joint("revolute", (1.0, 0.0, 0.0), name="cross"), slider)
+    ends = {"origin": np.zeros(3), "pin": (0.0, 0.0, ROD)}
+    rod = FlexibleBody.rigid("rod", ROD_MASS, (0.0, 0.0, ROD / 2), np.diag([ROD_INERTIA, ROD_INERTIA, ROD_AXIAL]), ends)
+    rod = system.add(rod, Joint("revolute", (0.0, 1.0, 0.0), name="rod"), cross)
+    system.add_constraint(Constraint("ball", name="pin"), crank, rod, "pin", "pin")
+    return system.build()
+
+
+def slider_crank_state(system, speed):
+    """Closed loop with the crank straight up and consistent velocities."""
+    y = system.initial_state()
+    along = rod_frame(0.0)[:, 2]
+    y[: system.n_q] = [0.0, slider_position(0.0), np.arctan2(-along[1], along[2]), np.arcsin(along[0])]
+    columns = []
+    for k in range(system.n_u):
+        unit = y.copy()
+        unit[system.n_q + k] = 1.0
+        columns.append(np.array(system.constraint_residuals(unit)[1]))
+    jacobian = np.array(columns).T
+    y[system.n_q] = speed
+    y[system.n_q + 1 : system.n_q + 4] = np.linalg.solve(jacobian[:, 1:], -speed * jacobian[:, 0])
+    return y
+
+
+@case("spatial-slider-crank", "Spatial slider-crank: 0.08 m crank, 0.3 m rod, 6 rad/s", HAUG)
+def spatial_slider_crank():
+    """Loop closed by constraint equations, five seconds of free motion under gravity along −z.
+
+    Exact solution: with closed-form positions the mechanism has one degree of freedom, and its energy gives its speed.
+    """
+    system = slider_crank_system()
+    step = 5e-4
+    times = np.arange(0.0, 5.0 + 1e-9, 0.01)
+    states = trajectory(system, slider_crank_state(system, 6.0), step, times)
+    theta = exact_slider_crank(times, 6.0)
+    position = np.array([slider_position(angle) for angle in theta])
+    energy = np.array([sum(system.energy(state)) for state in states])
+    drift = max(float(np.abs(system.constraint_residuals(state)[0]).max()) for state in states[::10])
+    error = float(np.abs(states[:, 1] - position).max())
+    exchanged = float(np.abs(energy - energy[0]).max() / (0.5 * mechanism_energy(0.0)[0] * 36.0))
+    source = "energy equation of the one degree of freedom, closed-form positions"
+    checks = [
+        Check("largest error of the slider in 5 s", 0.0, error, 1e-5, "m", False, source),
+        Check("crank angle after 5 s", float(theta[-1]), float(states[-1, 0]), 1e-4, "rad", True, source),
+        Check("largest energy drift per kinetic energy at the start", 0.0, exchanged, 1e-4, "", False, "energy"),
+        Check("largest constraint drift", 0.0, drift, 1e-6, "m", False, "closed loop"),
+    ]  # fmt: skip
+    curves = (Curve(times, states[:, 1], "simulated"), Curve(times[::10], position[::10], "exact", "o"))
+    return CaseResult(checks, {"slider of the spatial slider-crank": Figure(curves, "t [s]", "x [m]")})

@@ -1,0 +1,542 @@
+"""Closed bodies in the flow: tower, nacelle, hub as surfaces of source panels.
+
+Sources on a closed body make no lift and leave the equations regular: the matrix of normal velocities of one closed
+body of vortex rings would lack one rank. The strengths are eliminated from the unknowns of the lattice, see
+`body_kernels.couple_bodies`.
+"""
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise, permutations
+from typing import NamedTuple
+
+import numpy as np
+
+from wt_gym.aerodynamics.bodies import body_kernels
+from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.aerodynamics.lattice.bound_kernels import invert
+
+__all__ = [
+    "BodyArrays",
+    "BodySet",
+    "BodySurface",
+    "BodyWork",
+    "TowerAxis",
+    "ellipsoid_body",
+    "revolution_body",
+    "tower_body",
+]
+
+FAR = 3.0
+"""Distance over panel radius from which a panel is a point source with quadrupole; its velocity is then within 1e-3."""
+MAX_WARP = 0.05
+"""Largest distance of a corner from the mean plane, over the longer diagonal: panels are computed as flat."""
+
+
+class TowerAxis(NamedTuple):
+    """Straight axis and radii of a tower."""
+
+    ends: np.ndarray  # (2, 3) base and top [m]
+    stations: np.ndarray  # (n,) distances from the base [m]
+    radii: np.ndarray  # (n,) [m]
+
+
+class BodyArrays(NamedTuple):
+    """What the kernels need of the panels of all bodies."""
+
+    corners: np.ndarray  # (n_panel, 4, 3) in the mean plane, counter-clockwise about the normal [m]
+    centre: np.ndarray  # (3, n_panel) control points: centroids [m]
+    normal: np.ndarray  # (n_panel, 3) unit, out of the body
+    far: np.ndarray  # (n_panel, 8): area [m^2], xx, yy, zz, xy, yz, zx about the centroid [m^4], all over 4 pi,
+    # and the square of the distance [m^2] below which the exact velocity is computed
+    motion: np.ndarray  # (3, n_panel) velocity of the control points [m/s]
+    owner: np.ndarray  # int64 (n_panel,) number of the body
+    axis: np.ndarray  # (2, 3) base and top of the tower [m]
+    stations: np.ndarray  # (n,) distances from its base [m]; none without a tower
+    radii: np.ndarray  # (n,) its radii there [m]
+    inverse: np.ndarray  # (n_panel, n_panel): strengths = inverse @ normal velocities that the panels must induce
+
+
+class BodyWork(NamedTuple):
+    """Work arrays of `body_kernels.couple_bodies`; the first three are its input."""
+
+    ring_influence: np.ndarray  # (n_ring, 3, n_panel) velocity of each unit ring at the control points
+    wind: np.ndarray  # (n_panel, 3) undisturbed wind there [m/s]
+    wake_flow: np.ndarray  # (3, n_panel) velocity of the wake there [m/s]
+    through: np.ndarray  # (n_panel,) normal velocities [m/s]
+    source_influence: np.ndarray  # (n_panel, 3, n_point) velocity of each unit panel at the points of the blades
+    eliminated: np.ndarray  # (n_ring, n_panel) strengths that answer a unit ring, with opposite sign
+    start: np.ndarray  # (n_panel,) strengths without rings [m/s]
+    part: np.ndarray  # (3, n_panel) velocity of one segment
+    flags: np.ndarray  # int8 (n_max + 1, n_blade, n_edge + 1), see tower_kernels.flag_wake_segments
+
+
+@dataclass(frozen=True)
+class BodySurface:
+    """Surface of a rigid closed body, or of one that stands open on the ground.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (n_vertex, 3)
+        Corners of the panels in the frame of the body [m].
+    quads : array_like of int, shape (n_panel, 4)
+        Vertices of each panel, counter-clockwise seen from outside; a triangle repeats its last vertex.
+    ground : float or None
+        Height of a ground on which the body may stand without a bottom [m], as `BodySet` then closes it by its image.
+    name : str
+        For messages.
+    tower : TowerAxis or None
+        What the wake must not cut through, in the frame of the body.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (n_panel, 4, 3)
+        Corners moved into the mean plane of their panel [m].
+    centre, normal : ndarray, shape (n_panel, 3)
+        Centroids [m] and unit normals out of the body.
+    area : ndarray, shape (n_panel,)
+        [m^2].
+    volume : float
+        Enclosed volume [m^3].
+
+    Raises
+    ------
+    AerodynamicsError
+        If a panel has no area or is far from flat, if the surface is not closed, or if normals point inwards.
+    """
+
+    vertices: np.ndarray
+    quads: np.ndarray
+    ground: float | None = None
+    name: str = "body"
+    tower: TowerAxis | None = None
+    corners: np.ndarray = field(init=False, repr=False)
+    centre: np.ndarray = field(init=False, repr=False)
+    normal: np.ndarray = field(init=False, repr=False)
+    area: np.ndarray = field(init=False, repr=False)
+    volume: float = field(init=False)
+
+    def __post_init__(self):
+        """Check the mesh and compute its panels."""
+        vertices, quads = np.array(self.vertices, dtype=np.float64), np.array(self.quads, dtype=np.int64)
+        if vertices.ndim != 2 or vertices.shape[1:] != (3,) or not np.isfinite(vertices).all():
+            raise AerodynamicsError(f"vertices of {self.name}, shape {vertices.shape}, must be finite (n_vertex, 3)")
+        if quads.ndim != 2 or quads.shape[1:] != (4,) or not len(quads):
+            raise AerodynamicsError(f"quads of {self.name}, shape {quads.shape}, must be (n_panel, 4)")
+        if quads.min() < 0 or quads.max() >= len(vertices):
+            raise AerodynamicsError(f"quads of {self.name} name vertices beyond the {len(vertices)} given")
+        self._check_edges(vertices, quads)
+        panels = _panel_geometry(vertices[quads], self.name)
+        reference = np.array([0.0, 0.0, self.ground or 0.0])
+        volume = float(np.einsum("pi,pi,p->", panels[1] - reference, panels[2], panels[3]) / 3.0)
+        if not volume > 0.0:
+            raise AerodynamicsError(f"the normals of {self.name} point inwards: its volume is {volume:.4g} m^3")
+        for name, value in zip(
+            ("vertices", "quads", "corners", "centre", "normal", "area"), (vertices, quads, *panels), strict=True
+        ):
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "volume", volume)
+
+    @property
+    def n_panels(self) -> int:
+        """Number of panels."""
+        return len(self.quads)
+
+    def _check_edges(self, vertices, quads):
+        """Each edge must be passed once in each direction, or lie on the ground."""
+        start, end = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
+        panel = np.repeat(np.arange(len(quads)), 4)
+        real = start != end
+        start, end, panel = start[real], end[real], panel[real]
+        key, reverse = start * len(vertices) + end, end * len(vertices) + start
+        _, first, count = np.unique(key, return_index=True, return_counts=True)
+        if count.max() > 1:
+            k = first[count > 1][0]
+            raise AerodynamicsError(
+                f"panel {panel[k]} of {self.name} and a neighbour run along their edge {start[k]}-{end[k]} in the same "
+                "direction: the normal of one of them is inverted"
+            )
+        is_open = ~np.isin(key, reverse)
+        if self.ground is not None:
+            size = np.ptp(vertices, axis=0).max()
+            on_ground = np.abs(vertices[:, 2] - self.ground) < 1e-9 * size
+            is_open &= ~(on_ground[start] & on_ground[end])
+        if is_open.any():
+            k = np.flatnonzero(is_open)[0]
+            raise AerodynamicsError(
+                f"{self.name} is not closed: panel {panel[k]} has no neighbour at its edge {start[k]}-{end[k]} "
+                f"({vertices[start[k]]} to {vertices[end[k]]})"
+            )
+
+
+def _panel_geometry(corners, name):
+    """Corners (n, 4, 3) in their mean planes, centroids, unit normals and areas."""
+    diagonals = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+    normal = 0.5 * np.cross(*diagonals)
+    size = np.maximum(*(np.linalg.norm(d, axis=1) for d in diagonals))
+    norm = np.linalg.norm(normal, axis=1)
+    flat = ~(norm > 1e-10 * size**2)
+    if flat.any():
+        k = np.flatnonzero(flat)[0]
+        raise AerodynamicsError(f"panel {k} of {name} has no area; its corners are {corners[k].tolist()}")
+    normal /= norm[:, None]
+    middle = corners.mean(axis=1)
+    out_of_plane = np.einsum("pki,pi->pk", corners - middle[:, None], normal)
+    warp = np.abs(out_of_plane).max(axis=1) / size
+    if warp.max() > MAX_WARP:
+        k = int(warp.argmax())
+        raise AerodynamicsError(
+            f"panel {k} of {name} is not flat: a corner lies {warp[k]:.3f} of the diagonal out of its mean plane; at "
+            f"most {MAX_WARP} are allowed"
+        )
+    corners = corners - out_of_plane[..., None] * normal[:, None]
+    thirds, areas = _triangles(corners, normal)
+    area = areas.sum(axis=1)
+    centre = np.einsum("pti,pt->pi", thirds.mean(axis=2), areas) / area[:, None]
+    return corners, centre, normal, area
+
+
+def _triangles(corners, normal):
+    """Two triangles (n, 2, 3, 3) of each panel and their areas (n, 2), negative beyond a re-entrant corner."""
+    triangles = np.stack([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]], axis=1)
+    a, b, c = (triangles[:, :, k] for k in range(3))
+    return triangles, 0.5 * np.einsum("pti,pi->pt", np.cross(b - a, c - a), normal)
+
+
+def _second_moments(corners, centre, normal):
+    """Integrals of x_i x_j about the centroid, (n, 3, 3) [m^4]."""
+    triangles, areas = _triangles(corners - centre[:, None], normal)
+    total = triangles.sum(axis=2)
+    pairs = np.einsum("ptki,ptkj->ptij", triangles, triangles) + np.einsum("pti,ptj->ptij", total, total)
+    return np.einsum("ptij,pt->pij", pairs, areas) / 12.0
+
+
+class BodySet:
+    """All bodies in a flow, each fixed or moved as a rigid body.
+
+    The influence of the panels on each other and its inverse are computed at construction, and again when `place`
+    has moved a body.
+
+    Parameters
+    ----------
+    bodies : sequence of BodySurface
+        At their places: the frame of each is the global one until `place` moves it.
+    ground : float or None
+        Height of a flat ground in which all bodies are mirrored [m].
+
+    Attributes
+    ----------
+    arrays : BodyArrays
+        Panels as they are now, for the kernels.
+    names : tuple of str
+        Of the bodies.
+    first_panel : ndarray of int, shape (n_body + 1,)
+        Panels first_panel[b] to first_panel[b + 1] belong to body b.
+
+    Raises
+    ------
+    AerodynamicsError
+        If there is no body, if a body reaches below the ground or is open on another ground, or if two intersect.
+    """
+
+    def __init__(self, bodies, ground: float | None = None):
+        bodies = tuple(bodies)
+        if not bodies:
+            raise AerodynamicsError("a set of bodies needs at least one BodySurface")
+        self.bodies, self.names = bodies, tuple(body.name for body in bodies)
+        self.has_ground, self.ground = ground is not None, float(ground or 0.0)
+        for body in bodies:
+            if body.ground is not None and body.ground != ground:
+                raise AerodynamicsError(f"{body.name} stands on a ground at {body.ground} m, the set has {ground}")
+        self.first_panel = np.concatenate([[0], np.cumsum([body.n_panels for body in bodies])])
+        towers = [body for body in bodies if body.tower is not None]
+        if len(towers) > 1:
+            raise AerodynamicsError(f"the bodies {[body.name for body in towers]} are towers; one is allowed")
+        tower = towers[0].tower if towers else TowerAxis(np.zeros((2, 3)), np.zeros(0), np.zeros(0))
+        n = self.n_panels
+        self.arrays = BodyArrays(
+            corners=np.zeros((n, 4, 3)), centre=np.zeros((3, n)), normal=np.zeros((n, 3)), far=np.zeros((n, 8)),
+            motion=np.zeros((3, n)), owner=np.repeat(np.arange(len(bodies)), np.diff(self.first_panel)),
+            axis=tower.ends.copy(), stations=tower.stations.copy(), radii=tower.radii.copy(), inverse=np.zeros((n, n)),
+        )  # fmt: skip
+        self._part = np.zeros((3, n))
+        self._elimination = np.zeros(n, dtype=np.int64), np.zeros((n, 4)), np.zeros((4, n))
+        self._frames = np.full((len(bodies), 3, 4), np.nan)
+        self.place(np.tile(np.eye(3), (len(bodies), 1, 1)), np.zeros((len(bodies), 3)))
+        self._check_apart()
+
+    @property
+    def n_panels(self) -> int:
+        """Number of panels of all bodies."""
+        return int(self.first_panel[-1])
+
+    @property
+    def control_points(self) -> np.ndarray:
+        """Control points, shape (n_panel, 3) [m]; where the wind is needed."""
+        return np.ascontiguousarray(self.arrays.centre.T)
+
+    @property
+    def area(self) -> np.ndarray:
+        """Panel areas, shape (n_panel,) [m^2]."""
+        return 4.0 * np.pi * self.arrays.far[:, 0]
+
+    def place(self, rotations, origins, velocities=None, angular_velocities=None) -> bool:
+        """Move the bodies.
+
+        A body of revolution that spins about its axis need not be turned: its surface stays where it is.
+
+        Parameters
+        ----------
+        rotations : array_like, shape (n_body, 3, 3)
+            From the frame of each body to the global one.
+        origins : array_like, shape (n_body, 3)
+            Of those frames [m].
+        velocities, angular_velocities : array_like, shape (n_body, 3), optional
+            Of the origins [m/s] and frames [rad/s], global; zero by default.
+
+        Returns
+        -------
+        bool
+            Whether a body moved, so that the influence was computed anew.
+
+        Raises
+        ------
+        AerodynamicsError
+            If a body reaches below the ground.
+        """
+        frames = np.concatenate([np.asarray(rotations), np.asarray(origins)[..., None]], axis=2)
+        if frames.shape != self._frames.shape or not np.isfinite(frames).all():
+            raise AerodynamicsError(f"frames of {self.names} must be finite, {len(self.bodies)} of them")
+        moved = np.flatnonzero((frames != self._frames).any(axis=(1, 2)))
+        self._frames[moved] = np.nan  # should a refusal leave the panels between two places
+        for b in moved:
+            self._move(b, frames[b, :, :3], frames[b, :, 3])
+        self._frames[:] = frames
+        if len(moved):
+            a = self.arrays
+            body_kernels.normal_matrix(a, self.ground, self.has_ground, self._part, a.inverse)
+            invert(a.inverse, *self._elimination)
+            # Air that flows into a closed body must flow out: what the normal velocities at the control points have
+            # left over, as they sample a nearby vortex coarsely, is no source of the body.
+            for panels in self._panels():
+                share = self.area[panels] / self.area[panels].sum()
+                a.inverse[:, panels] -= np.outer(a.inverse[:, panels].sum(axis=1), share)
+        velocities = np.zeros_like(frames[:, :, 3]) if velocities is None else np.asarray(velocities)
+        spins = np.zeros_like(velocities) if angular_velocities is None else np.asarray(angular_velocities)
+        for b, panels in enumerate(self._panels()):
+            arm = self.arrays.centre[:, panels].T - frames[b, :, 3]
+            self.arrays.motion[:, panels] = (velocities[b] + np.cross(spins[b], arm)).T
+        return bool(len(moved))
+
+    def work(self, n_ring: int, n_point: int, wake_shape=(0, 0, 0)) -> BodyWork:
+        """Work arrays for the coupling with a lattice of that many rings, points, and wake nodes (row, blade, node)."""
+        n = self.n_panels
+        return BodyWork(
+            ring_influence=np.zeros((n_ring, 3, n)), wind=np.zeros((n, 3)), wake_flow=np.zeros((3, n)),
+            through=np.zeros(n), source_influence=np.zeros((n, 3, n_point)), eliminated=np.zeros((n_ring, n)),
+            start=np.zeros(n), part=np.zeros((3, n)), flags=np.zeros(wake_shape, dtype=np.int8),
+        )  # fmt: skip
+
+    def strengths(self, flow) -> np.ndarray:
+        """Source strengths that make the bodies impermeable, shape (n_panel,) [m/s].
+
+        Parameters
+        ----------
+        flow : ndarray, shape (n_panel, 3)
+            Velocity of everything but the bodies at the control points [m/s].
+        """
+        relative = np.asarray(flow) - self.arrays.motion.T
+        return -self.arrays.inverse @ np.einsum("pi,pi->p", self.arrays.normal, relative)
+
+    def velocity(self, points, strengths) -> np.ndarray:
+        """Velocity of the sources at points (..., 3) [m/s]; at a control point, that on the outside."""
+        points = np.asarray(points, dtype=np.float64)
+        flat = np.ascontiguousarray(points.reshape(-1, 3).T)
+        out, part = np.zeros_like(flat), np.empty_like(flat)
+        strengths = np.ascontiguousarray(strengths, dtype=np.float64)
+        body_kernels.panels_velocity(self.arrays, strengths, flat, self.ground, self.has_ground, part, out)
+        return out.T.reshape(points.shape)
+
+    def _panels(self):
+        """Slice of the panels of each body."""
+        return [slice(*ends) for ends in pairwise(self.first_panel)]
+
+    def _move(self, b, rotation, origin):
+        body, panels, a = self.bodies[b], self._panels()[b], self.arrays
+        a.corners[panels] = body.corners @ rotation.T + origin
+        a.centre[:, panels] = (body.centre @ rotation.T + origin).T
+        a.normal[panels] = body.normal @ rotation.T
+        if body.tower is not None:
+            a.axis[:] = body.tower.ends @ rotation.T + origin
+        if self.has_ground:
+            lowest = float(a.corners[panels][..., 2].min())
+            if lowest < self.ground - 1e-9 * np.ptp(body.vertices, axis=0).max():
+                raise AerodynamicsError(f"{body.name} reaches to {lowest:.3f} m, below the ground at {self.ground} m")
+        centre = a.centre[:, panels].T
+        q = _second_moments(a.corners[panels], centre, a.normal[panels])
+        near = FAR**2 * np.max(np.sum((a.corners[panels] - centre[:, None]) ** 2, axis=2), axis=1)
+        a.far[panels] = np.column_stack(
+            [body.area, q[:, 0, 0], q[:, 1, 1], q[:, 2, 2], q[:, 0, 1], q[:, 1, 2], q[:, 2, 0], 4.0 * np.pi * near]
+        ) / (4.0 * np.pi)
+
+    def _check_apart(self):
+        """No control point may lie in another body: the flux of a uniformly strong surface tells inside and outside."""
+        parts, a = list(zip(self.names, self._panels(), strict=True)), self.arrays
+        for (name, mine), (other, theirs) in permutations(parts, 2):
+            if _inside(a.corners[theirs], a.centre[:, mine].T).any():
+                raise AerodynamicsError(f"the bodies {name} and {other} intersect")
+
+
+def _inside(corners, points):
+    """Whether points (n, 3) are enclosed by panels (m, 4, 3): the panels' solid angles then sum to -4 pi."""
+    arms = points[:, None, None] - corners
+    sizes = np.linalg.norm(arms, axis=-1)
+    total = np.zeros(len(points))
+    for i, j, k in ((0, 1, 2), (0, 2, 3)):
+        a, b, c = arms[:, :, i], arms[:, :, j], arms[:, :, k]
+        ra, rb, rc = sizes[..., i], sizes[..., j], sizes[..., k]
+        volume = np.einsum("nmi,nmi->nm", a, np.cross(b, c))
+        dot_ab, dot_bc, dot_ca = (np.einsum("nmi,nmi->nm", u, v) for u, v in ((a, b), (b, c), (c, a)))
+        total += 2.0 * np.arctan2(volume, ra * rb * rc + dot_ab * rc + dot_bc * ra + dot_ca * rb).sum(axis=1)
+    return total < -2.0 * np.pi
+
+
+def revolution_body(
+    stations, radii, n_around: int, origin=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0), name="body", ground=None
+) -> BodySurface:
+    """Body of revolution from its profile; flat ends are closed by discs.
+
+    The cross-sections are regular polygons with the area of the circle, which gives the flow around them the right
+    strength with few panels.
+
+    Parameters
+    ----------
+    stations : array_like, shape (n,)
+        Increasing distances along the axis from ``origin`` [m].
+    radii : array_like, shape (n,)
+        Radii there, positive but for the ends, which may be zero [m].
+    n_around : int
+        Panels around, at least 3.
+    origin, axis : array_like, shape (3,)
+        Start of the axis [m] and its direction.
+    name : str
+        For messages.
+    ground : float or None
+        If the first station lies on a ground at this height, and the axis is vertical, there is no disc.
+
+    Returns
+    -------
+    BodySurface
+
+    Raises
+    ------
+    AerodynamicsError
+        If the profile makes no body.
+    """
+    stations, radii, origin, axis = (np.asarray(x, dtype=np.float64) for x in (stations, radii, origin, axis))
+    if n_around < 3:
+        raise AerodynamicsError(f"n_around of {name} is {n_around}; at least 3 panels are needed")
+    if stations.ndim != 1 or stations.shape != radii.shape or len(stations) < 2 or np.any(np.diff(stations) <= 0.0):
+        raise AerodynamicsError(f"{name} needs at least two radii {radii} at increasing stations {stations}")
+    if not (np.all(radii[1:-1] > 0.0) and radii[0] >= 0.0 and radii[-1] >= 0.0 and radii.max() > 0.0):
+        raise AerodynamicsError(f"radii of {name} are {radii}; they must be positive, at the ends at least zero")
+    if not np.linalg.norm(axis) > 0.0:
+        raise AerodynamicsError(f"the axis of {name} is {axis}; it must have a direction")
+    axis = axis / np.linalg.norm(axis)
+    side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    side /= np.linalg.norm(side)
+    angle = 2.0 * np.pi / n_around * (np.arange(n_around) + 0.5)
+    circle = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * np.cross(axis, side)
+    scale = np.sqrt(2.0 * np.pi / n_around / np.sin(2.0 * np.pi / n_around))
+    vertices, rings = [], []
+    for s, r in zip(stations, radii, strict=True):
+        rings.append(len(vertices) + (np.arange(n_around) if r > 0.0 else np.zeros(n_around, dtype=int)))
+        vertices += list(origin + s * axis + scale * r * circle) if r > 0.0 else [origin + s * axis]
+    standing = ground is not None and abs(origin[2] + stations[0] - ground) < 1e-9 * np.ptp(stations)
+    standing = standing and axis[2] > 1.0 - 1e-12
+    discs = []
+    for end in (0, -1):
+        disc = radii[end] > 0.0 and not (end == 0 and standing)
+        discs.append([np.full(n_around, len(vertices))] if disc else [])
+        vertices += [origin + stations[end] * axis] if disc else []
+    rings = discs[0] + rings + discs[1]
+    quads = []
+    for low, high in pairwise(rings):
+        ring = np.column_stack([low, np.roll(low, -1), np.roll(high, -1), high])
+        # A triangle starts with its two different vertices, so that the repeated one comes last.
+        quads += list(np.roll(ring, -2, axis=1) if low[0] == low[1] else ring)
+    return BodySurface(np.array(vertices), np.array(quads), ground if standing else None, name)
+
+
+def ellipsoid_body(semi_axes, n_around: int, n_along: int, origin=(0.0, 0.0, 0.0), name="ellipsoid") -> BodySurface:
+    """Ellipsoid with its poles on the x axis of its frame, for hubs, nacelles and tests.
+
+    Parameters
+    ----------
+    semi_axes : array_like, shape (3,)
+        Along x, y and z [m].
+    n_around, n_along : int
+        Panels around the x axis, and from pole to pole (at equal steps of the eccentric angle).
+    origin : array_like, shape (3,)
+        Centre [m].
+    name : str
+        For messages.
+
+    Returns
+    -------
+    BodySurface
+
+    Raises
+    ------
+    AerodynamicsError
+        If a semi-axis is not positive or there are too few panels.
+    """
+    semi_axes = np.asarray(semi_axes, dtype=np.float64)
+    if semi_axes.shape != (3,) or not np.all(semi_axes > 0.0):
+        raise AerodynamicsError(f"semi-axes of {name} are {semi_axes}; three positive ones are needed")
+    if n_along < 2:
+        raise AerodynamicsError(f"n_along of {name} is {n_along}; at least 2 panels are needed")
+    angle = np.linspace(np.pi, 0.0, n_along + 1)
+    radii = np.sin(angle)
+    radii[[0, -1]] = 0.0
+    ball = revolution_body(np.cos(angle), radii, n_around, axis=(1.0, 0.0, 0.0), name=name)
+    return BodySurface(ball.vertices * semi_axes + np.asarray(origin), ball.quads, name=name)
+
+
+def tower_body(stations, diameters, base, top, n_around: int, n_along: int, ground=None, name="tower") -> BodySurface:
+    """Tower as a closed body: frusta between base and top, discs at free ends.
+
+    Parameters
+    ----------
+    stations, diameters : array_like, shape (n,)
+        Outer diameters [m] at increasing distances from the base [m].
+    base, top : array_like, shape (3,)
+        Ends of the straight axis [m].
+    n_around, n_along : int
+        Panels around and along.
+    ground : float or None
+        Height of the ground [m]; a tower that starts there has no bottom.
+    name : str
+        For messages.
+
+    Returns
+    -------
+    BodySurface
+
+    Raises
+    ------
+    AerodynamicsError
+        If base and top coincide or the diameters are not positive at increasing stations.
+    """
+    base, stations, diameters = (np.asarray(x, dtype=np.float64) for x in (base, stations, diameters))
+    axis = np.asarray(top, dtype=np.float64) - base
+    height = float(np.linalg.norm(axis))
+    if not height > 0.0:
+        raise AerodynamicsError(f"the {name} has no height: base {base}, top {top}")
+    if stations.shape != diameters.shape or np.any(np.diff(stations) <= 0.0) or not np.all(diameters > 0.0):
+        raise AerodynamicsError(f"{name} diameters {diameters} must be positive, at increasing stations {stations}")
+    if n_along < 1:
+        raise AerodynamicsError(f"n_along of {name} is {n_along}; at least 1 panel is needed")
+    along = np.linspace(0.0, height, n_along + 1)
+    body = revolution_body(along, 0.5 * np.interp(along, stations, diameters), n_around, base, axis, name, ground)
+    return replace(body, tower=TowerAxis(np.array([base, base + axis]), stations, 0.5 * diameters))

@@ -1,0 +1,1 @@
+"""Velocities of vortex segments: direct sums, tree code, threads."""

@@ -1,0 +1,74 @@
+"""The induction of big wakes, done between the compiled calls of a step: by the tree code, and in several threads."""
+
+import numpy as np
+
+from wt_gym.aerodynamics.induction.aligned import aligned_zeros
+from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.induction.tree_induction import TreeInduction, split_direct
+from wt_gym.aerodynamics.wake.far_wake_kernels import far_wake_velocity
+from wt_gym.aerodynamics.wake.wake_kernels import fold_images, mean_induced, pad_targets, wake_sheets
+
+__all__ = ["SplitInduction"]
+
+SLOWEST = 0.01
+"""Mean induced velocity [m/s] below which the tolerance of the tree code is no longer relative to it."""
+
+
+class SplitInduction:
+    """Velocities of bound lattice, wake and far wake for one lattice, outside of its compiled step.
+
+    Parameters
+    ----------
+    lattice : VortexLattice
+        Its options choose direct summation or the tree code.
+    threads : int
+        At least 1.
+    """
+
+    def __init__(self, lattice, threads: int):
+        o, w = lattice.options, lattice.work
+        self._lattice, self._work, self.threads = lattice, w, threads
+        n_row, n_blade, n_node, _ = w.wake_sheet.shape
+        widest = max(n_node, w.bound_sheet.shape[2])
+        self._scratch = [aligned_zeros(8 * WIDTH * widest, np.float32) for _ in range(threads)]
+        self._lane = np.zeros((8, w.targets.shape[2]), dtype=np.float32)
+        self._tree = None
+        if o.induction == "tree":
+            self._tree = TreeInduction(n_row, n_blade, n_node, w.targets.shape[2], threads)
+            self._tolerance = o.tree_tolerance
+
+    def at_points(self, state, n_threads: int) -> None:
+        """Velocity of the wake, without its newest ring, at the points of the blades, into ``state``."""
+        a, w = state.arrays, self._work
+        n = w.points.shape[1]
+        w.targets[0, :, :n] = w.points - a.origin[:, None]
+        self.at_targets(state, w.bound_sheet[:0], 1, n, n_threads)
+        a.wake_flow[:] = w.velocity[0, :, :n]
+
+    def at_targets(self, state, bound_sheet, first: int, n_target: int, n_threads: int) -> None:
+        """Velocity at the first ``n_target`` targets of the work arrays, into their velocity, by so many threads.
+
+        What induces it: ``bound_sheet``, the wake from row ``first`` on and the far wake.
+        """
+        a, w, constants = state.arrays, self._work, self._lattice.constants
+        wake_sheet, sparse_sheet = wake_sheets(a, constants, w, first)
+        scratch = self._scratch[:n_threads]
+        n_padded = pad_targets(w, n_target, constants, a.origin)
+        limit = 0.0
+        if self._tree is not None:
+            limit = self._tolerance * max(mean_induced(a, state.n_rows + 1), SLOWEST)
+        for image in range(2 if constants.has_ground else 1):
+            targets = np.ascontiguousarray(w.targets[image, :, :n_padded])
+            velocity = np.zeros_like(targets)
+            # in the order of `induced_at`, for the same rounding
+            split_direct(bound_sheet, targets, velocity, scratch)
+            if self._tree is None:
+                split_direct(wake_sheet, targets, velocity, scratch)
+            else:
+                self._tree.add_velocity(wake_sheet, targets, velocity, limit, n_threads)
+            split_direct(sparse_sheet, targets, velocity, scratch)
+            if a.far[0] > 0.0:
+                table = self._lattice.arrays.cylinder_table
+                far_wake_velocity(a.far, table, targets, velocity, n_target, self._lane)
+            w.velocity[image, :, :n_padded] = velocity
+        fold_images(constants, w, n_target)

@@ -1,0 +1,269 @@
+"""Work arrays of the tree code, and big induction calls split over threads.
+
+The compiled functions are in `tree_induction_kernels` and `induction_kernels`; they allocate nothing, so the
+arrays are made here, once.
+"""
+
+import os
+from collections import namedtuple
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.aerodynamics.induction.aligned import aligned_zeros
+from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
+from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.induction.tree_induction_kernels import (
+    BRANCHES,
+    DIGIT,
+    LIST,
+    MEASURES,
+    RECORD,
+    STACK,
+    TARGETS,
+    TILE,
+    grow_tree,
+    order_targets,
+    order_tiles,
+    plant_leaves,
+    tile_count,
+    walk_blocks,
+)
+
+__all__ = ["Block", "Tree", "TreeInduction", "make_block", "make_tree", "run_beside", "split_direct", "split_range"]
+
+Tree = namedtuple(
+    "Tree",
+    "centres keys spare_keys spare_order count tiles order bounds records measures reach parts root",
+)
+Tree.__doc__ = """Arrays of the clusters of a sheet and of the order of the targets.
+
+centres (3, n_tile): middle nodes of the tiles [m]; keys, spare_keys, spare_order, count: of the sort; tiles (n_tile,):
+tiles in the order of the curve; order (n,): targets likewise; bounds (n_tile, 5): rows, sheet and nodes of a tile;
+records, measures, reach, parts: moments, sizes, least distance [m] and first and last + 1 part of each cluster (leaves
+first); root (1,): number of the last cluster, which holds all others.
+"""
+Block = namedtuple("Block", "targets velocity segments spheres far near group_far group_near stack scratch acted")
+Block.__doc__ = """Arrays of one block of targets, one set for each thread.
+
+targets, velocity (3, TARGETS); segments: of one tile; spheres: centre and radius of the block and of each of its
+vectors [m]; far, near: gathered clusters and tiles; group_far, group_near: the same as one vector of targets sees them;
+stack: of the walk; scratch: vectors from the nodes of a tile; acted (2,): count of clusters and of tiles that acted on
+a vector of targets.
+"""
+
+
+def make_tree(n_row, n_sheet, n_node, n_target):
+    """Work arrays for sheets of up to (n_row, n_sheet, n_node, 7) and up to n_target targets.
+
+    Returns
+    -------
+    Tree
+    """
+    n_tile = tile_count(n_row, n_sheet, n_node)
+    n_cluster, level = n_tile, n_tile
+    while level > 1:
+        level = -(-level // BRANCHES)
+        n_cluster += level
+    n_key = max(n_tile, n_target)
+    integers = {
+        "keys": n_key,
+        "spare_keys": n_key,
+        "spare_order": n_key,
+        "count": DIGIT,
+        "tiles": n_tile,
+        "order": n_key,
+        "bounds": (n_tile, 5),
+        "parts": (n_cluster, 2),
+        "root": 1,
+    }
+    reals = {
+        "centres": (3, n_tile),
+        "records": (n_cluster, RECORD),
+        "measures": (n_cluster, MEASURES),
+        "reach": n_cluster,
+    }
+    return _arrays(Tree, integers, reals)
+
+
+def make_block():
+    """Work arrays of one thread.
+
+    Returns
+    -------
+    Block
+    """
+    integers = {"far": LIST, "near": LIST, "group_far": 2 * LIST, "group_near": LIST, "stack": STACK, "acted": 2}
+    reals = {
+        "targets": (3, TARGETS),
+        "velocity": (3, TARGETS),
+        "segments": (2 * TILE * TILE, 8),
+        "spheres": (1 + TARGETS // WIDTH, 4),
+        "scratch": 4 * WIDTH * (TILE + 1) ** 2,
+    }
+    return _arrays(Block, integers, reals)
+
+
+def _arrays(kind, integers, reals):
+    """Fill a named tuple with int32 and float32 arrays of the given shapes."""
+    arrays = {name: aligned_zeros(shape, np.int32) for name, shape in integers.items()}
+    arrays |= {name: aligned_zeros(shape, np.float32) for name, shape in reals.items()}
+    return kind(**arrays)
+
+
+# ---- threads ----
+
+CHUNKS = 8  # parts of a range for each thread: some take longer than others
+
+_pools = {}  # by number of threads
+
+# The threads of a pool exist only in the process that started them.
+os.register_at_fork(after_in_child=_pools.clear)
+
+
+def split_range(part, n, step, n_threads):
+    """Call ``part(first, last, thread)`` for equal parts of range(n), which the threads take in turn.
+
+    The calling thread is number 0. The others are started at the first call and kept. They are Python threads, so
+    ``part`` must release the interpreter's lock for most of its time, as a compiled function with ``nogil`` does.
+    Unlike parallel compiled functions they survive a fork: a child process starts its own.
+
+    Parameters
+    ----------
+    part : callable
+    n : int
+    step : int
+        Parts start at multiples of this.
+    n_threads : int
+        At least 1.
+    """
+    if n_threads < 1:
+        raise AerodynamicsError(f"the number of threads is {n_threads}; it must be at least 1")
+    n_step = -(-n // step)
+    n_chunk = min(n_step, CHUNKS * n_threads) if n_threads > 1 else 1
+    bounds = [min(n, n_step * k // max(n_chunk, 1) * step) for k in range(n_chunk + 1)]
+    chunks = iter(range(n_chunk))  # the interpreter's lock gives each number to one thread
+
+    def work(thread):
+        for k in chunks:
+            part(bounds[k], bounds[k + 1], thread)
+
+    waiting = [_pool(n_threads).submit(work, t) for t in range(1, n_threads)]
+    try:
+        work(0)
+    finally:
+        for result in waiting:
+            result.result()
+
+
+def run_beside(function, other, n_threads):
+    """Call two functions at once, ``other`` in the calling thread; one after the other with one thread."""
+    if n_threads == 1:
+        function()
+        other()
+        return
+    result = _pool(n_threads).submit(function)
+    try:
+        other()
+    finally:
+        result.result()
+
+
+def _pool(n_threads):
+    if n_threads not in _pools:
+        _pools[n_threads] = ThreadPoolExecutor(max_workers=n_threads - 1, thread_name_prefix="induction")
+    return _pools[n_threads]
+
+
+def split_direct(sheet, targets, velocity, scratch):
+    """Add the velocity of all segments at all targets, in as many threads as there are rows of ``scratch``.
+
+    Parameters
+    ----------
+    sheet : float32, (n_row, n_sheet, n_node, 7)
+    targets, velocity : float32, (3, n)
+        n is a multiple of 16.
+    scratch : sequence of float32, (at least 128 n_node,)
+        One for each thread.
+    """
+    if len(sheet) == 0:
+        return
+
+    def part(first, last, thread):
+        direct_induction(sheet, targets, velocity, first, last, scratch[thread])
+
+    split_range(part, targets.shape[1], WIDTH, len(scratch))
+
+
+class TreeInduction:
+    """Velocity of vortex sheets by the tree code, with its work arrays.
+
+    Parameters
+    ----------
+    n_row, n_sheet, n_node : int
+        Largest sheet.
+    n_target : int
+        Most targets of one call.
+    n_threads : int
+        Threads that share the targets.
+
+    Raises
+    ------
+    AerodynamicsError
+        If a size is below 1, a call exceeds the sizes, or its limit is not positive.
+    """
+
+    def __init__(self, n_row, n_sheet, n_node, n_target, n_threads=1):
+        sizes = {"n_row": n_row, "n_sheet": n_sheet, "n_node": n_node, "n_target": n_target, "n_threads": n_threads}
+        for name, size in sizes.items():
+            if size < 1:
+                raise AerodynamicsError(f"TreeInduction: {name} is {size}; it must be at least 1")
+        self.tree = make_tree(n_row, n_sheet, n_node, n_target)
+        self.blocks = [make_block() for _ in range(n_threads)]
+
+    def add_velocity(self, sheet, targets, velocity, limit, n_threads=None):
+        """Add the velocity of all sheets at all targets.
+
+        Parameters
+        ----------
+        sheet : float32, (n_row, n_sheet, n_node, 7)
+            See `induction_kernels`.
+        targets, velocity : float32, (3, n)
+            Positions [m] and velocities [m/s].
+        limit : float
+            Root mean square error of the velocity that may be made, to its order of magnitude [m/s].
+        n_threads : int, optional
+            Use no more than these.
+        """
+        n_threads = n_threads or len(self.blocks)
+        n = targets.shape[1]
+        n_tile = tile_count(*sheet.shape[:3])
+        if n_tile > len(self.tree.tiles) or n > len(self.tree.order):
+            raise AerodynamicsError(
+                f"the tree code was called with a sheet of {n_tile} tiles and {n} targets; its work arrays are made"
+                f" for {len(self.tree.tiles)} tiles and {len(self.tree.order)} targets"
+            )
+        if not limit > 0.0:
+            raise AerodynamicsError(f"the error limit of the tree code is {limit} m/s; it must be positive")
+        if n == 0:
+            return
+        self._plant(sheet, targets, n, limit, n_threads)
+
+        def part(first, last, thread):
+            walk_blocks(sheet, self.tree, targets, n, velocity, first, last, self.blocks[thread])
+
+        split_range(part, -(-n // TARGETS), 1, n_threads)
+
+    def _plant(self, sheet, targets, n_target, limit, n_threads):
+        """Build the tree of a sheet and put the targets in order."""
+        n_tile = order_tiles(sheet, self.tree)  # with the keys that the targets take next
+
+        def part(first, last, thread):
+            plant_leaves(sheet, self.tree, first, last, self.blocks[thread].segments)
+
+        def leaves():
+            split_range(part, n_tile, 1, n_threads)
+
+        run_beside(lambda: order_targets(targets, n_target, self.tree), leaves, n_threads)
+        grow_tree(self.tree, n_tile, limit)

@@ -1,0 +1,1 @@
+"""Blades as lattices: planform, edges, boundary condition, sections, loads."""

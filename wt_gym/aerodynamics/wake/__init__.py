@@ -1,0 +1,1 @@
+"""The free wake: rows, sheets, and what closes it behind its last row."""

@@ -1,0 +1,293 @@
+"""The free wake: convection of material rows, ageing, thinning, and which rows are refreshed when."""
+
+from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
+from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
+from wt_gym.aerodynamics.wake.far_wake_kernels import far_wake_velocity
+from wt_gym.compiled import kernel
+
+
+@kernel(fastmath=False, inline="always")
+def convect(a, dt, ratio):
+    """Move all rows from t to t + dt with the second-order Adams-Bashforth scheme, in place.
+
+    Row 0, the air that passes the shedding edge now, has no history and takes an Euler step. ``ratio`` is dt over the
+    step before, 0 at the first step. ``a.history`` receives the velocity at t.
+    """
+    for k in range(a.count[0] + 1):
+        weight = 0.5 * ratio if k > 0 else 0.0
+        for b in range(a.wake.shape[1]):
+            for j in range(a.wake.shape[2]):
+                for c in range(3):
+                    velocity = a.wind[k, b, j, c] + a.induced[k, b, j, c]
+                    a.wake[k, b, j, c] += dt * ((1.0 + weight) * velocity - weight * a.history[k, b, j, c])
+                    a.history[k, b, j, c] = velocity
+
+
+@kernel(fastmath=False, inline="always")
+def age_rows(a, o, dt):
+    """Make room for a new row behind the shedding edge: every row becomes one older; returns the number of rows.
+
+    The row that leaves the first ``full_rows`` stays only if its number is a multiple of ``coarse_stride``; else its
+    two rings become one with their time-weighted mean circulation. So with ``sparse_from`` and ``sparse_stride``. Row 1
+    is then the air that left the edge. Induced velocities stay where they are, see `turn_induced`.
+    """
+    wake, wake_gamma, age, shed = a.wake, a.wake_gamma, a.age, a.shed
+    n_max, n_blade, n_node = wake.shape[0] - 1, wake.shape[1], wake.shape[2]
+    n_rows = a.count[0]
+    for k in range(1, n_rows + 1):
+        age[k] += dt
+    k = 0
+    if o.coarse_stride > 1 and n_rows > o.full_rows and shed[o.full_rows] % o.coarse_stride != 0:
+        k = o.full_rows
+    elif o.sparse_stride > 1 and n_rows > o.sparse_from and shed[o.sparse_from] % o.sparse_stride != 0:
+        k = o.sparse_from
+    if k > 0:
+        behind, ahead = age[k + 1] - age[k], age[k] - age[k - 1]
+        share = behind / (behind + ahead)
+        for b in range(n_blade):
+            for j in range(n_node - 1):
+                wake_gamma[k, b, j] = share * wake_gamma[k, b, j] + (1.0 - share) * wake_gamma[k - 1, b, j]
+            for j in range(n_node):
+                a.volume[k + 1, b, j, 0] += a.volume[k, b, j, 0]
+        last = k - 1
+    else:
+        if n_rows < n_max:
+            n_rows += 1
+            for b in range(n_blade):
+                for j in range(n_node):
+                    for c in range(3):
+                        a.induced[n_rows, b, j, c] = a.induced[n_rows - 1, b, j, c]
+        last = n_rows - 1
+    for k in range(last, -1, -1):
+        for b in range(n_blade):
+            for j in range(n_node):
+                for c in range(3):
+                    wake[k + 1, b, j, c] = wake[k, b, j, c]
+                    a.history[k + 1, b, j, c] = a.history[k, b, j, c]
+                    a.wind[k + 1, b, j, c] = a.wind[k, b, j, c]
+                a.volume[k + 1, b, j, 0] = a.volume[k, b, j, 0]
+                a.volume[k + 1, b, j, 1] = a.volume[k, b, j, 1]
+        age[k + 1] = age[k]
+        shed[k + 1] = shed[k]
+    for k in range(min(last, wake_gamma.shape[0] - 1), 0, -1):
+        for b in range(n_blade):
+            for j in range(n_node - 1):
+                wake_gamma[k, b, j] = wake_gamma[k - 1, b, j]
+    age[0] = 0.0
+    age[1] = o.shed_fraction * dt
+    shed[1] = a.count[1]
+    return n_rows
+
+
+@kernel(fastmath=False)
+def shedding_edge(nodes, shed_nodes, edge):
+    """Where the wake leaves the blades (n_blade, n_edge + 1, 3): trailing edge, then the ring nodes at the tip.
+
+    The trailing edge lies a quarter panel chord before the last ring nodes.
+    """
+    n_blade, n_row, n_bound, _ = nodes.shape
+    for b in range(n_blade):
+        for j in range(shed_nodes.shape[0]):
+            row, column = shed_nodes[j] // n_bound, shed_nodes[j] % n_bound
+            for c in range(3):
+                if row == n_row - 1:
+                    edge[b, j, c] = 0.25 * nodes[b, row - 1, column, c] + 0.75 * nodes[b, row, column, c]
+                else:
+                    edge[b, j, c] = nodes[b, row, column, c]
+
+
+@kernel(fastmath=False)
+def place_newest_row(nodes, shed_nodes, free_edge, shed_fraction, wake):
+    """Wake row 1 on the way from the shedding edge, row 0, to the air that left it one step ago.
+
+    Counting from the true trailing edge, not from the end of the last ring, matters: with a quarter of the way and a
+    path of one panel chord the wake continues the quarter points of the panels, and Wagner's lift comes out exact.
+
+    Where the flow is reversed the newest row lies as far behind the edge as it would lie before it. Over the blade it
+    would take away what the bound rings induce there, and the boundary condition would have no solution when it comes
+    to lie on their control points.
+    """
+    n_row, n_bound = nodes.shape[1], nodes.shape[2]
+    for b in range(wake.shape[1]):
+        for j in range(wake.shape[2]):
+            row, column = shed_nodes[j] // n_bound, shed_nodes[j] % n_bound
+            before = nodes[b, row - 1, column] if row == n_row - 1 else nodes[b, row, column - 1]
+            off, size2 = 0.0, 0.0  # along the direction in which the edge points
+            for c in range(3):
+                outward = nodes[b, row, column, c] - before[c]
+                off += outward * (free_edge[b, j, c] - wake[0, b, j, c])
+                size2 += outward * outward
+            back = 2.0 * off / size2 if off < 0.0 else 0.0  # a tip without chord has no direction
+            for c in range(3):
+                way = free_edge[b, j, c] - wake[0, b, j, c] - back * (nodes[b, row, column, c] - before[c])
+                wake[1, b, j, c] = wake[0, b, j, c] + shed_fraction * way
+
+
+@kernel(fastmath=False)
+def pad_targets(w, n_target, o, origin):
+    """Repeat the first target up to a whole number of lanes and write the mirror images; returns the padded number.
+
+    ``w.targets`` and ``w.velocity`` (2, 3, n) hold targets with their mirror images when there is a ground: the
+    velocity of a mirrored vortex is the mirrored velocity at the mirrored point.
+    """
+    n_padded = (n_target + WIDTH - 1) // WIDTH * WIDTH
+    for c in range(3):
+        for i in range(n_target, n_padded):
+            w.targets[0, c, i] = w.targets[0, c, 0]
+    if o.has_ground:
+        for c in range(3):
+            for i in range(n_padded):
+                w.targets[1, c, i] = w.targets[0, c, i]
+        for i in range(n_padded):
+            w.targets[1, 2, i] = 2.0 * (o.ground - origin[2]) - w.targets[1, 2, i]
+    return n_padded
+
+
+@kernel(fastmath=False, inline="always")
+def wake_sheets(a, o, w, first):
+    """Sheets of the wake from row ``first`` on: the rows with all their nodes, and the sparse part."""
+    n_rows = a.count[0]
+    n_dense = min(n_rows, o.sparse_from)
+    return w.wake_sheet[first : n_dense + 1], w.sparse_sheet[: n_rows - n_dense + (n_rows > n_dense)]
+
+
+@kernel(fastmath=False)
+def induced_at(bound_sheet, wake_sheet, sparse_sheet, far, n_target, w, o, origin, table):
+    """Velocity of sheets and far wake at the first ``n_target`` targets (float32, relative to the origin)."""
+    n_padded = pad_targets(w, n_target, o, origin)
+    # Rows are stored with a fixed length, the kernel wants its lanes without gaps.
+    packed_t = w.scratch[-6 * n_padded : -3 * n_padded].reshape((3, n_padded))
+    packed_v = w.scratch[-3 * n_padded :].reshape((3, n_padded))
+    for image in range(2 if o.has_ground else 1):
+        for c in range(3):
+            for i in range(n_padded):
+                packed_t[c, i] = w.targets[image, c, i]
+                packed_v[c, i] = 0.0
+        direct_induction(bound_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
+        direct_induction(wake_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
+        direct_induction(sparse_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
+        if far[0] > 0.0:
+            # the lanes of the sheets' induction are free now
+            lane = w.scratch[: 8 * n_target].reshape((8, n_target))
+            far_wake_velocity(far, table, packed_t, packed_v, n_target, lane)
+        for c in range(3):
+            for i in range(n_target):
+                w.velocity[image, c, i] = packed_v[c, i]
+    fold_images(o, w, n_target)
+
+
+@kernel
+def mean_induced(a, n_row):
+    """Root mean square of the induced velocity at the first rows of the wake [m/s]."""
+    total = 0.0
+    for k in range(n_row):
+        for b in range(a.induced.shape[1]):
+            for j in range(a.induced.shape[2]):
+                for c in range(3):
+                    total += a.induced[k, b, j, c] * a.induced[k, b, j, c]
+    return (total / (n_row * a.induced.shape[1] * a.induced.shape[2])) ** 0.5
+
+
+@kernel(fastmath=False)
+def fold_images(o, w, n_target):
+    """Add what the mirrored vortices do to the velocity of the targets."""
+    if o.has_ground:
+        for i in range(n_target):
+            w.velocity[0, 0, i] += w.velocity[1, 0, i]
+            w.velocity[0, 1, i] += w.velocity[1, 1, i]
+            w.velocity[0, 2, i] -= w.velocity[1, 2, i]
+
+
+@kernel(fastmath=False, inline="always")
+def turn_induced(a):
+    """Turn the induced velocities with the blades.
+
+    The flow behind a rotor is nearly steady as the blades see it: the air of row k has now the velocity that the air of
+    row k had a step ago, turned with the blade. So velocities belong to rows, not to the air in them, and one that is
+    not computed anew in every step stays right in steady operation. The frame of a blade is made of the directions from
+    its first ring node to the tip and to the trailing edge.
+    """
+    n_row, n_node = a.nodes.shape[1], a.nodes.shape[2]
+    for b in range(a.nodes.shape[0]):
+        f = a.frame[b]
+        root, tip, aft = a.nodes[b, 0, 0], a.nodes[b, 0, n_node - 1], a.nodes[b, n_row - 1, 0]
+        sx, sy, sz = tip[0] - root[0], tip[1] - root[1], tip[2] - root[2]
+        size = (sx * sx + sy * sy + sz * sz) ** 0.5
+        sx, sy, sz = sx / size, sy / size, sz / size
+        cx, cy, cz = aft[0] - root[0], aft[1] - root[1], aft[2] - root[2]
+        along = cx * sx + cy * sy + cz * sz
+        cx, cy, cz = cx - along * sx, cy - along * sy, cz - along * sz
+        size = (cx * cx + cy * cy + cz * cz) ** 0.5
+        cx, cy, cz = cx / size, cy / size, cz / size
+        nx, ny, nz = sy * cz - sz * cy, sz * cx - sx * cz, sx * cy - sy * cx
+        if f[0, 0] != 0.0 or f[0, 1] != 0.0 or f[0, 2] != 0.0:
+            for k in range(a.count[0] + 1):
+                for j in range(a.induced.shape[2]):
+                    v = a.induced[k, b, j]
+                    p = v[0] * f[0, 0] + v[1] * f[0, 1] + v[2] * f[0, 2]
+                    q = v[0] * f[1, 0] + v[1] * f[1, 1] + v[2] * f[1, 2]
+                    r = v[0] * f[2, 0] + v[1] * f[2, 1] + v[2] * f[2, 2]
+                    v[0] = p * sx + q * cx + r * nx
+                    v[1] = p * sy + q * cy + r * ny
+                    v[2] = p * sz + q * cz + r * nz
+        f[0, 0], f[0, 1], f[0, 2] = sx, sy, sz
+        f[1, 0], f[1, 1], f[1, 2] = cx, cy, cz
+        f[2, 0], f[2, 1], f[2, 2] = nx, ny, nz
+
+
+@kernel(fastmath=False, inline="always")
+def choose_rows(a, o, rows, all_rows):
+    """Rows whose induced velocity is to be computed now, the newest always and older ones in turn; their number."""
+    count = 0
+    for k in range(a.count[0] + 1):
+        if all_rows or k <= o.fresh_rows or (k + a.count[1]) % o.refresh_stride == 0:
+            rows[count] = k
+            count += 1
+    return count
+
+
+@kernel(fastmath=False, inline="always")
+def gather_targets(p, o, a, w):
+    """Gather the targets of the rows whose turn it is, corners of the sheets and the shedding edge; their number."""
+    n = 0
+    for m in range(w.n_turn[0]):
+        k = w.rows[m]
+        for b in range(a.wake.shape[1]):
+            if k > o.sparse_from:
+                for i in range(p.sparse_nodes.shape[0]):
+                    for c in range(3):
+                        w.targets[0, c, n] = w.sparse_sheet[k - o.sparse_from, b, i, c]
+                    n += 1
+                continue
+            for j in range(a.wake.shape[2]):
+                for c in range(3):
+                    w.targets[0, c, n] = w.wake_sheet[k, b, j, c] if k > 0 else a.wake[0, b, j, c] - a.origin[c]
+                n += 1
+    return n
+
+
+@kernel(fastmath=False, inline="always")
+def scatter_velocities(p, o, a, w):
+    """Velocities of the targets back to the rows; nodes between those of the sparse part get means of these."""
+    n = 0
+    for m in range(w.n_turn[0]):
+        k = w.rows[m]
+        for b in range(a.wake.shape[1]):
+            induced = a.induced[k, b]
+            if k > o.sparse_from:
+                last = 0
+                for i in range(p.sparse_nodes.shape[0]):
+                    j = p.sparse_nodes[i]
+                    for c in range(3):
+                        induced[j, c] = w.velocity[0, c, n]
+                    for between in range(last + 1, j):
+                        share = p.sparse_place[between]
+                        for c in range(3):
+                            induced[between, c] = (1.0 - share) * induced[last, c] + share * induced[j, c]
+                    last = j
+                    n += 1
+                continue
+            for j in range(a.wake.shape[2]):
+                for c in range(3):
+                    induced[j, c] = w.velocity[0, c, n]
+                n += 1

@@ -1,0 +1,1 @@
+"""Constraint equations with multipliers, and the descriptor form."""

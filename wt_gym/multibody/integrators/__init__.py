@@ -1,0 +1,1 @@
+"""Time integration: modified Hamming, Newmark, generalised-α, their limits of stability."""

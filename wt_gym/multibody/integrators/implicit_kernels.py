@@ -1,0 +1,179 @@
+"""Compiled implicit time integration of the tree equations: Newmark and generalised-α with modified Newton iteration.
+
+The unknowns of a step are the accelerations x = (u̇, servo accelerations) at its end. With the pseudo-acceleration a of
+Arnold & Brüls (2007), Chung & Hulbert's scheme reads
+
+    (1 − αm) a₁ + αm a₀ = (1 − αf) x₁ + αf x₀
+    Δ  = h u₀ + h² [(½ − β) a₀ + β a₁],   u₁ = u₀ + h [(1 − γ) a₀ + γ a₁],   q₁ = q₀ ⊞ Δ
+    x₁ = u̇(q₁, u₁, t₁)
+
+⊞ adds increments of angles, slides and elastic coordinates, and turns a quaternion by the body-fixed rotation vector
+(Brüls & Cardona 2010). Newmark's scheme is the case αm = αf = 0. Because the equations of motion hold at the end of the
+step, the stored rate belongs to the stored state.
+
+Newton's matrix ∂(x₁ − u̇)/∂x₁ comes from finite differences. It is kept over the steps and made anew when the iteration
+slows down.
+"""
+
+import math
+
+from wt_gym.compiled import kernel
+from wt_gym.multibody.tree.linear_algebra_kernels import factorise, solve_factorised
+from wt_gym.multibody.tree.rate_kernels import rates
+from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
+
+NOT_CONVERGED = 10
+FRESH, EVALUATIONS, TANGENTS = range(3)
+SLOW = 0.2
+"""Contraction of the corrections above which the kept matrix is made anew."""
+
+
+@kernel
+def turn_quaternion(y, q, rotation, out):
+    """Out[q:q + 4] = y[q:q + 4] ∘ exp(½ rotation), a turn by a rotation vector in body axes."""
+    angle = math.sqrt(rotation[0] * rotation[0] + rotation[1] * rotation[1] + rotation[2] * rotation[2])
+    half = math.sin(0.5 * angle) / angle if angle > 1e-6 else 0.5 - angle * angle / 48.0
+    w, x1, x2, x3 = math.cos(0.5 * angle), half * rotation[0], half * rotation[1], half * rotation[2]
+    a, b1, b2, b3 = y[q], y[q + 1], y[q + 2], y[q + 3]
+    c0 = a * w - b1 * x1 - b2 * x2 - b3 * x3
+    c1 = a * x1 + b1 * w + b2 * x3 - b3 * x2
+    c2 = a * x2 + b2 * w + b3 * x1 - b1 * x3
+    c3 = a * x3 + b3 * w + b1 * x2 - b2 * x1
+    scale = 1.0 / math.sqrt(c0 * c0 + c1 * c1 + c2 * c2 + c3 * c3)
+    out[q], out[q + 1], out[q + 2], out[q + 3] = scale * c0, scale * c1, scale * c2, scale * c3
+
+
+@kernel
+def step_end(h, scheme, history, x, tree, scratch):
+    """State at the end of the step (scratch.trial) for the accelerations x; also a₁ and Δ."""
+    beta, gamma, alpha_m, alpha_f = scheme[0], scheme[1], scheme[2], scheme[3]
+    n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
+    n_y = n_q + n_u
+    y, a, trial, increment = history.y, history.pseudo, scratch.trial, scratch.increment
+    for i in range(n_u + n_s):
+        k = n_q + i if i < n_u else n_y + n_s + i - n_u
+        a1 = ((1.0 - alpha_f) * x[i] + alpha_f * history.f[k] - alpha_m * a[i]) / (1.0 - alpha_m)
+        scratch.pseudo[i] = a1
+        increment[i] = h * y[k] + h * h * ((0.5 - beta) * a[i] + beta * a1)
+        trial[k] = y[k] + h * ((1.0 - gamma) * a[i] + gamma * a1)
+    for i in range(n_u):
+        if tree.dof_q[i] >= 0:
+            trial[tree.dof_q[i]] = y[tree.dof_q[i]] + increment[i]
+    for s in range(n_s):
+        trial[n_y + s] = y[n_y + s] + increment[n_u + s]
+    for b in range(tree.parent.shape[0]):
+        kind = tree.kind[b]
+        if kind == SPHERICAL or kind == FREE:
+            shift = 0 if kind == SPHERICAL else 3
+            u = tree.joint_u[b] + shift
+            turn_quaternion(y, tree.joint_q[b] + shift, increment[u : u + 3], trial)
+
+
+@kernel
+def residual(h, scheme, history, x, tau, inputs, tree, work, scratch, out, constrained):
+    """Out = x − u̇ at the end of the step; returns the code of the right-hand side."""
+    step_end(h, scheme, history, x, tree, scratch)
+    code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
+    history.counters[EVALUATIONS] += 1
+    if code != OK:
+        return code
+    n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
+    for i in range(n_u + n_s):
+        out[i] = x[i] - scratch.rate[n_q + i if i < n_u else n_q + n_u + n_s + i - n_u]
+    return OK
+
+
+@kernel
+def newton_matrix(h, scheme, history, x, tau, inputs, tree, work, scratch, difference, constrained):
+    """Factorised ∂(x − u̇)/∂x by forward differences about x, where scratch.residual is up to date."""
+    matrix = history.matrix
+    for j in range(x.shape[0]):
+        origin = x[j]
+        x[j] = origin + difference
+        code = residual(h, scheme, history, x, tau, inputs, tree, work, scratch, scratch.shifted, constrained)
+        x[j] = origin
+        if code != OK:
+            return code
+        for i in range(x.shape[0]):
+            matrix[i, j] = (scratch.shifted[i] - scratch.residual[i]) / difference
+    history.counters[TANGENTS] += 1
+    history.counters[FRESH] = 1
+    return OK if factorise(matrix, history.pivot) else NOT_CONVERGED
+
+
+@kernel
+def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, tolerance, max_iterations, difference,
+                     constrained=None):  # fmt: skip
+    """Advance the state by n_steps of length h while the inputs run linearly from their start to their end.
+
+    Parameters
+    ----------
+    history : ImplicitHistory
+        y (n,) and f (n,) state and rate; pseudo (n_v,) pseudo-acceleration; matrix (n_v, n_v) and pivot (n_v,) factors
+        of Newton's matrix; counters (3,): matrix usable, evaluations, matrices made. n_v = n_u + n_servo.
+    inputs : Inputs
+    tree, work : arrays of the system
+    scratch : ImplicitScratch
+    h : float
+        Step [s].
+    scheme : array (4,)
+        β, γ, αm, αf.
+    n_steps, max_iterations : int
+    tolerance : float
+        Newton's iteration ends when the position increments change by less than ``tolerance`` (1 + their size).
+    difference : float
+        Change of the position increments [m or rad] from which Newton's matrix is made.
+    constrained : None or int
+        As for the right-hand side.
+
+    Returns
+    -------
+    int
+        OK, NOT_CONVERGED, or a code of the right-hand side.
+    """
+    x, r = scratch.acceleration, scratch.residual
+    n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
+    # what a change of an acceleration does to the position at the end, by itself and by the velocity over a step
+    ratio = (1.0 - scheme[3]) / (1.0 - scheme[2])
+    reach = h * h * ratio * (scheme[0] + scheme[1])
+    for step in range(n_steps):
+        tau = (step + 1.0) / n_steps
+        for i in range(n_u + n_s):
+            x[i] = history.f[n_q + i if i < n_u else n_q + n_u + n_s + i - n_u]
+        before, converged = 0.0, False
+        for iteration in range(max_iterations):
+            code = residual(h, scheme, history, x, tau, inputs, tree, work, scratch, r, constrained)
+            if code != OK:
+                return code
+            if history.counters[FRESH] == 0:
+                code = newton_matrix(
+                    h, scheme, history, x, tau, inputs, tree, work, scratch, difference / reach, constrained
+                )
+                if code != OK:
+                    return code
+            solve_factorised(history.matrix, history.pivot, r)
+            change, finite = 0.0, True
+            for i in range(n_u + n_s):
+                x[i] -= r[i]
+                change = max(change, reach * abs(r[i]) / (1.0 + abs(scratch.increment[i])))
+                finite = finite and abs(x[i]) < 1e30
+            if not finite:
+                return DIVERGED
+            if change < tolerance:
+                converged = True
+                break
+            if iteration > 0 and change > SLOW * before:
+                history.counters[FRESH] = 0
+            before = change
+        if not converged:
+            return NOT_CONVERGED
+        code = residual(h, scheme, history, x, tau, inputs, tree, work, scratch, r, constrained)
+        if code != OK:
+            return code
+        for i in range(n_u + n_s):
+            history.pseudo[i] = scratch.pseudo[i]
+        for i in range(history.y.shape[0]):
+            if not abs(scratch.trial[i]) < 1e12:
+                return DIVERGED
+            history.y[i], history.f[i] = scratch.trial[i], scratch.rate[i]
+    return OK

@@ -1,0 +1,1 @@
+"""Bodies in local observer frames (Holm-Jørgensen et al.)."""

@@ -1,0 +1,504 @@
+r"""Flexible multibody dynamics in local observer frames.
+
+Each substructure is seen from a moving frame that is *not* a degree of freedom: the frame follows a prediction, and
+the motion of the body relative to it, rigid-body modes included, is small and linear (eq. 2). Masses and stiffnesses
+are constant; only the known rotation of the frame enters the coefficients. (K. Holm-Jørgensen, S. R. K. Nielsen,
+R. Rubak, System reduction in nonlinear multibody dynamics of wind turbines; after A. Kawamoto, M. Inagaki, T. Aoyama,
+K. Yasuda, DETC99/VIB-8232, 1999. Equation numbers are those of the first paper.)
+
+Derivation
+----------
+In frame axes, with v_c and ω of the frame, the velocity of the material point s is (eq. 3)
+
+    v = v_c + ω̃ (s + N q) + N q̇.
+
+From T = ½ ∫ v·v dm, using ω̃ᵀ = −ω̃,
+
+    ∂T/∂q̇ = M₀ᵀ v_c + J₀ᵀ + G q + M q̇
+    ∂T/∂q  = −M₀ᵀ ω̃ v_c + J₂ᵀ − D q − G q̇
+
+with M = ∫NᵀN, M₀ = ∫N, D = ∫Nᵀω̃ω̃N (eq. 7), G = ∫Nᵀω̃N, J₀ = ωᵀ∫s̃N, J₂ = ωᵀ∫s̃ω̃N (eq. 8; integrals over dm). The
+time derivative of the first brings Ġ q + G q̇, J̇₀ᵀ and M₀ᵀ v̇_c; with a_c = v̇_c + ω̃ v_c Lagrange's equations are
+
+    M q̈ + 2 G q̇ + (K + Ġ + D) q + Bᵀ λ = −M₀ᵀ a_c − J̇₀ᵀ + J₂ᵀ + Q_c + Q_nc,      B q + b = 0          (eqs 5, 6)
+
+where the rate-of-rotation matrix Ġ = ∫Nᵀα̃N and J̇₀ = αᵀ∫s̃N carry the angular acceleration α of the frame, and
+J₂ᵀ − J̇₀ᵀ = −∫Nᵀ(α̃ + ω̃ω̃)s. Gravity enters as a_c − g. The total apparent inertia operator is α̃ + ω̃ω̃ + 2ω̃ d/dt + d²/dt².
+
+The strain energy ½ qᵀK q knows no geometric stiffness: rotation softens by D but centrifugal tension stiffens nothing.
+A beam clamped at the axis of rotation keeps its flap frequency ω₀ and has the lag frequency √(ω₀² − Ω²).
+
+Constraints
+-----------
+Point constraints hold d·(x_a − x_b) = 0 along fixed directions d (eqs 13, 15). Rotation constraints are written with
+section-fixed vectors, (S_a p)·(S_b r) = 0, S = R exp(φ̃): the linear form (14) follows for small φ, but finite rotations
+of the frames against each other accumulate no error. Each is linearised about the last known q, so that a step stays
+linear in the unknowns. Bearings hold points in the fixed frame, which coincides with (15) when the frame of the shaft
+turns about its axis only.
+
+Frames
+------
+Over a step the frame moves uniformly (``prediction="uniform"``, a_c = α = 0), or with the mean acceleration since its
+last update, constant in fixed axes, and the mean α, constant in frame axes (``"accelerated"``). At the end of the step
+the frame is moved onto the rigid-body motion (eqs 9–12, with ω_s turned into the new axes), either every step or when
+the rigid-body displacement exceeds a threshold; then q_r = 0. Rotations count towards the threshold with the largest
+distance that any body has from its origin: a shaft that turns about its own axis is updated with the blade it carries.
+The main error of rare updates is linear in the rotation φ from the frame: D gives a body with the moment of inertia J
+the moment J ω² φ, since its points move along the tangents of the undeformed place.
+
+``"printed"`` takes equations (9)–(12) literally: θ_s is a sum of rotation vectors, ω_s is not turned, and a_s and α_s
+contain ü and φ̈ of the last instant. That feeds the step-to-step oscillation of the accelerations of stiff modes back
+into the frame: fine for a reduced model and for slow rotation, unstable for finite elements at 1.6 rad/s.
+
+The rotation modes of eq. (2) turn the body about the frame origin. With ``rigid_modes="undeformed"`` they are e_k × s
+throughout and M, K, M₀ are constant; inertia forces, weight and (unless eq. (4) adds a moment) loads then act on the
+undeformed lever s, so that a deflection u under an axial force N leaves a moment N u unbalanced. Over long
+rotating runs that pumps energy. With ``"deformed"`` (default) the modes are e_k × (s + N_f q_f), renewed each step:
+three rows and columns of the same matrices change, moments act where the body is, the angular momentum balances, and
+for frequent updates the method becomes the floating frame with linear deformations. φ × u̇_f + φ̇ × Δu_f, the
+velocities that change their name in an update, are taken out of q̇ in the mean weighted with the mass.
+
+Time stepping
+-------------
+Newmark with (β, γ) = (¼, ½) on eq. (6) at the end of the step; loads and constraint directions from the last known q,
+renewed by optional iterations (the matrices do not change in an iteration). The trapezoidal rule on constrained
+coordinates lets errors of multipliers grow; after each step velocities are therefore projected on Φ̇ = 0 (in the metric
+of M), and accelerations and multipliers recomputed from eq. (6) with Φ̈ = 0. Tangential to the constraints this changes
+nothing. Rigid and small motions are of second order in the step; the lag of one step in the deformed rotation modes and
+in loads that depend on q is of first order with a small factor.
+
+Loads
+-----
+A load is given in the fixed frame, or in the moving frame and applied at the undeformed place, or in the deformed state
+
+    p = R′p′,    m = u × p + R′m′,    R′ = 1 + φ̃                                                       (eq. 4).
+
+The moment u × p refers p to the undeformed axis. As a couple at the loaded section (``"deformed"``) it gives every
+section σ the moment (s + u − σ) × p: right at the root, too much by u(σ) × p near the load. Where the beam is soft the
+couple turns the section, the turned force has a longer lever, and above some load no state of rest exists.
+``"consistent"`` acts in the deformed state for every section, (s + u − σ − u(σ)) × p. By parts, and for an
+inextensible axis, that is the virtual work of p on the second-order displacement ½ qᵀ H q of its point, the field that
+gives the floating frame its geometric stiffness: Q = (N + H q)ᵀ p. ``"turned"`` is p = R′p′ alone, Q = Nᵀ p.
+
+None of them shortens the lever of p itself, (s − σ), by the deflection, so that none is exact to second order; and
+since u and φ are relative to the frame, the result depends on the reference condition when deflections are large.
+"""
+
+from collections import namedtuple
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wt_gym.multibody.observer_frame import observer_frame_constraint_kernels as constraint
+from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
+from wt_gym.multibody.observer_frame.observer_frame_body import (
+    REFERENCE_CONDITIONS,
+    ObserverFrameError,
+    Place,
+    Substructure,
+)
+from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
+from wt_gym.multibody.observer_frame.observer_frame_kernels import renew
+
+__all__ = [
+    "REFERENCE_CONDITIONS",
+    "ObserverFrameError",
+    "ObserverFrameIntegrator",
+    "ObserverFrameSystem",
+    "Place",
+    "Substructure",
+]
+
+LOAD_AXES = {"fixed": constraint.FIXED, "undeformed": constraint.UNDEFORMED, "deformed": constraint.DEFORMED}
+LOAD_AXES |= {"turned": constraint.TURNED, "consistent": constraint.CONSISTENT}
+RIGID_MODES = ("deformed", "undeformed")
+
+Model = namedtuple(
+    "Model",
+    "n first stiffness damping gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
+    "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
+    "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes "
+    "prediction",
+)
+State = namedtuple(
+    "State", "position rotation velocity omega acceleration alpha q v a deformed multiplier age turned n_updates"
+)
+Work = namedtuple(
+    "Work",
+    "low up columns pairs base rhs next vector schur multiplier row_value row_rate row_bias weight marker_rotation "
+    "marker_tangent marker_point marker_rate marker_bias marker_field turn tangent angle spare lever one two normal "
+    "normal_rate field field_rate rate bias pull load moments second mixed mean pair",
+)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One scalar constraint: kind, markers (indices, −1 the ground) and the two vectors of the kernel."""
+
+    kind: int
+    markers: tuple
+    vectors: tuple
+    connection: str
+
+
+class ObserverFrameSystem:
+    """Substructures in local observer frames, their connections and loads.
+
+    Parameters
+    ----------
+    gravity : array (3,)
+        [m/s²], default none.
+    rigid_modes : str
+        "deformed": rotations turn the body as it is deformed; "undeformed": constant matrices throughout.
+
+    Examples
+    --------
+    >>> from wt_gym.structure.beam import Beam, BeamSections
+    >>> beam = Beam(BeamSections.uniform(2.0, EA=1e7, EIx=1e4, EIy=1e4, GJ=1e4, mass=5.0, Ix=0.1, Iy=0.1), 4)
+    >>> system = ObserverFrameSystem(gravity=(0.0, 0.0, -9.81))
+    >>> system.add(Substructure.from_beam("arm", beam, n_modes=4))
+    0
+    >>> system.hinge("arm", "root", axis=(0.0, 1.0, 0.0))
+    >>> integrator = ObserverFrameIntegrator(system, step=0.001)
+    >>> integrator.advance(10)
+    """
+
+    def __init__(self, gravity=(0.0, 0.0, 0.0), rigid_modes="deformed"):
+        if rigid_modes not in RIGID_MODES:
+            raise ObserverFrameError(f"rigid_modes {rigid_modes!r} are unknown; allowed: {', '.join(RIGID_MODES)}")
+        self.gravity, self.rigid_modes = np.asarray(gravity, dtype=float), rigid_modes
+        self.bodies: list[Substructure] = []
+        self.frames: list[tuple] = []
+        self.motions: list[tuple] = []
+        self.loads: list[tuple] = []
+        self._rows: list[_Row] = []
+        self._markers: list[tuple] = []
+
+    # ---- assembly --------------------------------------------------------------------------------------------------
+
+    def add(
+        self,
+        body,
+        position=(0.0, 0.0, 0.0),
+        rotation=None,
+        velocity=(0.0, 0.0, 0.0),
+        angular_velocity=(0.0, 0.0, 0.0),
+        coordinates=None,
+        rates=None,
+    ):
+        """Add a substructure with the initial place and motion of its frame; returns its index.
+
+        Parameters
+        ----------
+        body : Substructure
+        position, velocity, angular_velocity : array (3,)
+            Of the frame origin, fixed axes [m, m/s, rad/s].
+        rotation : array (3, 3), optional
+            Frame to fixed axes, default the identity.
+        coordinates, rates : array (n,), optional
+            Initial q = [q_f, q_r] and q̇, default zero.
+
+        Raises
+        ------
+        ObserverFrameError
+            When the name is taken, the rotation is none or coordinates have the wrong length.
+        """
+        if any(body.name == b.name for b in self.bodies):
+            raise ObserverFrameError(f"a substructure named {body.name!r} exists already")
+        r = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+        if r.shape != (3, 3) or np.abs(r.T @ r - np.eye(3)).max() > 1e-9 or np.linalg.det(r) < 0.0:
+            raise ObserverFrameError(f"substructure {body.name!r}: the rotation is not a proper rotation matrix (3, 3)")
+        relative = []
+        for what, value in (("coordinates", coordinates), ("rates", rates)):
+            value = np.zeros(body.n) if value is None else np.asarray(value, dtype=float)
+            if value.shape != (body.n,):
+                raise ObserverFrameError(
+                    f"substructure {body.name!r}: {what} have shape {value.shape}, expected ({body.n},)"
+                )
+            relative.append(value)
+        self.bodies.append(body)
+        self.frames.append((np.asarray(position, dtype=float), r))
+        self.motions.append(
+            (np.asarray(velocity, dtype=float), r.T @ np.asarray(angular_velocity, dtype=float), *relative)
+        )
+        return len(self.bodies) - 1
+
+    def weld(self, body, marker, other, other_marker):
+        """Join two markers in displacement and rotation (eqs 13, 14), in the relative orientation they have now."""
+        self.join(body, marker, other, other_marker)
+        # rows of S are the fixed axes seen from the section: vectors that coincide now
+        mine, yours = (
+            self._displaced(self._index(body), marker)[1],
+            self._displaced(self._index(other), other_marker)[1],
+        )
+        pairs = ((0, 1), (1, 2), (2, 0))
+        self._orthogonal(body, marker, other, other_marker, [(mine[i], yours[j]) for i, j in pairs], "weld")
+
+    def join(self, body, marker, other, other_marker):
+        """Join two markers in displacement only (a ball joint, eq. 13)."""
+        a, b = self._marker(body, marker), self._marker(other, other_marker)
+        name = f"{body}.{marker} to {other}.{other_marker}"
+        for d in np.eye(3):
+            self._rows.append(_Row(constraint.DISPLACEMENT, (a, b), (d, np.zeros(3)), name))
+
+    def support(self, body, marker, directions=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
+        """Hold a marker where it is along unit directions (n, 3) of the fixed frame (a bearing, eq. 15)."""
+        a = self._marker(body, marker)
+        index = self._index(body)
+        position, rotation = self.frames[index]
+        place = position + rotation @ self._displaced(index, marker)[0]
+        for d in np.atleast_2d(np.asarray(directions, dtype=float)):
+            if not np.isclose(np.linalg.norm(d), 1.0, atol=1e-9):
+                raise ObserverFrameError(f"support of {body}.{marker}: direction {tuple(d)} is not a unit vector")
+            self._rows.append(_Row(constraint.DISPLACEMENT, (a, -1), (d, place), f"support of {body}.{marker}"))
+
+    def hinge(self, body, marker, axis, other=None, other_marker=None):
+        """Hold a marker on the ground or on another marker and let its section turn about a unit axis only.
+
+        Parameters
+        ----------
+        body, marker : str
+        axis : array (3,)
+            In the fixed frame, as things stand now; it stays with the second section.
+        other, other_marker : str, optional
+            The second section; None is the ground.
+        """
+        axis = np.asarray(axis, dtype=float)
+        if axis.shape != (3,) or not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9):
+            raise ObserverFrameError(f"hinge of {body}.{marker}: axis {tuple(axis)} is not a unit vector")
+        yours = np.eye(3)
+        if other is None:
+            self.support(body, marker)
+        else:
+            self.join(body, marker, other, other_marker)
+            yours = self._displaced(self._index(other), other_marker)[1]
+        mine = self._displaced(self._index(body), marker)[1]
+        across = np.linalg.svd(axis[None])[2][1:]
+        self._orthogonal(body, marker, other, other_marker, [(mine.T @ axis, yours.T @ t) for t in across], "hinge")
+
+    def clamp(self, body, marker):
+        """Hold a marker and its section fast."""
+        self.support(body, marker)
+        mine = self._displaced(self._index(body), marker)[1].T
+        unit = np.eye(3)
+        pairs = [(mine[:, i], unit[j]) for i, j in ((0, 1), (1, 2), (2, 0))]
+        self._orthogonal(body, marker, None, None, pairs, "clamp")
+
+    def load(self, body, marker, value, axes="fixed"):
+        """Apply a force and a moment at a marker.
+
+        Parameters
+        ----------
+        body, marker : str
+        value : array (6,) or callable
+            Force [N] and moment [N m], constant or as a function of time [s].
+        axes : str
+            "fixed": components in the fixed frame; "undeformed": in the moving frame; the others in the axes of the
+            deformed section: "deformed" with the moment u × p at the section (eq. 4 as printed), "consistent" with the
+            lever of the deformed axis in every section, "turned" without a moment of the deflection.
+
+        Raises
+        ------
+        ObserverFrameError
+            For unknown axes, body or marker.
+        """
+        if axes not in LOAD_AXES:
+            raise ObserverFrameError(f"load axes {axes!r} are unknown; allowed: {', '.join(LOAD_AXES)}")
+        if not callable(value) and np.shape(value) != (6,):
+            raise ObserverFrameError(f"load on {body}.{marker}: expected force and moment (6,), got {np.shape(value)}")
+        self.loads.append((self._marker(body, marker), value, axes))
+
+    def _orthogonal(self, body, marker, other, other_marker, pairs, kind):
+        a = self._marker(body, marker)
+        b = -1 if other is None else self._marker(other, other_marker)
+        name = f"{kind} of {body}.{marker}" + ("" if other is None else f" to {other}.{other_marker}")
+        for mine, yours in pairs:
+            self._rows.append(_Row(constraint.ORTHOGONAL, (a, b), (np.array(mine), np.array(yours)), name))
+
+    def _displaced(self, index, marker):
+        """Place (3,) and section orientation (3, 3, to fixed axes) of a marker at the initial coordinates."""
+        body = self.bodies[index]
+        field = body.marker_shape(marker) @ self.motions[index][2]
+        turn = self.frames[index][1] @ Rotation.from_rotvec(field[3:]).as_matrix()
+        return body.marker_position(marker) + field[:3], turn
+
+    def _index(self, name):
+        for i, body in enumerate(self.bodies):
+            if body.name == name:
+                return i
+        known = ", ".join(repr(b.name) for b in self.bodies)
+        raise ObserverFrameError(f"no substructure is named {name!r}, only {known or 'none at all'}")
+
+    def _marker(self, body, marker):
+        index = self._index(body)
+        if marker not in self.bodies[index].places:
+            known = sorted(self.bodies[index].places)
+            raise ObserverFrameError(f"substructure {body!r} has no marker {marker!r}, only {known}")
+        if (index, marker) not in self._markers:
+            self._markers.append((index, marker))
+        return self._markers.index((index, marker))
+
+    # ---- packing ---------------------------------------------------------------------------------------------------
+
+    def pack(self, prediction=0):
+        """Arrays for the constraint.
+
+        Returns
+        -------
+        (Model, State, Work)
+
+        Raises
+        ------
+        ObserverFrameError
+            When there is no body, a mass matrix is singular, or the constraints depend on each other or are violated.
+        """
+        if not self.bodies:
+            raise ObserverFrameError("a system in local observer frames needs at least one substructure")
+        n_b, n_max = len(self.bodies), max(b.n for b in self.bodies)
+        n_m, n_row = len(self._markers), len(self._rows)
+        z = np.zeros
+        held = np.zeros(n_m, dtype=np.int64)
+        for row in self._rows:
+            for m in row.markers:
+                if m >= 0:
+                    held[m] = max(held[m], 3 if row.kind == constraint.DISPLACEMENT else 6)
+        model = Model(
+            n=np.array([b.n for b in self.bodies]),
+            first=np.zeros((n_b, n_max), dtype=np.int64),
+            stiffness=z((n_b, n_max, n_max)),
+            damping=z((n_b, n_max, n_max)),
+            gyro=z((n_b, 3, n_max, n_max)),
+            second=z((n_b, 6, n_max, n_max)),
+            first_moment=z((n_b, n_max, 3)),
+            reference_moment=z((n_b, n_max, 9)),
+            ends=np.array([b.ends for b in self.bodies]),
+            reach=max(np.linalg.norm(b.ends, axis=1).max() for b in self.bodies),
+            mass_low=z((n_b, n_max, n_max)),
+            mass_up=z((n_b, n_max, n_max)),
+            gravity=self.gravity,
+            marker_body=np.array([b for b, _ in self._markers], dtype=np.int64),
+            marker_position=z((n_m, 3)),
+            marker_shape=z((n_m, 6, n_max)),
+            marker_held=held,
+            mass_columns=z((n_m, 6, n_max)),
+            mass_pairs=z((n_m, n_m, 6, 6)),
+            row_kind=np.array([r.kind for r in self._rows], dtype=np.int64),
+            row_marker=np.array([r.markers for r in self._rows], dtype=np.int64).reshape(n_row, 2),
+            row_vector=np.array([r.vectors for r in self._rows], dtype=float).reshape(n_row, 2, 3),
+            load_marker=np.array([m for m, _, _ in self.loads], dtype=np.int64),
+            load_axes=np.array([LOAD_AXES[axes] for _, _, axes in self.loads], dtype=np.int64),
+            load_field=np.cumsum([axes == "consistent" for _, _, axes in self.loads], dtype=np.int64) - 1,
+            load_second=self._second_order_fields(n_max),
+            marker_lever=z((n_m, 3)),
+            reference_first=z((n_b, 3)),
+            reference_second=z((n_b, 3, 3)),
+            deformed_modes=self.rigid_modes == "deformed",
+            prediction=prediction,
+        )
+        self._pack_bodies(model)
+        self._pack_markers(model)
+        state, work = self._new_state(n_b, n_max, n_row), _new_work(n_b, n_max, n_m, n_row)
+        if model.deformed_modes:
+            for b in range(n_b):
+                renew(b, model, state, work)
+            constraint.marker_pairs(model, model.mass_columns, model.mass_pairs)
+        self._check_constraints(model, state, work)
+        return model, state, work
+
+    def _pack_bodies(self, model):
+        for i, body in enumerate(self.bodies):
+            n = body.n
+            model.first[i, :n] = body.envelope()
+            model.stiffness[i, :n, :n], model.damping[i, :n, :n] = body.stiffness, body.damping
+            model.gyro[i, :, :n, :n], model.second[i, :, :n, :n] = body.gyro, body.second
+            model.first_moment[i, :n], model.reference_moment[i, :n] = body.first_moment, body.reference_moment
+            model.mass_low[i, :n, :n] = model.mass_up[i, :n, :n] = body.mass_matrix
+            m, s = body.particle_mass, body.particle_position
+            model.reference_first[i], model.reference_second[i] = m @ s, (m[:, None] * s).T @ s
+            if not matrix.factorize(0, n, model.first[i], model.mass_low[i], model.mass_up[i]):
+                raise ObserverFrameError(f"substructure {body.name!r}: the mass matrix is singular")
+
+    def _pack_markers(self, model):
+        for m, (index, name) in enumerate(self._markers):
+            body = self.bodies[index]
+            model.marker_position[m] = body.marker_position(name)
+            model.marker_shape[m, :, : body.n] = body.marker_shape(name)
+            model.mass_columns[m] = model.marker_shape[m]
+            for column in model.mass_columns[m]:
+                matrix.solve(body.n, model.first[index], model.mass_low[index], model.mass_up[index], column)
+        constraint.marker_pairs(model, model.mass_columns, model.mass_pairs)
+
+    def _second_order_fields(self, n_max):
+        """Second-order displacement H of the points of consistent loads (n, 3, n_max, n_max)."""
+        fields = []
+        for marker, _, axes in self.loads:
+            if axes == "consistent":
+                index, name = self._markers[marker]
+                body, out = self.bodies[index], np.zeros((3, n_max, n_max))
+                nf = body.n_elastic
+                out[:, :nf, :nf] = body.places[name].second_order()
+                fields.append(out)
+        return np.array(fields).reshape(-1, 3, n_max, n_max)
+
+    def _new_state(self, n_b, n_max, n_row):
+        z = np.zeros
+        state = State(
+            position=z((n_b, 3)),
+            rotation=z((n_b, 3, 3)),
+            velocity=z((n_b, 3)),
+            omega=z((n_b, 3)),
+            acceleration=z((n_b, 3)),
+            alpha=z((n_b, 3)),
+            q=z((n_b, n_max)),
+            v=z((n_b, n_max)),
+            a=z((n_b, n_max)),
+            deformed=z((n_b, n_max)),
+            multiplier=z(n_row),
+            age=z(n_b),
+            turned=z((n_b, 3)),
+            n_updates=np.zeros(n_b, dtype=np.int64),
+        )
+        for i, ((position, rotation), motion) in enumerate(zip(self.frames, self.motions, strict=True)):
+            n = self.bodies[i].n
+            state.position[i], state.rotation[i] = position, rotation
+            state.velocity[i], state.omega[i], state.q[i, :n], state.v[i, :n] = motion
+        return state
+
+    def _check_constraints(self, model, state, work):
+        """Refuse redundant and violated constraints, by name."""
+        constraint.constraint_rows(model, state, state.q, state.v, work)
+        jacobian = np.zeros((len(self._rows), state.q.size))
+        for r, row in enumerate(self._rows):
+            for side, m in enumerate(row.markers):
+                if m >= 0:
+                    b, n = model.marker_body[m], state.q.shape[1]
+                    jacobian[r, b * n : b * n + n] += work.weight[r, side] @ model.marker_shape[m]
+        rank = 0
+        for r, row in enumerate(self._rows):
+            unit = jacobian[: r + 1] / np.maximum(np.linalg.norm(jacobian[: r + 1], axis=1, keepdims=True), 1e-300)
+            now = np.linalg.matrix_rank(unit, tol=1e-9)
+            if now == rank:
+                raise ObserverFrameError(
+                    f"inconsistent constraints: {row.connection} repeats what is held already "
+                    f"(rank {rank} of {r + 1} rows)"
+                )
+            rank = now
+            if abs(work.row_value[r]) > 1e-6:
+                raise ObserverFrameError(
+                    f"inconsistent constraints: {row.connection} is violated by {work.row_value[r]:.3g} at the start"
+                )
+
+
+def _new_work(n_b, n_max, n_m, n_row):
+    shapes = dict.fromkeys(Work._fields, (3,))
+    shapes |= dict.fromkeys(("low", "up"), (n_b, n_max, n_max))
+    shapes |= dict.fromkeys(("base", "rhs", "next", "vector"), (n_b, n_max))
+    shapes |= dict.fromkeys(("multiplier", "row_value", "row_rate", "row_bias"), (n_row,))
+    shapes |= dict.fromkeys(("marker_rotation", "marker_tangent"), (n_m, 3, 3))
+    shapes |= dict.fromkeys(("marker_rate", "marker_bias", "marker_field"), (n_m, 6))
+    shapes |= dict.fromkeys(("field", "field_rate", "rate", "bias", "pull", "load"), (6,))
+    shapes |= dict.fromkeys(("turn", "tangent", "second", "mixed", "pair"), (3, 3))
+    shapes |= {"columns": (n_m, 6, n_max), "pairs": (n_m, n_m, 6, 6), "schur": (n_row, n_row), "marker_point": (n_m, 3)}
+    shapes |= {"weight": (n_row, 2, 6), "moments": (n_max, 9)}
+    return Work(**{key: np.zeros(shapes[key]) for key in Work._fields})

@@ -1,0 +1,270 @@
+"""Loads and constraints on markers of bodies in local observer frames.
+
+With w the six components (force, moment) that a unit multiplier exerts on a marker, in frame axes, a Jacobian row is
+B_r = w shape, so that B A⁻¹ Bᵀ needs only the 6 × 6 blocks shape A⁻¹ shapeᵀ.
+"""
+
+from wt_gym.compiled import kernel
+from wt_gym.multibody.observer_frame.observer_frame_matrix_kernels import inner
+from wt_gym.multibody.tree.rotation_kernels import rotation_exp, tangent_bias
+
+DISPLACEMENT, ORTHOGONAL = range(2)
+FIXED, UNDEFORMED, DEFORMED, TURNED, CONSISTENT = range(5)
+
+# ---- loads ---------------------------------------------------------------------------------------------------------
+
+
+@inner
+def marker_field(m, model, x, out):
+    """Displacement and rotation (6,) of a marker for the coordinates x (n_b, n_max) of all bodies."""
+    b = model.marker_body[m]
+    for i in range(6):
+        total = 0.0
+        for k in range(model.n[b]):
+            total += model.marker_shape[m, i, k] * x[b, k]
+        out[i] = total
+
+
+@inner
+def add_loads(value, model, state, q, work, out):
+    """Out += Nᵀ p + Pᵀ m of all loads (n_loads, 6: force, moment) at the coordinates q (eq. 4).
+
+    Consistent loads add p · H q, the work of p on the second-order displacement ½ qᵀ H q of their point.
+    """
+    f, u, p = work.pull, work.field, work.load
+    for l in range(model.load_marker.shape[0]):
+        m, axes = model.load_marker[l], model.load_axes[l]
+        b = model.marker_body[m]
+        for i in range(6):
+            f[i] = value[l, i]
+        if axes == FIXED:
+            r = state.rotation[b]
+            for i in range(3):
+                p[i] = r[0, i] * f[0] + r[1, i] * f[1] + r[2, i] * f[2]
+                p[i + 3] = r[0, i] * f[3] + r[1, i] * f[4] + r[2, i] * f[5]
+        else:
+            for i in range(6):
+                p[i] = f[i]
+        if axes >= DEFORMED:
+            marker_field(m, model, q, u)
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                p[i] += u[3 + j] * f[k] - u[3 + k] * f[j]
+                p[i + 3] += u[3 + j] * f[3 + k] - u[3 + k] * f[3 + j]
+        if axes == DEFORMED:
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                p[i + 3] += u[j] * p[k] - u[k] * p[j]
+        for k in range(model.n[b]):
+            total = 0.0
+            for i in range(6):
+                total += model.marker_shape[m, i, k] * p[i]
+            out[b, k] += total
+        if axes == UNDEFORMED or axes == DEFORMED:
+            # the lever of eq. (4) is that of the undeformed axis, plus what the moment m adds
+            x = model.marker_lever[m]
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                out[b, model.n[b] - 3 + i] -= x[j] * p[k] - x[k] * p[j]
+        if axes == CONSISTENT:
+            second = model.load_second[model.load_field[l]]
+            for k in range(model.n[b] - 6):
+                total = 0.0
+                for j in range(model.n[b] - 6):
+                    h = p[0] * second[0, k, j] + p[1] * second[1, k, j] + p[2] * second[2, k, j]
+                    total += h * q[b, j]
+                out[b, k] += total
+
+
+# ---- constraints ---------------------------------------------------------------------------------------------------
+
+
+@inner
+def marker_motion(m, model, state, q, v, work):
+    """Position, velocity, section orientation and its rates of a marker, in fixed axes, and the acceleration bias."""
+    b = model.marker_body[m]
+    u, du = work.field, work.field_rate
+    marker_field(m, model, q, u)
+    marker_field(m, model, v, du)
+    r, w, al = state.rotation[b], state.omega[b], state.alpha[b]
+    x, rate, bias, c = work.lever, work.rate, work.bias, work.spare
+    for i in range(3):
+        x[i] = model.marker_position[m, i] + u[i]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        c[i] = w[j] * x[k] - w[k] * x[j]
+        rate[i] = c[i] + du[i]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        bias[i] = al[j] * x[k] - al[k] * x[j] + w[j] * (c[k] + 2.0 * du[k]) - w[k] * (c[j] + 2.0 * du[j])
+    tangent = work.marker_tangent[m]
+    rotation_exp(u[3:6], work.turn, tangent)
+    tangent_bias(u[3:6], du[3:6], work.angle)
+    for i in range(3):
+        c[i] = tangent[i, 0] * du[3] + tangent[i, 1] * du[4] + tangent[i, 2] * du[5]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        rate[3 + i] = w[i] + c[i]
+        bias[3 + i] = al[i] + w[j] * c[k] - w[k] * c[j] + work.angle[i]
+    for i in range(3):
+        p, pd, pb = state.position[b, i], state.velocity[b, i], state.acceleration[b, i]
+        wd, wb = 0.0, 0.0
+        for j in range(3):
+            p += r[i, j] * x[j]
+            pd += r[i, j] * rate[j]
+            pb += r[i, j] * bias[j]
+            wd += r[i, j] * rate[3 + j]
+            wb += r[i, j] * bias[3 + j]
+            work.marker_rotation[m, i, j] = (
+                r[i, 0] * work.turn[0, j] + r[i, 1] * work.turn[1, j] + r[i, 2] * work.turn[2, j]
+            )
+        work.marker_point[m, i] = p
+        work.marker_rate[m, i], work.marker_rate[m, 3 + i] = pd, wd
+        work.marker_bias[m, i], work.marker_bias[m, 3 + i] = pb, wb
+
+
+@inner
+def cross(a, b, out):
+    """Out = a × b."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@inner
+def place_row(row, side, m, vector, offset, sign, model, state, work):
+    """Write the unit action (fixed axes; offset 0 a force, 3 a moment) on a marker into the row's weights."""
+    r = state.rotation[model.marker_body[m]]
+    w = work.weight[row, side]
+    for i in range(6):
+        w[i] = 0.0
+    for i in range(3):
+        w[offset + i] = sign * (r[0, i] * vector[0] + r[1, i] * vector[1] + r[2, i] * vector[2])
+    if offset == 3:
+        t, x, y, z = work.marker_tangent[m], w[3], w[4], w[5]
+        for i in range(3):
+            w[3 + i] = t[0, i] * x + t[1, i] * y + t[2, i] * z
+
+
+@kernel
+def constraint_rows(model, state, q, v, work):
+    """Value, rate and acceleration bias of all constraint rows and their weights on the markers."""
+    for m in range(model.marker_body.shape[0]):
+        if model.marker_held[m]:
+            marker_motion(m, model, state, q, v, work)
+    one, two, c, c_rate, turn = work.one, work.two, work.normal, work.normal_rate, work.angle
+    for row in range(model.row_kind.shape[0]):
+        a, b = model.row_marker[row, 0], model.row_marker[row, 1]
+        vector, other = model.row_vector[row, 0], model.row_vector[row, 1]
+        value, rate, bias = 0.0, 0.0, 0.0
+        if model.row_kind[row] == DISPLACEMENT:
+            for i in range(3):
+                gap, speed, acc = work.marker_point[a, i], work.marker_rate[a, i], work.marker_bias[a, i]
+                if b >= 0:
+                    gap -= work.marker_point[b, i]
+                    speed -= work.marker_rate[b, i]
+                    acc -= work.marker_bias[b, i]
+                else:
+                    gap -= other[i]
+                value += vector[i] * gap
+                rate += vector[i] * speed
+                bias += vector[i] * acc
+                c[i] = vector[i]
+            offset = 0
+        else:
+            for i in range(3):
+                s = work.marker_rotation[a, i]
+                one[i] = s[0] * vector[0] + s[1] * vector[1] + s[2] * vector[2]
+                two[i] = other[i]
+                if b >= 0:
+                    s = work.marker_rotation[b, i]
+                    two[i] = s[0] * other[0] + s[1] * other[1] + s[2] * other[2]
+            cross(one, two, c)
+            # ċ = (W_a × one) × two + one × (W_b × two)
+            cross(work.marker_rate[a, 3:6], one, turn)
+            cross(turn, two, c_rate)
+            if b >= 0:
+                cross(work.marker_rate[b, 3:6], two, turn)
+                cross(one, turn, work.spare)
+                for i in range(3):
+                    c_rate[i] += work.spare[i]
+            for i in range(3):
+                speed, acc = work.marker_rate[a, 3 + i], work.marker_bias[a, 3 + i]
+                if b >= 0:
+                    speed -= work.marker_rate[b, 3 + i]
+                    acc -= work.marker_bias[b, 3 + i]
+                value += one[i] * two[i]
+                rate += c[i] * speed
+                bias += c[i] * acc + c_rate[i] * speed
+            offset = 3
+        work.row_value[row], work.row_rate[row], work.row_bias[row] = value, rate, bias
+        place_row(row, 0, a, c, offset, 1.0, model, state, work)
+        if b >= 0:
+            place_row(row, 1, b, c, offset, -1.0, model, state, work)
+
+
+@kernel
+def marker_pairs(model, columns, pairs):
+    """Pairs[m, l] = shape_m columns_l for held markers of one body: the blocks of B A⁻¹ Bᵀ."""
+    for m in range(model.marker_body.shape[0]):
+        for l in range(model.marker_body.shape[0]):
+            b = model.marker_body[m]
+            if model.marker_held[m] and model.marker_held[l] and model.marker_body[l] == b:
+                for i in range(model.marker_held[m]):
+                    for j in range(model.marker_held[l]):
+                        total = 0.0
+                        for k in range(model.n[b]):
+                            total += model.marker_shape[m, i, k] * columns[l, j, k]
+                        pairs[m, l, i, j] = total
+
+
+@inner
+def schur_complement(model, pairs, weight, out):
+    """B A⁻¹ Bᵀ (n_rows, n_rows)."""
+    n_row = model.row_kind.shape[0]
+    for r in range(n_row):
+        for s in range(n_row):
+            total = 0.0
+            for x in range(2):
+                m = model.row_marker[r, x]
+                for y in range(2):
+                    l = model.row_marker[s, y]
+                    if m >= 0 and l >= 0 and model.marker_body[m] == model.marker_body[l]:
+                        for i in range(model.marker_held[m]):
+                            for j in range(model.marker_held[l]):
+                                total += weight[r, x, i] * pairs[m, l, i, j] * weight[s, y, j]
+            out[r, s] = total
+
+
+@inner
+def rows_of(model, x, work, out):
+    """Out += B x for the coordinates x (n_b, n_max) of all bodies."""
+    for m in range(model.marker_body.shape[0]):
+        if model.marker_held[m]:
+            marker_field(m, model, x, work.marker_field[m])
+    for r in range(model.row_kind.shape[0]):
+        for side in range(2):
+            m = model.row_marker[r, side]
+            if m >= 0:
+                for i in range(6):
+                    out[r] += work.weight[r, side, i] * work.marker_field[m, i]
+
+
+@inner
+def subtract_reactions(model, columns, multiplier, work, out):
+    """Out −= A⁻¹ Bᵀ λ with columns = A⁻¹ shapeᵀ."""
+    for m in range(model.marker_body.shape[0]):
+        if not model.marker_held[m]:
+            continue
+        b, pull = model.marker_body[m], work.pull
+        for i in range(6):
+            pull[i] = 0.0
+        for r in range(model.row_kind.shape[0]):
+            for side in range(2):
+                if model.row_marker[r, side] == m:
+                    for i in range(6):
+                        pull[i] += work.weight[r, side, i] * multiplier[r]
+        for i in range(model.marker_held[m]):
+            if pull[i] != 0.0:
+                for k in range(model.n[b]):
+                    out[b, k] -= pull[i] * columns[m, i, k]

@@ -1,0 +1,206 @@
+"""Newmark stepping of a system in local observer frames, and what can be seen of it.
+
+The equations and the scheme are derived in :mod:`wt_gym.multibody.observer_frame.frame`.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wt_gym.multibody.observer_frame import observer_frame_kernels as kernels
+from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError
+from wt_gym.structure.beam import skew
+
+__all__ = ["PREDICTIONS", "ObserverFrameIntegrator"]
+
+PREDICTIONS = {"uniform": kernels.UNIFORM, "accelerated": kernels.MEAN, "printed": kernels.PRINTED}
+
+
+class ObserverFrameIntegrator:
+    """Newmark stepping of a system in local observer frames.
+
+    Parameters
+    ----------
+    system : ObserverFrameSystem
+    step : float
+        [s]; the paper takes 1/150 of the longest natural period.
+    n_iterations : int
+        Solutions of a step; above one, loads and constraint directions are renewed with the new q.
+    update : str or float
+        "step" updates the frames every step; a number [m] is the rigid-body displacement of either end of a body
+        from its frame beyond which that body's frame is updated. A rotation counts as the displacement that it gives a
+        point at the largest distance which any body of the system has from its origin.
+    prediction : str
+        Motion of the frames over a step: "uniform", "accelerated" with the mean acceleration since the last update, or
+        "printed" with the accelerations of the last instant (eqs 9–12 to the letter).
+
+    Attributes
+    ----------
+    time : float
+        [s].
+    state : State
+        Frame motions, coordinates (n_bodies, n_max) with rates, multipliers (n_rows,) and the count of frame updates.
+
+    Raises
+    ------
+    ObserverFrameError
+        For a step, number of iterations or threshold that is not positive, an unknown prediction, and for systems that
+        cannot be packed.
+    """
+
+    def __init__(self, system, step, n_iterations=1, update="step", prediction="uniform"):
+        if not (np.isfinite(step) and step > 0.0):
+            raise ObserverFrameError(f"the time step must be positive, got {step}")
+        if int(n_iterations) < 1:
+            raise ObserverFrameError(f"n_iterations must be 1 or more, got {n_iterations}")
+        if update != "step" and not (isinstance(update, int | float) and update > 0.0):
+            raise ObserverFrameError(f"update must be 'step' or a positive displacement [m], got {update!r}")
+        self.system, self.step, self.n_iterations = system, float(step), int(n_iterations)
+        if prediction not in PREDICTIONS:
+            raise ObserverFrameError(f"prediction {prediction!r} is unknown; allowed: {', '.join(PREDICTIONS)}")
+        self._threshold = 0.0 if update == "step" else float(update)
+        self.model, self.state, self._work = system.pack(PREDICTIONS[prediction])
+        self.time = 0.0
+        self._shapes = {}
+        self._start()
+
+    def _start(self):
+        """Consistent velocities and accelerations, and the frames set to follow them."""
+        if len(self.model.row_kind):
+            self._check(kernels.hold_velocities(self.model, self.state, self._work))
+        values = self._load_values(self.time, 1)[0]
+        # the first accelerations of the bodies become those of the frames
+        for _ in range(2 if self.model.prediction != kernels.UNIFORM else 0):
+            self._check(kernels.accelerations(values, self.model, self.state, self._work))
+            for b, body in enumerate(self.system.bodies):
+                rigid = self.state.a[b, body.n - 6 : body.n]
+                self.state.acceleration[b] += self.state.rotation[b] @ rigid[:3]
+                self.state.alpha[b] += rigid[3:]
+        self._check(kernels.accelerations(values, self.model, self.state, self._work))
+
+    def advance(self, n_steps=1):
+        """Take n_steps.
+
+        Raises
+        ------
+        ObserverFrameError
+            When a matrix becomes singular or the motion is no longer finite; ``time`` is that of the last good step.
+        """
+        values = self._load_values(self.time + self.step, int(n_steps))
+        done = np.zeros(1, dtype=np.int64)
+        code = kernels.advance(
+            self.step, values, self.n_iterations, self._threshold, self.model, self.state, self._work, done
+        )
+        self.time += self.step * float(done[0])
+        self._check(code)
+
+    def _load_values(self, start, n_steps):
+        """Loads (n_steps, n_loads, 6) at the ends of the coming steps."""
+        loads = self.system.loads
+        out = np.zeros((n_steps, len(loads), 6))
+        for i, (_, value, _) in enumerate(loads):
+            if callable(value):
+                out[:, i] = [value(start + k * self.step) for k in range(n_steps)]
+            else:
+                out[:, i] = value
+        return out
+
+    def _check(self, code):
+        if code == kernels.SINGULAR_BODY:
+            raise ObserverFrameError(
+                f"a matrix of the step is singular at t = {self.time:.6g} s: the motion has diverged, or the step "
+                f"{self.step} s is too long for the loads"
+            )
+        if code == kernels.SINGULAR_CONSTRAINTS:
+            raise ObserverFrameError(
+                f"the constraints are dependent (singular) at t = {self.time:.6g} s, or the motion has diverged"
+            )
+        if code == kernels.DIVERGED:
+            raise ObserverFrameError(f"the motion diverged at t = {self.time:.6g} s; the step is {self.step} s")
+
+    # ---- what is seen ----------------------------------------------------------------------------------------------
+
+    def coordinates(self, body):
+        """Coordinates [q_f, q_r] (n,) of a substructure, a copy."""
+        b = self.system._index(body)
+        return self.state.q[b, : self.system.bodies[b].n].copy()
+
+    def displacement(self, body, marker):
+        """Displacement and rotation (6,) of a marker from the moving frame, in frame axes [m, rad]."""
+        b, shape = self._marker(body, marker)
+        return self._displacement(b, shape)
+
+    def position(self, body, marker):
+        """Position (3,) of a marker in the fixed frame [m]."""
+        b = self.system._index(body)
+        local = self.system.bodies[b].marker_position(marker) + self.displacement(body, marker)[:3]
+        return self.state.position[b] + self.state.rotation[b] @ local
+
+    def orientation(self, body, marker):
+        """Rotation (3, 3) of a marker's section to fixed axes."""
+        b = self.system._index(body)
+        return self.state.rotation[b] @ Rotation.from_rotvec(self.displacement(body, marker)[3:]).as_matrix()
+
+    def velocity(self, body, marker):
+        """Velocity and angular velocity (6,) of a marker in fixed axes [m/s, rad/s]."""
+        b, shape = self._marker(body, marker)
+        n, omega, r = shape.shape[1], self.state.omega[b], self.state.rotation[b]
+        field, rate = self._displacement(b, shape), shape @ self.state.v[b, :n]
+        rate[:3] += np.cross(self.state.v[b, n - 3 : n], shape[:3] @ self.state.deformed[b, :n])
+        point = self.system.bodies[b].marker_position(marker) + field[:3]
+        linear = self.state.velocity[b] + r @ (np.cross(omega, point) + rate[:3])
+        return np.concatenate([linear, r @ (omega + rate[3:])])
+
+    def _marker(self, body, marker):
+        """Index of the body and shape (6, n) of the marker, with rotations of the undeformed body."""
+        b = self.system._index(body)
+        if (body, marker) not in self._shapes:
+            self._shapes[body, marker] = self.system.bodies[b].marker_shape(marker)
+        return b, self._shapes[body, marker]
+
+    def _displacement(self, b, shape):
+        n = shape.shape[1]
+        q = self.state.q[b, :n]
+        field = shape @ q
+        field[:3] += np.cross(q[n - 3 :], shape[:3] @ self.state.deformed[b, :n])
+        return field
+
+    def reaction(self, connection):
+        """Multipliers [N, N m] of a connection by the start of its name, e.g. "support of shaft.B1"."""
+        chosen = [i for i, row in enumerate(self.system._rows) if row.connection.startswith(connection)]
+        if not chosen:
+            known = sorted({row.connection for row in self.system._rows})
+            raise ObserverFrameError(f"no connection starts with {connection!r}; there are {known}")
+        return self.state.multiplier[chosen]
+
+    def energy(self):
+        """Kinetic, elastic and gravitational energy (3,) [J] of all substructures."""
+        total = np.zeros(3)
+        for b, body in enumerate(self.system.bodies):
+            q, v = self.state.q[b, : body.n], self.state.v[b, : body.n]
+            point, rate = _particle_motion(self, b, body, q, v)
+            m = body.particle_mass
+            total += [
+                0.5 * np.sum(m[:, None] * rate**2),
+                0.5 * q @ body.stiffness @ q,
+                -np.sum(m @ (point @ self.system.gravity)),
+            ]
+        return total
+
+    def momentum(self):
+        """Momentum and angular momentum about the fixed origin (6,) [kg m/s, kg m²/s] of all substructures."""
+        total = np.zeros(6)
+        for b, body in enumerate(self.system.bodies):
+            q, v = self.state.q[b, : body.n], self.state.v[b, : body.n]
+            point, rate = _particle_motion(self, b, body, q, v)
+            m = body.particle_mass[:, None]
+            total += np.concatenate([np.sum(m * rate, axis=0), np.sum(m * np.cross(point, rate), axis=0)])
+        return total
+
+
+def _particle_motion(integrator, b, body, q, v):
+    """Positions and velocities (n_p, 3) of the mass points of a body in fixed axes."""
+    s = integrator.state
+    known = body.particle_shape @ s.deformed[b, : body.n]
+    local = body.particle_position + body.particle_shape @ q + np.cross(q[-3:], known)
+    rate = local @ skew(s.omega[b]).T + body.particle_shape @ v + np.cross(v[-3:], known)
+    return s.position[b] + local @ s.rotation[b].T, s.velocity[b] + rate @ s.rotation[b].T

@@ -1,0 +1,469 @@
+"""Compiled stepping of bodies in local observer frames; theory in :mod:`wt_gym.multibody.observer_frame.frame`."""
+
+import math
+
+from wt_gym.compiled import kernel
+from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import (
+    add_loads,
+    constraint_rows,
+    marker_pairs,
+    rows_of,
+    schur_complement,
+    subtract_reactions,
+)
+from wt_gym.multibody.observer_frame.observer_frame_matrix_kernels import (
+    factorize,
+    gyroscopic_product,
+    inner,
+    inner_forces,
+    mass_product,
+    newmark_matrix,
+    solve,
+    solve_dense,
+)
+from wt_gym.multibody.tree.rotation_kernels import rotation_exp
+
+OK, SINGULAR_BODY, SINGULAR_CONSTRAINTS, DIVERGED = range(4)
+UNIFORM, MEAN, PRINTED = range(3)
+"""What the frame's accelerations become in an update: nothing, their mean since the last one, or eqs (10), (11)."""
+
+# ---- frames --------------------------------------------------------------------------------------------------------
+
+
+@inner
+def turn_frame(b, angle, state, work):
+    """R ← R exp(angle̅), the angle in frame axes; leaves exp in work.turn and its tangent in work.tangent."""
+    rotation_exp(angle, work.turn, work.tangent)
+    r, t = state.rotation[b], work.turn
+    for i in range(3):
+        x, y, z = r[i, 0], r[i, 1], r[i, 2]
+        for j in range(3):
+            r[i, j] = x * t[0, j] + y * t[1, j] + z * t[2, j]
+
+
+@inner
+def predict_frame(b, h, model, state, work):
+    """Carry a frame over one step with constant acceleration (fixed axes) and angular acceleration (frame axes).
+
+    The third-order term makes exp exact to O(h⁵) for an angular velocity that grows linearly (Magnus expansion); the
+    printed form does without. The angle is kept in state.turned.
+    """
+    w, a, angle = state.omega[b], state.alpha[b], state.turned[b]
+    third = 0.0 if model.prediction == PRINTED else h**3 / 12.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        angle[i] = h * w[i] + 0.5 * h * h * a[i] + third * (w[j] * a[k] - w[k] * a[j])
+    turn_frame(b, angle, state, work)
+    for i in range(3):
+        w[i] += h * a[i]
+        state.position[b, i] += h * state.velocity[b, i] + 0.5 * h * h * state.acceleration[b, i]
+        state.velocity[b, i] += h * state.acceleration[b, i]
+
+
+@inner
+def needs_update(b, threshold, model, state):
+    """Whether the rigid-body displacement of an end or the rotation times the reach exceeds the threshold (0: always).
+
+    A body that turns about its own axis moves neither of its ends: the largest distance from an origin that any body of
+    the system has makes a displacement of its rotation too.
+    """
+    if threshold <= 0.0:
+        return True
+    n = model.n[b]
+    rigid = state.q[b, n - 6 : n]
+    angle = rigid[3] * rigid[3] + rigid[4] * rigid[4] + rigid[5] * rigid[5]
+    if angle * model.reach * model.reach > threshold * threshold:
+        return True
+    for end in range(2):
+        s = model.ends[b, end]
+        square = 0.0
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            u = rigid[i] + rigid[3 + j] * s[k] - rigid[3 + k] * s[j]
+            square += u * u
+        if square > threshold * threshold:
+            return True
+    return False
+
+
+@inner
+def take_out(b, w, model, state, work):
+    """Take w × u out of the velocities in the metric of M: v −= M⁻¹ G(w) x, with x_f of u = N_f x_f in work.vector."""
+    n = model.n[b]
+    field, carried = work.vector[b], work.rhs[b]
+    for i in range(n):
+        carried[i] = 0.0
+    for i in range(n - 6, n):
+        field[i] = 0.0
+    gyroscopic_product(b, w, model, field, carried)
+    solve(n, model.first[b], model.mass_low[b], model.mass_up[b], carried)
+    for i in range(n):
+        state.v[b, i] -= carried[i]
+
+
+@inner
+def update_printed(b, model, state, work):
+    """Eqs (9)–(12) as they are printed.
+
+    The rotations of the prediction and of the body are added before they are turned into a matrix, the angular
+    velocities and accelerations are added in the axes they have, and the accelerations are those of the last instant.
+    """
+    n = model.n[b]
+    q, v, a = state.q[b], state.v[b], state.a[b]
+    w, al, r = state.omega[b], state.alpha[b], state.rotation[b]
+    u, du, d2u = q[n - 6 : n - 3], v[n - 6 : n - 3], a[n - 6 : n - 3]
+    gain, bias = work.spare, work.lever
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        gain[i] = w[j] * u[k] - w[k] * u[j]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        bias[i] = al[j] * u[k] - al[k] * u[j] + w[j] * gain[k] - w[k] * gain[j]
+        bias[i] += 2.0 * (w[j] * du[k] - w[k] * du[j]) + d2u[i]
+    for i in range(3):
+        for j in range(3):
+            state.position[b, i] += r[i, j] * u[j]
+            state.velocity[b, i] += r[i, j] * (gain[j] + du[j])
+            state.acceleration[b, i] += r[i, j] * bias[j]
+    for i in range(3):
+        work.angle[i] = -state.turned[b, i]
+    turn_frame(b, work.angle, state, work)
+    for i in range(3):
+        work.angle[i] = state.turned[b, i] + q[n - 3 + i]
+    turn_frame(b, work.angle, state, work)
+    for i in range(3):
+        w[i] += v[n - 3 + i]
+        al[i] += a[n - 3 + i]
+    for i in range(n - 6, n):
+        q[i], v[i] = 0.0, 0.0
+
+
+@inner
+def update_frame(b, model, state, work):
+    """Move the frame onto the rigid-body motion (eqs 9–12), which becomes zero.
+
+    The frame goes on uniformly or with the mean acceleration since its last update. The elastic coordinates stay. When
+    the rotation modes know the deformed shape, φ × u̇_f is taken out of the rates, the turn of the axes in which they
+    are counted.
+    """
+    n, keep = model.n[b], 1.0 if model.prediction == MEAN else 0.0
+    q, v = state.q[b], state.v[b]
+    w, al, r, t = state.omega[b], state.alpha[b], state.rotation[b], work.turn
+    u, du, phi, dphi = q[n - 6 : n - 3], v[n - 6 : n - 3], q[n - 3 : n], v[n - 3 : n]
+    gain, spin, spin_rate, moved = work.spare, work.angle, work.lever, work.pull
+    for i in range(3):
+        moved[i], moved[3 + i] = du[i], dphi[i]
+    rate = 1.0 / state.age[b]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        gain[i] = du[i] + w[j] * u[k] - w[k] * u[j]
+    for i in range(3):
+        for j in range(3):
+            state.position[b, i] += r[i, j] * u[j]
+            state.velocity[b, i] += r[i, j] * gain[j]
+            state.acceleration[b, i] += r[i, j] * gain[j] * rate
+        state.acceleration[b, i] *= keep
+    rotation_exp(phi, t, work.tangent)
+    for i in range(3):
+        gain[i] = work.tangent[i, 0] * dphi[0] + work.tangent[i, 1] * dphi[1] + work.tangent[i, 2] * dphi[2]
+        spin[i] = w[i] + gain[i]
+        spin_rate[i] = keep * (al[i] + gain[i] * rate)
+    if model.deformed_modes:
+        for i in range(n - 6):
+            work.vector[b, i] = v[i]
+        take_out(b, phi, model, state, work)
+    for i in range(3):
+        w[i] = t[0, i] * spin[0] + t[1, i] * spin[1] + t[2, i] * spin[2]
+        al[i] = t[0, i] * spin_rate[0] + t[1, i] * spin_rate[1] + t[2, i] * spin_rate[2]
+    turn_frame(b, phi, state, work)
+    for i in range(3):
+        q[n - 6 + i], q[n - 3 + i] = 0.0, 0.0
+        v[n - 6 + i] -= moved[i]
+        v[n - 3 + i] -= moved[3 + i]
+
+
+@inner
+def deformed_moments(b, q, model, work):
+    """Moments of the deformed body y = s + N_f q_f: work.moments[i] = ∫ N_i yᵀ for all but the rotation modes,
+
+    and work.second = ∫ y yᵀ, work.mixed = ∫ y sᵀ, work.mean = ∫ y.
+    """
+    g, a, n = model.gyro[b], model.second[b], model.n[b]
+    nf, v, x = n - 6, work.moments, model.reference_moment[b]
+    for i in range(n - 3):
+        for c in range(9):
+            v[i, c] = x[i, c]
+    for i in range(n - 3):
+        for j in range(model.first[b, i], min(i + 1, nf)):
+            # ∫ N_i,k N_j,l: symmetric half and skew half of the pairs (1, 2), (1, 3), (2, 3)
+            e01, e10 = 0.5 * (a[3, i, j] - g[2, i, j]), 0.5 * (a[3, i, j] + g[2, i, j])
+            e02, e20 = 0.5 * (a[4, i, j] + g[1, i, j]), 0.5 * (a[4, i, j] - g[1, i, j])
+            e12, e21 = 0.5 * (a[5, i, j] - g[0, i, j]), 0.5 * (a[5, i, j] + g[0, i, j])
+            for side in range(2):
+                row, value = (i, q[j]) if side == 0 else (j, q[i])
+                if side == 1 and (i == j or i >= nf):
+                    continue
+                v[row, 0] += a[0, i, j] * value
+                v[row, 4] += a[1, i, j] * value
+                v[row, 8] += a[2, i, j] * value
+                v[row, 1] += (e01 if side == 0 else e10) * value
+                v[row, 3] += (e10 if side == 0 else e01) * value
+                v[row, 2] += (e02 if side == 0 else e20) * value
+                v[row, 6] += (e20 if side == 0 else e02) * value
+                v[row, 5] += (e12 if side == 0 else e21) * value
+                v[row, 7] += (e21 if side == 0 else e12) * value
+    for k in range(3):
+        work.mean[k] = model.reference_first[b, k]
+        for l in range(3):
+            work.second[k, l] = model.reference_second[b, k, l]
+            work.mixed[k, l] = model.reference_second[b, k, l]
+    for i in range(nf):
+        for k in range(3):
+            work.mean[k] += q[i] * model.first_moment[b, i, k]
+            for l in range(3):
+                work.mixed[k, l] += q[i] * x[i, 3 * k + l]
+                work.second[k, l] += q[i] * (v[i, 3 * k + l] + x[i, 3 * l + k])
+
+
+@inner
+def renew_rotations(b, model, state, work):
+    """Make the rotation modes turn the body as it is deformed now, e_k × (s + N_f q_f), in all matrices."""
+    n, q = model.n[b], state.q[b]
+    deformed_moments(b, q, model, work)
+    g, a, e = model.gyro[b], model.second[b], work.pair
+    for k in range(3):
+        l, m = (k + 1) % 3, (k + 2) % 3
+        row = n - 3 + k
+        for c in range(3):
+            # ∫ (e_k × y) yᵀ, ∫ (e_k × y) sᵀ, ∫ e_k × y
+            work.moments[row, 3 * k + c] = 0.0
+            work.moments[row, 3 * l + c] = -work.second[m, c]
+            work.moments[row, 3 * m + c] = work.second[l, c]
+            model.reference_moment[b, row, 3 * l + c] = -work.mixed[m, c]
+            model.reference_moment[b, row, 3 * m + c] = work.mixed[l, c]
+        model.first_moment[b, row, l], model.first_moment[b, row, m] = -work.mean[m], work.mean[l]
+    for k in range(3):
+        l, m = (k + 1) % 3, (k + 2) % 3
+        row = n - 3 + k
+        for j in range(row + 1):
+            v = work.moments[j]
+            for c in range(3):
+                e[k, c] = 0.0
+                e[l, c] = -v[3 * c + m]
+                e[m, c] = v[3 * c + l]
+            a[0, row, j], a[1, row, j], a[2, row, j] = e[0, 0], e[1, 1], e[2, 2]
+            a[3, row, j], a[4, row, j], a[5, row, j] = e[0, 1] + e[1, 0], e[0, 2] + e[2, 0], e[1, 2] + e[2, 1]
+            g[0, row, j], g[1, row, j], g[2, row, j] = e[2, 1] - e[1, 2], e[0, 2] - e[2, 0], e[1, 0] - e[0, 1]
+            mass = e[0, 0] + e[1, 1] + e[2, 2]
+            model.mass_low[b, row, j], model.mass_up[b, row, j] = mass, mass
+    for i in range(n - 6):
+        state.deformed[b, i] = q[i]
+    return factorize(n - 3, n, model.first[b], model.mass_low[b], model.mass_up[b])
+
+
+@inner
+def renew_markers(b, model, state):
+    """The same for the markers of the body, and M⁻¹ shapeᵀ of those that are held."""
+    n = model.n[b]
+    for m in range(model.marker_body.shape[0]):
+        if model.marker_body[m] != b:
+            continue
+        shape = model.marker_shape[m]
+        for i in range(3):
+            total = 0.0
+            for k in range(n - 6):
+                total += shape[i, k] * state.deformed[b, k]
+            model.marker_lever[m, i] = total
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            shape[i, n - 3 + k] = -model.marker_position[m, j] - model.marker_lever[m, j]
+            shape[j, n - 3 + k] = model.marker_position[m, i] + model.marker_lever[m, i]
+        for i in range(model.marker_held[m]):
+            column = model.mass_columns[m, i]
+            for k in range(n):
+                column[k] = shape[i, k]
+            solve(n, model.first[b], model.mass_low[b], model.mass_up[b], column)
+
+
+@kernel
+def renew(b, model, state, work):
+    """Rotation modes of the body as it is now deformed, at unchanged velocities; False for a singular mass matrix."""
+    n = model.n[b]
+    for i in range(n - 6):
+        work.vector[b, i] = state.q[b, i] - state.deformed[b, i]
+    take_out(b, state.v[b, n - 3 : n], model, state, work)
+    if not renew_rotations(b, model, state, work):
+        return False
+    renew_markers(b, model, state)
+    return True
+
+
+# ---- one step ------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def accelerations(value, model, state, work):
+    """Accelerations and multipliers of eq. (6) with the constraints differentiated twice, for the present state."""
+    n_row = model.row_kind.shape[0]
+    for b in range(model.n.shape[0]):
+        inner_forces(b, model, state, state.q[b], state.v[b], state.a[b])
+    add_loads(value, model, state, state.q, work, state.a)
+    for b in range(model.n.shape[0]):
+        solve(model.n[b], model.first[b], model.mass_low[b], model.mass_up[b], state.a[b])
+    if n_row == 0:
+        return OK
+    constraint_rows(model, state, state.q, state.v, work)
+    for r in range(n_row):
+        state.multiplier[r] = work.row_bias[r]
+    rows_of(model, state.a, work, state.multiplier)
+    schur_complement(model, model.mass_pairs, work.weight, work.schur)
+    if not solve_dense(n_row, work.schur, state.multiplier):
+        return SINGULAR_CONSTRAINTS
+    subtract_reactions(model, model.mass_columns, state.multiplier, work, state.a)
+    return OK
+
+
+@inner
+def hold_positions(model, state, work, n_passes):
+    """Remove what is left of the constraint residual, along S⁻¹ Bᵀ of the step just taken."""
+    n_row = model.row_kind.shape[0]
+    for _ in range(n_passes):
+        constraint_rows(model, state, state.q, state.v, work)
+        worst = 0.0
+        for r in range(n_row):
+            work.multiplier[r] = work.row_value[r]
+            worst = max(worst, abs(work.row_value[r]))
+        if worst < 1e-12:
+            return OK
+        schur_complement(model, work.pairs, work.weight, work.schur)
+        if not solve_dense(n_row, work.schur, work.multiplier):
+            return SINGULAR_CONSTRAINTS
+        subtract_reactions(model, work.columns, work.multiplier, work, state.q)
+    return OK
+
+
+@kernel
+def hold_velocities(model, state, work):
+    """Project the velocities on Φ̇ = 0 in the metric of the mass matrix."""
+    n_row = model.row_kind.shape[0]
+    constraint_rows(model, state, state.q, state.v, work)
+    for r in range(n_row):
+        work.multiplier[r] = work.row_rate[r]
+    schur_complement(model, model.mass_pairs, work.weight, work.schur)
+    if not solve_dense(n_row, work.schur, work.multiplier):
+        return SINGULAR_CONSTRAINTS
+    subtract_reactions(model, model.mass_columns, work.multiplier, work, state.v)
+    return OK
+
+
+@inner
+def factorize_step(h, model, state, work):
+    """Newmark matrices at the end of the step, their factors and S⁻¹ shapeᵀ of the held markers."""
+    for b in range(model.n.shape[0]):
+        newmark_matrix(b, h, model, state, work.low[b], work.up[b])
+        if not factorize(0, model.n[b], model.first[b], work.low[b], work.up[b]):
+            return SINGULAR_BODY
+    for m in range(model.marker_body.shape[0]):
+        b = model.marker_body[m]
+        for i in range(model.marker_held[m]):
+            column = work.columns[m, i]
+            for k in range(model.n[b]):
+                column[k] = model.marker_shape[m, i, k]
+            solve(model.n[b], model.first[b], work.low[b], work.up[b], column)
+    marker_pairs(model, work.columns, work.pairs)
+    return OK
+
+
+@inner
+def newmark_solve(h, value, n_iterations, model, state, work):
+    """Solve eq. (6) for the increment of q over the step; work.next ends as q at its end.
+
+    The matrices do not depend on q: an iteration renews only loads and constraint directions.
+    """
+    n_b, n_row = model.n.shape[0], model.row_kind.shape[0]
+    for b in range(n_b):
+        n, vector, base = model.n[b], work.vector[b], work.base[b]
+        for k in range(n):
+            vector[k] = -state.v[b, k]
+            work.next[b, k] = state.q[b, k]
+        inner_forces(b, model, state, state.q[b], vector, base)
+        for k in range(n):
+            vector[k] = 4.0 / h * state.v[b, k] + state.a[b, k]
+        mass_product(b, model, vector, base)
+    for _ in range(n_iterations):
+        for b in range(n_b):
+            for k in range(model.n[b]):
+                work.rhs[b, k] = work.base[b, k]
+        add_loads(value, model, state, work.next, work, work.rhs)
+        for b in range(n_b):
+            solve(model.n[b], model.first[b], work.low[b], work.up[b], work.rhs[b])
+        if n_row > 0:
+            constraint_rows(model, state, work.next, state.v, work)
+            for b in range(n_b):
+                for k in range(model.n[b]):
+                    work.vector[b, k] = state.q[b, k] + work.rhs[b, k] - work.next[b, k]
+            for r in range(n_row):
+                work.multiplier[r] = work.row_value[r]
+            rows_of(model, work.vector, work, work.multiplier)
+            schur_complement(model, work.pairs, work.weight, work.schur)
+            if not solve_dense(n_row, work.schur, work.multiplier):
+                return SINGULAR_CONSTRAINTS
+            subtract_reactions(model, work.columns, work.multiplier, work, work.rhs)
+        for b in range(n_b):
+            for k in range(model.n[b]):
+                work.next[b, k] = state.q[b, k] + work.rhs[b, k]
+    return OK
+
+
+@inner
+def step(h, value, n_iterations, threshold, model, state, work):
+    """Advance all bodies by h under the loads (n_loads, 6) at the end of the step; returns a code."""
+    n_b = model.n.shape[0]
+    for b in range(n_b):
+        predict_frame(b, h, model, state, work)
+    code = factorize_step(h, model, state, work)
+    if code == OK:
+        code = newmark_solve(h, value, n_iterations, model, state, work)
+    if code != OK:
+        return code
+    total = 0.0
+    for b in range(n_b):
+        for k in range(model.n[b]):
+            change, rate = work.next[b, k] - state.q[b, k], state.v[b, k]
+            state.a[b, k] = 4.0 / (h * h) * change - 4.0 / h * rate - state.a[b, k]
+            state.v[b, k] = 2.0 / h * change - rate
+            state.q[b, k] = work.next[b, k]
+            total += abs(work.next[b, k])
+    if not math.isfinite(total):
+        return DIVERGED
+    for b in range(n_b):
+        state.age[b] += h
+        if model.deformed_modes and not renew(b, model, state, work):
+            return SINGULAR_BODY
+        if needs_update(b, threshold, model, state):
+            if model.prediction == PRINTED:
+                update_printed(b, model, state, work)
+            else:
+                update_frame(b, model, state, work)
+            state.age[b] = 0.0
+            state.n_updates[b] += 1
+    if model.row_kind.shape[0] > 0:
+        if model.deformed_modes:
+            marker_pairs(model, model.mass_columns, model.mass_pairs)
+        code = hold_positions(model, state, work, 3)
+        if code == OK:
+            code = hold_velocities(model, state, work)
+    if code == OK:
+        code = accelerations(value, model, state, work)
+    return code
+
+
+@kernel
+def advance(h, values, n_iterations, threshold, model, state, work, done):
+    """Take one step for each row of values (n_steps, n_loads, 6); done[0] counts the steps that succeeded."""
+    for i in range(values.shape[0]):
+        code = step(h, values[i], n_iterations, threshold, model, state, work)
+        if code != OK:
+            return code
+        done[0] = i + 1
+    return OK

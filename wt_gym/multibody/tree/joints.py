@@ -1,0 +1,148 @@
+"""What connects bodies: joints of the tree, and constraint equations between its bodies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt_gym.multibody.checks import check_number, check_rotation, check_vector
+from wt_gym.multibody.constraints import constraint_kernels
+from wt_gym.multibody.errors import MultibodyError
+from wt_gym.multibody.tree import tree_kernels
+
+__all__ = ["Constraint", "Joint"]
+
+_JOINTS = {  # code in the kernels, positions, velocities
+    "fixed": (tree_kernels.FIXED, 0, 0),
+    "revolute": (tree_kernels.REVOLUTE, 1, 1),
+    "prismatic": (tree_kernels.PRISMATIC, 1, 1),
+    "spherical": (tree_kernels.SPHERICAL, 4, 3),
+    "free": (tree_kernels.FREE, 7, 6),
+    "servo": (tree_kernels.SERVO, 0, 0),
+}
+_CONSTRAINTS = {  # code in the kernels, equations
+    "weld": (constraint_kernels.WELD, 6),
+    "hinge": (constraint_kernels.HINGE, 5),
+    "ball": (constraint_kernels.BALL, 3),
+}
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Connection of a body to a marker of its parent.
+
+    Attributes
+    ----------
+    kind : str
+        "fixed", "revolute", "prismatic", "spherical", "free", or "servo": a rotation driven by a second-order servo
+        that follows a command, θ̈ = ω² (θ_c − θ) − 2 ζ ω θ̇.
+    axis : array (3,)
+        Unit axis of a revolute, servo or prismatic joint, in the joint frame.
+    rotation : array (3, 3)
+        Orientation of the joint frame relative to the marker.
+    offset : array (3,)
+        Origin of the joint frame relative to the marker, marker axes [m].
+    stiffness, damping : float
+        Spring [N m/rad or N/m] and damper about the reference given as an input (revolute and prismatic only).
+    servo_frequency, servo_damping : float
+        ω [rad/s] and ζ of a servo.
+    name : str
+        Name of the coordinate(s).
+
+    Raises
+    ------
+    MultibodyError
+        For an unknown kind, vectors that are not three finite numbers, an axis that is no unit vector, a matrix that is
+        no proper rotation, negative values, and springs, dampers or servos that the kind does not have.
+    """
+
+    kind: str = "fixed"
+    axis: tuple = (0.0, 0.0, 1.0)
+    rotation: np.ndarray | None = None
+    offset: tuple = (0.0, 0.0, 0.0)
+    stiffness: float = 0.0
+    damping: float = 0.0
+    servo_frequency: float = 0.0
+    servo_damping: float = 1.0
+    name: str = ""
+
+    def __post_init__(self):
+        if self.kind not in _JOINTS:
+            raise MultibodyError(f"joint kind {self.kind!r} is unknown; allowed: {', '.join(_JOINTS)}")
+        owner = f"{self.kind} joint {self.name!r}"
+        check_vector(owner, "axis", self.axis, unit=self.kind in ("revolute", "prismatic", "servo"))
+        check_vector(owner, "offset", self.offset)
+        check_rotation(owner, "rotation", self.rotation)
+        for name in ("stiffness", "damping", "servo_frequency"):
+            bears = ("servo",) if name == "servo_frequency" else ("revolute", "prismatic")
+            check_number(owner, name, getattr(self, name), positive=self.kind == "servo" and name == "servo_frequency")
+            if getattr(self, name) != 0.0 and self.kind not in bears:
+                raise MultibodyError(
+                    f"{owner} bears no {name}, got {getattr(self, name)}; allowed: {' and '.join(bears)}"
+                )
+        check_number(owner, "servo_damping", self.servo_damping)
+
+    @property
+    def code(self):
+        """Number of the kind in the compiled kernels."""
+        return _JOINTS[self.kind][0]
+
+    @property
+    def n_position(self):
+        """Number of position coordinates; a quaternion has four."""
+        return _JOINTS[self.kind][1]
+
+    @property
+    def n_velocity(self):
+        """Number of velocities."""
+        return _JOINTS[self.kind][2]
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Equations that tie a frame of one body to a frame of another.
+
+    Attributes
+    ----------
+    kind : str
+        "weld" (six equations), "hinge" (five, free rotation about ``axis``) or "ball" (three).
+    rotation, second_rotation : array (3, 3)
+        Orientation of the frames relative to their markers.
+    offset, second_offset : array (3,)
+        Origins of the frames relative to their markers [m].
+    axis : array (3,)
+        Hinge axis, or axis of the servo, in the first frame.
+    servo_frequency, servo_damping : float
+        A positive frequency [rad/s] turns the first frame by a servo about ``axis`` (a commanded pitch bearing).
+    name : str
+    """
+
+    kind: str = "weld"
+    rotation: np.ndarray | None = None
+    offset: tuple = (0.0, 0.0, 0.0)
+    second_rotation: np.ndarray | None = None
+    second_offset: tuple = (0.0, 0.0, 0.0)
+    axis: tuple = (0.0, 0.0, 1.0)
+    servo_frequency: float = 0.0
+    servo_damping: float = 1.0
+    name: str = ""
+
+    def __post_init__(self):
+        if self.kind not in _CONSTRAINTS:
+            raise MultibodyError(f"constraint kind {self.kind!r} is unknown; allowed: {', '.join(_CONSTRAINTS)}")
+        owner = f"{self.kind} constraint {self.name!r}"
+        check_vector(owner, "axis", self.axis, unit=True)
+        for frame in ("", "second_"):
+            check_vector(owner, f"{frame}offset", getattr(self, f"{frame}offset"))
+            check_rotation(owner, f"{frame}rotation", getattr(self, f"{frame}rotation"))
+        for name in ("servo_frequency", "servo_damping"):
+            check_number(owner, name, getattr(self, name))
+
+    @property
+    def code(self):
+        """Number of the kind in the compiled kernels."""
+        return _CONSTRAINTS[self.kind][0]
+
+    @property
+    def n_rows(self):
+        """Number of equations."""
+        return _CONSTRAINTS[self.kind][1]

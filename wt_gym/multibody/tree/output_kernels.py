@@ -1,0 +1,97 @@
+"""Compiled quantities that follow from a known motion: energies, and the loads that the joints transmit."""
+
+from wt_gym.compiled import kernel
+from wt_gym.multibody.tree.rotation_kernels import cross_add
+from wt_gym.multibody.tree.tree_kernels import body_terms, kinematics
+
+
+@kernel
+def energies(y, tree, work):
+    """Kinetic, elastic (bodies and joint springs about zero) and gravitational energy [J]; updates the kinematics."""
+    n_q, n_u = tree.n_q, tree.n_u
+    yd = y[n_q : n_q + n_u]
+    kinematics(y, tree, work)
+    kinetic, elastic, potential = 0.0, 0.0, 0.0
+    for b in range(tree.parent.shape[0]):
+        body_terms(b, y, yd, tree, work)
+        v, w, mc, jj, rot = work.v[b], work.omega[b], work.mc[b], work.jj[b], work.rot[b]
+        m, nf, u0, q0 = tree.mass[b], tree.n_elastic[b], tree.elastic_u[b], tree.elastic_q[b]
+        for i in range(3):
+            work.c1[i] = 0.0
+        cross_add(w, mc, work.c1)
+        for i in range(3):
+            kinetic += 0.5 * m * v[i] * v[i] + v[i] * work.c1[i]
+            centre = m * work.r[b, i]
+            for j in range(3):
+                kinetic += 0.5 * w[i] * jj[i, j] * w[j]
+                centre += rot[i, j] * mc[j]
+            potential -= tree.gravity[i] * centre
+        for k in range(nf):
+            for i in range(3):
+                kinetic += yd[u0 + k] * (v[i] * work.cc[b, i, k] + w[i] * work.dk[b, i, k])
+            for j in range(nf):
+                kinetic += 0.5 * yd[u0 + k] * work.mff[b, k, j] * yd[u0 + j]
+                elastic += 0.5 * y[q0 + k] * tree.stiffness[b, k, j] * y[q0 + j]
+    for i in range(n_u):
+        if tree.dof_stiffness[i] != 0.0:
+            elastic += 0.5 * tree.dof_stiffness[i] * y[tree.dof_q[i]] ** 2
+    return kinetic, elastic, potential
+
+
+@kernel
+def joint_wrenches(y, acceleration, loads, tree, work, wrench):
+    """Force and moment that each joint exerts on its body, at the body frame origin in body components.
+
+    Inertia minus applied loads of the body plus what its children take through their joints (tip to root); a free body
+    that a weld ties to another one counts as its child. Needs
+    kinematics of the state y and servo accelerations up to date; ``acceleration`` is u̇ (n_u,), ``wrench`` (n_b, 6).
+    """
+    n_q = tree.n_q
+    yd = y[n_q : n_q + tree.n_u]
+    wrench[:, :] = 0.0
+    a, al = work.a, work.al
+    for b in range(tree.parent.shape[0] - 1, -1, -1):
+        body_terms(b, y, yd, tree, work)
+        m, nf, mc, jj, h, rot = tree.mass[b], tree.n_elastic[b], work.mc[b], work.jj[b], work.h[b], work.rot[b]
+        for i in range(3):
+            a[i] = (
+                work.bias_lin[b, i]
+                - rot[0, i] * tree.gravity[0]
+                - rot[1, i] * tree.gravity[1]
+                - rot[2, i] * tree.gravity[2]
+            )
+            al[i] = work.bias_ang[b, i]
+            for c in range(tree.n_col[b]):
+                rate = acceleration[tree.cols[b, c]]
+                a[i] += work.vl[b, i, c] * rate
+                al[i] += work.va[b, i, c] * rate
+        f, t = work.c1, work.c2
+        for i in range(3):
+            f[i] = m * a[i] + h[i] - loads[b, i]
+            t[i] = jj[i, 0] * al[0] + jj[i, 1] * al[1] + jj[i, 2] * al[2] + h[3 + i] - loads[b, 3 + i]
+            for k in range(nf):
+                rate = acceleration[tree.elastic_u[b] + k]
+                f[i] += work.cc[b, i, k] * rate
+                t[i] += work.dk[b, i, k] * rate
+        cross_add(al, mc, f)
+        cross_add(mc, a, t)
+        for i in range(3):
+            wrench[b, i] += f[i]
+            wrench[b, 3 + i] += t[i]
+        p = tree.load_parent[b]
+        if p >= 0:
+            # into parent components: global difference of origins gives the lever
+            pr = work.rot[p]
+            for i in range(3):
+                work.th[i] = 0.0
+                work.thd[i] = 0.0
+                work.x[i] = 0.0
+                for j in range(3):
+                    work.x[i] += pr[j, i] * (work.r[b, j] - work.r[p, j])
+                    turn = pr[0, i] * rot[0, j] + pr[1, i] * rot[1, j] + pr[2, i] * rot[2, j]
+                    work.th[i] += turn * wrench[b, j]
+                    work.thd[i] += turn * wrench[b, 3 + j]
+            cross_add(work.x, work.th, work.thd)
+            for i in range(3):
+                wrench[p, i] += work.th[i]
+                wrench[p, 3 + i] += work.thd[i]

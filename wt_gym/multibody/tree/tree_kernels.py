@@ -1,0 +1,459 @@
+"""Compiled equations of motion of a tree of flexible bodies in embedded minimal form.
+
+Notation of one body (all vectors in body-frame components, frame origin at its joint):
+``a = Vl u̇ + gl`` and ``ω̇ = Va u̇ + ga`` are the true acceleration of the frame origin and the angular acceleration;
+the columns of ``Vl``/``Va`` that can be non-zero are listed in ``cols[b, :n_col[b]]`` and stored in that order.
+
+Newton–Euler–Lagrange equations of the body, from the kinetic energy second order in the elastic coordinates q
+(Boltzmann–Hamel form; Shabana, Dynamics of Multibody Systems, ch. 5), with the integrals of ``BodyInertia``:
+
+    m a + ω̇ × mc + C q̈ + 2 ω × C q̇ + c2(q̇, q̇) + ω × (ω × mc)          = F
+    mc × a + J ω̇ + D q̈ + J̇ ω + d1(q̇, q̇) + ω × (J ω + D q̇)            = M
+    Cᵀ a + Dᵀ ω̇ + M q̈ + ω·(d1_kj − d1_jk) q̇_j − ½ ω·∂J/∂q_k ω
+        + (m1_klj − ½ m1_ljk) q̇_l q̇_j + K q + D q̇                           = Q
+
+Gravity enters as a − g. The velocity transformation Vᵀ(·) of all bodies gives the equations M u̇ = f in the joint and
+elastic velocities u; constraint forces do not appear. Equations that tie bodies as well are in
+:mod:`wt_gym.multibody.constraints.constraint_kernels`, the solution for u̇ in :mod:`wt_gym.multibody.tree.rate_kernels`.
+"""
+
+from wt_gym.compiled import kernel
+from wt_gym.multibody.tree.rotation_kernels import cross_add, quaternion_rotation, rotation_exp, tangent_bias
+
+FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, SERVO = range(6)
+OK, SINGULAR_MASS, SINGULAR_CONSTRAINTS, DIVERGED = range(4)
+
+
+@kernel(inline="always")
+def attachment(b, p, y, yd, tree, work):
+    """Position, rotation and rates of marker b on body p, in components of p.
+
+    Fills work.x (position), work.rn (rotation), work.ti (tangent), work.s_eff (S + H q) and, relative to the parent
+    frame, work.xd (velocity), work.xb (acceleration bias), work.wn (angular velocity), work.wb (angular bias).
+    """
+    nf = tree.n_elastic[p]
+    q0, u0 = tree.elastic_q[p], tree.elastic_u[p]
+    for i in range(3):
+        x, xd, xb, th, thd = tree.marker_position[b, i], 0.0, 0.0, 0.0, 0.0
+        for k in range(nf):
+            lin, rate, bias = tree.marker_linear[b, i, k], 0.0, 0.0
+            half = lin
+            for j in range(nf):
+                h = tree.marker_second[b, i, k, j]
+                lin += h * y[q0 + j]
+                half += 0.5 * h * y[q0 + j]
+                bias += h * yd[u0 + j]
+            work.s_eff[i, k] = lin
+            x += half * y[q0 + k]
+            rate = yd[u0 + k]
+            xd += lin * rate
+            xb += bias * rate
+            th += tree.marker_rotation[b, i, k] * y[q0 + k]
+            thd += tree.marker_rotation[b, i, k] * rate
+        work.x[i], work.xd[i], work.xb[i], work.th[i], work.thd[i] = x, xd, xb, th, thd
+    rotation_exp(work.th, work.rn, work.ti)
+    t, td = work.th, work.thd
+    for i in range(3):
+        work.wn[i] = work.ti[i, 0] * td[0] + work.ti[i, 1] * td[1] + work.ti[i, 2] * td[2]
+    tangent_bias(t, td, work.wb)
+
+
+@kernel
+def kinematics(y, tree, work):
+    """Frames, velocities, velocity transformation and acceleration bias of all bodies for the state y."""
+    n_q = tree.n_q
+    yd = y[n_q : n_q + tree.n_u]
+    for b in range(tree.parent.shape[0]):
+        p = tree.parent[b]
+        n_in = joint_frame(b, p, y, yd, tree, work)
+        for i in range(3):
+            work.r[b, i] = work.x[i]
+            if p >= 0:
+                work.r[b, i] = work.r[p, i]
+                for j in range(3):
+                    work.r[b, i] += work.rot[p, i, j] * work.x[j]
+        joint_motion(b, p, tree.kind[b], n_in, y, yd, tree, work)
+
+
+@kernel(inline="always")
+def joint_frame(k, p, y, yd, tree, work):
+    """Motion of the frame that marker k carries on body p (the ground for p = −1), in components of p.
+
+    Fills work.x (position in p), work.rj (orientation in p), work.wn and work.nv (absolute angular and linear
+    velocity), work.nb_ang and work.nb_lin (acceleration bias) and the columns work.na and work.nl, which belong to the
+    velocities ``cols[p]`` followed by the elastic ones of p. Returns the number of columns.
+    """
+    lever, wn, nb_lin, nb_ang, nv = work.lever, work.wn, work.nb_lin, work.nb_ang, work.nv
+    if p < 0:
+        for i in range(3):
+            work.x[i] = tree.joint_offset[k, i]
+            wn[i] = 0.0
+            nb_lin[i] = 0.0
+            nb_ang[i] = 0.0
+            nv[i] = 0.0
+            for j in range(3):
+                work.rj[i, j] = tree.joint_rotation[k, i, j]
+        return 0
+    attachment(k, p, y, yd, tree, work)
+    for i in range(3):
+        lever[i] = (
+            work.rn[i, 0] * tree.joint_offset[k, 0]
+            + work.rn[i, 1] * tree.joint_offset[k, 1]
+            + work.rn[i, 2] * tree.joint_offset[k, 2]
+        )
+        for j in range(3):
+            work.rj[i, j] = (
+                work.rn[i, 0] * tree.joint_rotation[k, 0, j]
+                + work.rn[i, 1] * tree.joint_rotation[k, 1, j]
+                + work.rn[i, 2] * tree.joint_rotation[k, 2, j]
+            )
+    # relative position, velocity and bias of the joint origin in the parent frame
+    for i in range(3):
+        work.x[i] += lever[i]
+        work.c1[i] = 0.0
+        work.c2[i] = 0.0
+    cross_add(wn, lever, work.c1)  # w × lever
+    cross_add(wn, work.c1, work.c2)
+    cross_add(work.wb, lever, work.c2)
+    wp, vp = work.omega[p], work.v[p]
+    for i in range(3):
+        work.xd[i] += work.c1[i]
+        work.xb[i] += work.c2[i]
+        work.c1[i] = 0.0
+        work.c2[i] = 0.0
+        nb_lin[i] = work.bias_lin[p, i] + work.xb[i]
+        nb_ang[i] = work.bias_ang[p, i] + work.wb[i]
+        nv[i] = vp[i] + work.xd[i]
+    cross_add(wp, work.x, work.c1)
+    for i in range(3):
+        nv[i] += work.c1[i]
+        work.c2[i] = work.c1[i] + 2.0 * work.xd[i]
+    cross_add(wp, work.c2, nb_lin)
+    cross_add(work.bias_ang[p], work.x, nb_lin)
+    cross_add(wp, wn, nb_ang)
+    for i in range(3):
+        wn[i] += wp[i]
+    # columns: those of the parent, then the parent's elastic coordinates
+    x = work.x
+    n_in = tree.n_col[p]
+    for c in range(n_in):
+        va0, va1, va2 = work.va[p, 0, c], work.va[p, 1, c], work.va[p, 2, c]
+        work.na[0, c], work.na[1, c], work.na[2, c] = va0, va1, va2
+        work.nl[0, c] = work.vl[p, 0, c] + va1 * x[2] - va2 * x[1]
+        work.nl[1, c] = work.vl[p, 1, c] + va2 * x[0] - va0 * x[2]
+        work.nl[2, c] = work.vl[p, 2, c] + va0 * x[1] - va1 * x[0]
+    for e in range(tree.n_elastic[p]):
+        for i in range(3):
+            work.na[i, n_in] = (
+                work.ti[i, 0] * tree.marker_rotation[k, 0, e]
+                + work.ti[i, 1] * tree.marker_rotation[k, 1, e]
+                + work.ti[i, 2] * tree.marker_rotation[k, 2, e]
+            )
+        va0, va1, va2 = work.na[0, n_in], work.na[1, n_in], work.na[2, n_in]
+        work.nl[0, n_in] = work.s_eff[0, e] + va1 * lever[2] - va2 * lever[1]
+        work.nl[1, n_in] = work.s_eff[1, e] + va2 * lever[0] - va0 * lever[2]
+        work.nl[2, n_in] = work.s_eff[2, e] + va0 * lever[1] - va1 * lever[0]
+        n_in += 1
+    return n_in
+
+
+@kernel(inline="always")
+def joint_motion(b, p, kind, n_in, y, yd, tree, work):
+    """Carry the joint-frame kinematics (parent components) through the joint of body b."""
+    q0, u0 = tree.joint_q[b], tree.joint_u[b]
+    axis = tree.axis[b]
+    wn, nb_lin, nb_ang, nv = work.wn, work.nb_lin, work.nb_ang, work.nv
+    rate, accel = 0.0, 0.0
+    if kind == PRISMATIC or kind == FREE:
+        slide_joint(b, p, kind, n_in, y, yd, tree, work)
+        n_in += 1 if kind == PRISMATIC else 3
+    if kind == REVOLUTE or kind == SERVO:
+        if kind == REVOLUTE:
+            angle, rate = y[q0], yd[u0]
+        else:
+            n_y = tree.n_q + tree.n_u
+            s = tree.servo[b]
+            angle, rate, accel = y[n_y + s], y[n_y + tree.n_servo + s], work.servo_acceleration[s]
+        for i in range(3):
+            work.th[i] = axis[i] * angle
+        rotation_exp(work.th, work.rn, work.ti)
+    elif kind == SPHERICAL:
+        quaternion_rotation(y[q0 : q0 + 4], work.rn)
+    elif kind == FREE:
+        quaternion_rotation(y[q0 + 3 : q0 + 7], work.rn)
+    if kind == FIXED or kind == PRISMATIC:
+        for i in range(3):
+            for j in range(3):
+                work.rb[i, j] = work.rj[i, j]
+    else:
+        for i in range(3):
+            for j in range(3):
+                work.rb[i, j] = (
+                    work.rj[i, 0] * work.rn[0, j] + work.rj[i, 1] * work.rn[1, j] + work.rj[i, 2] * work.rn[2, j]
+                )
+    rb = work.rb
+    # into body components
+    for i in range(3):
+        work.omega[b, i] = rb[0, i] * wn[0] + rb[1, i] * wn[1] + rb[2, i] * wn[2]
+        work.v[b, i] = rb[0, i] * nv[0] + rb[1, i] * nv[1] + rb[2, i] * nv[2]
+        work.bias_lin[b, i] = rb[0, i] * nb_lin[0] + rb[1, i] * nb_lin[1] + rb[2, i] * nb_lin[2]
+        work.bias_ang[b, i] = rb[0, i] * nb_ang[0] + rb[1, i] * nb_ang[1] + rb[2, i] * nb_ang[2]
+        for c in range(n_in):
+            work.vl[b, i, c] = rb[0, i] * work.nl[0, c] + rb[1, i] * work.nl[1, c] + rb[2, i] * work.nl[2, c]
+            work.va[b, i, c] = rb[0, i] * work.na[0, c] + rb[1, i] * work.na[1, c] + rb[2, i] * work.na[2, c]
+        for j in range(3):
+            if p >= 0:
+                work.rot[b, i, j] = (
+                    work.rot[p, i, 0] * rb[0, j] + work.rot[p, i, 1] * rb[1, j] + work.rot[p, i, 2] * rb[2, j]
+                )
+            else:
+                work.rot[b, i, j] = rb[i, j]
+    # relative rotation of the joint: the axis is the same in both frames
+    if kind == REVOLUTE or kind == SERVO:
+        for i in range(3):
+            work.th[i] = axis[i] * rate
+        cross_add(work.omega[b], work.th, work.bias_ang[b])
+        for i in range(3):
+            work.omega[b, i] += work.th[i]
+            if kind == SERVO:
+                work.bias_ang[b, i] += axis[i] * accel
+            else:
+                work.va[b, i, n_in] = axis[i]
+                work.vl[b, i, n_in] = 0.0
+    elif kind == SPHERICAL or kind == FREE:
+        first = u0 if kind == SPHERICAL else u0 + 3
+        for i in range(3):
+            work.th[i] = yd[first + i]
+        cross_add(work.omega[b], work.th, work.bias_ang[b])
+        for i in range(3):
+            work.omega[b, i] += work.th[i]
+            for j in range(3):
+                work.va[b, j, n_in + i] = 1.0 if i == j else 0.0
+                work.vl[b, j, n_in + i] = 0.0
+
+
+@kernel(inline="always")
+def slide_joint(b, p, kind, n_in, y, yd, tree, work):
+    """Translation of a prismatic or free joint, along axes fixed in the joint frame (parent components).
+
+    wn, nb_*, nv are those of the joint frame; its orientation does not change by sliding, so a translation d adds
+    ω × d etc. and the columns d/du.
+    """
+    q0, u0 = tree.joint_q[b], tree.joint_u[b]
+    d, dd = work.c1, work.c2
+    n_slide = 1 if kind == PRISMATIC else 3
+    for i in range(3):
+        d[i] = 0.0
+        dd[i] = 0.0
+        for k in range(n_slide):
+            if kind == PRISMATIC:
+                direction = (
+                    work.rj[i, 0] * tree.axis[b, 0] + work.rj[i, 1] * tree.axis[b, 1] + work.rj[i, 2] * tree.axis[b, 2]
+                )
+            else:
+                direction = work.rj[i, k]
+            d[i] += direction * y[q0 + k]
+            dd[i] += direction * yd[u0 + k]
+            work.nl[i, n_in + k] = direction
+            work.na[i, n_in + k] = 0.0
+    for c in range(n_in):
+        a0, a1, a2 = work.na[0, c], work.na[1, c], work.na[2, c]
+        work.nl[0, c] += a1 * d[2] - a2 * d[1]
+        work.nl[1, c] += a2 * d[0] - a0 * d[2]
+        work.nl[2, c] += a0 * d[1] - a1 * d[0]
+    for i in range(3):
+        work.th[i] = 0.0
+    cross_add(work.wn, d, work.th)
+    for i in range(3):
+        work.nv[i] += dd[i] + work.th[i]
+        work.thd[i] = work.th[i] + 2.0 * dd[i]
+        if p >= 0:
+            work.r[b, i] += work.rot[p, i, 0] * d[0] + work.rot[p, i, 1] * d[1] + work.rot[p, i, 2] * d[2]
+        else:
+            work.r[b, i] += d[i]
+    cross_add(work.wn, work.thd, work.nb_lin)
+    cross_add(work.nb_ang, d, work.nb_lin)
+
+
+@kernel(inline="always")
+def elastic_mass(b, y, tree, work):
+    """Elastic mass matrix of body b, work.mff, and what else is of its order.
+
+    work.dq[k, j, i] = ∂D_ki/∂q_j, and for bodies with complete integrals work.reach[k, l, j] = ∫ (H q)_k · H_lj dm.
+    """
+    nf, n_full, q0 = tree.n_elastic[b], tree.n_complete[b], tree.elastic_q[b]
+    mff, dq, reach = work.mff[b], work.dq, work.reach
+    for k in range(nf):
+        for j in range(nf):
+            for i in range(3):
+                dq[k, j, i] = tree.d1[b, k, j, i]
+        for j in range(k + 1):
+            value = tree.m0[b, k, j]
+            for l in range(nf):
+                value += tree.m1[b, k, j, l] * y[q0 + l]
+            mff[k, j] = value
+            mff[j, k] = value
+    for k in range(n_full):
+        for j in range(n_full):
+            for i in range(3):
+                slope = 0.0
+                for l in range(n_full):
+                    slope += tree.d2[b, k, j, l, i] * y[q0 + l]
+                dq[k, j, i] += 2.0 * slope
+        for j in range(n_full):
+            for l in range(n_full):
+                reach[k, j, l] = 0.0
+        for m in range(n_full):
+            qm = y[q0 + m]
+            for j in range(n_full):
+                for l in range(n_full):
+                    reach[k, j, l] += tree.m2[b, k, m, j, l] * qm
+        for j in range(k + 1):
+            value = 0.0
+            for l in range(n_full):
+                value += reach[k, j, l] * y[q0 + l]
+            mff[k, j] += value
+            if j < k:
+                mff[j, k] += value
+
+
+@kernel
+def body_terms(b, y, yd, tree, work):
+    """State-dependent inertia of body b: mc, J, C, D, M and the velocity-dependent forces h (elastic ones too)."""
+    nf = tree.n_elastic[b]
+    q0, u0 = tree.elastic_q[b], tree.elastic_u[b]
+    elastic_mass(b, y, tree, work)
+    w = work.omega[b]
+    mc, jj, h = work.mc[b], work.jj[b], work.h[b]
+    for i in range(3):
+        mc[i] = tree.c0[b, i]
+        h[i] = 0.0
+        h[3 + i] = 0.0
+        work.cd[i] = 0.0
+        work.dd[i] = 0.0
+        for j in range(3):
+            jj[i, j] = tree.j0[b, i, j]
+            work.jd[i, j] = 0.0
+    for k in range(nf):
+        qk, rk = y[q0 + k], yd[u0 + k]
+        for i in range(3):
+            c, bias, d = tree.c1[b, i, k], 0.0, tree.d0[b, k, i]
+            half, dbias = c, 0.0
+            for j in range(nf):
+                c2 = tree.c2[b, i, k, j]
+                qj, rj = y[q0 + j], yd[u0 + j]
+                c += c2 * qj
+                half += 0.5 * c2 * qj
+                bias += c2 * rj
+                d += 0.5 * (tree.d1[b, k, j, i] + work.dq[k, j, i]) * qj
+                dbias += work.dq[k, j, i] * rj
+            work.cc[b, i, k] = c
+            work.dk[b, i, k] = d
+            mc[i] += half * qk
+            work.cd[i] += c * rk
+            work.dd[i] += d * rk
+            h[i] += bias * rk
+            h[3 + i] += dbias * rk
+        centrifugal = 0.0
+        for i in range(3):
+            for m in range(3):
+                g, half = tree.j1[b, k, i, m], tree.j1[b, k, i, m]
+                for j in range(nf):
+                    j2 = tree.j2[b, k, j, i, m] * y[q0 + j]
+                    g += j2
+                    half += 0.5 * j2
+                jj[i, m] += half * qk
+                work.jd[i, m] += g * rk
+                centrifugal += w[i] * g * w[m]
+        gyro = 0.0
+        for j in range(nf):
+            convective = 0.0
+            for l in range(nf):
+                convective += (tree.m1[b, k, l, j] - 0.5 * tree.m1[b, l, j, k]) * yd[u0 + l]
+            gyro += yd[u0 + j] * (
+                convective
+                + w[0] * (work.dq[k, j, 0] - work.dq[j, k, 0])
+                + w[1] * (work.dq[k, j, 1] - work.dq[j, k, 1])
+                + w[2] * (work.dq[k, j, 2] - work.dq[j, k, 2])
+            )
+            if k < tree.n_complete[b]:
+                for l in range(nf):
+                    gyro += work.reach[k, j, l] * yd[u0 + j] * yd[u0 + l]
+        h[6 + k] = gyro - 0.5 * centrifugal
+    # rotational velocity terms
+    for i in range(3):
+        work.c1[i] = 2.0 * work.cd[i]
+        work.c2[i] = work.dd[i]
+        for j in range(3):
+            work.c2[i] += jj[i, j] * w[j]
+            h[3 + i] += work.jd[i, j] * w[j]
+    cross_add(w, mc, work.c1)
+    cross_add(w, work.c1, h[:3])
+    cross_add(w, work.c2, h[3:6])
+
+
+@kernel(inline="always")
+def assemble(y, loads, tree, work):
+    """Mass matrix and right-hand side of M u̇ = f from all bodies; kinematics must be up to date."""
+    n_q, n_u = tree.n_q, tree.n_u
+    yd = y[n_q : n_q + n_u]
+    mass, force = work.mass, work.force
+    mass[:, :] = 0.0
+    force[:] = 0.0
+    for b in range(tree.parent.shape[0]):
+        body_terms(b, y, yd, tree, work)
+        m, nf, nc = tree.mass[b], tree.n_elastic[b], tree.n_col[b]
+        mc, jj, h, cols = work.mc[b], work.jj[b], work.h[b], tree.cols[b]
+        rot = work.rot[b]
+        a, al, f, t = work.a, work.al, work.c1, work.c2
+        for i in range(3):
+            a[i] = (
+                work.bias_lin[b, i]
+                - rot[0, i] * tree.gravity[0]
+                - rot[1, i] * tree.gravity[1]
+                - rot[2, i] * tree.gravity[2]
+            )
+            al[i] = work.bias_ang[b, i]
+        for i in range(3):
+            f[i] = loads[b, i] - h[i] - m * a[i]
+            t[i] = loads[b, 3 + i] - h[3 + i] - (jj[i, 0] * al[0] + jj[i, 1] * al[1] + jj[i, 2] * al[2])
+        # − ω̇ × mc and − mc × a
+        cross_add(mc, al, f)
+        cross_add(a, mc, t)
+        vl, va = work.vl[b], work.va[b]
+        for c in range(nc):
+            l0, l1, l2 = vl[0, c], vl[1, c], vl[2, c]
+            a0, a1, a2 = va[0, c], va[1, c], va[2, c]
+            force[cols[c]] += l0 * f[0] + l1 * f[1] + l2 * f[2] + a0 * t[0] + a1 * t[1] + a2 * t[2]
+            # momentum of column c: p = m l + a × mc, π = mc × l + J a
+            p0 = m * l0 + a1 * mc[2] - a2 * mc[1]
+            p1 = m * l1 + a2 * mc[0] - a0 * mc[2]
+            p2 = m * l2 + a0 * mc[1] - a1 * mc[0]
+            s0 = mc[1] * l2 - mc[2] * l1 + jj[0, 0] * a0 + jj[0, 1] * a1 + jj[0, 2] * a2
+            s1 = mc[2] * l0 - mc[0] * l2 + jj[1, 0] * a0 + jj[1, 1] * a1 + jj[1, 2] * a2
+            s2 = mc[0] * l1 - mc[1] * l0 + jj[2, 0] * a0 + jj[2, 1] * a1 + jj[2, 2] * a2
+            for d in range(c + 1):
+                value = vl[0, d] * p0 + vl[1, d] * p1 + vl[2, d] * p2 + va[0, d] * s0 + va[1, d] * s1 + va[2, d] * s2
+                i, j = cols[c], cols[d]
+                if i >= j:
+                    mass[i, j] += value
+                else:
+                    mass[j, i] += value
+        u0, q0 = tree.elastic_u[b], tree.elastic_q[b]
+        for k in range(nf):
+            c0, c1, c2 = work.cc[b, 0, k], work.cc[b, 1, k], work.cc[b, 2, k]
+            d0, d1, d2 = work.dk[b, 0, k], work.dk[b, 1, k], work.dk[b, 2, k]
+            q = loads[b, 6 + k] - h[6 + k]
+            q -= c0 * a[0] + c1 * a[1] + c2 * a[2] + d0 * al[0] + d1 * al[1] + d2 * al[2]
+            for j in range(nf):
+                q -= tree.stiffness[b, k, j] * y[q0 + j] + tree.damping[b, k, j] * yd[u0 + j]
+            force[u0 + k] += q
+            for c in range(nc):
+                value = c0 * vl[0, c] + c1 * vl[1, c] + c2 * vl[2, c] + d0 * va[0, c] + d1 * va[1, c] + d2 * va[2, c]
+                i, j = u0 + k, cols[c]
+                if i >= j:
+                    mass[i, j] += value
+                else:
+                    mass[j, i] += value
+            for j in range(k + 1):
+                mass[u0 + k, u0 + j] += work.mff[b, k, j]
