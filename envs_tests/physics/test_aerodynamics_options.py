@@ -216,7 +216,7 @@ def polygon_velocity(n, pitch, curved):
     a, w = lattice.new_state().arrays, lattice.work
     n_rows = 3 * n + 1
     angle = 2.0 * np.pi * (np.arange(1, n_rows + 1) / n - 1.5) - np.pi / n
-    a.count[0] = n_rows
+    a.n_rows[0] = n_rows
     a.age[1:] = np.arange(1, n_rows + 1)
     a.wake_gamma[:] = 1.0
     a.wake[:, 0, 0] = [0.0, 0.0, 1e6]

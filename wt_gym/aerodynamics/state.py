@@ -14,11 +14,6 @@ from wt_gym.aerodynamics.options import AeroOptions
 
 __all__ = ["AeroArrays", "AeroConstants", "AeroState", "AeroWork", "PlanformArrays"]
 
-# Entries of AeroArrays.count
-N_ROWS, STEP, LEVELS, PREPARED, CLOSED = range(5)
-# Entries of AeroArrays.clock
-DT, RESIDUAL, NEXT_DT = range(3)
-
 
 class PlanformArrays(NamedTuple):
     """What the kernels need of a planform."""
@@ -185,8 +180,14 @@ class AeroArrays(NamedTuple):
     k-th shed row behind it.
     """
 
-    count: np.ndarray  # int64 (5,): rows, step, number of stored levels of gamma, step prepared, far wake on
-    clock: np.ndarray  # (3,): last step [s], residual of the decambering [m/s], step under way [s]
+    n_rows: np.ndarray  # int64 (1,) rows of the wake
+    n_steps: np.ndarray  # int64 (1,) steps since the start
+    n_levels: np.ndarray  # int64 (1,) stored levels of gamma, up to two; with one, a solution at dt = 0 is steady
+    prepared: np.ndarray  # int64 (1,) 1 when the influences are those of the step under way
+    far_wake_on: np.ndarray  # int64 (1,) 1 when cylinders (if the options have them) continue the wake
+    dt: np.ndarray  # (1,) step under way [s]
+    last_dt: np.ndarray  # (1,) last accepted step [s]
+    residual: np.ndarray  # (1,) of the decambering [m/s]
     origin: np.ndarray  # (3,) origin of float32 positions [m]
     wake: np.ndarray  # (n_max + 1, n_blade, n_edge + 1, 3) positions [m]
     history: np.ndarray  # same shape, velocity at the time before [m/s]
@@ -243,7 +244,10 @@ class AeroState:
         gamma_shape = (n_blades, n_chord, n_span)
         return cls(
             AeroArrays(
-                count=np.zeros(5, dtype=np.int64), clock=np.zeros(3), origin=np.zeros(3),
+                n_rows=np.zeros(1, dtype=np.int64), n_steps=np.zeros(1, dtype=np.int64),
+                n_levels=np.zeros(1, dtype=np.int64), prepared=np.zeros(1, dtype=np.int64),
+                far_wake_on=np.zeros(1, dtype=np.int64), dt=np.zeros(1), last_dt=np.zeros(1), residual=np.zeros(1),
+                origin=np.zeros(3),
                 wake=np.zeros(wake_shape), history=np.zeros(wake_shape), wind=np.zeros(wake_shape),
                 induced=np.zeros(wake_shape, dtype=np.float32),
                 wake_gamma=np.zeros((n_max, n_blades, n_edge)), volume=np.zeros((*wake_shape[:3], 2)),
@@ -284,7 +288,7 @@ class AeroState:
     @property
     def n_rows(self) -> int:
         """Number of wake rows behind the trailing edge."""
-        return int(self.arrays.count[N_ROWS])
+        return int(self.arrays.n_rows[0])
 
     @property
     def nodal_forces(self) -> np.ndarray:
@@ -309,7 +313,7 @@ class AeroState:
     @property
     def residual(self) -> float:
         """Largest residual of the decambering equations after the last solve [m/s]."""
-        return float(self.arrays.clock[RESIDUAL])
+        return float(self.arrays.residual[0])
 
     @property
     def wake_nodes(self) -> np.ndarray:

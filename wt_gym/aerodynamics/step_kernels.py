@@ -84,24 +84,24 @@ def let_through(source, n_blade, n_chord, n_span, through):
 @kernel(fastmath=False)
 def convect_wake(o, a, dt):
     """Move all wake rows and the air at the shedding edge through one step and make room for the new row."""
-    convect(a, dt, dt / a.clock[0] if a.count[2] > 1 else 0.0)
-    a.clock[2] = dt
+    convect(a, dt, dt / a.last_dt[0] if a.n_levels[0] > 1 else 0.0)
+    a.dt[0] = dt
     for b in range(a.wake.shape[1]):
         for j in range(a.wake.shape[2]):
             for c in range(3):
                 a.free_edge[b, j, c] = a.wake[0, b, j, c]
-    a.count[1] += 1
-    a.count[0] = age_rows(a, o, dt)
-    if a.count[0] == a.wake.shape[0] - 1:
-        a.count[4] = 1
-    a.count[3] = 0
+    a.n_steps[0] += 1
+    a.n_rows[0] = age_rows(a, o, dt)
+    if a.n_rows[0] == a.wake.shape[0] - 1:
+        a.far_wake_on[0] = 1
+    a.prepared[0] = 0
 
 
 @kernel(fastmath=False)
 def prepare(p, o, a, w, nodes, place, bodies=None, body_work=None):
     """What is computed once a step: newest row, velocity of the wake at the blades, influence of the bound rings."""
     prepare_wake(p, o, a, w, nodes, place, bodies, body_work)
-    if a.count[0] > 0:
+    if a.n_rows[0] > 0:
         velocity_at_points(p, o, a, w, w.bound_sheet[:0], 1, w.points, a.wake_flow)
     prepare_boundary(p, o, a, w, nodes, bodies, body_work)
 
@@ -110,7 +110,7 @@ def prepare(p, o, a, w, nodes, place, bodies=None, body_work=None):
 def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
     """Points of the blades, newest row, far wake, and the sheet of the wake without its newest ring."""
     n_row = nodes.shape[1]
-    n_rows = a.count[0]
+    n_rows = a.n_rows[0]
     geometry(nodes, n_row - 1 if o.edge_wake else n_row, w.points, w.normal, w.area)
     shedding_edge(nodes, p.shed_nodes, a.wake[0])
     for c in range(3):
@@ -120,10 +120,10 @@ def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
         return
     if place:
         place_newest_row(nodes, p.shed_nodes, a.free_edge, o.shed_fraction, a.wake)
-    if o.far_wake and a.count[4] == 1 and n_rows > 1:
-        n_tail, dt = min(o.far_wake_rows, n_rows - 1), a.clock[2] if place else 0.0
+    if o.far_wake and a.far_wake_on[0] == 1 and n_rows > 1:
+        n_tail, dt = min(o.far_wake_rows, n_rows - 1), a.dt[0] if place else 0.0
         measure_far_wake(a, n_tail, dt, p.sparse_nodes, p.sparse_weight, w.lines)
-    grow = a.clock[2] if place else -1.0
+    grow = a.dt[0] if place else -1.0
     build_wake_sheet(a, p, o, 1, n_rows, grow, False, w.wake_sheet)
     if n_rows > o.sparse_from:
         build_sparse_sheet(a, p, o, grow, w.sparse_sheet)
@@ -140,7 +140,7 @@ def prepare_boundary(p, o, a, w, nodes, bodies=None, body_work=None):
         for c in range(3):
             for i in range(a.influence.shape[2]):
                 a.influence[r, c, i] = 0.0
-    has_wake = 1 if a.count[0] > 0 else 0
+    has_wake = 1 if a.n_rows[0] > 0 else 0
     for image in range(2 if o.has_ground else 1):
         bound_influence(w.corners[image], p.segments[has_wake], p.segment_core[has_wake], p.n_segments[has_wake],
                         w.points, w.part, 1.0 - 2.0 * image, a.influence)  # fmt: skip
@@ -148,7 +148,7 @@ def prepare_boundary(p, o, a, w, nodes, bodies=None, body_work=None):
         answer_of_bodies(p, o, a, w, bodies, body_work)
     invert_boundary_condition(a.influence, w.normal, n_blade, n_row - 1, n_node - 1, w.swap, w.panel, w.pivots,
                               a.inverse, a.response)  # fmt: skip
-    a.count[3] = 1
+    a.prepared[0] = 1
 
 
 @kernel(fastmath=False)
@@ -179,7 +179,7 @@ def cut_wake(p, o, bodies, flags, wake, n_rows, w):
 @kernel(fastmath=False)
 def answer_of_bodies(p, o, a, w, bodies, body_work):
     """Eliminate the bodies: influence of the rings and velocity of the wake with the sources that answer them."""
-    n_rows = a.count[0]
+    n_rows = a.n_rows[0]
     for r in range(a.influence.shape[0]):
         for c in range(3):
             for i in range(bodies.centre.shape[1]):
@@ -213,10 +213,10 @@ def circulation_rate(o, a, dt, gamma, rate):
     """Rate of the circulations: backward difference of second order; of first order after a start."""
     gamma_1, gamma_2 = a.gamma_1.reshape(gamma.shape), a.gamma_2.reshape(gamma.shape)
     now, before, earlier = 0.0, 0.0, 0.0
-    if o.unsteady and a.count[2] == 1 and dt > 0.0:
+    if o.unsteady and a.n_levels[0] == 1 and dt > 0.0:
         now, before = 1.0 / dt, -1.0 / dt
-    elif o.unsteady and a.count[2] > 1:
-        h = a.clock[0] / dt
+    elif o.unsteady and a.n_levels[0] > 1:
+        h = a.last_dt[0] / dt
         now, before, earlier = (2.0 + h) / (1.0 + h) / dt, -(1.0 + h) / (h * dt), 1.0 / (h * (1.0 + h) * dt)
     for r in range(gamma.shape[0]):
         rate[r] = now * gamma[r] + before * gamma_1[r] + earlier * gamma_2[r]
@@ -253,7 +253,7 @@ def solve(p, o, a, w, nodes, velocities, wind, dt, first):
                 along[k] += flow[c, r] * w.axes[k, c] / n_chord
     if o.viscous:
         rhs, derivative, step = w.strip[3], w.strip[4], w.strip[5]
-        a.clock[1] = decambering(potential, along, a.response, a.source_1, first, dt, o.stall_lag, p, n_blade,
+        a.residual[0] = decambering(potential, along, a.response, a.source_1, first, dt, o.stall_lag, p, n_blade,
                                  TOLERANCE, MAX_ITERATIONS, w.jacobian, rhs, derivative, step, a.source)  # fmt: skip
         let_through(a.source, n_blade, n_chord, n_span, through)
         apply_inverse(a.inverse, through, gamma)
@@ -303,11 +303,11 @@ def shed_newest(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     """Shed the newest ring, finish the sheets and gather the targets whose turn it is; returns their number."""
     n_span = a.gamma.shape[2]
     n_chord = a.gamma.shape[1]
-    n_rows = a.count[0]
+    n_rows = a.n_rows[0]
     shedding_edge(a.nodes, p.shed_nodes, a.wake[0])
     if n_rows > 0 and place:
         place_newest_row(a.nodes, p.shed_nodes, a.free_edge, o.shed_fraction, a.wake)
-    start = a.count[2] == 0
+    start = a.n_levels[0] == 0
     for b in range(a.gamma.shape[0]):
         for e in range(p.shed_rings.shape[0]):
             a.wake_gamma[0, b, e] = a.gamma[b, p.shed_rings[e] // n_span, p.shed_rings[e] % n_span]
@@ -315,10 +315,10 @@ def shed_newest(p, o, a, w, place, all_rows, bodies=None, body_work=None):
             for j in range(n_span):
                 a.gamma_2[b, i, j] = a.gamma[b, i, j] if start else a.gamma_1[b, i, j]
                 a.gamma_1[b, i, j] = a.gamma[b, i, j]
-    a.count[2] = min(a.count[2] + 1, 2)
+    a.n_levels[0] = min(a.n_levels[0] + 1, 2)
     for k in range(a.source.shape[0]):
         a.source_1[k] = a.source[k] / max(a.speed[k], 1e-3)
-    a.clock[0] = a.clock[2]
+    a.last_dt[0] = a.dt[0]
     build_bound_sheet(a, p, o, w.bound_sheet)
     # The other rows were written when the step was prepared.
     build_wake_sheet(a, p, o, 0, min(2, n_rows), -1.0, True, w.wake_sheet)
@@ -343,8 +343,8 @@ def store_induced(p, o, a, w, n_target, bodies=None, body_work=None):
 def write_sheets(p, o, a, w, bodies=None, body_work=None):
     """Write the sheets of an accepted state, for velocities anywhere."""
     build_bound_sheet(a, p, o, w.bound_sheet)
-    build_wake_sheet(a, p, o, 0, a.count[0], 0.0, True, w.wake_sheet)
-    if a.count[0] > o.sparse_from:
+    build_wake_sheet(a, p, o, 0, a.n_rows[0], 0.0, True, w.wake_sheet)
+    if a.n_rows[0] > o.sparse_from:
         build_sparse_sheet(a, p, o, 0.0, w.sparse_sheet)
     if bodies is not None:
-        cut_wake(p, o, bodies, body_work.flags, a.wake, a.count[0], w)
+        cut_wake(p, o, bodies, body_work.flags, a.wake, a.n_rows[0], w)

@@ -13,7 +13,7 @@ from wt_gym.aerodynamics.induction.split_induction import SplitInduction
 from wt_gym.aerodynamics.induction.tree_induction import run_beside
 from wt_gym.aerodynamics.lattice.planform import LatticePlanform, check_areas, numeric_array
 from wt_gym.aerodynamics.options import AeroOptions
-from wt_gym.aerodynamics.state import LEVELS, STEP, AeroConstants, AeroState, AeroWork, PlanformArrays
+from wt_gym.aerodynamics.state import AeroConstants, AeroState, AeroWork, PlanformArrays
 from wt_gym.aerodynamics.wake.far_wake import cylinder_table
 from wt_gym.aerodynamics.wake.wake_kernels import place_newest_row, shedding_edge
 
@@ -126,7 +126,7 @@ class VortexLattice:
         self._solve(state, nodes, velocities, wind, 0.0, first=True)
         self.accept(state)
         # An impulsive start is no level in time from which a rate could be taken.
-        state.arrays.count[LEVELS] = 0
+        state.arrays.n_levels[0] = 0
 
     def initialise_wake(
         self, state: AeroState, nodes, velocities, wind, wake_rows, ages, far_wake: bool = False
@@ -169,12 +169,12 @@ class VortexLattice:
         place_newest_row(a.nodes, self.arrays.shed_nodes, a.wake[1].copy(), 1.0, a.wake)
         a.age[1 : n_rows + 1] = ages
         a.shed[1 : n_rows + 1] = -np.arange(1, n_rows + 1)
-        a.count[0] = n_rows
-        a.count[4] = int(far_wake)
+        a.n_rows[0] = n_rows
+        a.far_wake_on[0] = int(far_wake)
         for _ in range(PASSES):
             before = self._shed_circulation(a)
             a.wake_gamma[:n_rows] = before
-            a.count[3] = 0
+            a.prepared[0] = 0
             self._solve(state, nodes, velocities, wind, 0.0, first=True, place=False)
             change = np.abs(self._shed_circulation(a) - before).max()
             # The wake answers a change of circulation with about half its size: half a step converges fast.
@@ -182,7 +182,7 @@ class VortexLattice:
             if change <= 2e-5 * np.abs(before).max():
                 break
         a.wake_gamma[:n_rows] = self._shed_circulation(a)
-        a.count[3] = 0
+        a.prepared[0] = 0
         self._solve(state, nodes, velocities, wind, 0.0, first=True, place=False)
         self._accept(state, place=False, all_rows=True)
         return float(change / max(np.abs(before).max(), 1e-9))
@@ -279,8 +279,8 @@ class VortexLattice:
         """
         a, stride, n = state.arrays, self.options.wind_stride, state.n_rows + 1
         rows = slice(0, n)
-        if stride > 1 and a.count[STEP] > 0:
-            turn = (a.count[STEP] - a.shed[:n]) % stride == 0  # by the time since they were shed
+        if stride > 1 and a.n_steps[0] > 0:
+            turn = (a.n_steps[0] - a.shed[:n]) % stride == 0  # by the time since they were shed
             turn[0] = True
             rows = np.flatnonzero(turn)
         points = a.wake[rows]
@@ -356,7 +356,7 @@ class VortexLattice:
         nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
         if not np.isfinite(self.body_wind.sum()):
             raise AerodynamicsError("the wind at the bodies is not finite")
-        if not a.count[3]:
+        if not a.prepared[0]:
             check_areas(nodes)
             self.prepare(state, nodes, place)
         step_kernels.solve(self.arrays, self.constants, a, self.work, nodes, velocities, wind, dt, first)

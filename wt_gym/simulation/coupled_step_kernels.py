@@ -155,7 +155,7 @@ def check_sections(a):
     fastest = 0.0
     for k in range(a.speed.shape[0]):
         fastest = max(fastest, a.speed[k])
-    return OK if a.clock[1] <= DISAGREEMENT * (fastest + 1e-3) else UNSETTLED
+    return OK if a.residual[0] <= DISAGREEMENT * (fastest + 1e-3) else UNSETTLED
 
 
 @kernel

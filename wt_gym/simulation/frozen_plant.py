@@ -20,9 +20,6 @@ NEAR_WAKE = 0.5
 
 Between 0.25 and 2 s the response of the NREL 5-MW to steps of pitch, torque and wind changes by less than 3 %.
 """
-_ROWS, _LEVELS = 0, 2
-"""Entries of ``AeroArrays.count``: rows of the wake, and stored levels of circulation; with one level a solution at
-dt = 0 is steady."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +224,7 @@ class FrozenPlant:
             return None
         self._move(y)
         aero = aero.copy()
-        aero.arrays.count[_LEVELS] = 1
+        aero.arrays.n_levels[0] = 1  # a solution at dt = 0 is steady
         return self._frozen(aero, self._angle(y), *self._shaft())
 
     def _frozen(self, aero, angle, centre, axis):
@@ -244,7 +241,7 @@ class FrozenPlant:
             points, probe = self.lattice.work.points.copy(), aero.copy()
             for array in (probe.arrays.gamma, probe.arrays.wake_gamma, probe.arrays.far, probe.arrays.body_strength):
                 array[...] = 0.0
-            probe.arrays.count[_ROWS] = near[-1] + 1
+            probe.arrays.n_rows[0] = near[-1] + 1
             per_blade = a.gamma[0].size
             for b in range(self.n_blades):
                 for e, ring in enumerate(rings):

@@ -33,7 +33,7 @@ def measure_far_wake(a, n_tail, dt, sparse_nodes, sparse_weight, sums):
     """
     wake, wake_gamma, age, far = a.wake, a.wake_gamma, a.age, a.far
     n_blade, n_node = wake.shape[1], sparse_nodes.shape[0]
-    n_rows = a.count[0]
+    n_rows = a.n_rows[0]
     first = n_rows - n_tail
     fx, fy, fz, cx, cy, cz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(n_blade):

@@ -32,7 +32,7 @@ def build_bound_sheet(a, p, o, sheet):
     n_blade, n_row, n_node, _ = nodes.shape
     n_chord, n_span = n_row - 1, n_node - 1
     n_trailing = n_span if o.edge_wake else 0
-    wake = a.count[0] > 0
+    wake = a.n_rows[0] > 0
     for k in range(n_row):
         for b in range(n_blade):
             for j in range(n_node):
@@ -61,7 +61,7 @@ def _bend_weights(a, o, k):
 
     Corners move against the second derivative with respect to age, by two thirds of the mean of two sagittas.
     """
-    middle = min(k, a.count[0] - 1)
+    middle = min(k, a.n_rows[0] - 1)
     if not o.curved or middle < 3:
         return 0, 0.0, 0.0
     before, behind = a.age[middle] - a.age[middle - 1], a.age[middle + 1] - a.age[middle]
@@ -101,7 +101,7 @@ def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
         and only rows from 1 on are meant to be used.
     sheet : float32 (n_max + 1, n_blade, n_edge + 1, 7)
     """
-    wake, age, n_rows = a.wake, a.age, a.count[0]
+    wake, age, n_rows = a.wake, a.age, a.n_rows[0]
     _, n_blade, n_node, _ = wake.shape
     n_bound = a.nodes.shape[2]
     closed = a.far[0] == 0.0
@@ -164,7 +164,7 @@ def build_sparse_sheet(a, p, o, grow, sheet):
         As for `build_wake_sheet`.
     sheet : float32 (n_max + 1 - sparse_from, n_blade, n_sparse, 7)
     """
-    wake, age, n_rows = a.wake, a.age, a.count[0]
+    wake, age, n_rows = a.wake, a.age, a.n_rows[0]
     n_sparse = p.sparse_nodes.shape[0]
     closed = a.far[0] == 0.0
     for k in range(o.sparse_from, n_rows + 1):

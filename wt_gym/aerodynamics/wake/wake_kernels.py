@@ -13,7 +13,7 @@ def convect(a, dt, ratio):
     Row 0, the air that passes the shedding edge now, has no history and takes an Euler step. ``ratio`` is dt over the
     step before, 0 at the first step. ``a.history`` receives the velocity at t.
     """
-    for k in range(a.count[0] + 1):
+    for k in range(a.n_rows[0] + 1):
         weight = 0.5 * ratio if k > 0 else 0.0
         for b in range(a.wake.shape[1]):
             for j in range(a.wake.shape[2]):
@@ -33,7 +33,7 @@ def age_rows(a, o, dt):
     """
     wake, wake_gamma, age, shed = a.wake, a.wake_gamma, a.age, a.shed
     n_max, n_blade, n_node = wake.shape[0] - 1, wake.shape[1], wake.shape[2]
-    n_rows = a.count[0]
+    n_rows = a.n_rows[0]
     for k in range(1, n_rows + 1):
         age[k] += dt
     k = 0
@@ -75,7 +75,7 @@ def age_rows(a, o, dt):
                 wake_gamma[k, b, j] = wake_gamma[k - 1, b, j]
     age[0] = 0.0
     age[1] = o.shed_fraction * dt
-    shed[1] = a.count[1]
+    shed[1] = a.n_steps[0]
     return n_rows
 
 
@@ -146,7 +146,7 @@ def pad_targets(w, n_target, o, origin):
 @kernel(fastmath=False, inline="always")
 def wake_sheets(a, o, w, first):
     """Sheets of the wake from row ``first`` on: the rows with all their nodes, and the sparse part."""
-    n_rows = a.count[0]
+    n_rows = a.n_rows[0]
     n_dense = min(n_rows, o.sparse_from)
     return w.wake_sheet[first : n_dense + 1], w.sparse_sheet[: n_rows - n_dense + (n_rows > n_dense)]
 
@@ -221,7 +221,7 @@ def turn_induced(a):
         cx, cy, cz = cx / size, cy / size, cz / size
         nx, ny, nz = sy * cz - sz * cy, sz * cx - sx * cz, sx * cy - sy * cx
         if f[0, 0] != 0.0 or f[0, 1] != 0.0 or f[0, 2] != 0.0:
-            for k in range(a.count[0] + 1):
+            for k in range(a.n_rows[0] + 1):
                 for j in range(a.induced.shape[2]):
                     v = a.induced[k, b, j]
                     p = v[0] * f[0, 0] + v[1] * f[0, 1] + v[2] * f[0, 2]
@@ -239,8 +239,8 @@ def turn_induced(a):
 def choose_rows(a, o, rows, all_rows):
     """Rows whose induced velocity is to be computed now, the newest always and older ones in turn; their number."""
     count = 0
-    for k in range(a.count[0] + 1):
-        if all_rows or k <= o.fresh_rows or (k + a.count[1]) % o.refresh_stride == 0:
+    for k in range(a.n_rows[0] + 1):
+        if all_rows or k <= o.fresh_rows or (k + a.n_steps[0]) % o.refresh_stride == 0:
             rows[count] = k
             count += 1
     return count
