@@ -29,6 +29,11 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
     parser.add_argument("--turbulent", action="store_true", help="Kaimal turbulence of the turbine's class")
     parser.add_argument("--seed", type=int, default=1, help="turbulence seed (default: %(default)s)")
+    parser.add_argument(
+        "--scaling",
+        default="low_frequency",
+        help="of the turbulence: low_frequency, uniform or none (default: %(default)s)",
+    )
     parser.add_argument("--out", type=Path, help="NetCDF file; the wind speed is added to its name for several speeds")
     parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
     return parser.parse_args()
@@ -81,7 +86,12 @@ def main() -> None:
         if not arguments.turbulent:
             return steady
         box = TurbulenceBox.kaimal(
-            speed, turbine.hub_height, turbine.rotor_diameter, turbine.turbulence_class, seed=arguments.seed
+            speed,
+            turbine.hub_height,
+            turbine.rotor_diameter,
+            turbine.turbulence_class,
+            seed=arguments.seed,
+            scaling=arguments.scaling,
         )
         return TurbulentInflow(box, steady)
 

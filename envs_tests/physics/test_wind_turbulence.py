@@ -1,9 +1,10 @@
 """Statistics of Kaimal boxes against IEC 61400-1, and the exact properties of frozen turbulence.
 
-A Fourier coefficient of a Gaussian process is complex normal with the spectrum as its variance, independent from
-frequency to frequency and seed to seed. Hence the mean of n periodogram values has the relative standard error
-1/√n, and the mean of n products Re(X_i X_j*)/S the error √((1 + ρ²)/2n) around the coherency ρ. Bounds are four
-standard errors (one false alarm in 16 000 for each number; the seeds are fixed).
+At the hub the Fourier coefficients have the modulus of the spectrum and a random phase: exact checks. At the other
+points they are sums of random phases, close to complex normal with the spectrum as variance, independent from frequency
+to frequency and seed to seed. Hence the mean of n periodogram values has the relative standard error 1/√n at most, and
+the mean of n products Re(X_i X_j*)/S the error √((1 + ρ²)/2n) around the coherency ρ. Bounds are four standard errors
+(one false alarm in 16 000 for each number; the seeds are fixed).
 """
 
 import math
@@ -36,7 +37,7 @@ def realisations():
     coefficients = []
     for seed in range(N_SEEDS):
         box = TurbulenceBox.kaimal(
-            SPEED, HUB, DIAMETER, "B", seed=seed, grid=(5, 3), width=100.0, scale_sigma=False, cache=False
+            SPEED, HUB, DIAMETER, "B", seed=seed, grid=(5, 3), width=100.0, scaling="none", cache=False
         )
         transform = np.fft.rfft(box.fluctuation.astype(float), axis=0)[1:-1]
         coefficients.append(transform * math.sqrt(2.0 * TIME_STEP / box.fluctuation.shape[0]))
@@ -81,21 +82,84 @@ def test_components_are_independent(realisations):
         assert abs(np.mean((hub[..., first] * hub[..., second].conj()).real)) < tolerance
 
 
-def test_variance_without_scaling(realisations):
-    """The variance of a realisation is the sum of S Δf over its frequencies; its own variance that of (S Δf)²."""
+def test_every_harmonic_at_the_hub_follows_the_spectrum(realisations):
+    """Without scaling, in each bin of every seed, to the rounding of float32."""
     frequency, coefficients = realisations
-    shares = formula(frequency) / DURATION
-    variance = (np.abs(coefficients[:, :, 1, 2]) ** 2).sum(axis=1) / DURATION
-    error = np.sqrt((shares**2).sum(axis=0) / N_SEEDS)
-    assert np.all(np.abs(variance.mean(axis=0) - shares.sum(axis=0)) < STANDARD_ERRORS * error)
-    # what the period and the sampling rate leave out is a few percent of sigma
-    assert np.all(np.sqrt(shares.sum(axis=0)) / (SIGMA * np.array([1.0, 0.8, 0.5])) > 0.9)
+    power = np.abs(coefficients[:, :, 1, 2]) ** 2
+    np.testing.assert_allclose(power / formula(frequency), np.ones(power.shape), rtol=2e-4)
 
 
-def test_sigma_ratios_with_scaling():
-    box = TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=1, grid=(3, 3), cache=False)
-    sigma = box.fluctuation[:, 1, 1].std(axis=0, dtype=float)
-    np.testing.assert_allclose(sigma / SIGMA, [1.0, 0.8, 0.5], rtol=1e-6)
+def test_phases_at_the_hub_are_uniform(realisations):
+    _, coefficients = realisations
+    phase = np.angle(coefficients[:, :, 1, 2]).ravel()
+    for order in (1, 2, 3):
+        mean = np.exp(1j * order * phase).mean()
+        assert abs(mean) < STANDARD_ERRORS / math.sqrt(phase.size)
+
+
+def hub_series(speed, duration, time_step, **options):
+    box = TurbulenceBox.kaimal(
+        speed, HUB, DIAMETER, "B", duration=duration, time_step=time_step, grid=(3, 3), cache=False, **options
+    )
+    return box.fluctuation[:, 1, 1].astype(float)
+
+
+@pytest.mark.parametrize(
+    ("speed", "duration", "time_step", "expected"),
+    [
+        (8.0, 600.0, 0.05, (0.932, 0.971, 0.980)),
+        (12.0, 600.0, 0.05, (0.952, 0.977, 0.977)),
+        (12.0, 600.0, 0.25, (0.945, 0.963, 0.941)),
+        (20.0, 600.0, 0.05, (0.968, 0.980, 0.971)),
+    ],
+)
+def test_unscaled_sigma(speed, duration, time_step, expected):
+    """Shares of σ that harmonics from 1/T to half the sampling rate hold: sums of the spectrum computed elsewhere."""
+    sigma = 0.14 * (0.75 * speed + 5.6) * np.array([1.0, 0.8, 0.5])
+    for seed in (1, 2):
+        series = hub_series(speed, duration, time_step, seed=seed, scaling="none")
+        np.testing.assert_allclose(series.std(axis=0) / sigma, expected, atol=6e-4)
+
+
+@pytest.mark.parametrize("scaling", ["low_frequency", "uniform"])
+def test_scaled_sigma_is_the_target(scaling):
+    for seed in (1, 2, 3):
+        series = hub_series(SPEED, DURATION, TIME_STEP, seed=seed, scaling=scaling)
+        np.testing.assert_allclose(series.std(axis=0) / SIGMA, [1.0, 0.8, 0.5], rtol=1e-6)
+
+
+def test_range_that_loads_the_structure():
+    """RMS in 0.2–1.9 Hz at 12 m/s, class B, 400 s: by default that of the spectrum in every seed."""
+    n = 1600
+    frequency = np.fft.rfftfreq(n, 0.25)
+    inside = (frequency >= 0.2) & (frequency <= 1.9)
+    edges = np.arange(0.2, 1.9, 1e-4) + 5e-5
+    sigma = 0.14 * (0.75 * 12.0 + 5.6)
+    expected = math.sqrt(1e-4 * kaimal.kaimal_spectrum(edges, 12.0, HUB, sigma)[:, 0].sum())
+    assert expected == pytest.approx(0.5494, abs=1e-4)
+
+    def band(seed, scaling):
+        transform = np.fft.rfft(hub_series(12.0, 400.0, 0.25, seed=seed, scaling=scaling)[:, 0])[inside]
+        return math.sqrt(2.0 * (np.abs(transform) ** 2).sum()) / n
+
+    for seed in range(1, 5):
+        assert band(seed, "low_frequency") == pytest.approx(expected, rel=0.003)
+        assert band(seed, "uniform") == pytest.approx(expected / 0.9242, rel=0.003)
+
+
+def test_points_beside_the_hub():
+    """In the mean over seeds σ² is the target; where many harmonics add up, every single seed has the spectrum."""
+    boxes = [TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=s, grid=(5, 3), cache=False) for s in range(N_SEEDS)]
+    fields = np.array([box.fluctuation[..., 0] for box in boxes], dtype=float)
+    variance = fields.var(axis=1) / SIGMA**2
+    error = variance.std(axis=0) / math.sqrt(N_SEEDS)
+    assert np.all(np.abs(variance.mean(axis=0) - 1.0) <= STANDARD_ERRORS * error + 1e-6)
+    frequency = np.fft.rfftfreq(fields.shape[1], TIME_STEP)
+    inside = (frequency >= 0.2) & (frequency <= 1.9)
+    power = 2.0 * (np.abs(np.fft.rfft(fields, axis=1)[:, inside]) / fields.shape[1]) ** 2
+    shares = formula(frequency[inside])[:, 0] / DURATION
+    scatter = math.sqrt((shares**2).sum()) / shares.sum()
+    np.testing.assert_allclose(power.sum(axis=1) / shares.sum(), 1.0, atol=STANDARD_ERRORS * scatter)
 
 
 def test_lateral_components_without_coherence():
@@ -107,7 +171,7 @@ def test_lateral_components_without_coherence():
         seed=1,
         grid=(3, 3),
         width=2.0,
-        scale_sigma=False,
+        scaling="none",
         lateral_coherence=False,
         cache=False,
     )

@@ -35,7 +35,7 @@ def parameters_of(seed, **changes):
         "width": None,
         "turbulence": "NTM",
         "turbine_class": "I",
-        "scale_sigma": True,
+        "scaling": "low_frequency",
         "lateral_coherence": True,
     }
     return KaimalParameters.resolve(**{**arguments, **changes})
@@ -114,7 +114,8 @@ def test_second_build_reads_the_file(cache_folder, monkeypatch):
         {"time_step": 0.125},
         {"duration": 30.0},
         {"width": 130.0},
-        {"scale_sigma": False},
+        {"scaling": "uniform"},
+        {"scaling": "none"},
         {"lateral_coherence": False},
     ],
 )
@@ -190,6 +191,8 @@ def test_cache_folder_is_bounded(cache_folder, monkeypatch):
         {"turbulence_class": "Z"},
         {"turbulence": "calm"},
         {"turbine_class": "IX"},
+        {"scaling": "IEC"},
+        {"scaling": True},
     ],
 )
 def test_wrong_arguments_are_refused(change):
@@ -249,7 +252,8 @@ def test_points_and_times_must_be_finite(points, time):
 def test_descriptions():
     inflow = TurbulentInflow(small_box(7), SteadyInflow(8.0, 90.0, shear_exponent=0.2), time_offset=5.0)
     assert inflow.description == (
-        "Kaimal NTM class B at 8 m/s (sigma_u 1.62 m/s), seed 7, 20 s, from 5 s, power-law profile (exponent 0.2)"
+        "Kaimal NTM class B at 8 m/s (sigma_u 1.62 m/s), seed 7, first harmonic times 2.86/2.08/1.62, 20 s, from 5 s, "
+        "power-law profile (exponent 0.2)"
     )
     assert "3 x 3 points" in repr(inflow)
     assert len(repr(inflow)) < 600

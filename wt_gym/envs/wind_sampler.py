@@ -158,13 +158,14 @@ class WindSampler:
         box = TurbulenceBox.kaimal(made_at, turbine.hub_height, turbine.rotor_diameter, self._class, seed=seed)
         if made_at == speed:
             return box
-        intensity = turbulence_sigma(speed, self._class) / turbulence_sigma(made_at, self._class)
+        sigma = turbulence_sigma(speed, self._class)
+        intensity = sigma / turbulence_sigma(made_at, self._class)
         return replace(
             box,
             fluctuation=box.fluctuation * np.float32(intensity),
             time_step=box.time_step * made_at / speed,
             mean_speed=speed,
-            description=f"Kaimal NTM class {self._class} at {speed:.4g} m/s, seed {seed}",
+            description=f"{box.description}, carried along at {speed:.4g} m/s with sigma_u {sigma:.3g} m/s",
         )
 
     def _range(self, wind_speed) -> tuple[float, float]:

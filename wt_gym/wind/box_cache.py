@@ -25,7 +25,7 @@ __all__ = ["MAX_BYTES", "cache_file", "load", "store"]
 
 MAX_BYTES = 2 * 1024**3
 
-_FORMAT = 1  # raise when the synthesis changes its results
+_FORMAT = 2  # raise when the synthesis changes its results
 # What numpy and zipfile raise on damaged files: RuntimeError and its kin for unknown zip flags and versions.
 _DAMAGE = (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
 _log = logging.getLogger(__name__)

@@ -1,13 +1,34 @@
 """Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and the synthesis of one realisation.
 
-The three components are stationary Gaussian processes with the one-sided Kaimal spectra of IEC 61400-1 (edition 4,
-annex C.2) and, between two points a distance r apart at frequency f, the coherence exp(−κ(f) r). Following Veers
-(Three-dimensional wind simulation, SAND88-0152, 1988) the Fourier coefficients at each frequency are
-√S(f) A(f) ζ with A Aᵀ the coherence matrix and ζ complex normal noise.
+The three components are stationary processes with the one-sided Kaimal spectra of IEC 61400-1 (edition 4, annex C.2)
+and, between two points a distance r apart at frequency f, the coherence exp(−κ(f) r). Following Veers
+(Three-dimensional wind simulation, SAND88-0152, 1988) the Fourier coefficients at each frequency are √S(f) A(f) ζ with
+A Aᵀ the coherence matrix and ζ_j = exp(iφ_j) of random phase. The hub is the reference point, ζ of one number only: its
+harmonics have the amplitudes of the spectrum in every seed. The other points mix several phases: their standard
+deviations scatter by a tenth between seeds, because a few slow harmonics hold most of the variance. (Were the
+amplitudes random at the hub too, a scaling to the target σ would multiply all frequencies by 0.8 to 1.35, by the chance
+of those few harmonics.)
 
 On a regular grid the coherence matrix is unchanged when the grid is mirrored left-right or top-bottom. In a
 basis of even and odd vectors it falls apart into four blocks of a quarter of the size, and their Cholesky factors
 cost a sixteenth of the full one.
+
+Standard deviation of a box
+---------------------------
+The spectrum integrates to σ² over all frequencies. A record of period T has the harmonics n/T up to half the sampling
+frequency, and Σ S(n/T)/T falls short of σ²: of the slow variations below 1.5/T only the first harmonic is left, and
+eddies too fast for the sampling are missing. At 12 m/s, 600 s and 0.25 s, σ_u comes out as 0.945 of the target. Three
+answers (``scaling``), all without chance, because the amplitudes at the hub are certain:
+
+``"low_frequency"`` (default)
+    The first harmonic carries the missing variance: σ at the hub is the target of the load cases, and every other
+    harmonic is that of the spectrum. Its period is the record itself, so it shifts the operating point slowly and
+    loads no structure; the range of the rotor's harmonics and natural frequencies is neither too hot nor too cold.
+``"uniform"``
+    All harmonics are multiplied by the same factor: σ at the hub is the target, all frequencies are too strong by the
+    factor (1.06 in the example). Use it to compare with generators that scale this way.
+``"none"``
+    Every harmonic is that of the spectrum, σ falls short. Use it to compare spectra.
 """
 
 import math
@@ -20,12 +41,13 @@ from wt_gym.errors import InflowError
 from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.protocol import require_number
 
-__all__ = ["KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesise"]
+__all__ = ["SCALINGS", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesise"]
 
 SIGMA_RATIO = np.array([1.0, 0.8, 0.5])
 LENGTH_RATIO = np.array([8.1, 2.7, 0.66])
 COHERENCE_DECREMENT = 12.0
 COHERENCE_OFFSET = 0.12
+SCALINGS = ("low_frequency", "uniform", "none")
 
 _FREQUENCIES_PER_BATCH = 64  # the coherence blocks of a batch take 13 MB for 17 x 17 points, 104 MB for 29 x 29
 _DEFAULT_SPACING = 10.0
@@ -50,7 +72,7 @@ class KaimalParameters:
     width: float
     turbulence: str
     turbine_class: str
-    scale_sigma: bool
+    scaling: str
     lateral_coherence: bool
 
     @classmethod
@@ -67,7 +89,7 @@ class KaimalParameters:
         width: float | None,
         turbulence: str,
         turbine_class: str,
-        scale_sigma: bool,
+        scaling: str,
         lateral_coherence: bool,
     ) -> "KaimalParameters":
         """Check the arguments and fill in the defaults."""
@@ -79,6 +101,8 @@ class KaimalParameters:
         turbulence_sigma(mean_speed, turbulence_class, turbulence, turbine_class)  # refuses unknown classes
         if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
             raise InflowError(f"seed must be an integer of at least 0; got {seed!r}")
+        if scaling not in SCALINGS:
+            raise InflowError(f"scaling must be one of {', '.join(map(repr, SCALINGS))}; got {scaling!r}")
         n_times = round(duration / time_step)
         if abs(n_times * time_step - duration) > 1e-6 * duration:
             raise InflowError(f"duration must be a multiple of time_step; got {duration} s and {time_step} s")
@@ -100,7 +124,7 @@ class KaimalParameters:
             width=width,
             turbulence=turbulence,
             turbine_class=turbine_class,
-            scale_sigma=bool(scale_sigma),
+            scaling=scaling,
             lateral_coherence=bool(lateral_coherence),
         )
 
@@ -112,6 +136,35 @@ class KaimalParameters:
         )
 
     @property
+    def frequency(self) -> np.ndarray:
+        """Frequencies of the harmonics [Hz], shape (n,): multiples of 1/T below half the sampling frequency."""
+        return np.arange(1, (self.n_times - 1) // 2 + 1) / (self.n_times * self.time_step)
+
+    @property
+    def unscaled_variance(self) -> np.ndarray:
+        """Variance S(f)/T of each harmonic by the spectrum [m²/s²], shape (n, 3)."""
+        spectrum = kaimal_spectrum(self.frequency, self.mean_speed, self.hub_height, self.sigma[0])
+        return spectrum / (self.n_times * self.time_step)
+
+    @property
+    def amplitude_factor(self) -> np.ndarray:
+        """Factor on the amplitudes of u, v and w, shape (3,): of the first harmonic or of all (``scaling``)."""
+        variance = self.unscaled_variance
+        total = variance.sum(axis=0)
+        if self.scaling == "low_frequency":  # S falls with f, so the sum never reaches the integral σ²
+            return np.sqrt(1.0 + (self.sigma**2 - total) / variance[0])
+        if self.scaling == "uniform":
+            return self.sigma / np.sqrt(total)
+        return np.ones(3)
+
+    @property
+    def harmonic_variance(self) -> np.ndarray:
+        """Variance of each harmonic at the hub [m²/s²], shape (n, 3)."""
+        variance = self.unscaled_variance
+        variance[: 1 if self.scaling == "low_frequency" else None] *= self.amplitude_factor**2
+        return variance
+
+    @property
     def spacing(self) -> tuple[float, float]:
         """Distance between grid points along y and z [m]."""
         return self.width / (self.grid[0] - 1), self.width / (self.grid[1] - 1)
@@ -121,12 +174,25 @@ class KaimalParameters:
         """One line that tells a person what turbulence this is."""
         return (
             f"Kaimal {self.turbulence} class {self.turbulence_class} at {self.mean_speed:g} m/s "
-            f"(sigma_u {self.sigma[0]:.3g} m/s), seed {self.seed}"
+            f"(sigma_u {self.sigma[0]:.3g} m/s), seed {self.seed}, {self.scaling_description}"
         )
+
+    @property
+    def scaling_description(self) -> str:
+        """What was done about the variance that the record leaves out, with the factors of u, v and w."""
+        if self.scaling == "none":
+            share = np.sqrt(self.unscaled_variance.sum(axis=0)) / self.sigma
+            return f"unscaled: {_three(share)} of sigma"
+        what = "first harmonic" if self.scaling == "low_frequency" else "all amplitudes"
+        return f"{what} times {_three(self.amplitude_factor)}"
 
     def as_dict(self) -> dict[str, object]:
         """Return the parameters as plain values that JSON can hold."""
         return {**asdict(self), "grid": list(self.grid)}
+
+
+def _three(numbers: np.ndarray) -> str:
+    return "/".join(f"{number:.3g}" for number in numbers)
 
 
 def _checked_grid(grid: tuple[int, int]) -> tuple[int, int]:
@@ -180,34 +246,30 @@ def synthesise(parameters: KaimalParameters) -> np.ndarray:
     """
     n_times, (n_y, n_z) = parameters.n_times, parameters.grid
     rng = np.random.default_rng(parameters.seed)
-    n_frequencies = (n_times - 1) // 2
-    resolution = 1.0 / (n_times * parameters.time_step)
-    frequency = resolution * np.arange(1, n_frequencies + 1)
+    frequency = parameters.frequency
     decay = coherence_decay(frequency, parameters.mean_speed, parameters.hub_height)
 
     coefficients = np.zeros((n_times // 2 + 1, n_z, n_y, 3), dtype=np.complex128)
-    for start in range(0, n_frequencies, _FREQUENCIES_PER_BATCH):
-        batch = slice(start, min(start + _FREQUENCIES_PER_BATCH, n_frequencies))
+    for start in range(0, frequency.size, _FREQUENCIES_PER_BATCH):
+        batch = slice(start, min(start + _FREQUENCIES_PER_BATCH, frequency.size))
         noise = _coherent_noise(rng, decay[batch], parameters)
         coefficients[1 + batch.start : 1 + batch.stop] = noise[..., :3] + 1j * noise[..., 3:]
-    spectrum = kaimal_spectrum(frequency, parameters.mean_speed, parameters.hub_height, parameters.sigma[0])
-    # A harmonic a cos + b sin holds the variance S Δf when a and b each do; its coefficient is n/2 (a − ib).
-    amplitude = 0.5 * n_times * np.sqrt(spectrum * resolution)
-    coefficients[1 : n_frequencies + 1] *= amplitude[:, None, None, :]
-    field = scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True)
-    if parameters.scale_sigma:
-        field *= parameters.sigma / field[:, n_z // 2, n_y // 2].std(axis=0)
-    return field.astype(np.float32)
+    # A harmonic a cos + b sin holds the variance (a² + b²)/2; its coefficient is n/2 (a − ib).
+    amplitude = n_times * np.sqrt(0.5 * parameters.harmonic_variance)
+    coefficients[1 : frequency.size + 1] *= amplitude[:, None, None, :]
+    return scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
 
 
 def _coherent_noise(rng: np.random.Generator, decay: np.ndarray, parameters: KaimalParameters) -> np.ndarray:
-    """Standard normal noise with the coherence at each frequency, shape (n_frequencies, n_z, n_y, 6).
+    """Noise of unit mean square with the coherence at each frequency, shape (n_frequencies, n_z, n_y, 6).
 
-    The last axis holds three real and three imaginary parts.
+    The last axis holds three real and three imaginary parts. At the hub the modulus is exactly one.
     """
     n_y, n_z = parameters.grid
     spacing_y, spacing_z = parameters.spacing
     noise = rng.standard_normal((decay.size, n_z, n_y, 6))
+    radius = np.hypot(noise[..., :3], noise[..., 3:])
+    noise /= np.concatenate((radius, radius), axis=-1)  # only the phase is random
     # Rows of these orthogonal matrices: even vectors first, then odd ones.
     basis_y, basis_z = _reflection_basis(n_y), _reflection_basis(n_z)
     halves_y, halves_z = _halves(n_y), _halves(n_z)
@@ -215,13 +277,22 @@ def _coherent_noise(rng: np.random.Generator, decay: np.ndarray, parameters: Kai
     blocks = np.empty_like(noise)
     for parity_z, rows in enumerate(halves_z):
         for parity_y, columns in enumerate(halves_y):
-            factor = np.linalg.cholesky(_parity_block(mirrored, n_y, n_z, parity_y, parity_z))
+            factor = _upper_factor(_parity_block(mirrored, n_y, n_z, parity_y, parity_z))
             part = noise[:, rows, columns]
             blocks[:, rows, columns] = (factor @ part.reshape(decay.size, -1, 6)).reshape(part.shape)
     coherent = np.einsum("fabc,az,by->fzyc", blocks, basis_z, basis_y, optimize=True)
     if not parameters.lateral_coherence:
         coherent[..., [1, 2, 4, 5]] = noise[..., [1, 2, 4, 5]]
     return coherent
+
+
+def _upper_factor(matrices: np.ndarray) -> np.ndarray:
+    """Upper triangular U with U Uᵀ the given matrices (n, m, m).
+
+    The hub is the last vector of the even-even block, and the last row of U holds its diagonal only: one number of the
+    noise decides the hub.
+    """
+    return np.linalg.cholesky(matrices[:, ::-1, ::-1])[:, ::-1, ::-1]
 
 
 def _halves(n: int) -> tuple[slice, slice]:

@@ -106,7 +106,7 @@ class TurbulenceBox:
         width: float | None = None,
         turbulence: str = "NTM",
         turbine_class: str = "I",
-        scale_sigma: bool = True,
+        scaling: str = "low_frequency",
         lateral_coherence: bool = True,
         cache: bool = True,
     ) -> "TurbulenceBox":
@@ -137,10 +137,12 @@ class TurbulenceBox:
             ``"NTM"`` (normal) or ``"ETM"`` (extreme) turbulence.
         turbine_class
             ``"I"``, ``"II"`` or ``"III"``, for the extreme model.
-        scale_sigma
-            Scale each component so that its standard deviation at the hub is exactly the standard's. Without, it is
-            a random number with a smaller expectation: the spectrum below one cycle per period and above half the
-            sampling frequency is missing (about 7 % of σ_u at 8 m/s in 600 s).
+        scaling
+            What to do about the variance below one cycle per period and above half the sampling frequency, which the
+            harmonics of the record leave out (σ_u at 12 m/s in 600 s: 0.945 of the target). ``"low_frequency"``: the
+            first harmonic carries it, all others follow the spectrum. ``"uniform"``: all amplitudes are multiplied
+            by one factor for each component. ``"none"``: every harmonic follows the spectrum. The first two give
+            exactly the standard's σ at the hub in every seed; the factors stand in the box's ``description``.
         lateral_coherence
             Give v and w the coherence of u. The standard leaves theirs open; without, neighbouring points are
             independent in v and w, and interpolation between them loses variance.
@@ -165,7 +167,7 @@ class TurbulenceBox:
             width,
             turbulence,
             turbine_class,
-            scale_sigma,
+            scaling,
             lateral_coherence,
         )
         return _kaimal_box(parameters, bool(cache))
