@@ -81,8 +81,8 @@ PUBLISHED = (
 )
 
 
-def parked_frequencies(fidelity, gravity=True):
-    """Natural frequency [Hz] of each published mode by the user's own call, ``Simulator.linearize`` of a parked rotor.
+def parked_modes(fidelity, gravity=True):
+    """Each published mode by the user's own call, ``Simulator.linearize`` of a parked rotor.
 
     A mode is recognised by the modal assurance criterion with the mass matrix, (pᵀ M φ)² / (pᵀ M p)(φᵀ M φ) with the
     pattern p: a coordinate counts with all that it carries along. Each mode is used once.
@@ -95,8 +95,8 @@ def parked_frequencies(fidelity, gravity=True):
 
     Returns
     -------
-    dict of str to float
-        NaN where the fidelity has no coordinate of the mode.
+    dict of str to Mode
+        None where the fidelity has no coordinate of the mode.
     """
     simulator = Simulator("nrel_5mw", SteadyInflow(10.0), fidelity)
     system = simulator.structure.system
@@ -117,13 +117,19 @@ def parked_frequencies(fidelity, gravity=True):
     for row in PUBLISHED:
         pattern = np.array([row.shape.get(name, 0.0) for name in names])
         if not pattern.any():
-            out[row.name] = float("nan")
+            out[row.name] = None
             continue
         fit = (pattern @ mass @ shapes) ** 2 / (pattern @ mass @ pattern * own)
         fit[taken] = 0.0
         taken.append(int(fit.argmax()))
-        out[row.name] = modes[taken[-1]].natural_frequency
+        out[row.name] = modes[taken[-1]]
     return out
+
+
+def parked_frequencies(fidelity, gravity=True):
+    """Natural frequency [Hz] of each published mode, NaN where the fidelity has none; see `parked_modes`."""
+    modes = parked_modes(fidelity, gravity)
+    return {name: mode.natural_frequency if mode else float("nan") for name, mode in modes.items()}
 
 
 @case("parked-nrel-5mw", "Natural frequencies of the parked NREL 5-MW turbine", JONKMAN)

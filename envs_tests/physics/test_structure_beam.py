@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.simulation import Fidelity
+from wt_gym.simulation.turbine_structure import build_structure, rotor_nacelle_inertia
 from wt_gym.structure.beam import Beam, BeamSections, SecondOrderField, skew
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, particle_fields
 from wt_gym.structure.modes import clamped_modes, select_modes
@@ -204,3 +206,52 @@ def test_nrel_5mw_blade_frequencies(rpm, kind, number, frequency):
     modes = clamped_modes(beam, 8, spin=rpm * np.pi / 30, centre=[0.0, 0.0, -blade.root_radius])
     obtained = modes.frequency[select_modes(modes, **{kind: number})[-1]]
     assert obtained == pytest.approx(frequency, rel=0.03)
+
+
+class TestDamping:
+    """A damping ratio belongs to the body alone; what it carries lowers it with the frequency."""
+
+    RATIO = 0.02
+
+    @staticmethod
+    def ratios(body, added):
+        """Frequencies [rad/s] and damping ratios of a body with an added mass matrix of its coordinates."""
+        mass = body.inertia.m0 + added
+        n = len(mass)
+        lower = -np.linalg.solve(mass, np.hstack((body.stiffness, body.damping)))
+        a = np.block([[np.zeros((n, n)), np.eye(n)], [lower]])
+        roots = np.linalg.eigvals(a)
+        roots = roots[roots.imag > 0.0]
+        roots = roots[np.abs(roots).argsort()]
+        return np.abs(roots), -roots.real / np.abs(roots)
+
+    def test_every_mode_of_the_body_alone_has_the_ratio(self):
+        beam = uniform(8)
+        body = FlexibleBody.from_beam("blade", beam, clamped_modes(beam, 6, node_dofs=(0, 4)).shape, self.RATIO)
+        np.testing.assert_allclose(self.ratios(body, 0.0)[1], self.RATIO, rtol=1e-9)
+
+    def test_a_top_mass_lowers_the_ratio_with_the_frequency(self):
+        """ζ f/f_alone with that of the uniform cantilever, 1.8751² √(EI/ρL⁴), to the 3 % that the shapes differ."""
+        beam = uniform(8)
+        mass = beam.particle_mass.sum()
+        top = 5.0 * mass * np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+        basis = clamped_modes(beam, 2, tip_mass=top, node_dofs=(0, 4)).shape
+        body = FlexibleBody.from_beam("tower", beam, basis, self.RATIO)
+        omega, ratio = self.ratios(body, basis[-6:].T @ top @ basis[-6:])
+        alone = 1.8751**2 * np.sqrt(2e6 / (mass * LENGTH**3))
+        assert omega[0] < 0.25 * alone
+        assert ratio[0] == pytest.approx(self.RATIO * omega[0] / alone, rel=0.04)
+
+    def test_nodes_are_damped_as_the_modes_are(self):
+        """The tower of the 5-MW turbine under its rotor, in plane modes and in displacements of its nodes."""
+        turbine, found = load_turbine("nrel_5mw"), []
+        for kind in ("modal", "nodal"):
+            fidelity = Fidelity(tower_coordinates=kind, tower_elements=8, tower_modes=(2, 0, 0))
+            structure = build_structure(turbine, fidelity, np.zeros((1, 3)))
+            tower, blade = (structure.system.bodies[i] for i in (structure.tower, structure.blades[0]))
+            tip = np.vstack((tower.markers["tip"].linear, tower.markers["tip"].rotation))
+            found.append(self.ratios(tower, tip.T @ rotor_nacelle_inertia(turbine, blade.inertia) @ tip))
+        (omega, ratio), (nodal_omega, nodal_ratio) = found
+        np.testing.assert_allclose(nodal_omega[:2], omega, rtol=1e-6)
+        np.testing.assert_allclose(nodal_ratio[:2], ratio, rtol=1e-6)
+        assert ratio[0] == pytest.approx(0.01 * omega[0] / (2.0 * np.pi * 0.889), rel=0.04)

@@ -26,6 +26,7 @@ FAST_CASES = (
     "southwell",
     "spatial-slider-crank",
     "spin-up",
+    "structural-damping",
     "mixed-coordinates",
 )
 

@@ -12,7 +12,7 @@ import numpy as np
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
 from wt_gym.structure.beam import Beam, BeamSections, skew
-from wt_gym.structure.flexible_body import FlexibleBody, offset_marker
+from wt_gym.structure.flexible_body import FlexibleBody, offset_marker, shape_damping
 from wt_gym.structure.modes import clamped_modes, select_modes
 
 __all__ = ["TurbineStructure", "build_structure"]
@@ -158,9 +158,9 @@ def _blade(blade, fidelity):
     sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
     beam = Beam(sections, fidelity.blade_elements)
     if fidelity.blade_coordinates == "modal":
-        basis, frequency, names = _blade_modes(beam, fidelity)
+        basis, names = _blade_modes(beam, fidelity)
         twists = fidelity.blade_modes[2] > 0
-        body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, frequency, None, names, twists)
+        body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, None, names, twists)
     else:
         dofs = _moving_dofs(fidelity.blade_modes) if fidelity.blade_coordinates == "nodal" else ()
         if dofs and np.ptp(axis[:, :2], axis=0).max() > 1e-6 * blade.length:
@@ -176,8 +176,9 @@ def _moving_dofs(modes):
 
 
 def _node_body(name, beam, dofs, damping_ratio, tip_mass=None):
-    """Basis and body of the unit displacements of all nodes but the root, with the given damping of each of its modes.
+    """Basis and body of the unit displacements of all nodes but the root, damped as the body of all its modes is.
 
+    With modes Φ, shaped by what the tip carries, and their damping matrix C the nodes have P C Pᵀ, P = M Φ (Φᵀ M Φ)⁻¹.
     Damping in proportion to the stiffness would overdamp the highest modes beyond what explicit steps can follow.
     """
     keep = [(node, dof) for node in range(1, len(beam.nodes)) for dof in dofs]
@@ -193,13 +194,14 @@ def _node_body(name, beam, dofs, damping_ratio, tip_mass=None):
     if tip_mass is not None:
         mass[-6:, -6:] += tip_mass
     modes = clamped_modes(beam, len(keep), tip_mass=tip_mass, node_dofs=dofs)
-    momentum = mass[np.ix_(rows, rows)] @ modes.shape[rows]
-    damping = (momentum * (4.0 * np.pi * damping_ratio * modes.frequency)) @ momentum.T
-    return basis, replace(body, damping=damping)
+    shapes = modes.shape[rows]
+    momentum = mass[np.ix_(rows, rows)] @ shapes
+    alone = [shapes.T @ matrix[np.ix_(rows, rows)] @ shapes for matrix in (beam.stiffness, beam.mass)]
+    return basis, replace(body, damping=momentum @ shape_damping(*alone, damping_ratio) @ momentum.T)
 
 
 def _blade_modes(beam, fidelity):
-    """Modes of a blade, their frequencies and names."""
+    """Modes of a blade and their names."""
     flap, edge, torsion = fidelity.blade_modes
     # A bending mode carries the twist that its inertial loads make as it vibrates. Without torsion modes nothing could
     # undo that twist under other loads: flap would feather the blade by 0.3 degrees a metre, so bending stays bending.
@@ -214,7 +216,7 @@ def _blade_modes(beam, fidelity):
         ) from error
     names = [f"flap_{i + 1}" for i in range(flap)] + [f"edge_{i + 1}" for i in range(edge)]
     names += [f"torsion_{i + 1}" for i in range(torsion)]
-    return modes.shape[:, chosen], modes.frequency[chosen], names
+    return modes.shape[:, chosen], names
 
 
 def _axis_at_stations(blade):
@@ -254,40 +256,39 @@ def rotor_nacelle_inertia(turbine, blade_inertia):
     return total
 
 
+def tower_beam(tower, elements):
+    """Finite-element model of a tower in that many elements."""
+    table = tower.structure
+    axis = np.zeros((len(table.station), 3))
+    axis[:, 2] = table.station
+    return Beam(BeamSections(table.station, table.stiffness, table.inertia, axis), elements)
+
+
 def _tower(turbine, fidelity, blade_body):
     """Tower body in plane bending and torsion modes shaped by the tower-top mass."""
-    tower = turbine.tower
-    stations = tower.structure
-    axis = np.zeros((len(stations.station), 3))
-    axis[:, 2] = stations.station
-    beam = Beam(BeamSections(stations.station, stations.stiffness, stations.inertia, axis), fidelity.tower_elements)
+    tower, beam = turbine.tower, tower_beam(turbine.tower, fidelity.tower_elements)
     top = rotor_nacelle_inertia(turbine, blade_body.inertia)
     if fidelity.tower_coordinates == "modal":
-        basis, frequency, names = _tower_modes(beam, fidelity, top)
-        body = FlexibleBody.from_beam("tower", beam, basis, tower.damping_ratio, frequency, None, names)
+        basis, names = _tower_modes(beam, fidelity, top)
+        body = FlexibleBody.from_beam("tower", beam, basis, tower.damping_ratio, None, names)
     else:
         dofs = _moving_dofs(fidelity.tower_modes) if fidelity.tower_coordinates == "nodal" else ()
         basis, body = _node_body("tower", beam, dofs, tower.damping_ratio, top)
-    height = np.linspace(0.0, stations.station[-1], 13)
+    height = np.linspace(0.0, tower.length, 13)
     points = np.column_stack([0.0 * height, 0.0 * height, height])
     return body, body_points(beam, basis, points), 0.5 * np.asarray(tower.diameter_at(height))
 
 
 def _tower_modes(beam, fidelity, top):
-    """Plane modes or prescribed shapes of the tower under its top mass, their frequencies [Hz] and names."""
+    """Plane modes or prescribed shapes of the tower under its top mass, and their names."""
     planes = {"fore_aft": (0, 4), "side_side": (1, 3), "torsion": (5,)}
-    basis, frequency, names = [], [], []
+    basis, names = [], []
     for (plane, dofs), wanted in zip(planes.items(), fidelity.tower_modes, strict=True):
         if wanted == 0:
             continue
         names += [f"{plane}_{i + 1}" for i in range(wanted)]
         if fidelity.tower_shapes is not None and plane != "torsion":
-            shapes = _polynomial_shapes(beam, plane, fidelity.tower_shapes[plane == "side_side"])
-            basis.append(shapes)
-            mass = beam.mass.copy()
-            mass[-6:, -6:] += top
-            modal = [np.einsum("ak,ab,bk->k", shapes, matrix, shapes) for matrix in (beam.stiffness, mass)]
-            frequency.append(np.sqrt(modal[0] / modal[1]) / (2.0 * np.pi))
+            basis.append(_polynomial_shapes(beam, plane, fidelity.tower_shapes[plane == "side_side"]))
             continue
         most = len(dofs) * fidelity.tower_elements
         if wanted > most:
@@ -295,10 +296,8 @@ def _tower_modes(beam, fidelity, top):
                 f"Fidelity.tower_modes is {fidelity.tower_modes}: {wanted} {plane} modes wanted, "
                 f"Fidelity.tower_elements = {fidelity.tower_elements} make {most}"
             )
-        modes = clamped_modes(beam, wanted, tip_mass=top, node_dofs=dofs)
-        basis.append(modes.shape)
-        frequency.append(modes.frequency)
-    return np.hstack(basis), np.concatenate(frequency), names
+        basis.append(clamped_modes(beam, wanted, tip_mass=top, node_dofs=dofs).shape)
+    return np.hstack(basis), names
 
 
 def _polynomial_shapes(beam, plane, shapes):

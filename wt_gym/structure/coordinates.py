@@ -23,6 +23,8 @@ is part of every flexible body, nodal or modal.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from wt_gym.structure.beam import BeamSections
@@ -61,8 +63,8 @@ def body_from_beam(
     tip_mass : array (6, 6), optional
         Mass matrix of what the tip carries; shapes the modes (modal coordinates).
     damping_ratio : float
-        Ratio of the critical damping: of each mode (modal), or of the first mode with damping in proportion to the
-        stiffness (nodal).
+        Ratio of the critical damping in the body alone, without what its tip carries: of each mode (modal), or of the
+        first mode with damping in proportion to the stiffness (nodal).
     markers : dict of str to float, optional
         Arc lengths of named points on the axis besides "root" and "tip".
 
@@ -82,14 +84,14 @@ def body_from_beam(
     if coordinates == "modal":
         modes = clamped_modes(beam, n_modes, tip_mass=tip_mass, node_dofs=dofs)
         names = [f"{name}_mode_{i + 1}" for i in range(modes.shape.shape[1])]
-        return FlexibleBody.from_beam(name, beam, modes.shape, damping_ratio, modes.frequency, markers, names)
+        return FlexibleBody.from_beam(name, beam, modes.shape, damping_ratio, markers, names)
     keep = [(node, dof) for node in range(1, len(beam.nodes)) for dof in dofs]
     basis = np.eye(beam.n_dof)[:, [6 * node + dof for node, dof in keep]]
     kind = ("x", "y", "z", "turn_x", "turn_y", "turn_z")
     names = [f"{name}_node_{node}_{kind[dof]}" for node, dof in keep]
-    first = clamped_modes(beam, 1, tip_mass=tip_mass, node_dofs=dofs).frequency[0]
-    frequency = np.full(basis.shape[1], first)
-    return FlexibleBody.from_beam(name, beam, basis, damping_ratio, frequency, markers, names)
+    body = FlexibleBody.from_beam(name, beam, basis, markers=markers, coordinate_names=names)
+    first = clamped_modes(beam, 1, node_dofs=dofs).frequency[0]
+    return replace(body, damping=damping_ratio / (np.pi * first) * body.stiffness)
 
 
 def _rigid(name, beam, markers):
