@@ -1,15 +1,16 @@
-"""A rigid rotor turning steadily in a uniform wind, straight on the vortex lattice: no structure, tower or tilt."""
+"""A rigid rotor in a uniform wind, straight on the vortex lattice: no structure, no tower."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from wt_gym.aerodynamics import AeroOptions, LatticePlanform, VortexLattice
+from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
 from wt_gym.simulation.blade_lattice import blade_planform
 
-__all__ = ["RigidRotor", "RotorRun", "UniformWind"]
+__all__ = ["RigidRotor", "RotorRun", "RotorStep", "UniformWind"]
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,38 @@ class UniformWind:
         """Wind (..., 3) [m/s] at points (..., 3)."""
         vector = [self.speed * np.cos(self.tilt), 0.0, self.speed * np.sin(self.tilt)]
         return np.broadcast_to(vector, np.shape(points))
+
+
+@dataclass(frozen=True)
+class RotorStep:
+    """A marching rotor at the end of one step.
+
+    Attributes
+    ----------
+    time, azimuth, speed : float
+        [s], [rad], [rad/s].
+    state : AeroState
+        Of the lattice.
+    nodes, forces : ndarray, shape (n_blades, n_chord + 1, n_span + 1, 3)
+        Positions of the ring nodes [m], the centre of the hub at 0, and the forces of the air on them [N].
+    """
+
+    time: float
+    azimuth: float
+    speed: float
+    state: AeroState
+    nodes: np.ndarray
+    forces: np.ndarray
+
+    @property
+    def thrust(self) -> float:
+        """Force along the axis [N]."""
+        return float(self.forces[..., 0].sum())
+
+    @property
+    def torque(self) -> float:
+        """Moment about the axis [N m]."""
+        return float((self.nodes[..., 1] * self.forces[..., 2] - self.nodes[..., 2] * self.forces[..., 1]).sum())
 
 
 @dataclass(frozen=True)
@@ -120,13 +153,53 @@ class RigidRotor:
             0.5 * turbine.rotor_diameter, turbine.hub.cone, turbine.air_density,
         )  # fmt: skip
 
-    def motion(self, azimuth: float, rotor_speed: float, pitch: float):
+    def motion(self, azimuth: float, rotor_speed: float, pitch: float, pitch_rate: float = 0.0):
         """Positions and velocities (n_blades, n_chord + 1, n_span + 1, 3) of the ring nodes, centre of the hub at 0."""
-        local = self.planform.nodes @ turn("z", -pitch).T + [0.0, 0.0, self.root_radius]
-        local = local @ turn("y", -self.cone).T
+        pitched = self.planform.nodes @ turn("z", -pitch).T
+        turning = np.cross([0.0, 0.0, -pitch_rate], pitched)
+        hinge = turn("y", -self.cone).T
+        local, moving = (pitched + np.array([0.0, 0.0, self.root_radius])) @ hinge, turning @ hinge
         angles = azimuth + 2.0 * np.pi / self.n_blades * np.arange(self.n_blades)
         nodes = np.array([local @ turn("x", angle).T for angle in angles])
-        return nodes, np.cross([rotor_speed, 0.0, 0.0], nodes)
+        velocities = np.array([moving @ turn("x", angle).T for angle in angles])
+        return nodes, velocities + np.cross([rotor_speed, 0.0, 0.0], nodes)
+
+    def march(self, options: AeroOptions, inflow, rotor_speed: float, pitch: Callable, dt: float, n_steps: int,
+              acceleration: Callable | None = None):  # fmt: skip
+        """Start with a helical wake in momentum balance and step with the free wake; a generator of `RotorStep`.
+
+        Parameters
+        ----------
+        options : AeroOptions
+        inflow : object with ``velocity(points (..., 3), time) -> (..., 3)``
+        rotor_speed : float
+            At the start [rad/s].
+        pitch : callable
+            Pitch [rad] at a time [s].
+        dt : float
+            [s].
+        n_steps : int
+        acceleration : callable, optional
+            ``acceleration(torque, rotor_speed)`` [rad/s^2], given the torque of the air [N m]; by default none.
+        """
+        lattice = VortexLattice(self.planform, self.n_blades, options, self.air_density)
+        state = lattice.new_state()
+        nodes, velocities = self.motion(0.0, rotor_speed, pitch(0.0))
+        stream = inflow.velocity(nodes, 0.0)
+        lattice.initialise_helix(state, nodes, velocities, stream, np.zeros(3), [1.0, 0.0, 0.0], rotor_speed, dt)
+        azimuth, speed = 0.0, rotor_speed
+        for k in range(n_steps):
+            time = (k + 1) * dt
+            lattice.convect_wake(state, inflow, time - dt, dt)
+            azimuth += speed * dt
+            rate = (pitch(time) - pitch(time - dt)) / dt
+            nodes, velocities = self.motion(azimuth, speed, pitch(time), rate)
+            forces = lattice.solve(state, nodes, velocities, inflow.velocity(nodes, time), dt)
+            lattice.accept(state)
+            step = RotorStep(time, azimuth, speed, state, nodes, forces)
+            yield step
+            if acceleration is not None:
+                speed += dt * acceleration(step.torque, speed)
 
     def run(self, options: AeroOptions, wind: float, rotor_speed: float, pitch: float = 0.0, turns: float = 4.0,
             tilt: float = 0.0) -> RotorRun:  # fmt: skip
@@ -152,23 +225,11 @@ class RigidRotor:
         """
         steps = round(360.0 / options.azimuth_step_deg)
         dt = 2.0 * np.pi / rotor_speed / steps
-        lattice, inflow = (
-            VortexLattice(self.planform, self.n_blades, options, self.air_density),
-            UniformWind(wind, tilt),
-        )
-        state = lattice.new_state()
-        nodes, velocities = self.motion(0.0, rotor_speed, pitch)
-        stream = inflow.velocity(nodes, 0.0)
-        axis = [1.0, 0.0, 0.0]
-        lattice.initialise_helix(state, nodes, velocities, stream, np.zeros(3), axis, rotor_speed, dt)
         history = []
-        for k in range(round(turns * steps)):
-            lattice.convect_wake(state, inflow, k * dt, dt)
-            nodes, velocities = self.motion((k + 1) * dt * rotor_speed, rotor_speed, pitch)
-            forces = lattice.solve(state, nodes, velocities, stream, dt)
-            history.append(((forces * velocities).sum(), forces[..., 0].sum()))
-            lattice.accept(state)
-        return self.result(state, np.array(history), wind, steps, (k + 1) * dt * rotor_speed)
+        for step in self.march(options, UniformWind(wind, tilt), rotor_speed, lambda time: pitch, dt,
+                               round(turns * steps)):  # fmt: skip
+            history.append((step.torque * rotor_speed, step.thrust))
+        return self.result(step.state, np.array(history), wind, steps, step.azimuth)
 
     def result(self, state, history, wind: float, steps: int, azimuth: float) -> RotorRun:
         """Collect a run from the last state and the power and thrust of all steps (n_steps, 2)."""
