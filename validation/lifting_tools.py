@@ -174,14 +174,18 @@ class WingFlow:
         """Begin with the circulation of this motion (1, n_chord + 1, n_span + 1, 3), without a wake."""
         self.lattice.reset(self.state, nodes, velocities, self.wind)
 
-    def step(self, nodes=None, velocities=None) -> np.ndarray:
-        """Forces on the ring nodes (n_chord + 1, n_span + 1, 3) after one more step; at rest where nothing is given."""
+    def step(self, nodes=None, velocities=None, gust=None) -> np.ndarray:
+        """Forces on the ring nodes (n_chord + 1, n_span + 1, 3) after one more step; at rest where nothing is given.
+
+        ``gust`` (1, n_chord + 1, n_span + 1, 3) is the velocity of the air beside the stream at the nodes [m/s]; the
+        wake drifts with the stream, as in linear theory.
+        """
         self.lattice.convect_wake(self.state, self.stream, self.n_done * self.dt, self.dt)
         forces = self.lattice.solve(
             self.state,
             self.nodes if nodes is None else nodes,
             self.still if velocities is None else velocities,
-            self.wind,
+            self.wind if gust is None else self.wind + gust,
             self.dt,
         )
         self.lattice.accept(self.state)
@@ -192,3 +196,8 @@ class WingFlow:
         """Lift coefficient of the first strip of a mirrored wing: half of its force acts on the nodes at z = 0."""
         width = self.lattice.planform.span_edges[1] - self.lattice.planform.span_edges[0]
         return 2.0 * float(forces[:, 0, 0].sum()) / (0.5 * width)
+
+    def section_moment(self, forces) -> float:
+        """Moment coefficient of that strip about the reference axis, nose-up positive, chord 1."""
+        width = self.lattice.planform.span_edges[1] - self.lattice.planform.span_edges[0]
+        return -2.0 * float(forces[:, 0, 0] @ self.nodes[0, :, 0, 1]) / (0.5 * width)

@@ -5,6 +5,7 @@ import pytest
 
 from validation.case import load_cases, run_case
 from validation.goland_wing import Resolution, dominant_mode, growth, linear_flutter
+from validation.gusts import KUSSNER, SEARS, gust_waves, kussner, sears, sharp_edged_gust
 from validation.lifting_surfaces import RECTANGULAR, rectangular_wing, starting_impulse, sudden_acceleration
 from validation.lifting_tools import flat_planform, steady_coefficients, steady_wing
 from validation.linear_lattice import LinearLattice
@@ -42,6 +43,28 @@ def test_theodorsen(motion, k):
     ratio = oscillating_lift(motion, k, 8) / exact_lift(motion, k)
     assert abs(ratio) == pytest.approx(1.0, abs=0.02)
     assert np.degrees(np.angle(ratio)) == pytest.approx(0.0, abs=2.0)
+
+
+def test_gust_functions_have_the_published_values():
+    s, value = np.array(KUSSNER).T
+    np.testing.assert_allclose(kussner(s), value, atol=1.1e-5)
+    k, amplitude, phase = np.array(SEARS).T
+    np.testing.assert_allclose(np.abs(sears(k)), amplitude, atol=1e-5)
+    np.testing.assert_allclose(np.degrees(np.angle(sears(k))), phase, atol=1e-3)
+
+
+def test_kussner():
+    travel, lift = sharp_edged_gust(16, 9.0)
+    for s, value in KUSSNER[:5]:
+        assert np.interp(s, travel, lift) == pytest.approx(value, rel=0.02)
+
+
+@pytest.mark.parametrize("k", [0.3, 0.7])
+def test_sears(k):
+    lift, moment = gust_waves(k, 8)
+    assert abs(lift / sears(k)) == pytest.approx(1.0, abs=0.02)
+    assert np.degrees(np.angle(lift / sears(k))) == pytest.approx(0.0, abs=2.0)
+    assert abs(moment / lift) < 0.015  # the lift acts at the quarter chord
 
 
 def test_starting_impulse_is_the_apparent_mass():

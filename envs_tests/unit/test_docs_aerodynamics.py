@@ -45,7 +45,7 @@ def exists(span):
         return (ROOT / span.split()[0]).exists() or (ROOT / "wt_gym" / span).exists()
     if span.endswith(".py"):
         return span in NAMES
-    if re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)+", span) or span in ("wagner", "theodorsen"):
+    if re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)+", span):
         return span in load_cases()
     if "=" in span:
         name, value = span.split("=")
@@ -53,7 +53,7 @@ def exists(span):
     if "." in span:
         owner, member = span.split(".")
         return member in NAMES.get(f"{owner}.py", EVERY if owner in EVERY else ())
-    return span in EVERY
+    return span in EVERY or span in load_cases()
 
 
 @pytest.mark.parametrize("span", SPANS)
