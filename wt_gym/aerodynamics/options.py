@@ -77,6 +77,9 @@ class AeroOptions:
     curved_filaments : bool
         Move the corners of the wake's trailing polygons outwards by two thirds of the sagitta of their segments, so
         that a polygon follows the curve through its nodes with no mean deviation; an error of the azimuth step squared.
+    local_induction : bool
+        Nodes feel the arcs for which the two segments that meet in them stand, see `local_induction_kernels`. Without
+        it a wake moves the faster the longer its segments are.
     shed_fraction : float
         Position of the newest wake row between the trailing edge (0) and the place to which the air that passed the
         trailing edge one step ago has moved (1). Below one half the lumped shed vortex best represents the sheet.
@@ -120,6 +123,7 @@ class AeroOptions:
     squire: float = 1e-4
     core_strain: bool = True
     curved_filaments: bool = True
+    local_induction: bool = True
     shed_fraction: float = 0.25
     induction: str = "direct"
     tree_tolerance: float = 1e-3

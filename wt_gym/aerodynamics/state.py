@@ -93,6 +93,7 @@ class AeroConstants(NamedTuple):
     bernoulli: bool
     strain: bool
     curved: bool
+    arcs: bool
     edge_wake: bool
     tip_wake: bool
 
@@ -109,7 +110,7 @@ class AeroConstants(NamedTuple):
             sparse_from=o.wake_rows + 1 if o.sparse_from is None else o.sparse_from, sparse_stride=o.sparse_stride,
             fresh_rows=o.fresh_rows, refresh_stride=o.refresh_stride,
             far_wake_rows=o.far_wake_rows, far_wake=o.far_wake, has_ground=has_ground, viscous=o.viscous,
-            unsteady=o.unsteady, bernoulli=o.load_form == "bernoulli", strain=o.core_strain, curved=o.curved_filaments,
+            unsteady=o.unsteady, bernoulli=o.load_form == "bernoulli", strain=o.core_strain, curved=o.curved_filaments, arcs=o.local_induction,
             edge_wake=o.trailing_edge_wake, tip_wake=o.tip_wake,
         )  # fmt: skip
 
@@ -140,6 +141,7 @@ class AeroWork(NamedTuple):
     strip: np.ndarray  # (6, n_strip): width, along, potential, right-hand side, derivative, step
     jacobian: np.ndarray  # (n_span, n_span)
     lines: np.ndarray  # (3, n_edge + 1)
+    arc: np.ndarray  # (2, 3) place and velocity of one node
 
     @classmethod
     def empty(
@@ -169,7 +171,7 @@ class AeroWork(NamedTuple):
             panel=aligned_zeros((n_ring, 4)), pivots=aligned_zeros((4, n_ring)),
             through=aligned_zeros(n_ring), axes=aligned_zeros((n_strip, 3)), normals=aligned_zeros((n_strip, 3)),
             strip=aligned_zeros((6, n_strip)), jacobian=aligned_zeros((n_span, n_span)),
-            lines=aligned_zeros((3, n_edge + 1)),
+            lines=aligned_zeros((3, n_edge + 1)), arc=aligned_zeros((2, 3)),
         )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from wt_gym.aerodynamics.lattice.load_kernels import bernoulli_loads, joukowski_
 from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state, strip_axes
 from wt_gym.aerodynamics.wake.far_wake_kernels import measure_far_wake
 from wt_gym.aerodynamics.wake.sheet_kernels import build_bound_sheet, build_sparse_sheet, build_wake_sheet
+from wt_gym.aerodynamics.wake.local_induction_kernels import add_local_velocity
 from wt_gym.aerodynamics.wake.wake_kernels import (
     age_rows,
     choose_rows,
@@ -336,6 +337,8 @@ def store_induced(p, o, a, w, n_target, bodies=None, body_work=None):
         body_strengths(body_work, a.gamma.reshape(a.influence.shape[0]), a.body_strength)
         add_body_velocity(bodies, a.body_strength, w.targets[0], w.velocity[0], n_target, a.origin, o.ground,
                           o.has_ground)  # fmt: skip
+    if o.arcs:
+        add_local_velocity(p, o, a, w)
     scatter_velocities(p, o, a, w)
 
 

@@ -256,12 +256,12 @@ def gather_targets(p, o, a, w):
             if k > o.sparse_from:
                 for i in range(p.sparse_nodes.shape[0]):
                     for c in range(3):
-                        w.targets[0, c, n] = w.sparse_sheet[k - o.sparse_from, b, i, c]
+                        w.targets[0, c, n] = a.wake[k, b, p.sparse_nodes[i], c] - a.origin[c]
                     n += 1
                 continue
             for j in range(a.wake.shape[2]):
                 for c in range(3):
-                    w.targets[0, c, n] = w.wake_sheet[k, b, j, c] if k > 0 else a.wake[0, b, j, c] - a.origin[c]
+                    w.targets[0, c, n] = a.wake[k, b, j, c] - a.origin[c]
                 n += 1
     return n
 
