@@ -170,7 +170,7 @@ def measure_structures(fidelity: str, wall: float) -> dict:
         simulator = Simulator("nrel_5mw", SteadyInflow(12.0), chosen)
         simulator.reset(rotor_speed=1.267, pitch=0.07)
         integrator = HammingIntegrator(simulator.structure.system, 0.01)
-        integrator.start(simulator._integrator.state.copy())
+        integrator.start(simulator.coupling.integrator.state.copy())
         figures[f"turbine, {form}"] = structural_cost(integrator, wall / 5)
     small = mixed_coordinates.small_turbine(speed=mixed_coordinates.Disc().speed)
     integrator = HammingIntegrator(small.system, mixed_coordinates.STEP)

@@ -41,13 +41,13 @@ def _turbines(name):
     embedded = simulators["embedded"]
     embedded.reset(rotor_speed=SPEED, pitch=0.02, azimuth=0.3)
     signals = embedded.advance(4.0, pitch=PITCH, generator_torque=38e3)
-    state = embedded._integrator.state.copy()
+    state = embedded.coupling.integrator.state.copy()
     states = {"embedded": state}
     tied = simulators["constrained"].structure
     states["constrained"] = tied.adopt(embedded.structure, state)
     for simulator in simulators.values():
         simulator.structure.system.tree.dof_damping[simulator.structure.azimuth_u] = SLIP
-    return simulators, states, embedded._integrator.inputs.body_loads[1].copy(), signals.generator_torque
+    return simulators, states, embedded.coupling.integrator.inputs.body_loads[1].copy(), signals.generator_torque
 
 
 def _set_inputs(inputs, structure, loads, torque, start, interval):
@@ -193,7 +193,7 @@ def coupled_drift(duration):
     """The shipped preset in the wind with moving pitch and yaw: residuals after each aerodynamic step, norm error."""
     simulator = Simulator("nrel_5mw", SteadyInflow(11.0, shear_exponent=0.2), "gebhardt")
     simulator.reset(rotor_speed=SPEED, pitch=PITCH)
-    work, position = simulator._integrator.work, 0.0
+    work, position = simulator.coupling.integrator.work, 0.0
     work.norm_error[:] = 0.0
     for k in range(round(duration / simulator.time_step)):
         t = k * simulator.time_step
@@ -207,7 +207,7 @@ def coupled_drift(duration):
 def drift():
     """The preset of Gebhardt et al. at its own step with its own starters; residuals at every step."""
     simulator = _turbines("gebhardt")[0]["constrained"]
-    step, starter = simulator._h, simulator.fidelity.starter
+    step, starter = simulator.coupling.integrator.step, simulator.fidelity.starter
     run = _run("gebhardt", "constrained", 600.0, step, starter)
     position, norm, speed = coupled_drift(30.0)
     return CaseResult(

@@ -22,7 +22,7 @@ import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.aerodynamics import AeroOptions
-from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator
 from wt_gym.turbines.gebhardt_turbine import GENERATOR_DAMPER, boundary_layer, gebhardt_data, gebhardt_turbine
 
 GEBHARDT = "Gebhardt, Preidikman, Jørgensen & Massa 2012, Int. J. Hydrogen Energy 37, 14719–14724"
@@ -118,21 +118,20 @@ def make_simulator(
         time_step=STEP / (rpm * RPM),
         formulation=formulation,
     )
-    simulator = Simulator(gebhardt_turbine(tower), boundary_layer(wind, reference_height), fidelity)
-    structure = simulator.structure
-    structure.system.tree.dof_damping[structure.azimuth_u] = GENERATOR_DAMPER
+    turbine = gebhardt_turbine(tower)
+    generator = LinearDamper(GENERATOR_DAMPER, turbine.drivetrain)
+    simulator = Simulator(turbine, boundary_layer(wind, reference_height), fidelity, generator=generator)
     if not gravity:
-        structure.system.tree.gravity[:] = 0.0
+        simulator.structure.system.tree.gravity[:] = 0.0
     return simulator
 
 
 def simulate(simulator, pitch, revolutions=REVOLUTIONS, start=0.0, longest=150.0):
     """Run at fixed pitch [rad] from a rotor speed [rad/s]; ends after the revolutions or the longest time [s]."""
-    # the damper in the joint is the whole generator: nothing is commanded
-    signals = [simulator.reset(rotor_speed=start, pitch=pitch, generator_torque=0.0)]
+    signals = [simulator.reset(rotor_speed=start, pitch=pitch)]
     turns = [0.0]
     while turns[-1] < revolutions and simulator.time < longest:
-        signals.append(simulator.advance(simulator.time_step, pitch=pitch, generator_torque=0.0))
+        signals.append(simulator.advance(simulator.time_step, pitch=pitch))
         advance = signals[-1].azimuth - signals[-2].azimuth
         turns.append(turns[-1] + (advance + np.pi) % (2.0 * np.pi) / (2.0 * np.pi) - 0.5)
     out = np.array([s.tip_out_of_plane for s in signals])

@@ -80,7 +80,7 @@ def tower_stiffness():
 
 def balance(simulator, pitch, rpm):
     """Steady torque of the air divided by the generator's torque at rotor speeds [rpm], with a helical wake."""
-    out = [simulator.reset(rotor_speed=n * RPM, pitch=pitch, generator_torque=0.0).aero_torque for n in rpm]
+    out = [simulator.reset(rotor_speed=n * RPM, pitch=pitch).aero_torque for n in rpm]
     return np.array(out) / (GENERATOR_DAMPER * np.asarray(rpm) * RPM)
 
 

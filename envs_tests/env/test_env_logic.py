@@ -1,5 +1,7 @@
 """Terminations, truncation, penalties and failures of the environment, with a scripted simulator."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from scripted_simulator import ScriptedSimulator
 
 from wt_gym.envs import turbine_env
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.turbines import load_turbine
 
 HOLD = np.zeros(3, dtype=np.float32)
 RATED = 12.1 * np.pi / 30
@@ -180,6 +183,35 @@ def test_wrong_arguments_are_refused(make_env, kwargs):
 def test_control_step_must_be_one_the_simulator_can_take(make_env, control_dt):
     with pytest.raises(ValueError, match=r"control_dt must be a multiple of .* aerodynamic step of 0\.1 s"):
         make_env(control_dt=control_dt, episode_length=3.0)
+
+
+def test_a_standing_rotor_starts_without_torque(make_env):
+    env = make_env()
+    env.reset(seed=0)
+    rated = env.demand.generator_torque
+    assert rated > 30e3
+    env.reset(seed=0, options={"rotor_speed": 0.0})
+    assert (env.demand.generator_torque, env.signals["generator_torque"]) == (0.0, 0.0)
+    env.reset(seed=0, options={"rotor_speed": 0.02 * RATED})
+    assert env.demand.generator_torque == pytest.approx(0.4 * env.turbine.drivetrain.max_generator_torque)
+
+
+def test_torque_at_the_start_can_be_chosen(make_env):
+    env = make_env()
+    env.reset(seed=0, options={"generator_torque": 12e3})
+    assert (env.demand.generator_torque, env.signals["generator_torque"]) == (12e3, 12e3)
+    env.step(HOLD)
+    assert env.signals["generator_torque"] == 12e3
+
+
+def test_a_turbine_without_yaw_drive_has_no_yaw_action(make_env):
+    nrel = load_turbine("nrel_5mw")
+    env = make_env(turbine=replace(nrel, nacelle=replace(nrel.nacelle, max_yaw_rate=0.0)))
+    env.reset(seed=0)
+    assert env.action_space.shape == (2,)
+    assert env.layout.observation.names[-2:] == ("previous_pitch_rate", "previous_generator_torque_rate")
+    _, reward, *_ = env.step(np.zeros(2, dtype=np.float32))
+    assert np.isfinite(reward)
 
 
 def test_step_needs_reset(make_env):

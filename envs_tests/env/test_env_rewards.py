@@ -1,6 +1,7 @@
 """Reward terms by hand, and their bounds."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -64,6 +65,13 @@ def test_actuator_use_is_the_duty_cycle():
     assert rate(term, **full) == pytest.approx(-1.0)
     assert rate(term, yaw_rate=-0.5 * TURBINE.nacelle.max_yaw_rate) == pytest.approx(-0.5)
     assert rate(term, generator_torque=43e3 + 0.2 * 15e3) == pytest.approx(-1.0, rel=1e-6)
+
+
+def test_actuator_use_without_yaw_drive():
+    fixed = replace(TURBINE, nacelle=replace(TURBINE.nacelle, max_yaw_rate=0.0))
+    full = {f"pitch_rate_{b}": TURBINE.pitch.max_rate for b in (1, 2, 3)}
+    transition = rewards.Transition(fixed, signals(), signals(**full), 0.2)
+    assert rewards.ActuatorUse(weight=1.0)(transition) == pytest.approx(-0.5)
 
 
 def test_overspeed():

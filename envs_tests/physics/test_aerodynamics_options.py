@@ -280,7 +280,7 @@ def test_passes_of_loads_and_structure_converge_on_light_blades(share, factor, l
         sim.restore(start)
         sim.fidelity = replace(sim.fidelity, coupling_iterations=passes)
         sim.advance(n_steps * sim.time_step, pitch=0.02, generator_torque=2e4)
-        return sim._aero.nodal_forces.copy()
+        return sim.coupling.aero.nodal_forces.copy()
 
     converged = loads(16, 1)
     scale = np.abs(converged).max()
@@ -299,7 +299,7 @@ def test_circulation_and_polars_agree_at_any_attitude(wind, yaw):
     rng = np.random.default_rng(int(wind))
     simulator = Simulator("nrel_5mw", SteadyInflow(wind, shear_exponent=0.2, yaw_misalignment=yaw))
     simulator.reset(rotor_speed=0.4, pitch=0.6)
-    aero, reversed_flow = simulator._aero, 0
+    aero, reversed_flow = simulator.coupling.aero, 0
     for step in range(150):
         if step % 10 == 0:
             pitch = rng.uniform(-0.1, 1.57, 3)

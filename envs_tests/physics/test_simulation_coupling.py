@@ -28,10 +28,10 @@ def running():
 
 
 def test_power_leaving_the_air_enters_the_structure(running):
-    y, loads = running._integrator.state, running._integrator.inputs.body_loads[1]
-    running._move_lattice(y)
-    air = np.sum(running._aero.nodal_forces * running._exchange.velocities)
-    work, structure = running._integrator.work, 0.0
+    y, loads = running.coupling.integrator.state, running.coupling.integrator.inputs.body_loads[1]
+    running.coupling.move_lattice(y)
+    air = np.sum(running.coupling.aero.nodal_forces * running.coupling.exchange.velocities)
+    work, structure = running.coupling.integrator.work, 0.0
     for b in range(len(loads)):
         rate = running.structure.elastic(b, y)[1]
         structure += loads[b, :3] @ work.v[b] + loads[b, 3:6] @ work.omega[b] + loads[b, 6 : 6 + len(rate)] @ rate
@@ -201,7 +201,7 @@ def test_constrained_formulation_gives_the_same_turbine():
             sim.advance(0.2, pitch=(0.02, 0.05, 0.01 * (k % 10)), yaw_rate=0.004, generator_torque=38e3)
         runs.append(sim.signals.values)
     np.testing.assert_allclose(runs[1], runs[0], rtol=1e-4, atol=1e-5)
-    position, rate = sim.structure.system.constraint_residuals(sim._integrator.state)
+    position, rate = sim.structure.system.constraint_residuals(sim.coupling.integrator.state)
     assert np.abs(position).max() < 1e-7
     assert np.abs(rate).max() < 1e-6
 
@@ -266,7 +266,7 @@ def test_threads_change_no_number():
         simulator.reset(rotor_speed=1.2)
         for _ in range(10):
             signals = simulator.advance(0.2, pitch=0.0, generator_torque=3e4)
-        runs.append((signals.aero_power, simulator._aero.wake_nodes.copy()))
+        runs.append((signals.aero_power, simulator.coupling.aero.wake_nodes.copy()))
     assert runs[0][0] == runs[1][0]
     np.testing.assert_array_equal(runs[0][1], runs[1][1])
 
@@ -297,11 +297,11 @@ def shrouded():
 
 def flow_through_nacelle(sim):
     """Root mean square of the normal velocity at its control points, the mean, and the largest speed [m/s]."""
-    bodies, aero, work = sim.lattice.bodies, sim._aero, sim.lattice.body_arrays[1]
+    bodies, aero, work = sim.lattice.bodies, sim.coupling.aero, sim.lattice.body_arrays[1]
     strengths, points = aero.arrays.body_strength, bodies.control_points
     felt = work.wind + work.wake_flow.T + np.einsum("r,rcp->pc", aero.arrays.gamma.ravel(), work.ring_influence)
     np.testing.assert_allclose(strengths, bodies.strengths(felt), atol=1e-8)
-    flow = sim.lattice.induced_velocity(aero, points) + sim._wind(points, sim.time)
+    flow = sim.lattice.induced_velocity(aero, points) + sim.inflow.velocity(points, sim.time)
     # the vortices of the blades have other cores in the flow than in the boundary condition
     expected = bodies.strengths(flow - bodies.velocity(points, strengths))
     assert np.linalg.norm(expected - strengths) < 0.02 * np.linalg.norm(strengths)
@@ -332,14 +332,17 @@ def test_nacelle_body_turns_with_the_nacelle(shrouded):
     tower, nacelle = bodies._panels()
     np.testing.assert_allclose(bodies.control_points[nacelle], turned[nacelle], atol=0.02)  # steps of a quarter degree
     assert np.array_equal(bodies.control_points[tower], straight[tower])
-    work, hub = shrouded._integrator.work, shrouded.structure.hub
+    work, hub = shrouded.coupling.integrator.work, shrouded.structure.hub
     nose = bodies.control_points[nacelle][:8].mean(axis=0) - work.r[hub]  # of the first ring of panels
     assert nose / np.linalg.norm(nose) @ work.rot[hub, :, 0] < -0.85
     for _ in range(2):  # the drive turns it further, and its surface with the rate of the drive
         shrouded.advance(0.4, pitch=0.0, yaw_rate=0.005, generator_torque=20e3)
     heading = np.arctan2(*bodies._frames[1, (1, 0), 0])
     assert heading == pytest.approx(shrouded.signals.yaw, abs=np.radians(0.2))
-    rate, (x, y, _) = shrouded._integrator.work.omega[shrouded.structure.nacelle, 2], bodies.arrays.centre[:, nacelle]
+    rate, (x, y, _) = (
+        shrouded.coupling.integrator.work.omega[shrouded.structure.nacelle, 2],
+        bodies.arrays.centre[:, nacelle],
+    )
     np.testing.assert_allclose(bodies.arrays.motion[:, nacelle], [-rate * y, rate * x, 0 * x], atol=0.01)
     assert not bodies.arrays.motion[:, tower].any()
 
@@ -351,7 +354,7 @@ def test_nacelle_speeds_up_the_flow_at_the_roots(shrouded):
     for sim in (alone, shrouded):
         sim.reset(rotor_speed=9.16 * RPM)
         signals = sim.advance(0.4, pitch=0.0, generator_torque=20e3)
-        speeds.append(sim._aero.section_speed.mean(axis=0))
+        speeds.append(sim.coupling.aero.section_speed.mean(axis=0))
         power.append(signals.aero_power)
         thrust.append(signals.aero_thrust)
     assert 1.003 < speeds[1][0] / speeds[0][0] < 1.03

@@ -71,7 +71,7 @@ def test_prescribed_tower_shapes_and_yaw_spring(modal):
     assert names[:5] == ["fore_aft_1", "fore_aft_2", "side_side_1", "side_side_2", "yaw_twist"]
     assert signals.tower_top_fore_aft == pytest.approx(modal.tower_top_fore_aft, rel=0.12)
     # the spring twists by the yaw moment: less than a hundredth of a radian
-    assert 0.0 < abs(simulator._integrator.state[names.index("yaw_twist")]) < 0.01
+    assert 0.0 < abs(simulator.coupling.integrator.state[names.index("yaw_twist")]) < 0.01
 
 
 def test_the_published_configuration_has_thirteen_degrees_of_freedom():
@@ -81,7 +81,7 @@ def test_the_published_configuration_has_thirteen_degrees_of_freedom():
     assert (system.n_u, system.n_constraints) == (31, 18)
     assert system.n_u - system.n_constraints == 13
     assert signals.rotor_speed == pytest.approx(1.1, rel=0.02)
-    assert np.abs(system.constraint_residuals(simulator._integrator.state)[0]).max() < 1e-9
+    assert np.abs(system.constraint_residuals(simulator.coupling.integrator.state)[0]).max() < 1e-9
 
 
 def test_the_published_configuration_has_no_linear_model():
@@ -93,7 +93,7 @@ def test_the_published_configuration_has_no_linear_model():
 def test_fewer_corrector_passes_take_shorter_steps():
     """ω h stays within 0.276, 0.78 and 1.08 with one, two and three passes, and the runs agree."""
     runs = [run(Fidelity(corrections=n, **FEW), 0.4) for n in (1, 2, 3)]
-    steps = [simulator._h for _, simulator in runs]
+    steps = [simulator.coupling.integrator.step for _, simulator in runs]
     assert steps[0] < steps[1] <= steps[2]
     for signals, _ in runs[:2]:
         assert signals.rotor_speed == pytest.approx(runs[2][0].rotor_speed, rel=1e-4)

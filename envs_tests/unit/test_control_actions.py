@@ -1,6 +1,7 @@
 """Action mapping: physical meaning of actions, exact inverse, limits, refusal of bad actions."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,19 @@ def test_rates_of_the_nrel_5mw(turbine, hold):
     np.testing.assert_allclose(demand.pitch, 0.1 + math.radians(8.0) * DT, rtol=1e-6)
     assert demand.yaw_rate == pytest.approx(-math.radians(0.3), rel=1e-6)
     assert demand.generator_torque == pytest.approx(20e3 + 0.5 * 15e3 * DT, rel=1e-9)
+
+
+@pytest.mark.parametrize("mode", ["rate", "absolute"])
+@pytest.mark.parametrize("pitch", ["collective", "individual"])
+def test_a_turbine_without_yaw_drive_has_no_yaw_component(turbine, hold, mode, pitch):
+    fixed = replace(turbine, nacelle=replace(turbine.nacelle, max_yaw_rate=0.0))
+    action_map, full = ActionMap(fixed, DT, mode, pitch), ActionMap(turbine, DT, mode, pitch)
+    assert action_map.names == tuple(name for name in full.names if name != "yaw_rate")
+    action = np.linspace(-0.9, 0.9, action_map.size)
+    demand, other = action_map.decode(action, hold), full.decode(np.insert(action, -1, 0.0), hold)
+    np.testing.assert_array_equal(demand.pitch, other.pitch)
+    assert (demand.yaw_rate, demand.generator_torque) == (0.0, other.generator_torque)
+    np.testing.assert_allclose(action_map.encode(demand, hold), action, atol=1e-12)
 
 
 def test_zero_rates_hold_the_demands_exactly(turbine, hold):

@@ -40,11 +40,11 @@ class Demand:
 class ActionMap:
     """Meaning of the components of an action in [-1, 1].
 
-    Components are, in this order, pitch (one, or one a blade), yaw, generator torque. In mode ``"rate"`` pitch and
-    torque components are rates of the demand, held over a control step: the demand moves by ``action * max_rate *
-    control_dt``. In mode ``"absolute"`` they are the demands themselves, from the lower limit (-1) to the upper one
-    (+1). The yaw component is a rate in both modes, because a yaw drive turns at a rate and holds otherwise. Demands
-    end at the limits of the turbine.
+    Components are, in this order, pitch (one, or one a blade), yaw (none for a turbine whose greatest yaw rate is 0),
+    generator torque. In mode ``"rate"`` pitch and torque components are rates of the demand, held over a control step:
+    the demand moves by ``action * max_rate * control_dt``. In mode ``"absolute"`` they are the demands themselves, from
+    the lower limit (-1) to the upper one (+1). The yaw component is a rate in both modes, because a yaw drive turns at
+    a rate and holds otherwise. Demands end at the limits of the turbine.
 
     Parameters
     ----------
@@ -62,6 +62,8 @@ class ActionMap:
     low, high : numpy.ndarray, shape (n,)
         Physical value of an action component at -1 and +1.
     size : int
+    has_yaw : bool
+        Whether there is a yaw component.
 
     Raises
     ------
@@ -79,24 +81,25 @@ class ActionMap:
         self.mode, self.pitch, self.control_dt = mode, pitch, float(control_dt)
         self.n_blades = turbine.n_blades
         self.n_pitch = turbine.n_blades if pitch == "individual" else 1
-        self.size = self.n_pitch + 2
         self.pitch_limits = (turbine.pitch.min_pitch, turbine.pitch.max_pitch)
         self.torque_limits = (0.0, turbine.drivetrain.max_generator_torque)
         self.max_pitch_rate = turbine.pitch.max_rate
         self.max_yaw_rate = turbine.nacelle.max_yaw_rate
         self.max_torque_rate = turbine.drivetrain.max_torque_rate
+        self.has_yaw = self.max_yaw_rate > 0.0
 
-        pitch_names = [f"pitch_{b + 1}" for b in range(self.n_pitch)] if pitch == "individual" else ["pitch"]
+        names = [f"pitch_{b + 1}" for b in range(self.n_pitch)] if pitch == "individual" else ["pitch"]
+        rate, torque_rate = self.max_pitch_rate, self.max_torque_rate
         if mode == "rate":
-            self.names = (*(f"{name}_rate" for name in pitch_names), "yaw_rate", "generator_torque_rate")
-            self.units = ("rad/s",) * (self.n_pitch + 1) + ("N m/s",)
-            self.high = np.array([self.max_pitch_rate] * self.n_pitch + [self.max_yaw_rate, self.max_torque_rate])
-            self.low = -self.high
+            rows = [(f"{name}_rate", "rad/s", -rate, rate) for name in names]
+            last = ("generator_torque_rate", "N m/s", -torque_rate, torque_rate)
         else:
-            self.names = (*pitch_names, "yaw_rate", "generator_torque")
-            self.units = ("rad",) * self.n_pitch + ("rad/s", "N m")
-            self.low = np.array([self.pitch_limits[0]] * self.n_pitch + [-self.max_yaw_rate, self.torque_limits[0]])
-            self.high = np.array([self.pitch_limits[1]] * self.n_pitch + [self.max_yaw_rate, self.torque_limits[1]])
+            rows = [(name, "rad", *self.pitch_limits) for name in names]
+            last = ("generator_torque", "N m", *self.torque_limits)
+        if self.has_yaw:
+            rows.append(("yaw_rate", "rad/s", -self.max_yaw_rate, self.max_yaw_rate))
+        self.names, self.units, low, high = zip(*rows, last, strict=True)
+        self.low, self.high, self.size = np.array(low), np.array(high), len(self.names)
         self.low.flags.writeable = self.high.flags.writeable = False
 
     def validate(self, action) -> np.ndarray:
@@ -149,7 +152,8 @@ class ActionMap:
             pitch = previous.pitch + pitch * self.control_dt
             torque = previous.generator_torque + torque * self.control_dt
         pitch = np.clip(np.broadcast_to(pitch, self.n_blades), *self.pitch_limits)
-        return Demand(pitch, float(physical[-2]), float(np.clip(torque, *self.torque_limits)))
+        yaw_rate = float(physical[-2]) if self.has_yaw else 0.0
+        return Demand(pitch, yaw_rate, float(np.clip(torque, *self.torque_limits)))
 
     def encode(self, demand: Demand, previous: Demand) -> np.ndarray:
         """Give the action whose `decode` is the wanted demand, or the nearest one the actuators' rates allow.
@@ -170,7 +174,8 @@ class ActionMap:
             torque = (torque - previous.generator_torque) / self.control_dt
         if self.pitch == "collective":
             pitch = pitch.mean(keepdims=True)
-        physical = np.concatenate([pitch, [demand.yaw_rate, torque]])
+        yaw_rate = [demand.yaw_rate] if self.has_yaw else []
+        physical = np.concatenate([pitch, yaw_rate, [torque]])
         return np.clip(2.0 * (physical - self.low) / (self.high - self.low) - 1.0, -1.0, 1.0)
 
     def table(self) -> list[dict]:

@@ -17,6 +17,7 @@ from wt_gym.envs.observations import OBSERVATION_GROUPS, Observer
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
+from wt_gym.simulation.drives import available_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["WindTurbineEnv"]
 
-_RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitch", "azimuth")
+_RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitch", "azimuth", "generator_torque")
 
 
 class WindTurbineEnv(gym.Env):
@@ -51,10 +52,11 @@ class WindTurbineEnv(gym.Env):
 
     With ``action_mode="absolute"`` components 0 and 2 are the demands themselves, from the lower to the upper limit of
     the turbine (0 to 90 deg, 0 to 47.4 kN m); yaw remains a rate. With ``pitch="individual"`` component 0 becomes one a
-    blade, blade 1 first. Positive pitch feathers; positive yaw is counter-clockwise seen from above. Demands stop at
-    the limits of the turbine; servos, with their own dynamics and greatest rates, follow the demands. An action that is
-    not finite, of another shape or beyond [-1, 1] by more than rounding raises `wt_gym.errors.ActionError`, leaves the
-    state as it was, and the episode can go on.
+    blade, blade 1 first. Positive pitch feathers; positive yaw is counter-clockwise seen from above. A turbine without
+    yaw drive (greatest yaw rate 0) has no yaw component. Demands stop at the limits of the turbine; servos, with their
+    own dynamics and greatest rates, follow the demands. An action that is not finite, of another shape or beyond
+    [-1, 1] by more than rounding raises `wt_gym.errors.ActionError`, leaves the state as it was, and the episode can go
+    on.
 
     ## Observation space
 
@@ -111,7 +113,8 @@ class WindTurbineEnv(gym.Env):
     nacelle faces a wind that blows along +x, as the steady and turbulent winds made here do; an inflow of one's own
     from another direction meets the rotor with that yaw error.
     ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
-    [rad/s], ``pitch`` [rad] and ``azimuth`` [rad].
+    [rad/s], ``pitch`` [rad], ``azimuth`` [rad] and ``generator_torque`` [N m]. The torque is never more than a
+    generator can brake with at the rotor speed (`wt_gym.simulation.drives.available_torque`): none at standstill.
 
     ## Episode end
 
@@ -257,6 +260,8 @@ class WindTurbineEnv(gym.Env):
             If an option is unknown.
         wt_gym.errors.InflowError
             If a wind is asked for that cannot be had.
+        wt_gym.errors.ActionError
+            If an option is out of range, for example more torque than there is at the rotor speed.
         """
         self._running = False
         super().reset(seed=seed)
@@ -269,16 +274,18 @@ class WindTurbineEnv(gym.Env):
         azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
 
         start = operating_point(self.turbine, self.episode_wind.wind_speed)
-        pitch = float(options.get("pitch", start.pitch))
+        speed, pitch = float(options.get("rotor_speed", start.rotor_speed)), float(options.get("pitch", start.pitch))
+        torque = min(start.generator_torque, available_torque(self.turbine.drivetrain, speed))
+        torque = float(options.get("generator_torque", torque))
         self._place_simulator()
         self.signals = self.simulator.reset(
-            rotor_speed=float(options.get("rotor_speed", start.rotor_speed)),
+            rotor_speed=speed,
             pitch=pitch,
             azimuth=float(options.get("azimuth", azimuth)),
             yaw=0.0,
-            generator_torque=start.generator_torque,
+            generator_torque=torque,
         )
-        self.demand = Demand(np.full(self.turbine.n_blades, pitch), 0.0, start.generator_torque)
+        self.demand = Demand(np.full(self.turbine.n_blades, pitch), 0.0, torque)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running = 0, True
         self._observer.reset(self.signals)

@@ -70,83 +70,79 @@ def extrapolate_loads(inputs, previous):
 
 
 @kernel
-def coupled_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, dt, h, n_sub, n_corrections,
-                 iterations, tolerance, constrained=None, bodies=None, body_work=None):  # fmt: skip
-    """Advance structure and air by one aerodynamic step dt.
+def coupled_step(air, motion, x, scheme, blade_wind):
+    """Advance structure and air by one aerodynamic step.
 
     The wake moves on first and then stands still while structure and loads are iterated to agreement at the end of the
     step. The first pass of the structure is not corrected by its scheme: it only has to tell where the blades will be.
 
     Parameters
     ----------
-    p, o, a, w : PlanformArrays, AeroConstants, AeroArrays, AeroWork
+    air : Air
+        The wind at the control points of closed bodies is in ``air.body_work.wind``.
+    motion : Motion
     x : Exchange
-    history, saved : HammingHistory
-        Points of the structure's multistep scheme, and room for a copy.
-    inputs, tree, work : arrays of the multibody system
+    scheme : Scheme
     blade_wind : (n_blade, n_chord + 1, n_span + 1, 3)
         Wind at the lattice nodes at the end of the step [m/s].
-    dt, h : float
-        Aerodynamic and structural step [s], n_sub of these.
-    iterations, tolerance
-        Most passes, and the relative change of the loads at which they end.
-    bodies, body_work : BodyArrays, BodyWork, optional
-        Closed bodies in the flow; the wind at their control points is in ``body_work.wind``.
 
     Returns
     -------
     int
         OK, a code of the multibody kernels, OVERSPEED, DEFLECTION or UNSETTLED.
     """
-    code = predict_step(o, a, x, history, saved, inputs, tree, work, dt, h, n_sub, n_corrections, iterations,
-                        constrained)  # fmt: skip
+    code = predict_step(air, motion, x, scheme)
     if code == OK:
-        prepare(p, o, a, w, x.nodes, bool(True), bodies, body_work)
-        code = correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, dt, h, n_sub, n_corrections,
-                            iterations, tolerance, constrained)  # fmt: skip
+        prepare(air.planform, air.constants, air.arrays, air.work, x.nodes, bool(True), air.bodies, air.body_work)
+        code = correct_step(air, motion, x, scheme, blade_wind)
     if code == OK:
-        accept(p, o, a, w, bool(True), bool(False), bodies, body_work)
-        code = end_step(x, history, inputs, tree, work, constrained)
+        accept(air.planform, air.constants, air.arrays, air.work, bool(True), bool(False), air.bodies, air.body_work)
+        code = end_step(motion, x)
     return code
 
 
 @kernel
-def predict_step(o, a, x, history, saved, inputs, tree, work, dt, h, n_sub, n_corrections, iterations,
-                 constrained=None):  # fmt: skip
+def move_structure(motion, scheme, n_corrections):
+    """The structure through one aerodynamic step, without the rates at its end; returns a code."""
+    return hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, scheme.h, scheme.n_sub,
+                           n_corrections, motion.constrained, bool(False))  # fmt: skip
+
+
+@kernel
+def predict_step(air, motion, x, scheme):
     """Move the wake, and the structure under extrapolated loads; arguments as for `coupled_step`."""
-    convect_wake(o, a, dt)
-    copy_history(history, saved)
-    extrapolate_loads(inputs, x.previous_loads)
+    convect_wake(air.constants, air.arrays, scheme.dt)
+    copy_history(motion.history, motion.saved)
+    extrapolate_loads(motion.inputs, x.previous_loads)
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-    rough = constrained is None and iterations > 1 and n_sub <= MOST_UNCORRECTED
-    guess = 0 if rough else n_corrections
-    code = hamming_advance(history, inputs, tree, work, h, n_sub, guess, constrained, bool(False))
+    rough = motion.constrained is None and scheme.iterations > 1 and scheme.n_sub <= MOST_UNCORRECTED
+    code = move_structure(motion, scheme, 0 if rough else scheme.n_corrections)
     if code == OK:
-        move_lattice(history.y[3], tree, work, x)
+        move_lattice(motion.history.y[3], motion.tree, motion.work, x)
     return code
 
 
 @kernel
-def correct_step(p, o, a, w, x, history, saved, inputs, tree, work, blade_wind, dt, h, n_sub, n_corrections, iterations,
-                 tolerance, constrained=None):  # fmt: skip
+def correct_step(air, motion, x, scheme, blade_wind):
     """Loads and structure in turn until they agree; arguments as for `coupled_step`."""
     n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
+    forces, loads = air.arrays.forces.reshape((n_blade, n_point, 3)), motion.inputs.body_loads[1]
     share = 1.0
-    for iteration in range(iterations):
-        copy_loads(inputs.body_loads[1], x.passes[0])
-        solve(p, o, a, w, x.nodes, x.velocities, blade_wind, dt, bool(False))
-        change = rotor_loads(a.forces.reshape((n_blade, n_point, 3)), work.rot, x.elastic, x.points, x.blades,
-                             inputs.body_loads[1])  # fmt: skip
+    for iteration in range(scheme.iterations):
+        copy_loads(loads, x.passes[0])
+        solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
+              bool(False))  # fmt: skip
+        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.blades, loads)
         # the prediction was not corrected yet: one pass at least
-        if iteration == iterations - 1 or (iteration > 0 and change < tolerance):
+        if iteration == scheme.iterations - 1 or (iteration > 0 and change < scheme.tolerance):
             break
-        share = relax_loads(inputs.body_loads[1], x.passes, share, iteration)
-        copy_history(saved, history)
-        code = hamming_advance(history, inputs, tree, work, h, n_sub, n_corrections, constrained, bool(False))
+        share = relax_loads(loads, x.passes, share, iteration)
+        copy_history(motion.saved, motion.history)
+        code = move_structure(motion, scheme, scheme.n_corrections)
         if code != OK:
             return code
-        move_lattice(history.y[3], tree, work, x)
-    return check_sections(a)
+        move_lattice(motion.history.y[3], motion.tree, motion.work, x)
+    return check_sections(air.arrays)
 
 
 @kernel
@@ -192,12 +188,11 @@ def relax_loads(new, passes, share, iteration):
 
 
 @kernel
-def end_step(x, history, inputs, tree, work, constrained=None):
+def end_step(motion, x):
     """Rates that belong to the stored state and the final loads; has anything left the range of the model?"""
-    code = hamming_advance(history, inputs, tree, work, 1.0, int(0), int(0), constrained, bool(True))
+    code = hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, 1.0, int(0), int(0),
+                           motion.constrained, bool(True))  # fmt: skip
     if code != OK:
         return code
-    for b in range(x.previous_loads.shape[0]):
-        for k in range(x.previous_loads.shape[1]):
-            x.previous_loads[b, k] = inputs.body_loads[0, b, k]
-    return check_range(history.y[3], x)
+    copy_loads(motion.inputs.body_loads[0], x.previous_loads)
+    return check_range(motion.history.y[3], x)

@@ -87,44 +87,31 @@ def tip_deflection(tip, root, hub_rotation, root_rotation, rest, pitch, out):
 
 
 @kernel
-def observe(y, rates, body_loads, tree, work, hub, nacelle, blades, tip_points, nodes, forces, tower, root_rotation,
-            pitch, wrench, tips, tip_velocity, deflection, clearance, totals):  # fmt: skip
-    """What is measured beyond the state, in one call; kinematics are brought up to date.
+def read_gauges(y, dy, body_loads, tree, work, g):
+    """What is measured on the structure beyond its state, into the gauges; kinematics are brought up to date.
 
     Parameters
     ----------
-    y, rates : array (n_state,), (n_u,)
-        State and accelerations.
+    y, dy : array (n_state,)
+        State and its rate.
     body_loads, tree, work : arrays of the multibody system
-    hub, nacelle, blades : int, int, array (n_blades,) of int
-        Bodies.
-    tip_points : Points
-        The tip of a blade.
-    nodes, forces : (n_blades, n_points, 3)
-        Lattice points [m] and the forces of the air on them [N].
-    tower : (base (3,), heights (n,), radii (n,))
-    root_rotation : (n_blades, 3, 3)
-        Orientation of the unpitched blade roots in the hub.
-    pitch : (n_blades,)
-        [rad].
-    wrench : (n_b, 6); tips, tip_velocity, deflection : (n_blades, 3); clearance : (n_blades,)
-        Results.
-    totals : (5,)
-        Thrust [N] and torque [N m] of the air, acceleration of the nacelle in its own axes [m/s²].
+    g : Gauges
     """
+    n_y = tree.n_q + tree.n_u
+    for s in range(tree.n_servo):
+        work.servo_acceleration[s] = dy[n_y + tree.n_servo + s]
+    accelerations = dy[tree.n_q : n_y]
     kinematics(y, tree, work)
-    joint_wrenches(y, rates, body_loads, tree, work, wrench)
-    axis = work.rot[hub, :, 0]
-    totals[0], totals[1] = rotor_resultant(nodes, forces, work.r[hub], axis)
+    joint_wrenches(y, accelerations, body_loads, tree, work, g.wrench)
     for i in range(3):
-        totals[2 + i] = work.bias_lin[nacelle, i]
-        for c in range(tree.n_col[nacelle]):
-            totals[2 + i] += work.vl[nacelle, i, c] * rates[tree.cols[nacelle, c]]
-    for i in range(blades.shape[0]):
-        b = blades[i]
+        g.nacelle_acceleration[i] = work.bias_lin[g.nacelle, i]
+        for c in range(tree.n_col[g.nacelle]):
+            g.nacelle_acceleration[i] += work.vl[g.nacelle, i, c] * accelerations[tree.cols[g.nacelle, c]]
+    for i in range(g.blades.shape[0]):
+        b = g.blades[i]
         n, q, u = tree.n_elastic[b], tree.elastic_q[b], tree.n_q + tree.elastic_u[b]
-        point_motion(work.rot[b], work.r[b], work.v[b], work.omega[b], y[q : q + n], y[u : u + n], tip_points,
-                     tips[i : i + 1], tip_velocity[i : i + 1])  # fmt: skip
-        tip_deflection(tips[i], work.r[b], work.rot[hub], root_rotation[i], tip_points.position[0], pitch[i],
-                       deflection[i])  # fmt: skip
-    tower_clearance(tips, tower[0], work.r[nacelle], tower[1], tower[2], clearance)
+        point_motion(work.rot[b], work.r[b], work.v[b], work.omega[b], y[q : q + n], y[u : u + n], g.tip_points,
+                     g.tips[i : i + 1], g.tip_velocity[i : i + 1])  # fmt: skip
+        tip_deflection(g.tips[i], work.r[b], work.rot[g.hub], g.root_rotation[i], g.tip_points.position[0],
+                       y[n_y + 1 + i], g.deflection[i])  # fmt: skip
+    tower_clearance(g.tips, g.tower_base, work.r[g.nacelle], g.tower_height, g.tower_radius, g.clearance)

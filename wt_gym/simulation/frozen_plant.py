@@ -9,7 +9,7 @@ from wt_gym.aerodynamics import AeroState
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation import coupling_kernels
-from wt_gym.simulation.measurement import Measurement
+from wt_gym.simulation.measurement import Instant, Measurement
 from wt_gym.simulation.turbine_bodies import place_nacelle
 
 __all__ = ["AERODYNAMICS", "FrozenPlant", "Wake"]
@@ -84,8 +84,9 @@ class FrozenPlant:
     def __init__(self, simulator, inflow, aerodynamics="quasi_steady", hold_speed=False):
         if aerodynamics not in AERODYNAMICS:
             raise SimulationError(f"aerodynamics {aerodynamics!r} is unknown; allowed: {', '.join(AERODYNAMICS)}")
-        self.turbine, self.lattice, self.structure = simulator.turbine, simulator.lattice, simulator.structure
-        self.fidelity, self.time_step, self.tower_flow = simulator.fidelity, simulator.time_step, simulator.tower_flow
+        models = simulator.coupling.models
+        self.turbine, self.lattice, self.structure = models.turbine, models.lattice, models.structure
+        self.fidelity, self.time_step, self.tower_flow = models.fidelity, models.time_step, models.tower_flow
         self.system, self.n_blades = self.structure.system, self.turbine.n_blades
         system = self.system
         if system.n_q != system.n_u or system.n_constraints:
@@ -327,10 +328,8 @@ class FrozenPlant:
 
     def outputs(self, y, dy):
         """All channels (n_channels,) for the state y whose rates dy were just computed."""
-        command = self._command[:-3].copy()
-        if self.hold_speed:
-            command[0] = self.reaction
-        self._measurement.take(
-            0.0, y, dy, self.inputs.body_loads[1], self.work, self._flat[0], self._flat[2], command, self._wind
-        )
+        nodes, _, forces = self._flat
+        instant = Instant(y, dy, self.inputs.body_loads[1], self.work, nodes, forces)
+        torque = self.reaction if self.hold_speed else self._command[0]
+        self._measurement.take(0.0, instant, torque, self._command[:-3], self._wind)
         return self._measurement.values.copy()

@@ -323,7 +323,7 @@ def _present(plant, simulator):
     y = state["history_y"][-1].copy()
     command = state["command"]
     plant.set_commands(command[0], command[1], command[2:])
-    wake = plant.present_wake(simulator._aero, y)
+    wake = plant.present_wake(simulator.coupling.aero, y)
     plant.wake = wake
     azimuth = y[plant.structure.azimuth_q]
     speed = y[plant.system.n_q + plant.structure.azimuth_u]

@@ -1,6 +1,7 @@
 """From the state of the coupled system to the signals an engineer reads."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,7 +9,52 @@ from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
 
-__all__ = ["Measurement"]
+__all__ = ["Gauges", "Instant", "Measurement"]
+
+
+class Gauges(NamedTuple):
+    """Where a turbine is measured, and what was read there last."""
+
+    hub: int  # body
+    nacelle: int  # body
+    blades: np.ndarray  # (n_blades,) bodies
+    tip_points: tuple  # Points: the tip of a blade
+    root_rotation: np.ndarray  # (n_blades, 3, 3) orientation of the unpitched blade roots in the hub
+    tower_base: np.ndarray  # (3,) [m]
+    tower_height: np.ndarray  # (n,) above the base [m]
+    tower_radius: np.ndarray  # (n,) [m]
+    wrench: np.ndarray  # (n_b, 6) forces and moments in the joints, body axes [N, N m]
+    tips: np.ndarray  # (n_blades, 3) [m]
+    tip_velocity: np.ndarray  # (n_blades, 3) [m/s]
+    deflection: np.ndarray  # (n_blades, 3) of the tips, axes of the unpitched roots [m]
+    clearance: np.ndarray  # (n_blades,) [m]
+    nacelle_acceleration: np.ndarray  # (3,) nacelle axes [m/s²]
+
+    @classmethod
+    def of(cls, turbine, structure):
+        """Gauges of a turbine."""
+        n, cone = turbine.n_blades, rotation_y(-turbine.hub.cone)
+        return cls(
+            hub=structure.hub, nacelle=structure.nacelle, blades=np.array(structure.blades),
+            tip_points=structure.tip_points,
+            root_rotation=np.array([rotation_x(2.0 * np.pi * i / n) @ cone for i in range(n)]),
+            tower_base=np.array([0.0, 0.0, turbine.tower.base_height]),
+            tower_height=np.ascontiguousarray(structure.tower_points.position[:, 2]),
+            tower_radius=structure.tower_radius, wrench=np.zeros((len(structure.system.bodies), 6)),
+            tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)), clearance=np.zeros(n),
+            nacelle_acceleration=np.zeros(3),
+        )  # fmt: skip
+
+
+class Instant(NamedTuple):
+    """What is measured: structure and air at one time."""
+
+    y: np.ndarray  # (n_state,) state of the structure
+    dy: np.ndarray  # (n_state,) its rate
+    body_loads: np.ndarray  # (n_b, 6 + n_f) loads of the air on the bodies
+    work: tuple  # Work: scratch of the system
+    nodes: np.ndarray  # (n_blades, n_points, 3) lattice points [m]
+    forces: np.ndarray  # the same, forces of the air on them [N]
 
 
 class Measurement:
@@ -21,74 +67,62 @@ class Measurement:
 
     Attributes
     ----------
+    gauges : Gauges
     values : array (n_channels,)
         In the order of :func:`wt_gym.simulation.channels.channel_table`, as of the last :meth:`take`.
     """
 
     def __init__(self, turbine, structure):
         self.turbine, self.structure = turbine, structure
-        n = turbine.n_blades
-        self.values, self._at = new_values(n)
-        self._blades = np.array(structure.blades)
-        self._root_rotation = np.array(
-            [rotation_x(2.0 * np.pi * i / n) @ rotation_y(-turbine.hub.cone) for i in range(n)]
-        )
-        base = np.array([0.0, 0.0, turbine.tower.base_height])
-        self._tower = base, np.ascontiguousarray(structure.tower_points.position[:, 2]), structure.tower_radius
-        self._tips, self._tip_velocity, self._deflection = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-        self._clearance, self._totals = np.zeros(n), np.zeros(5)
-        self._wrench = np.zeros((len(structure.system.bodies), 6))
+        self.gauges = Gauges.of(turbine, structure)
+        self.values, self._at = new_values(turbine.n_blades)
 
-    def take(self, time, y, dy, body_loads, work, nodes, forces, command, inflow):
-        """Fill ``values``.
+    def take(self, time, instant, torque, command, inflow):
+        """Fill ``values``; the kinematics of the system are brought up to date.
 
         Parameters
         ----------
         time : float
             [s].
-        y, dy : array (n_state,)
-            State and its rate.
-        body_loads : array (n_b, 6 + n_f)
-            Aerodynamic loads of the bodies.
-        work : Work
-            Scratch of the system; its kinematics are brought up to date.
-        nodes, forces : array (n_blades, n_points, 3)
-            Lattice points [m] and forces of the air on them [N].
+        instant : Instant
+        torque : float
+            Of the generator [N m, high-speed shaft].
         command : array (2 + n_blades,)
-            Generator torque [N m], yaw and pitch demands [rad] after rate limits.
+            Of the drives: generator torque [N m], yaw and pitch [rad].
         inflow : Inflow
         """
-        s, v = self.structure, self.values
-        system = s.system
-        n_y = system.n_q + system.n_u
-        work.servo_acceleration[:] = dy[n_y + system.n_servo :]
-        rates = dy[system.n_q : n_y]
-        coupling_kernels.observe(
-            y, rates, body_loads, system.tree, work, s.hub, s.nacelle, self._blades, s.tip_points, nodes, forces,
-            self._tower, self._root_rotation, y[n_y + 1 : n_y + 1 + len(self._blades)], self._wrench, self._tips,
-            self._tip_velocity, self._deflection, self._clearance, self._totals,
-        )  # fmt: skip
-        v[0] = time
-        self._rotor(y, command)
+        s, work, y = self.structure, instant.work, instant.y
+        n_y = s.system.n_q + s.system.n_u
+        coupling_kernels.read_gauges(y, instant.dy, instant.body_loads, s.system.tree, work, self.gauges)
+        self.values[0] = time
+        self._rotor(y, torque)
+        self._air(instant)
         self._wind_and_yaw(y, n_y, inflow.velocity(work.r[s.hub], time))
         self._tower_signals(work)
         self._blade_signals(y, n_y, command)
 
-    def _rotor(self, y, command):
-        """Speeds, torques and powers."""
+    def _rotor(self, y, torque):
+        """Speeds, torques and electrical power."""
         s, v, at, drive = self.structure, self.values, self._at, self.turbine.drivetrain
         generator_speed = speed = y[s.system.n_q + s.azimuth_u]
         azimuth = y[s.azimuth_q]
         if s.shaft_flexible:
             azimuth += y[s.system.index(s.hub, "joint_q")]
             speed += y[s.system.n_q + s.system.index(s.hub, "joint_u")]
-        thrust, torque = self._totals[0], self._totals[1]
         v[at["rotor_speed"]] = speed
         v[at["azimuth"]] = azimuth % (2.0 * math.pi)
-        v[at["generator_speed"]], v[at["generator_torque"]] = generator_speed * drive.gear_ratio, command[0]
-        v[at["generator_power"]] = generator_speed * drive.gear_ratio * command[0] * drive.generator_efficiency
-        v[at["aero_power"]], v[at["aero_torque"]], v[at["aero_thrust"]] = torque * speed, torque, thrust
-        v[at["shaft_torque"]], v[at["rotor_thrust"]] = -self._wrench[s.hub, 3], -self._wrench[s.hub, 0]
+        v[at["generator_speed"]], v[at["generator_torque"]] = generator_speed * drive.gear_ratio, torque
+        v[at["generator_power"]] = generator_speed * drive.gear_ratio * torque * drive.generator_efficiency
+        shaft = self.gauges.wrench[s.hub]
+        v[at["shaft_torque"]], v[at["rotor_thrust"]] = -shaft[3], -shaft[0]
+
+    def _air(self, instant):
+        """Thrust, torque and power of the air."""
+        v, at, hub = self.values, self._at, self.structure.hub
+        centre, axis = instant.work.r[hub], instant.work.rot[hub, :, 0]
+        thrust, torque = coupling_kernels.rotor_resultant(instant.nodes, instant.forces, centre, axis)
+        v[at["aero_thrust"]], v[at["aero_torque"]] = thrust, torque
+        v[at["aero_power"]] = torque * v[at["rotor_speed"]]
 
     def _wind_and_yaw(self, y, n_y, wind):
         """Undisturbed wind at the hub against the nacelle."""
@@ -101,11 +135,11 @@ class Measurement:
         """Tower-top motion and tower-base loads."""
         s, v, at = self.structure, self.values, self._at
         v[at["tower_top_fore_aft"]], v[at["tower_top_side_side"]] = work.r[s.nacelle, 0], work.r[s.nacelle, 1]
-        base = self._wrench[s.tower]
+        base, acceleration = self.gauges.wrench[s.tower], self.gauges.nacelle_acceleration
         v[at["tower_base_fore_aft_moment"]], v[at["tower_base_side_side_moment"]] = -base[4], -base[3]
         v[at["tower_base_torsion"]] = -base[5]
-        v[at["nacelle_acceleration_fore_aft"]] = self._totals[2]
-        v[at["nacelle_acceleration_side_side"]] = self._totals[3]
+        v[at["nacelle_acceleration_fore_aft"]] = acceleration[0]
+        v[at["nacelle_acceleration_side_side"]] = acceleration[1]
 
     def _blade_signals(self, y, n_y, command):
         """Pitch, tip deflections, root moments and clearances."""
@@ -115,7 +149,7 @@ class Measurement:
         rate = n_y + s.system.n_servo
         v[at["pitch"]], v[at["pitch_rate"]] = pitch, y[rate + 1 : rate + 1 + n]
         v[at["pitch_command"]] = command[2:]
-        v[at["tip_out_of_plane"]], v[at["tip_in_plane"]] = self._deflection[:, 0], self._deflection[:, 1]
-        roots = self._wrench[self._blades]
+        v[at["tip_out_of_plane"]], v[at["tip_in_plane"]] = self.gauges.deflection[:, :2].T
+        roots = self.gauges.wrench[self.gauges.blades]
         v[at["root_edge_moment"]], v[at["root_flap_moment"]] = -roots[:, 3], -roots[:, 4]
-        v[at["root_torsion"]], v[at["tip_clearance"]] = -roots[:, 5], self._clearance
+        v[at["root_torsion"]], v[at["tip_clearance"]] = -roots[:, 5], self.gauges.clearance

@@ -113,7 +113,7 @@ def rotation_x(angle):
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def build_structure(turbine, fidelity, lattice_nodes):
+def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     """Assemble the multibody system of a turbine.
 
     Parameters
@@ -122,6 +122,8 @@ def build_structure(turbine, fidelity, lattice_nodes):
     fidelity : Fidelity
     lattice_nodes : array (..., 3)
         Points of the undeformed blade in the blade frame [m] that will carry aerodynamic loads.
+    generator_damping : float
+        Damper between nacelle and rotor [N m s/rad, low-speed shaft].
 
     Returns
     -------
@@ -132,7 +134,9 @@ def build_structure(turbine, fidelity, lattice_nodes):
     tower_body, tower_points, tower_radius = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
     nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)
-    generator, hub = _add_drivetrain(system, turbine, nacelle, blade_body.inertia, fidelity.stiffest_shaft)
+    generator, hub = _add_drivetrain(
+        system, turbine, nacelle, blade_body.inertia, fidelity.stiffest_shaft, generator_damping
+    )
     blades = tuple(
         _add_blade(system, turbine, hub, blade_body, i, fidelity.formulation) for i in range(turbine.n_blades)
     )
@@ -344,8 +348,8 @@ def rotor_axial_inertia(turbine, blade_inertia):
     return turbine.hub.inertia_axial + turbine.n_blades * second
 
 
-def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest):
-    """Generator on the shaft axis and hub behind the shaft's torsion spring, which may be too stiff to resolve."""
+def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest, damping):
+    """Generator and damper on the shaft axis, hub behind the shaft's torsion spring, if that is not too stiff."""
     drive, hub = turbine.drivetrain, turbine.hub
     inertia = np.diag([drive.generator_inertia * drive.gear_ratio**2, 0.0, 0.0])
     generator = FlexibleBody.rigid("generator", 0.0, np.zeros(3), inertia)
@@ -354,6 +358,7 @@ def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest):
         (1.0, 0.0, 0.0),
         rotation=rotation_y(turbine.nacelle.tilt),
         offset=(0.0, 0.0, turbine.nacelle.tower_top_to_shaft),
+        damping=damping,
         name="azimuth",
     )
     generator = system.add(generator, joint, nacelle)

@@ -1,0 +1,89 @@
+"""The models of a turbine, put together: everything that depends on the meshes alone and no step changes."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wt_gym.aerodynamics import TowerFlow, VortexLattice
+from wt_gym.simulation.blade_lattice import blade_planform
+from wt_gym.simulation.equilibrium import highest_frequency
+from wt_gym.simulation.fidelity import Fidelity
+from wt_gym.simulation.turbine_bodies import turbine_bodies
+from wt_gym.simulation.turbine_structure import TurbineStructure, build_structure
+from wt_gym.turbines import Turbine
+
+__all__ = ["TurbineModels", "assemble"]
+
+
+@dataclass(frozen=True)
+class TurbineModels:
+    """A turbine as structure and lattice.
+
+    Attributes
+    ----------
+    turbine : Turbine
+    fidelity : Fidelity
+    structure : TurbineStructure
+    lattice : VortexLattice
+    tower_flow : TowerFlow
+        The cheap form of the tower in the flow.
+    time_step : float
+        Aerodynamic step [s].
+    n_substeps : int
+        Structural steps in it.
+    embedded : TurbineModels or None
+        The same turbine without constraint equations, if these have them: they leave the motion, and so its
+        frequencies and its steady state, as they are.
+    """
+
+    turbine: Turbine
+    fidelity: Fidelity
+    structure: TurbineStructure
+    lattice: VortexLattice
+    tower_flow: TowerFlow
+    time_step: float
+    n_substeps: int
+    embedded: "TurbineModels | None" = None
+
+
+def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
+    """Models of a turbine.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    fidelity : Fidelity
+    threads : int
+        That share the velocities of the wake.
+    generator_damping : float
+        Damper between nacelle and rotor [N m s/rad, low-speed shaft].
+
+    Returns
+    -------
+    TurbineModels
+
+    Raises
+    ------
+    SimulationError
+        For fidelities that the turbine does not bear.
+    """
+    planform = blade_planform(turbine, fidelity.aero)
+    structure = build_structure(turbine, fidelity, planform.nodes, generator_damping)
+    tower, base = turbine.tower, np.array([0.0, 0.0, turbine.tower.base_height])
+    bodies = turbine_bodies(turbine, fidelity, planform.nodes)
+    time_step, embedded = fidelity.step_for(turbine.drivetrain.rated_rotor_speed), None
+    if fidelity.formulation == "embedded":
+        n_substeps = fidelity.substeps_for(time_step, highest_frequency(structure.system))
+    else:
+        embedded = assemble(turbine, replace(fidelity, formulation="embedded"), threads, generator_damping)
+        n_substeps = embedded.n_substeps
+    return TurbineModels(
+        turbine=turbine,
+        fidelity=fidelity,
+        structure=structure,
+        lattice=VortexLattice(planform, turbine.n_blades, fidelity.aero, turbine.air_density, bodies, threads),
+        tower_flow=TowerFlow(base, tower.diameter_station, tower.diameter),
+        time_step=time_step,
+        n_substeps=n_substeps,
+        embedded=embedded,
+    )

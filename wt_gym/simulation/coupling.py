@@ -1,0 +1,274 @@
+"""Structure and air marched together: what passes between them, and one aerodynamic step."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from wt_gym.compiled import compiled_for
+from wt_gym.errors import SimulationError
+from wt_gym.multibody.errors import failure_of_a_step
+from wt_gym.multibody.system import HammingIntegrator
+from wt_gym.multibody.tree import tree_kernels
+from wt_gym.simulation import coupled_step_kernels
+from wt_gym.simulation.measurement import Instant
+from wt_gym.simulation.turbine_bodies import place_nacelle
+
+__all__ = ["Air", "Coupling", "Exchange", "Motion", "Scheme"]
+
+MAX_DEFLECTION = 0.4
+"""Elastic tip displacement, in blade lengths, beyond which a linear elastic blade has lost its meaning."""
+MAX_OVERSPEED = 3.0
+"""Rotor speed, in rated speeds, at which a simulation is given up."""
+
+
+class Air(NamedTuple):
+    """The lattice, as the compiled step takes it."""
+
+    planform: tuple  # PlanformArrays
+    constants: tuple  # AeroConstants
+    arrays: tuple  # AeroArrays: the state
+    work: tuple  # AeroWork
+    bodies: tuple | None  # BodyArrays
+    body_work: tuple | None  # BodyWork
+
+
+class Motion(NamedTuple):
+    """The structure, as the compiled step takes it."""
+
+    history: tuple  # HammingHistory: the state
+    saved: tuple  # HammingHistory, room for a copy
+    inputs: tuple  # Inputs
+    tree: tuple  # Tree
+    work: tuple  # Work
+    constrained: int | None  # see MultibodySystem.constrained
+
+
+class Scheme(NamedTuple):
+    """How a step is taken."""
+
+    dt: float  # aerodynamic step [s]
+    h: float  # structural step [s]
+    n_sub: int  # structural steps in an aerodynamic one
+    n_corrections: int  # corrector passes of the structure
+    iterations: int  # most passes of structure and loads
+    tolerance: float  # relative change of the loads at which the passes end
+
+
+class Exchange(NamedTuple):
+    """What passes between structure and air, and the limits of the model."""
+
+    nodes: np.ndarray  # (n_blades, n_chord + 1, n_span + 1, 3) lattice nodes [m]
+    velocities: np.ndarray  # the same [m/s]
+    points: tuple  # Points of the lattice on a blade
+    blades: np.ndarray  # (n_blades,) bodies
+    elastic_q: np.ndarray  # (n_blades, n_f) where a blade's coordinates are in the state
+    elastic_u: np.ndarray  # (n_blades, n_f) and their rates
+    elastic: np.ndarray  # (n_blades, n_f)
+    elastic_rate: np.ndarray  # (n_blades, n_f)
+    previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago
+    passes: np.ndarray  # (2, n_b, 6 + n_f) loads under which the blades moved, and their last change
+    tip: np.ndarray  # (3, n_f) displacement of a tip
+    speed_index: int
+    max_speed: float  # [rad/s]
+    max_deflection: float  # [m]
+
+    @classmethod
+    def of(cls, models, body_loads):
+        """Arrays for a turbine whose bodies bear loads of the shape of ``body_loads`` (2, n_b, 6 + n_f)."""
+        structure, shape = models.structure, models.lattice.nodes_shape
+        system, points = structure.system, structure.lattice_points
+        each = np.arange(points.linear.shape[2])
+        q = np.add.outer([system.index(blade, "elastic_q") for blade in structure.blades], each)
+        u = np.add.outer([system.index(blade, "elastic_u") for blade in structure.blades], each) + system.n_q
+        return cls(
+            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, blades=np.array(structure.blades),
+            elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
+            previous_loads=np.zeros_like(body_loads[0]), passes=np.zeros_like(body_loads),
+            tip=np.ascontiguousarray(structure.tip_points.linear[0]),
+            speed_index=system.n_q + structure.azimuth_u,
+            max_speed=MAX_OVERSPEED * models.turbine.drivetrain.rated_rotor_speed,
+            max_deflection=MAX_DEFLECTION * models.turbine.blade.length,
+        )  # fmt: skip
+
+
+class Coupling:
+    """Structure and air of one turbine, in one state of motion.
+
+    Parameters
+    ----------
+    models : TurbineModels
+
+    Attributes
+    ----------
+    models : TurbineModels
+    integrator : HammingIntegrator
+        Of the structure, with its state and inputs.
+    aero : AeroState
+    exchange : Exchange
+    """
+
+    def __init__(self, models):
+        self.models = models
+        fidelity, system = models.fidelity, models.structure.system
+        h = models.time_step / models.n_substeps
+        self.integrator = HammingIntegrator(system, h, fidelity.corrections, fidelity.starter)
+        self.aero = models.lattice.new_state()
+        self.exchange = Exchange.of(models, self.integrator.inputs.body_loads)
+        self._earlier_velocities = np.zeros(models.lattice.nodes_shape)
+        self._saved = type(self.integrator.history)(*(np.zeros_like(x) for x in self.integrator.history))
+        self._scheme = Scheme(
+            models.time_step, h, models.n_substeps, self.integrator.n_corrections, fidelity.coupling_iterations,
+            fidelity.coupling_tolerance,
+        )  # fmt: skip
+        self._step, self._bundles = None, None  # compiled for the types of this turbine, and its arguments
+
+    def __getstate__(self):
+        """What a copy or a pickle takes along: all but the compiled form."""
+        return self.__dict__ | {"_step": None, "_bundles": None}
+
+    @property
+    def generator_speed(self):
+        """Speed of the generator, low-speed shaft [rad/s]."""
+        return self.integrator.state[self.exchange.speed_index]
+
+    def instant(self):
+        """What can be measured now."""
+        i = self.integrator
+        return Instant(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
+
+    @property
+    def blade_nodes(self):
+        """Lattice nodes (n_blades, n_points, 3) [m], a view."""
+        return self._by_blade(self.exchange.nodes)
+
+    @property
+    def blade_forces(self):
+        """Forces of the air on them [N], a view."""
+        return self._by_blade(self.aero.nodal_forces)
+
+    def _by_blade(self, array):
+        return array.reshape(len(array), -1, 3)
+
+    def arrays(self):
+        """Every array that carries state, by name."""
+        arrays = {f"history_{k}": a for k, a in self.integrator.history._asdict().items()}
+        arrays |= {f"inputs_{k}": a for k, a in self.integrator.inputs._asdict().items()}
+        arrays |= {f"aero_{k}": a for k, a in self.aero.arrays._asdict().items()}
+        arrays |= {"nodes": self.exchange.nodes, "velocities": self.exchange.velocities}
+        arrays |= {"previous_loads": self.exchange.previous_loads, "earlier_velocities": self._earlier_velocities}
+        return arrays
+
+    def begin(self, y):
+        """Start to move from the state y, under the loads that the inputs hold."""
+        self.exchange.previous_loads[:] = self.integrator.inputs.body_loads[0]
+        self.integrator.start(y)
+        self.move_lattice(self.integrator.state)
+        self._earlier_velocities[:] = self.exchange.velocities
+
+    def resume(self):
+        """Bring up to date what follows from restored arrays."""
+        self.move_lattice(self.integrator.state)
+        self._place_bodies()
+
+    def move_lattice(self, y):
+        """Lattice nodes and their velocities for the state y; the kinematics are then up to date."""
+        tree, work = self.models.structure.system.tree, self.integrator.work
+        coupled_step_kernels.move_lattice(y, tree, work, self.exchange)
+
+    # ---- the step ----------------------------------------------------------------------------------------------------
+
+    def step(self, inflow, time):
+        """One aerodynamic step from ``time`` [s] on: wake, then structure and loads iterated to agreement at its end.
+
+        The inputs of the structure hold the commands at its end.
+
+        Raises
+        ------
+        SimulationError
+            When the step fails; the state then has no meaning.
+        """
+        x, dt = self.exchange, self.models.time_step
+        self.models.lattice.take_wind(self.aero, inflow, time)
+        # Where the blades will be, by Adams-Bashforth: 5 cm from where they come to be, less than the wind resolves.
+        ahead = x.nodes + dt * (1.5 * x.velocities - 0.5 * self._earlier_velocities)
+        blade_wind = self.wind_at_blades(inflow, ahead, time + dt)
+        self._earlier_velocities[:] = x.velocities
+        code = self._advance(blade_wind)
+        if code != tree_kernels.OK:
+            raise SimulationError(self._failure(code))
+        for array in self.integrator.inputs:
+            array[0] = array[1]
+
+    def _advance(self, blade_wind):
+        """One compiled call; or several with the induction of a big wake between them."""
+        lattice = self.models.lattice
+        if self._bundles is None or lattice.bodies:  # bodies are placed anew now and then
+            self._bundles = self._bundle()
+        if lattice.split is not None:
+            return self._advance_split(blade_wind)
+        if lattice.bodies:
+            return coupled_step_kernels.coupled_step(*self._bundles, blade_wind)
+        if self._step is None:
+            self._step = compiled_for(coupled_step_kernels.coupled_step, (*self._bundles, blade_wind))
+        return self._step(*self._bundles, blade_wind)
+
+    def _bundle(self):
+        """Arguments of the compiled step."""
+        lattice, i, system = self.models.lattice, self.integrator, self.models.structure.system
+        air = Air(lattice.arrays, lattice.constants, self.aero.arrays, lattice.work, *lattice.body_arrays)
+        motion = Motion(i.history, self._saved, i.inputs, system.tree, i.work, system.constrained)
+        return air, motion, self.exchange, self._scheme
+
+    def _advance_split(self, blade_wind):
+        air, motion, x, scheme = self._bundles
+        code = coupled_step_kernels.predict_step(air, motion, x, scheme)
+        if code == tree_kernels.OK:
+            self.models.lattice.prepare(self.aero, x.nodes)
+            code = coupled_step_kernels.correct_step(air, motion, x, scheme, blade_wind)
+        if code == tree_kernels.OK:
+            self.models.lattice.accept(self.aero)
+            code = coupled_step_kernels.end_step(motion, x)
+        return code
+
+    def _failure(self, code):
+        """What a code of the compiled step says."""
+        y, x = self.integrator.state, self.exchange
+        if code == coupled_step_kernels.OVERSPEED:
+            return f"rotor speed {y[x.speed_index]:.2f} rad/s is beyond {x.max_speed:.2f} rad/s"
+        if code == coupled_step_kernels.DEFLECTION:
+            largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
+            return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
+        if code == coupled_step_kernels.UNSETTLED:
+            return f"circulation and polars of the blades disagree by {self.aero.residual:.3g} m/s"
+        return failure_of_a_step(code, self._scheme.h)
+
+    # ---- wind --------------------------------------------------------------------------------------------------------
+
+    def wind_at_blades(self, inflow, nodes, time):
+        """Undisturbed wind at lattice nodes, with the blocking of the tower."""
+        models, lattice = self.models, self.models.lattice
+        wind = _finite_wind(inflow, nodes, time)
+        if lattice.bodies:
+            self._place_bodies()
+            lattice.body_wind[:] = _finite_wind(inflow, lattice.bodies.control_points, time)
+        if models.fidelity.tower_shadow and models.fidelity.tower_body is None:
+            # The tower stands in a wind that the rotor has slowed; the undisturbed one would double its effect.
+            slowed = self.aero.arrays.wake_flow.mean(axis=1)
+            wind = wind + slowed
+            models.tower_flow.add(nodes, wind, self.integrator.work.r[models.structure.nacelle])
+            wind -= slowed
+        return wind
+
+    def _place_bodies(self):
+        """The nacelle's body where the nacelle is, as far as the kinematics are up to date."""
+        work, nacelle = self.integrator.work, self.models.structure.nacelle
+        place_nacelle(self.models.lattice.bodies, work.rot[nacelle], work.omega[nacelle])
+
+
+def _finite_wind(inflow, points, time):
+    """Undisturbed wind at points, refused where it is not finite."""
+    wind = np.ascontiguousarray(inflow.velocity(points, time), dtype=np.float64)
+    if not math.isfinite(wind.sum()):
+        raise SimulationError(f"the inflow is not finite at time {time} s")
+    return wind

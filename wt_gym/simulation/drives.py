@@ -1,0 +1,323 @@
+"""The drives between demands and the structure: pitch, yaw and generator, each a law behind one contract.
+
+A law takes a demand and moves a *command* towards it, once an aerodynamic step, as fast and as far as the drive can.
+The command enters the inputs of the structure, where a servo or a torque follows it continuously. Laws are immutable;
+all they remember is the command, an array that belongs to the state of the simulation, so that a snapshot holds it. A
+law of one's own, or one that wraps another and fails in some way, needs the same two methods (see `Law`).
+"""
+
+import math
+import numbers
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from wt_gym.errors import ActionError
+from wt_gym.turbines import Drivetrain, PitchSystem
+
+__all__ = [
+    "BOTH_ENDS",
+    "Drives",
+    "GeneratorLaw",
+    "Law",
+    "LinearDamper",
+    "PitchDrives",
+    "TorqueCommand",
+    "YawDrive",
+    "available_torque",
+    "check_finite",
+]
+
+FULL_TORQUE_SPEED = 0.05
+"""Speed, in rated speeds, below which the available torque falls to zero: a generator brakes, it never drives."""
+START_MARGIN = 0.1
+"""By how much the pitch at the start may lie outside the range of the drives [rad]."""
+TORQUE, YAW, PITCH = slice(0, 1), slice(1, 2), slice(2, None)
+"""Parts of the command."""
+BOTH_ENDS = slice(2)
+
+
+def check_finite(**values):
+    """Refuse what is no finite number.
+
+    Raises
+    ------
+    ActionError
+        Naming the value.
+    """
+    for name, value in values.items():
+        if not isinstance(value, numbers.Real) or not math.isfinite(value):
+            raise ActionError(f"{name} is {value!r}; a finite number is needed")
+
+
+def available_torque(drivetrain, speed):
+    """Largest torque [N m, high-speed shaft] that a generator can brake with at a rotor speed [rad/s].
+
+    Parameters
+    ----------
+    drivetrain : Drivetrain
+    speed : float
+        Low-speed shaft; below 5 % of the rated speed the torque falls to zero in proportion.
+    """
+    turning = speed / drivetrain.rated_rotor_speed / FULL_TORQUE_SPEED
+    return drivetrain.max_generator_torque * min(max(turning, 0.0), 1.0)
+
+
+class Law(Protocol):
+    """What turns demands into commands."""
+
+    def first(self, value, speed: float) -> np.ndarray:
+        """Command at the start, for a rotor speed [rad/s]; an `ActionError` for a value without meaning."""
+        ...
+
+    def follow(self, command: np.ndarray, demand, dt: float, speed: float) -> None:
+        """Move the command, in place, through a step of dt [s] at a generator speed [rad/s, low-speed shaft]."""
+        ...
+
+
+@dataclass(frozen=True)
+class PitchDrives:
+    """Drives of all blades: the command moves to the demand at no more than the greatest rate, within the range.
+
+    The servo of the pitch bearing follows it, see `wt_gym.simulation.turbine_structure`.
+
+    Parameters
+    ----------
+    limits : PitchSystem
+    n_blades : int
+    """
+
+    limits: PitchSystem
+    n_blades: int
+
+    def vector(self, pitch):
+        """One angle or one a blade [rad] as an array (n_blades,).
+
+        Raises
+        ------
+        ActionError
+            For another shape, values that are not finite, and degrees.
+        """
+        n = self.n_blades
+        try:
+            vector = np.asarray(pitch, dtype=float)
+        except (TypeError, ValueError):
+            raise ActionError(f"pitch is {pitch!r}; one angle or {n} angles [rad] are needed") from None
+        if vector.shape not in ((), (n,)):
+            raise ActionError(f"pitch has shape {vector.shape}; allowed: one angle or {n} angles [rad]")
+        if not np.all(np.isfinite(vector)):
+            raise ActionError(f"pitch {pitch!r} is not finite")
+        if np.abs(vector).max() > np.pi:
+            raise ActionError(f"pitch {pitch!r} is beyond ±π rad; are these degrees?")
+        return np.broadcast_to(vector, (n,)).copy()
+
+    def first(self, value, speed):
+        """Command (n_blades,) at the start [rad]."""
+        pitch, low, high = self.vector(value), self.limits.min_pitch, self.limits.max_pitch
+        if pitch.min() < low - START_MARGIN or pitch.max() > high + START_MARGIN:
+            raise ActionError(f"pitch {pitch} rad at the start; allowed: {low:.3f} … {high:.3f} rad (± {START_MARGIN})")
+        return pitch
+
+    def follow(self, command, demand, dt, speed):
+        """Move the commands (n_blades,) towards the demanded angles (n_blades,) [rad]."""
+        limits, reach = self.limits, self.limits.max_rate * dt
+        for i, angle in enumerate(demand):
+            wanted = min(max(angle, limits.min_pitch), limits.max_pitch)
+            command[i] += min(max(wanted - command[i], -reach), reach)
+
+
+@dataclass(frozen=True)
+class YawDrive:
+    """Turns the nacelle at the demanded rate, up to its greatest, and holds it otherwise.
+
+    Parameters
+    ----------
+    max_rate : float
+        [rad/s]; zero without a drive.
+    """
+
+    max_rate: float
+
+    def first(self, value, speed):
+        """Command (1,) at the start: an angle [rad]."""
+        check_finite(yaw=value)
+        return np.array([value])
+
+    def follow(self, command, demand, dt, speed):
+        """Move the command (1,) with the demanded rate [rad/s]."""
+        command[0] += dt * min(max(demand, -self.max_rate), self.max_rate)
+
+
+class GeneratorLaw(Law, Protocol):
+    """What loads the rotor.
+
+    Attributes
+    ----------
+    damping : float
+        Of a damper that the structure holds between nacelle and rotor [N m s/rad, low-speed shaft]. It acts at every
+        stage of the integration; held over an aerodynamic step instead, a strong one would drive a light hub unstable.
+    """
+
+    damping: float
+
+    def balance(self, moment: float, speed: float) -> float:
+        """The torque [N m, high-speed shaft] that comes closest to holding a moment of the air [N m, low-speed]."""
+        ...
+
+    def moment(self, command: np.ndarray) -> float:
+        """Moment [N m, low-speed shaft] with which the command brakes the rotor, beside the damper."""
+        ...
+
+    def torque(self, command: np.ndarray, speed: float) -> float:
+        """Torque of the generator [N m, high-speed shaft], damper included."""
+        ...
+
+
+@dataclass(frozen=True)
+class TorqueCommand:
+    """A generator with the torque that is asked for, limited in rate and size.
+
+    Parameters
+    ----------
+    drivetrain : Drivetrain
+    """
+
+    drivetrain: Drivetrain
+    damping = 0.0
+
+    def first(self, value, speed):
+        """Command (1,) at the start [N m, high-speed shaft]."""
+        check_finite(generator_torque=value)
+        limit = available_torque(self.drivetrain, speed)
+        if not 0.0 <= value <= limit:
+            raise ActionError(
+                f"generator_torque is {value} N m; allowed at a rotor speed of {speed:.4g} rad/s: 0 … {limit:.6g} N m"
+            )
+        return np.array([value])
+
+    def balance(self, moment, speed):
+        """The torque that balances the moment, as far as there is one."""
+        return min(max(moment / self.drivetrain.gear_ratio, 0.0), available_torque(self.drivetrain, speed))
+
+    def follow(self, command, demand, dt, speed):
+        """Move the command (1,) towards the demanded torque [N m], from 0 to what is available at this speed."""
+        now, reach = command[0], self.drivetrain.max_torque_rate * dt
+        command[0] = min(max(demand, now - reach, 0.0), now + reach, available_torque(self.drivetrain, speed))
+
+    def moment(self, command):
+        """Moment on the rotor [N m]; what the gearbox loses brakes it too."""
+        return command[0] * self.drivetrain.gear_ratio / self.drivetrain.gearbox_efficiency
+
+    def torque(self, command, speed):
+        """Torque of the generator [N m, high-speed shaft]."""
+        return command[0]
+
+
+@dataclass(frozen=True)
+class LinearDamper:
+    """A generator whose torque is proportional to its speed, M = c Ω (Gebhardt et al. 2012); it takes no demand.
+
+    Parameters
+    ----------
+    damping : float
+        c, on the low-speed shaft [N m s/rad].
+    drivetrain : Drivetrain
+    """
+
+    damping: float
+    drivetrain: Drivetrain
+
+    def __post_init__(self):
+        if not 0.0 <= self.damping < math.inf:
+            raise ActionError(f"generator damping is {self.damping} N m s/rad; a finite value from 0 on is needed")
+
+    def first(self, value, speed):
+        """Nothing is commanded."""
+        self._refuse(value)
+        return np.zeros(1)
+
+    def balance(self, moment, speed):
+        """Nothing can be chosen."""
+        return 0.0
+
+    def follow(self, command, demand, dt, speed):
+        """The damper acts in the structure."""
+        self._refuse(demand)
+
+    def moment(self, command):
+        """The damper acts in the structure."""
+        return 0.0
+
+    def torque(self, command, speed):
+        """Torque of the generator [N m, high-speed shaft]."""
+        return self.damping * speed * self.drivetrain.gearbox_efficiency / self.drivetrain.gear_ratio
+
+    @staticmethod
+    def _refuse(demand):
+        if demand != 0.0:
+            raise ActionError(f"generator_torque is {demand} N m; a generator that is a linear damper takes no demand")
+
+
+class Drives:
+    """All drives of a turbine and their commands.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    generator : GeneratorLaw, optional
+        By default a `TorqueCommand`.
+
+    Attributes
+    ----------
+    pitch, yaw, generator : Law
+    command : array (2 + n_blades,)
+        Generator torque [N m], yaw and pitch of each blade [rad]; part of the state of the simulation.
+    """
+
+    def __init__(self, turbine, generator=None):
+        self.pitch, self.yaw = PitchDrives(turbine.pitch, turbine.n_blades), YawDrive(turbine.nacelle.max_yaw_rate)
+        self.generator = TorqueCommand(turbine.drivetrain) if generator is None else generator
+        self.command = np.zeros(2 + turbine.n_blades)
+
+    def start(self, pitch, yaw, speed, generator_torque=None):
+        """Place pitch [rad], yaw [rad] and torque [N m] at a rotor speed [rad/s]; without a torque see `load`.
+
+        Raises
+        ------
+        ActionError
+            For values that a drive refuses; the commands are then as they were.
+        """
+        first = self.yaw.first(yaw, speed), self.pitch.first(pitch, speed)
+        torque = 0.0 if generator_torque is None else self.generator.first(generator_torque, speed)
+        self.command[TORQUE], self.command[YAW], self.command[PITCH] = torque, *first
+
+    def load(self, moment, speed, generator_torque=None):
+        """Load a rotor on which the air acts with a moment [N m], with a torque or with what balances the moment."""
+        chosen = self.generator.balance(moment, speed) if generator_torque is None else generator_torque
+        self.command[TORQUE] = self.generator.first(chosen, speed)
+
+    def follow(self, pitch, yaw_rate, generator_torque, dt, speed):
+        """Move all commands towards the demands through one step of dt [s]."""
+        self.generator.follow(self.command[TORQUE], generator_torque, dt, speed)
+        self.yaw.follow(self.command[YAW], yaw_rate, dt, speed)
+        self.pitch.follow(self.command[PITCH], pitch, dt, speed)
+
+    def act(self, inputs, azimuth_u, ends):
+        """Write all commands into the inputs of the structure.
+
+        Parameters
+        ----------
+        inputs : Inputs
+            Of the multibody system; the yaw drive is its first servo, the pitch drives follow.
+        azimuth_u : int
+            The velocity of the generator.
+        ends : int or slice
+            Start (0), end (1) or `BOTH_ENDS` of the step.
+        """
+        inputs.dof_force[ends, azimuth_u] = -self.generator.moment(self.command[TORQUE])
+        inputs.servo_command[ends] = self.command[1:]
+
+    def torque(self, speed):
+        """Torque of the generator [N m, high-speed shaft] at a speed of the rotor [rad/s]."""
+        return self.generator.torque(self.command[TORQUE], speed)
