@@ -60,7 +60,7 @@ def half_span_edges(half_span: float, n_span: int, inset: float = 0.25) -> np.nd
     return half_span / (n_span + inset) * np.arange(n_span + 1)
 
 
-def flat_planform(edges, chord, n_chord: int, le_offset=0.25) -> LatticePlanform:
+def flat_planform(edges, chord, n_chord: int, le_offset=0.25, polar=None) -> LatticePlanform:
     """Flat wing whose reference axis is the z axis.
 
     Parameters
@@ -71,17 +71,20 @@ def flat_planform(edges, chord, n_chord: int, le_offset=0.25) -> LatticePlanform
         Chord [m] and distance from the leading edge to the axis, in chords.
     n_chord : int
         Panels along the chord.
+    polar : ndarray, shape (n_alpha, 3), optional
+        Of the sections, on even angles from -pi on; a flat plate's in potential flow if not given.
     """
     edges = np.asarray(edges, dtype=np.float64)
     one = np.ones_like(edges)
-    angles = np.linspace(-np.pi, np.pi, 360, endpoint=False)
-    plate = np.column_stack([2.0 * np.pi * np.sin(angles), 0.0 * angles, 0.0 * angles])
+    if polar is None:
+        angles = np.linspace(-np.pi, np.pi, 360, endpoint=False)
+        polar = np.column_stack([2.0 * np.pi * np.sin(angles), 0.0 * angles, 0.0 * angles])
     axis = np.column_stack([0.0 * edges, 0.0 * edges, edges])
-    polars = np.tile(plate, (edges.size - 1, 1, 1))
+    polars = np.tile(polar, (edges.size - 1, 1, 1))
     return build_planform(edges, axis, chord * one, 0.0 * one, le_offset * one, polars, n_chord)
 
 
-def two_dimensional_planform(n_chord: int) -> LatticePlanform:
+def two_dimensional_planform(n_chord: int, polar=None) -> LatticePlanform:
     """Half of a very long wing, to be mirrored at z = 0; its first strip, one chord wide, is the section.
 
     The strips grow threefold outwards up to 512 panel chords: half a panel chord away from a longer segment, the
@@ -89,7 +92,7 @@ def two_dimensional_planform(n_chord: int) -> LatticePlanform:
     become unstable. With 8, 16, 24 panels the aspect ratio is 590, 330, 230.
     """
     widths = np.minimum(3.0 ** np.arange(STRIPS_OF_A_SECTION), 512.0 / n_chord)
-    return flat_planform(np.concatenate(([0.0], np.cumsum(widths))), 1.0, n_chord)
+    return flat_planform(np.concatenate(([0.0], np.cumsum(widths))), 1.0, n_chord, polar=polar)
 
 
 def panels_of(planform: LatticePlanform) -> dict:

@@ -8,6 +8,8 @@ from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.lattice.bound_kernels import invert
 from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state
+from wt_gym.aerodynamics.lattice.separation import separation_tables
+from wt_gym.aerodynamics.lattice.separation_kernels import STATIC
 from wt_gym.aerodynamics.wake.far_wake import cylinder_table, ring_velocity
 from wt_gym.aerodynamics.wake.far_wake_kernels import HEADER, PER_CYLINDER, far_wake_velocity
 
@@ -149,11 +151,13 @@ def stalling_polar(n=720):
     return np.column_stack([cl, 0.01 + np.sin(alpha) ** 2, 0.0 * alpha])
 
 
+@pytest.mark.parametrize("point", [STATIC, 0.0, 0.4, 1.0])
 @pytest.mark.parametrize("along", [60.0, 3.0, -8.0])
 @pytest.mark.parametrize("across", [-12.0, 0.7, 9.0])
-def test_rates_of_the_section_are_those_of_differences(along, across):
+def test_rates_of_the_section_are_those_of_differences(along, across, point):
     """Decambering velocity and speed by central differences over the normal velocity."""
-    fixed = along, np.array([np.cos(0.3), np.sin(0.3)]), stalling_polar(), 0.05, 3.0, 8.0
+    table = separation_tables([stalling_polar()])[0]
+    fixed = along, np.array([np.cos(0.3), np.sin(0.3)]), stalling_polar(), 0.05, 3.0, 8.0, table, point
     step = 1e-5
     low, high = (section_state(across + sign * step, *fixed) for sign in (-1, 1))
     _, _, _, wanted_rate, speed_rate = section_state(across, *fixed)
@@ -169,6 +173,7 @@ def test_decambering_converges_quadratically_within_a_blade(first):
         chord, kappa = np.array([3.0, 4.0, 2.5]), np.array([3.0, 4.0, 2.5]) * 2.8
         tilt = np.column_stack([np.cos([0.4, 0.1, 0.0]), np.sin([0.4, 0.1, 0.0])])
         polars, alpha0 = np.array([stalling_polar()] * 3), np.array([0.3, 0.05, -0.02])
+        separation = np.zeros((3, 0, 4))
 
     response = -np.array([[6.0, 0.8, 0.2], [0.8, 8.0, 0.8], [0.2, 0.8, 5.0]])
     potential, along = np.array([60.0, 110.0, 90.0]), np.array([20.0, 45.0, 70.0])
@@ -177,7 +182,8 @@ def test_decambering_converges_quadratically_within_a_blade(first):
         source = np.zeros(3)
         residuals.append(
             decambering.py_func(potential, along, response, np.array([0.2, 0.05, 0.0]), first, 0.1, 1.5, Planform, 1,
-                                0.0, iterations, np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3), source)
+                                0.0, iterations, np.full(3, STATIC), np.zeros((3, 3)), np.zeros(3), np.zeros(3),
+                                np.zeros(3), source)
         )  # fmt: skip
     assert residuals[0] > 0.3
     assert residuals[2] < 3e-3 * residuals[0]

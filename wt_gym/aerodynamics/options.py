@@ -11,6 +11,7 @@ __all__ = ["ENGINEERING", "REFERENCE", "TRAINING", "AeroOptions"]
 
 LOAD_FORMS = ("joukowski", "bernoulli")
 INDUCTIONS = ("direct", "tree")
+DYNAMIC_STALL = (None, "oye")
 # Whole numbers and the least that each may be
 COUNTS = {
     "n_chord": 1, "n_span": 1, "wake_rows": 1, "full_rows": 1, "coarse_stride": 1, "sparse_stride": 1,
@@ -56,7 +57,14 @@ class AeroOptions:
         Decambering from the airfoil polars, fed back into the boundary condition, with profile drag and moment.
     stall_lag : float
         Time constant of the decambering in chord lengths travelled [-]. It only delays the approach to the polar: it
-        selects one branch, continuously in time, where a stalled strip has several steady solutions.
+        selects one branch, continuously in time, where a stalled strip has several steady solutions. Not used with
+        ``dynamic_stall``, whose separation point does the same.
+    dynamic_stall : str or None
+        None: the static polar, with ``stall_lag``. "oye": the separation point lags behind that of the static polar;
+        while the flow is still attached, the lift exceeds the polar and the drag falls below it (Øye 1991; drag of
+        Hansen, Gaunaa & Madsen 2004). Needs ``viscous``.
+    separation_lag : float
+        Time constant of the separation point in chord lengths travelled [-]; Øye's own is 4, other models have 3.
     unsteady : bool
         Include the force of the changing circulation (added mass).
     load_form : str
@@ -115,6 +123,8 @@ class AeroOptions:
     far_wake_rows: int = 90
     viscous: bool = True
     stall_lag: float = 1.5
+    dynamic_stall: str | None = None
+    separation_lag: float = 4.0
     unsteady: bool = True
     load_form: str = "joukowski"
     bound_core: float = 0.01
@@ -135,6 +145,7 @@ class AeroOptions:
         for name in NOT_NEGATIVE:
             self._check_number(name, lambda x: 0.0 <= x < float("inf"), "it must be finite and >= 0")
         self._check_number("azimuth_step_deg", lambda x: 0.0 < x < float("inf"), "it must be positive and finite")
+        self._check_number("separation_lag", lambda x: 0.0 < x < float("inf"), "it must be positive and finite")
         self._check_number("tree_tolerance", lambda x: 0.0 < x < 0.1, "it must lie in (0, 0.1)")
         self._check_number("shed_fraction", lambda x: 0.0 < x <= 1.0, "it must lie in (0, 1]")
         if self.ground_height is not None:
@@ -142,6 +153,13 @@ class AeroOptions:
         if not (self.trailing_edge_wake or self.tip_wake):
             raise AerodynamicsError(
                 "AeroOptions.trailing_edge_wake and tip_wake are both False: a lattice that sheds no wake has no memory"
+            )
+        if self.dynamic_stall not in DYNAMIC_STALL:
+            raise AerodynamicsError(f"AeroOptions.dynamic_stall is {self.dynamic_stall!r}; allowed: None or 'oye'")
+        if self.dynamic_stall and not self.viscous:
+            raise AerodynamicsError(
+                f"AeroOptions.dynamic_stall is {self.dynamic_stall!r} with viscous=False; it needs the polars: "
+                "viscous=True"
             )
         if self.load_form not in LOAD_FORMS:
             raise AerodynamicsError(f"AeroOptions.load_form is {self.load_form!r}; allowed: {', '.join(LOAD_FORMS)}")

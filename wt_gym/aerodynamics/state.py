@@ -10,6 +10,7 @@ from wt_gym.aerodynamics.induction.aligned import aligned_zeros
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.lattice.edges import SheddingEdge, bound_segments
 from wt_gym.aerodynamics.lattice.planform import LatticePlanform
+from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.options import AeroOptions
 
 __all__ = ["AeroArrays", "AeroConstants", "AeroState", "AeroWork", "PlanformArrays"]
@@ -26,6 +27,7 @@ class PlanformArrays(NamedTuple):
     moment0: np.ndarray
     slope_angle: np.ndarray
     tilt: np.ndarray  # (n_span, 2) cosine and sine of slope angle - angle of zero lift
+    separation: np.ndarray  # (n_span, n_alpha, 4), see separation.separation_tables; no angles without dynamic stall
     cylinder_table: np.ndarray
     shed_nodes: np.ndarray
     shed_rings: np.ndarray
@@ -48,11 +50,13 @@ class PlanformArrays(NamedTuple):
         for k, (segment, core) in enumerate(tables):
             segments[k, : count[k]], cores[k, : count[k]] = segment, core**2
         tilt = planform.slope_angle - planform.alpha0_lattice
+        stalling = planform.polars if options.dynamic_stall else planform.polars[:, :0]
         return cls(
             planform.chord, planform.edge_chord, planform.polars, planform.alpha0_lattice,
             0.5 * planform.chord * planform.lift_slope, planform.moment0_lattice, planform.slope_angle,
-            np.column_stack([np.cos(tilt), np.sin(tilt)]), cylinder_table, edge.nodes, edge.rings, edge.chord,
-            segments, cores, count, *sparse_span(planform.nodes, edge.nodes, options.sparse_span),
+            np.column_stack([np.cos(tilt), np.sin(tilt)]), separation_tables(stalling), cylinder_table, edge.nodes,
+            edge.rings, edge.chord, segments, cores, count,
+            *sparse_span(planform.nodes, edge.nodes, options.sparse_span),
         )  # fmt: skip
 
 
@@ -78,6 +82,7 @@ class AeroConstants(NamedTuple):
     squire: float
     shed_fraction: float
     stall_lag: float
+    separation_lag: float
     ground: float
     full_rows: int
     coarse_stride: int
@@ -89,6 +94,7 @@ class AeroConstants(NamedTuple):
     far_wake: bool
     has_ground: bool
     viscous: bool
+    dynamic_stall: bool
     unsteady: bool
     bernoulli: bool
     strain: bool
@@ -104,14 +110,16 @@ class AeroConstants(NamedTuple):
         has_ground = o.ground_height is not None
         return cls(
             density=float(density), wake_core=float(o.wake_core), viscosity=float(o.viscosity),
-            squire=float(o.squire), shed_fraction=float(o.shed_fraction), stall_lag=float(o.stall_lag),
+            squire=float(o.squire), shed_fraction=float(o.shed_fraction),
+            stall_lag=0.0 if o.dynamic_stall else float(o.stall_lag), separation_lag=float(o.separation_lag),
             ground=float(o.ground_height) if has_ground else 0.0, full_rows=o.full_rows,
             coarse_stride=o.coarse_stride,
             sparse_from=o.wake_rows + 1 if o.sparse_from is None else o.sparse_from, sparse_stride=o.sparse_stride,
             fresh_rows=o.fresh_rows, refresh_stride=o.refresh_stride,
             far_wake_rows=o.far_wake_rows, far_wake=o.far_wake, has_ground=has_ground, viscous=o.viscous,
-            unsteady=o.unsteady, bernoulli=o.load_form == "bernoulli", strain=o.core_strain, curved=o.curved_filaments, arcs=o.local_induction,
-            edge_wake=o.trailing_edge_wake, tip_wake=o.tip_wake,
+            dynamic_stall=o.dynamic_stall is not None, unsteady=o.unsteady, bernoulli=o.load_form == "bernoulli",
+            strain=o.core_strain, curved=o.curved_filaments, arcs=o.local_induction, edge_wake=o.trailing_edge_wake,
+            tip_wake=o.tip_wake,
         )  # fmt: skip
 
 
@@ -210,6 +218,7 @@ class AeroArrays(NamedTuple):
     source_1: np.ndarray  # decambering velocity over section speed, one accepted step ago [-]
     alpha: np.ndarray  # (n_strip,) effective angle of attack [rad]
     speed: np.ndarray  # (n_strip,) effective speed in the section plane [m/s]
+    separation: np.ndarray  # (2, n_strip) separation point [chords] now, and in the static polar one step ago
     forces: np.ndarray  # (n_blade, n_chord + 1, n_node, 3) nodal forces [N]
     influence: np.ndarray  # (n_ring, 3, n_point) velocity per ring circulation, of this step
     inverse: np.ndarray  # (n_ring, n_ring)
@@ -259,6 +268,7 @@ class AeroState:
                 nodes=np.zeros(bound_shape), gamma=np.zeros(gamma_shape),
                 gamma_1=np.zeros(gamma_shape), gamma_2=np.zeros(gamma_shape), source=np.zeros(n_strip),
                 source_1=np.zeros(n_strip), alpha=np.zeros(n_strip), speed=np.zeros(n_strip),
+                separation=np.zeros((2, n_strip)),
                 forces=np.zeros(bound_shape), influence=aligned_zeros((n_ring, 3, n_point)),
                 inverse=aligned_zeros((n_ring, n_ring)), response=aligned_zeros((n_strip, n_strip)),
                 wake_flow=aligned_zeros((3, n_point)), body_strength=np.zeros(n_panel),
@@ -311,6 +321,11 @@ class AeroState:
     def section_speed(self) -> np.ndarray:
         """Effective speed in the section plane of each strip, shape (n_blades, n_span) [m/s]."""
         return self.arrays.speed.reshape(self.circulation.shape)
+
+    @property
+    def separation_point(self) -> np.ndarray:
+        """Separation point of each strip, shape (n_blades, n_span) [chords]; negative without dynamic stall."""
+        return self.arrays.separation[0].reshape(self.circulation.shape)
 
     @property
     def residual(self) -> float:

@@ -15,6 +15,7 @@ from wt_gym.aerodynamics.lattice.bound_kernels import (
 )
 from wt_gym.aerodynamics.lattice.load_kernels import bernoulli_loads, joukowski_loads, viscous_loads
 from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state, strip_axes
+from wt_gym.aerodynamics.lattice.separation_kernels import STATIC, advance_separation, reset_separation
 from wt_gym.aerodynamics.wake.far_wake_kernels import measure_far_wake
 from wt_gym.aerodynamics.wake.sheet_kernels import build_bound_sheet, build_sparse_sheet, build_wake_sheet
 from wt_gym.aerodynamics.wake.local_induction_kernels import add_local_velocity
@@ -112,6 +113,8 @@ def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
     """Points of the blades, newest row, far wake, and the sheet of the wake without its newest ring."""
     n_row = nodes.shape[1]
     n_rows = a.n_rows[0]
+    if o.dynamic_stall and place:
+        advance_separation(p, o, a)
     geometry(nodes, n_row - 1 if o.edge_wake else n_row, w.points, w.normal, w.area)
     shedding_edge(nodes, p.shed_nodes, a.wake[0])
     for c in range(3):
@@ -252,17 +255,23 @@ def solve(p, o, a, w, nodes, velocities, wind, dt, first):
             r = (b * n_chord + i) * n_span + j
             for c in range(3):
                 along[k] += flow[c, r] * w.axes[k, c] / n_chord
+    if first:
+        for k in range(n_strip):
+            a.separation[0, k] = STATIC
     if o.viscous:
         rhs, derivative, step = w.strip[3], w.strip[4], w.strip[5]
         a.residual[0] = decambering(potential, along, a.response, a.source_1, first, dt, o.stall_lag, p, n_blade,
-                                 TOLERANCE, MAX_ITERATIONS, w.jacobian, rhs, derivative, step, a.source)  # fmt: skip
+                                    TOLERANCE, MAX_ITERATIONS, a.separation[0], w.jacobian, rhs, derivative, step,
+                                    a.source)  # fmt: skip
         let_through(a.source, n_blade, n_chord, n_span, through)
         apply_inverse(a.inverse, through, gamma)
     for k in range(n_strip):
         b, j = k // n_span, k % n_span
         across = a.gamma[b, n_chord - 1, j] / p.kappa[j] + a.source[k]
         a.alpha[k], a.speed[k], _, _, _ = section_state(across, along[k], p.tilt[j], p.polars[j], p.alpha0[j],
-                                                     p.chord[j], p.kappa[j])  # fmt: skip
+                                                     p.chord[j], p.kappa[j], p.separation[j], STATIC)  # fmt: skip
+    if first:
+        reset_separation(p, o, a)
     add_ring_velocity(gamma, a.influence, 0 if o.bernoulli else n_ring, flow)
     rate = through  # its memory is free now
     circulation_rate(o, a, dt, gamma, rate)
@@ -276,8 +285,7 @@ def solve(p, o, a, w, nodes, velocities, wind, dt, first):
     else:
         joukowski_loads(nodes, a.gamma, rate, flow, normal, w.area, o.density, o.edge_wake, o.tip_wake, a.forces)
     if o.viscous:
-        viscous_loads(nodes, w.axes, w.normals, width, a.alpha, a.speed, p.slope_angle, p.chord, p.moment0, p.polars,
-                      o.density, a.forces)  # fmt: skip
+        viscous_loads(nodes, w.axes, w.normals, width, a.alpha, a.speed, p, a.separation[0], o.density, a.forces)
 
 
 @kernel(fastmath=FAST)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from wt_gym.aerodynamics.lattice.section_kernels import polar_at
+from wt_gym.aerodynamics.lattice.section_kernels import linear_at
+from wt_gym.aerodynamics.lattice.separation_kernels import separation_drag
 from wt_gym.compiled import kernel
 
 
@@ -128,9 +129,10 @@ def bernoulli_loads(nodes, gamma, rate, flow, normal, area, density, edge_wake, 
 
 
 @kernel(fastmath=False, inline="always")
-def viscous_loads(nodes, fore_aft, normal, width, alpha, speed, slope_angle, chord, moment0, polars, density, forces):
+def viscous_loads(nodes, fore_aft, normal, width, alpha, speed, p, separation, density, forces):
     """Drag at the quarter chord and pitching moment as a couple of the first and last node row, from the polars.
 
+    ``separation`` (n_strip,) are the separation points of the dynamic stall model, negative for static polars.
     The lattice already carries the moment of its own camber line, ``moment0`` at zero lift; only the rest is added.
     """
     n_blade, n_row, n_node, _ = nodes.shape
@@ -141,14 +143,15 @@ def viscous_loads(nodes, fore_aft, normal, width, alpha, speed, slope_angle, cho
     for b in range(n_blade):
         for j in range(n_span):
             k = b * n_span + j
-            _, cd, cm, _ = polar_at(polars[j], alpha[k])
-            pressure = 0.5 * density * speed[k] * speed[k] * chord[j] * width[k]
-            angle = alpha[k] - slope_angle[j]
+            cd = linear_at(p.polars[j], 1, alpha[k]) + separation_drag(p.separation[j], separation[k], alpha[k])
+            cm = linear_at(p.polars[j], 2, alpha[k])
+            pressure = 0.5 * density * speed[k] * speed[k] * p.chord[j] * width[k]
+            angle = alpha[k] - p.slope_angle[j]
             arm = 0.0
             for c in range(3):
                 arm += 0.5 * fore_aft[k, c] * (nodes[b, n_chord, j, c] + nodes[b, n_chord, j + 1, c]
                                                - nodes[b, 0, j, c] - nodes[b, 0, j + 1, c])  # fmt: skip
-            couple = 0.5 * pressure * chord[j] * (cm - moment0[j] * np.cos(alpha[k]) ** 2) / arm
+            couple = 0.5 * pressure * p.chord[j] * (cm - p.moment0[j] * np.cos(alpha[k]) ** 2) / arm
             for c in range(3):
                 drag = 0.5 * pressure * cd * (np.cos(angle) * fore_aft[k, c] + np.sin(angle) * normal[k, c])
                 for side in range(2):

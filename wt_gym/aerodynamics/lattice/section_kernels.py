@@ -6,15 +6,12 @@ from wt_gym.compiled import kernel
 
 LEAST_SHARE = 0.02  # of a step of Newton's method; where none helps the smallest is taken
 STEEPEST = 0.9  # slope of the right-hand side over s for a strip alone, in the Jacobian
+ATTACHED, SEPARATED, POINT, DRAG = range(4)  # columns of the separation tables
 
 
 @kernel(fastmath=False)
-def polar_at(table, alpha):
-    """Coefficients and lift slope at ``alpha``: cl, cd, cm, dcl/dalpha.
-
-    Periodic cubic (Catmull-Rom) interpolation of cl, continuous with its slope; linear for cd, so that it never
-    becomes negative, and for cm. table (n_alpha, 3) from -pi (included) to pi (excluded).
-    """
+def cubic_at(table, column, alpha):
+    """Periodic cubic (Catmull-Rom) interpolation in a column of a table (n_alpha, …) from -pi to pi, and its slope."""
     n = table.shape[0]
     step = 2.0 * np.pi / n
     position = (alpha + np.pi) / step
@@ -22,15 +19,48 @@ def polar_at(table, alpha):
     t = position - floor
     i1 = int(floor) % n
     i0, i2, i3 = (i1 - 1) % n, (i1 + 1) % n, (i1 + 2) % n
-    y0, y1, y2, y3 = table[i0, 0], table[i1, 0], table[i2, 0], table[i3, 0]
+    y0, y1, y2, y3 = table[i0, column], table[i1, column], table[i2, column], table[i3, column]
     a = 0.5 * (3.0 * (y1 - y2) + y3 - y0)
     b = 0.5 * (2.0 * y0 - 5.0 * y1 + 4.0 * y2 - y3)
     c = 0.5 * (y2 - y0)
-    cl = y1 + t * (c + t * (b + t * a))
-    slope = (c + t * (2.0 * b + t * 3.0 * a)) / step
-    cd = (1.0 - t) * table[i1, 1] + t * table[i2, 1]
-    cm = (1.0 - t) * table[i1, 2] + t * table[i2, 2]
-    return cl, cd, cm, slope
+    return y1 + t * (c + t * (b + t * a)), (c + t * (2.0 * b + t * 3.0 * a)) / step
+
+
+@kernel(fastmath=False)
+def linear_at(table, column, alpha):
+    """Periodic linear interpolation in a column of a table (n_alpha, …) from -pi (included) to pi (excluded)."""
+    n = table.shape[0]
+    position = (alpha + np.pi) / (2.0 * np.pi / n)
+    floor = np.floor(position)
+    t = position - floor
+    i = int(floor) % n
+    return (1.0 - t) * table[i, column] + t * table[(i + 1) % n, column]
+
+
+@kernel(fastmath=False)
+def polar_at(table, alpha):
+    """Coefficients and lift slope at ``alpha``: cl, cd, cm, dcl/dalpha.
+
+    cl by cubics, continuous with its slope; cd by straight lines, so that it never becomes negative, and cm.
+    table (n_alpha, 3).
+    """
+    cl, slope = cubic_at(table, 0, alpha)
+    return cl, linear_at(table, 1, alpha), linear_at(table, 2, alpha), slope
+
+
+@kernel(fastmath=False)
+def lift_at(polar, separation, point, alpha):
+    """Lift coefficient and its slope: of the polar (``point`` < 0), or of a flow separated ``point`` chords aft.
+
+    separation (n_alpha, 4), see `separation.separation_tables`. With the separation point given, the slope is never
+    that of the polar's fall beyond its maximum, which is the movement of this point.
+    """
+    if point < 0.0:
+        return cubic_at(polar, 0, alpha)
+    attached, attached_slope = cubic_at(separation, ATTACHED, alpha)
+    separated, separated_slope = cubic_at(separation, SEPARATED, alpha)
+    rest = 1.0 - point
+    return point * attached + rest * separated, point * attached_slope + rest * separated_slope
 
 
 @kernel(fastmath=False, inline="always")
@@ -59,8 +89,8 @@ def strip_axes(nodes, fore_aft, normal, width):
 
 
 @kernel(fastmath=False)
-def section_state(across, along, tilt, polar, alpha0, chord, kappa):
-    """Angle of attack and what the polar makes of it.
+def section_state(across, along, tilt, polar, alpha0, chord, kappa, separation, point):
+    """Angle of attack and what the polar makes of it, static or with the flow separated at ``point``, see `lift_at`.
 
     ``across`` is the velocity normal to the zero-lift line of the lattice section, ``along`` the one along the line
     that joins its first and last node, ``tilt`` (2,) cosine and sine of slope angle - alpha0. Returns alpha, speed,
@@ -70,7 +100,7 @@ def section_state(across, along, tilt, polar, alpha0, chord, kappa):
     tangential = (along - across * tilt[1]) / tilt[0]
     speed = np.sqrt(across * across + tangential * tangential)
     alpha = np.arctan2(across, tangential) + alpha0
-    cl, _, _, slope = polar_at(polar, alpha)
+    cl, slope = lift_at(polar, separation, point, alpha)
     safe = max(speed, 1e-9)
     tangential_rate = -tilt[1] / tilt[0]
     speed_rate = (across + tangential * tangential_rate) / safe
@@ -80,14 +110,15 @@ def section_state(across, along, tilt, polar, alpha0, chord, kappa):
 
 
 @kernel(fastmath=False, inline="always")
-def decambering(potential, along, response, previous, first, dt, lag, p, n_blade, tolerance, max_iterations, jacobian,
-                rhs, derivative, step, source):  # fmt: skip
+def decambering(potential, along, response, previous, first, dt, lag, p, n_blade, tolerance, max_iterations, point,
+                jacobian, rhs, derivative, step, source):  # fmt: skip
     """Decambering velocities of all strips such that circulation and polar agree; returns the residual [m/s].
 
     Strip k with decambering velocity s_k has the circulation G = potential + response @ s and sees the normal
     velocity x = G / kappa + s. The polar wants s* = x - (V c cl / 2) / kappa. Each step solves
     s = (1 - w) V d_previous + w s*(x), w = 1 - exp(-V dt / (lag c)), where ``previous`` holds d = s / V of the last
-    step: what lags is an angle, so that the lift coefficient does not overshoot where the speed drops. Newton's
+    step: what lags is an angle, so that the lift coefficient does not overshoot where the speed drops. ``point``
+    (n_strip,) are separation points, which stand still here, or negative for static polars. Newton's
     method has the coupling inside a blade in its Jacobian, the weak one between blades only in the residual. The
     slope of the right-hand side is limited in the Jacobian (not in the equation) where the polar falls steeply, since
     there the equation has several solutions. A step that does not lessen the sum of squares is halved.
@@ -105,7 +136,7 @@ def decambering(potential, along, response, previous, first, dt, lag, p, n_blade
             j = k % n_span
             across = g / kappa[j] + source[k]
             _, speed, wanted, slope, speed_rate = section_state(
-                across, along[k], p.tilt[j], p.polars[j], p.alpha0[j], chord[j], kappa[j]
+                across, along[k], p.tilt[j], p.polars[j], p.alpha0[j], chord[j], kappa[j], p.separation[j], point[k]
             )
             frequency = dt / max(lag * chord[j], 1e-12)
             kept = 0.0 if first else np.exp(-speed * frequency)
