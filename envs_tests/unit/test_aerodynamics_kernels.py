@@ -1,7 +1,10 @@
 """Induction kernels, far-wake cylinder and tower flow against closed forms and a plain float64 sum."""
 
+from collections import namedtuple
+
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 from wt_gym.aerodynamics import AerodynamicsError, tower_perturbation
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
@@ -11,7 +14,19 @@ from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_sta
 from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.lattice.separation_kernels import STATIC
 from wt_gym.aerodynamics.wake.far_wake import cylinder_table, ring_velocity
-from wt_gym.aerodynamics.wake.far_wake_kernels import HEADER, PER_CYLINDER, far_wake_velocity
+from wt_gym.aerodynamics.wake.far_wake_kernels import (
+    ACTIVE,
+    AXIS,
+    LENGTH,
+    LINE,
+    N_CELL,
+    N_FAR,
+    N_TUBE,
+    RADIUS,
+    at_own_radius,
+    far_wake_velocity,
+    transport,
+)
 
 
 def segment_sum(starts, ends, strengths, points, core2=0.0):
@@ -101,12 +116,80 @@ def test_ring_on_its_axis():
     np.testing.assert_allclose(run_kernel(line_sheet(ring), off)[0, [2, 0]], [u[0], v[0]], rtol=1e-4)
 
 
+FarWake = namedtuple("FarWake", "far far_tube far_ring")
+
+
+def far_wake(*radii):
+    """Cylinders about z from the origin on, measured on rows one metre long, without strength yet."""
+    wake = FarWake(np.zeros(N_FAR), np.zeros((N_TUBE, len(radii))), np.zeros((N_CELL, len(radii))))
+    wake.far[[ACTIVE, AXIS + 2]] = 1.0
+    wake.far_tube[RADIUS], wake.far_tube[LENGTH] = radii, 1.0
+    return wake
+
+
 def cylinder(points, ring=1.0, line=0.0, radius=1.0):
-    far = np.zeros(HEADER + PER_CYLINDER)
-    far[[0, 6, HEADER + 1, HEADER + 2, HEADER + 3]] = 1.0, 1.0, radius, ring, line
+    wake = far_wake(radius)
+    wake.far_ring[:] = ring
+    wake.far_tube[LINE] = line * (1.0 + 0.05**2 * radius**2)
     targets, velocity = np.ascontiguousarray(points.T, dtype=np.float32), np.zeros((3, len(points)), dtype=np.float32)
-    far_wake_velocity(far, cylinder_table(), targets, velocity, len(points), np.zeros((8, len(points)), np.float32))
+    far_wake_velocity(wake, cylinder_table(), targets, velocity, len(points), np.zeros((8, len(points)), np.float32))
     return velocity.T
+
+
+def test_speed_of_a_cylinder_at_its_own_radius():
+    """Half of 1/2 + z k K(k) / (2 pi R), k^2 = 4 R^2 / (4 R^2 + z^2); the mean of the two sides of the table."""
+    z = np.array([-5.0, -1.0, -0.3, -1e-3, 0.3, 1.0, 5.0])
+    k2 = 4.0 / (4.0 + z**2)
+    exact = 0.5 * (0.5 + z * np.sqrt(k2) * ellipk(k2) / (2.0 * np.pi))
+    np.testing.assert_allclose([at_own_radius(d) for d in z], exact, rtol=1e-6)
+    inside, outside = (cylinder(np.stack([r + 0 * z, 0 * z, z], -1))[:, 2] for r in (0.8, 1.2))
+    np.testing.assert_allclose(0.5 * (inside + outside), exact, atol=0.02)
+
+
+class TestTransport:
+    """A cylinder of radius 1 m behind rows that pass at 1 m/s, three radii behind the rotor."""
+
+    way, duration = 3.0, 1.0
+
+    def march(self, wake, flux, steps, dt, speed=1.0, mixing=0.0):
+        for _ in range(steps):
+            transport(wake, np.array([flux]), 1.0, self.way, 1.0, self.duration, speed, 1e-9, mixing, dt)
+        return wake.far_ring[:, 0]
+
+    def test_weak_cylinders_keep_flux_and_speed(self):
+        ring = self.march(far_wake(1.0), 1e-4, 50, -1.0)
+        np.testing.assert_allclose(ring, 1e-4, rtol=1e-3)
+
+    def test_a_step_arrives_after_the_way_to_the_cell(self):
+        """Cells end at 0.5, 1.2, 2.18, ... m: nothing overshoots, and behind them is less than in front."""
+        wake = far_wake(1.0)
+        ring = self.march(wake, 1e-4, 12, 0.05)
+        assert np.all(np.diff(ring) < 0.0)
+        assert ring[0] > 0.6e-4
+        assert ring[3] < 0.1e-4
+        np.testing.assert_allclose(self.march(wake, 1e-4, 2000, 0.05), 1e-4, rtol=1e-3)
+
+    def test_circulation_is_conserved(self):
+        """What enters is in the cells as long as nothing has passed the last one."""
+        wake = far_wake(1.0)
+        lengths = 0.5 * 1.4 ** np.arange(N_CELL)
+        ring = self.march(wake, 1e-4, 10, 0.01)
+        assert ring @ lengths == pytest.approx(1e-4 * 0.1, rel=1e-3)
+
+    def test_steady_strengths_obey_the_flux_of_an_ideal_wake(self):
+        """Far behind: g c = F with c = V - g / 2, over the same where the rows are: the wake of momentum theory."""
+        strength = 0.5
+        here = 1.0 - strength * at_own_radius(self.way)
+        flux = -strength * here
+        wake = far_wake(1.0)
+        wake.far_tube[LENGTH] = here * self.duration
+        far = -self.march(wake, flux, 60, -1.0, here)[-1]
+        assert far * (1.0 - 0.5 * far) == pytest.approx(-flux, rel=0.02)
+        assert far > strength
+
+    def test_mixing_lets_it_go_with_the_wind(self):
+        calm, mixed = (self.march(far_wake(1.0), -0.3, 60, -1.0, mixing=m)[-1] for m in (0.0, 5.0))
+        assert abs(mixed) < 0.95 * abs(calm)
 
 
 def test_vortex_cylinder_on_its_axis_and_far_away():

@@ -12,6 +12,7 @@ from wt_gym.aerodynamics.lattice.edges import SheddingEdge, bound_segments
 from wt_gym.aerodynamics.lattice.planform import LatticePlanform
 from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.options import AeroOptions
+from wt_gym.aerodynamics.wake.far_wake_kernels import N_CELL, N_FAR, N_TUBE
 
 __all__ = ["AeroArrays", "AeroConstants", "AeroState", "AeroWork", "PlanformArrays"]
 
@@ -60,12 +61,20 @@ class PlanformArrays(NamedTuple):
         )  # fmt: skip
 
 
+def carrying_nodes(n_edge, stride):
+    """Nodes of the edge that carry the sparse part of the wake: the last three and every ``stride``-th inboard of them.
+
+    Where the circulation falls steeply, the place of its trailing vortices decides how fast they move.
+    """
+    return np.unique(np.concatenate([np.arange(max(n_edge - 2, 0), -1, -stride), [0, n_edge - 1, n_edge]]))
+
+
 def sparse_span(nodes, edge_nodes, stride):
     """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbours."""
     corners = nodes.reshape(-1, 3)[edge_nodes]
     width = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     n_edge = len(width)
-    chosen = np.unique(np.append(np.arange(0, n_edge, stride), n_edge))
+    chosen = carrying_nodes(n_edge, stride)
     weight, place = np.empty(n_edge), np.zeros(n_edge + 1)
     for first, last in pairwise(chosen):
         weight[first:last] = width[first:last] / width[first:last].sum()
@@ -209,7 +218,9 @@ class AeroArrays(NamedTuple):
     shed: np.ndarray  # int64 (n_max + 1,) step at which the row was shed
     free_edge: np.ndarray  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
     frame: np.ndarray  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
-    far: np.ndarray  # far-wake cylinders at the nodes of the sparse wake, see far_wake_kernels
+    far: np.ndarray  # (7,) whether cylinders continue the wake, centre and axis of its last rows, see far_wake_kernels
+    far_tube: np.ndarray  # (5, n_sparse) start, radius and what is measured of the cylinder at each carrying node
+    far_ring: np.ndarray  # (n_cell, n_sparse) ring circulation per length of their cells [m/s]
     nodes: np.ndarray  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]
     gamma: np.ndarray  # (n_blade, n_chord, n_span) ring circulations [m^2/s]
     gamma_1: np.ndarray  # one accepted step ago
@@ -244,7 +255,7 @@ class AeroState:
         """Arrays of the right shapes, without flow."""
         n_chord, n_span = planform.n_chord, planform.n_span
         n_edge = len(SheddingEdge.of(n_chord, n_span, planform.edge_chord, options).rings)
-        n_far = -(-n_edge // options.sparse_span) + 1
+        n_far = len(carrying_nodes(n_edge, options.sparse_span))
         n_node, n_max = n_edge + 1, options.wake_rows
         n_strip = n_blades * n_span
         n_ring = n_strip * n_chord
@@ -264,7 +275,8 @@ class AeroState:
                 wake_gamma=np.zeros((n_max, n_blades, n_edge)), volume=np.zeros((*wake_shape[:3], 2)),
                 age=np.zeros(n_max + 1),
                 shed=np.zeros(n_max + 1, dtype=np.int64), free_edge=np.zeros((n_blades, n_node, 3)),
-                frame=np.zeros((n_blades, 3, 3)), far=np.zeros(7 + 4 * n_far),
+                frame=np.zeros((n_blades, 3, 3)), far=np.zeros(N_FAR),
+                far_tube=np.zeros((N_TUBE, n_far)), far_ring=np.zeros((N_CELL, n_far)),
                 nodes=np.zeros(bound_shape), gamma=np.zeros(gamma_shape),
                 gamma_1=np.zeros(gamma_shape), gamma_2=np.zeros(gamma_shape), source=np.zeros(n_strip),
                 source_1=np.zeros(n_strip), alpha=np.zeros(n_strip), speed=np.zeros(n_strip),

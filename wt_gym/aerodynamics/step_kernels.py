@@ -17,8 +17,8 @@ from wt_gym.aerodynamics.lattice.load_kernels import bernoulli_loads, joukowski_
 from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state, strip_axes
 from wt_gym.aerodynamics.lattice.separation_kernels import STATIC, advance_separation, reset_separation
 from wt_gym.aerodynamics.wake.far_wake_kernels import measure_far_wake
-from wt_gym.aerodynamics.wake.sheet_kernels import build_bound_sheet, build_sparse_sheet, build_wake_sheet
 from wt_gym.aerodynamics.wake.local_induction_kernels import add_local_velocity
+from wt_gym.aerodynamics.wake.sheet_kernels import build_bound_sheet, build_sparse_sheet, build_wake_sheet
 from wt_gym.aerodynamics.wake.wake_kernels import (
     age_rows,
     choose_rows,
@@ -126,7 +126,7 @@ def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
         place_newest_row(nodes, p.shed_nodes, a.free_edge, o.shed_fraction, a.wake)
     if o.far_wake and a.far_wake_on[0] == 1 and n_rows > 1:
         n_tail, dt = min(o.far_wake_rows, n_rows - 1), a.dt[0] if place else 0.0
-        measure_far_wake(a, n_tail, dt, p.sparse_nodes, p.sparse_weight, w.lines)
+        measure_far_wake(p, a, w, n_tail, dt)
     grow = a.dt[0] if place else -1.0
     build_wake_sheet(a, p, o, 1, n_rows, grow, False, w.wake_sheet)
     if n_rows > o.sparse_from:
@@ -206,7 +206,7 @@ def velocity_at_points(p, o, a, w, bound_sheet, first, points, out):
         for i in range(n):
             w.targets[0, c, i] = points[c, i] - a.origin[c]
     wake_sheet, sparse_sheet = wake_sheets(a, o, w, first)
-    induced_at(bound_sheet, wake_sheet, sparse_sheet, a.far, n, w, o, a.origin, p.cylinder_table)
+    induced_at(bound_sheet, wake_sheet, sparse_sheet, a, n, w, o, p.cylinder_table)
     for c in range(3):
         for i in range(n):
             out[c, i] = w.velocity[0, c, i]
@@ -303,7 +303,7 @@ def accept(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     """Shed the newest ring and compute the induced velocities with which the wake moves on."""
     n_target = shed_newest(p, o, a, w, place, all_rows, bodies, body_work)
     wake_sheet, sparse_sheet = wake_sheets(a, o, w, 0)
-    induced_at(w.bound_sheet, wake_sheet, sparse_sheet, a.far, n_target, w, o, a.origin, p.cylinder_table)
+    induced_at(w.bound_sheet, wake_sheet, sparse_sheet, a, n_target, w, o, p.cylinder_table)
     store_induced(p, o, a, w, n_target, bodies, body_work)
 
 
@@ -333,7 +333,7 @@ def shed_newest(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     build_wake_sheet(a, p, o, 0, min(2, n_rows), -1.0, True, w.wake_sheet)
     if bodies is not None:
         cut_wake(p, o, bodies, body_work.flags, a.wake, min(2, n_rows), w)
-    turn_induced(a)
+    turn_induced(a, o)
     w.n_turn[0] = choose_rows(a, o, w.rows, all_rows)
     return gather_targets(p, o, a, w)
 

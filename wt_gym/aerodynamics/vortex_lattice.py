@@ -168,6 +168,7 @@ class VortexLattice:
         shedding_edge(a.nodes, self.arrays.shed_nodes, a.wake[0])
         place_newest_row(a.nodes, self.arrays.shed_nodes, a.wake[1].copy(), 1.0, a.wake)
         a.age[1 : n_rows + 1] = ages
+        a.wind[: n_rows + 1] = wind.mean(axis=(0, 1, 2))
         a.shed[1 : n_rows + 1] = -np.arange(1, n_rows + 1)
         a.n_rows[0] = n_rows
         a.far_wake_on[0] = int(far_wake)
@@ -452,7 +453,8 @@ class VortexLattice:
         axial_speed = float(stream @ axis)
         distance, time = 0.0, 0.0
         for k, age in enumerate(ages):
-            here = abs(axial_speed) + induced * (1.0 + distance / np.sqrt(distance**2 + radius**2))
+            # the vorticity moves with the mean of the speeds on the two sides of its sheet
+            here = abs(axial_speed) + 0.5 * induced * (1.0 + distance / np.sqrt(distance**2 + 4.0 * radius**2))
             distance += max(here, slowest) * (age - time)
             time = age
             drift = stream * age - axial_speed * age * axis

@@ -69,6 +69,6 @@ class SplitInduction:
             split_direct(sparse_sheet, targets, velocity, scratch)
             if a.far[0] > 0.0:
                 table = self._lattice.arrays.cylinder_table
-                far_wake_velocity(a.far, table, targets, velocity, n_target, self._lane)
+                far_wake_velocity(a, table, targets, velocity, n_target, self._lane)
             w.velocity[image, :, :n_padded] = velocity
         fold_images(constants, w, n_target)

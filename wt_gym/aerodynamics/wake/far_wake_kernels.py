@@ -1,122 +1,259 @@
-"""Semi-infinite vortex cylinders that continue a rotor wake behind its last row: measuring and evaluating them.
+"""What continues a rotor wake behind its last row: coaxial vortex cylinders, measured there and carried away.
 
-The far wake is one float64 vector: active, centre of the last rows (3), axis (3), then for each cylinder its start
-along the axis from there [m], its radius [m], its ring vorticity per length [m/s] and its axial circulation [m^2/s].
-Positions are relative to the origin of the wake sheet.
+**Measuring.** Each span boundary that carries vortices leaves behind a cylinder. Ring circulation passes the last rows
+at the rate F = sum(G a) / (pi r^2 T) [m^2/s^2], with the circulation G of the trailing segments, the area a that they
+sweep about the axis, the time T that the rows span and the mean square radius r^2: a flux, without the length of the
+rows, which fluctuates in turbulence. The flux vanishes with the rotation, without a case to distinguish.
+
+**Carrying.** The strength per length g of a cylinder is transported with the speed c of its vorticity,
+
+    dg/dt + d(c g)/dz = 0,    c g = F where the rows end,
+
+in cells along the axis, the last of them without end. So g c stays what it is in steady flow: a wake that slows down
+becomes stronger; and what a gust or a change of pitch has shed acts later, and further away.
+
+**Speed.** The speed of a sheet is the mean of the speeds on its two sides. Of a cylinder with the strength g(z) in a
+wind V0 it is V0 + u(z), u the velocity of all cylinders at their own radius: half of g far behind the rotor, a quarter
+in its plane. In this proportion the vorticity slows down behind the measured rows. Turbulence spreads the vorticity
+over the width of the wake, where faster air carries it: rows that have wandered apart by s on a way z do so by a radius
+R on a way z R / s, and the deficit falls by exp(-2 (z' - z) s / (z R)). In orderly wakes s is nothing. No speed is less
+than half that of the rows (a wake that stands does not exist: beyond an induction of about 0.45 it breaks down).
 """
+
+import math
 
 import numpy as np
 
 from wt_gym.aerodynamics.induction.induction_kernels import FAST, FOUR_PI
 from wt_gym.compiled import kernel
 
-HEADER = 7  # active, centre (3), axis (3)
-PER_CYLINDER = 4  # start, radius, ring vorticity, axial circulation
-MOST_INDUCTION = 1.6
+ACTIVE, CENTRE, AXIS, N_FAR = 0, 1, 4, 7  # entries of AeroArrays.far: 1 or 0, three coordinates, three components
+END, RADIUS, LENGTH, SWEPT, LINE, N_TUBE = 0, 1, 2, 3, 4, 5  # rows of AeroArrays.far_tube
+WANDERED, FLUX = 0, 1  # rows of AeroWork.lines
+N_CELL = 5
+FIRST_CELL, GROWTH = 0.5, 1.4  # length of the first cell, in radii, and of each over the one before
+SLOWEST = 0.5  # speed of the far wake over that of the last rows
+MOST_INDUCTION = 1.6  # mean velocity in the far wake over the speed of the last rows
+STEADY_PASSES = 30
 
 
 @kernel(fastmath=False, inline="always")
-def measure_far_wake(a, n_tail, dt, sparse_nodes, sparse_weight, sums):
-    """Cylinders from the geometry and circulation of the last ``n_tail`` rows.
+def measure_far_wake(p, a, w, n_tail, dt):
+    """Bring the cylinders up to date with the last ``n_tail`` rows, ``dt`` later; 0: as they are in steady flow.
 
-    The axis runs from the centre of the trailing edges to the centre of these rows; each cylinder starts at the last
-    row of its span boundary. Its ring vorticity is the sum of circulation times tangential length over the trailing
-    segments of the rows, divided by circumference and by the axial length they cover: it vanishes with the rotation,
-    without a case to distinguish. The axial circulation is found in the same way. Cylinders stand at the nodes that
-    carry the sparse part of the wake, all nodes if there is none, and rings between them are merged as there.
-    sums (3, n_sparse) is for work.
-
-    Two precautions, since a slower wake makes a stronger far wake, which makes the wake slower. The strengths follow
-    the measurement with the time the measured rows span (``dt`` 0: at once). And the mean velocity in the far wake
-    is limited smoothly to `MOST_INDUCTION` times the speed w of the measured rows: in momentum theory their ratio is
-    2 a / (1 - a), and beyond a = 0.45 a wake breaks down instead of standing as a cylinder.
+    The axis runs from the centre of the shedding edges to the centre of these rows; each cylinder starts at the last
+    row of its span boundary. Cylinders stand at the nodes that carry the sparse part of the wake, all nodes if there is
+    none, and rings between them are merged as there. What is measured follows with the time that the rows span.
     """
-    wake, wake_gamma, age, far = a.wake, a.wake_gamma, a.age, a.far
-    n_blade, n_node = wake.shape[1], sparse_nodes.shape[0]
+    far, tube, flux = a.far, a.far_tube, w.lines[FLUX]
     n_rows = a.n_rows[0]
     first = n_rows - n_tail
-    fx, fy, fz, cx, cy, cz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for b in range(n_blade):
-        for j in sparse_nodes:
-            fx, fy, fz = fx + wake[0, b, j, 0], fy + wake[0, b, j, 1], fz + wake[0, b, j, 2]
-            for k in range(first, n_rows + 1):
-                cx, cy, cz = cx + wake[k, b, j, 0], cy + wake[k, b, j, 1], cz + wake[k, b, j, 2]
-    n_foot = n_blade * n_node
-    n_centre = n_foot * (n_tail + 1)
-    cx, cy, cz = cx / n_centre, cy / n_centre, cz / n_centre
-    ax, ay, az = cx - fx / n_foot, cy - fy / n_foot, cz - fz / n_foot
-    size = np.sqrt(ax * ax + ay * ay + az * az)
-    if not size > 0.0:
-        far[:] = 0.0
+    way = find_axis(p, a, first)
+    if not way > 0.0:
+        far[ACTIVE] = 0.0
         return
-    duration = age[n_rows] - age[first]
-    keep = np.exp(-dt / duration) if (far[0] > 0.0 and dt > 0.0) else 0.0
-    ax, ay, az = ax / size, ay / size, az / size
+    duration = a.age[n_rows] - a.age[first]
+    follow = dt > 0.0 and far[ACTIVE] > 0.0
+    measure_tubes(p, a, w.lines[WANDERED], first, duration, math.exp(-dt / duration) if follow else 0.0)
     largest = 0.0
-    lengths, rings, lines = sums[0], sums[1], sums[2]
+    for i in range(tube.shape[1]):
+        largest = max(largest, tube[RADIUS, i])
+    through, speed, apart2, weight = 0.0, 0.0, 0.0, 1e-30
+    for i in range(tube.shape[1]):
+        radius2 = max(tube[RADIUS, i] ** 2, (0.01 * largest) ** 2)
+        flux[i] = tube[SWEPT, i] / (2.0 * np.pi * radius2)
+        share = abs(flux[i]) * radius2
+        through += flux[i] * radius2 / largest**2
+        speed += share * tube[LENGTH, i] / duration
+        apart2 += share * w.lines[WANDERED, i]
+        weight += share
+    # A wake that does not move away (no wind) would be infinitely strong: its speed is softened.
+    slow = 0.05 * largest / duration
+    speed = math.sqrt((speed / weight) ** 2 + slow * slow)
+    limit = (1.0 + (through / (MOST_INDUCTION * speed * speed)) ** 8) ** -0.125
+    mixing = 2.0 * math.sqrt(apart2 / weight) / (way * largest)
+    wind = wind_along(p, a, first)
+    for i in range(tube.shape[1]):
+        flux[i] *= limit
+        for m in range(N_CELL):
+            a.far_ring[m, i] = a.far_ring[m, i] if follow else flux[i] / speed
+    for _ in range(1 if follow else STEADY_PASSES):
+        transport(a, flux, wind, way, largest, duration, speed, slow, mixing,
+                  dt if follow else -1.0)  # fmt: skip
+    far[ACTIVE] = 1.0
+
+
+@kernel(fastmath=False)
+def find_axis(p, a, first):
+    """Write centre and axis of the rows from ``first`` on; returns their distance from the shedding edges [m]."""
+    n_rows, n_blade, n_node = a.n_rows[0], a.wake.shape[1], p.sparse_nodes.shape[0]
+    way2 = 0.0
+    for c in range(3):
+        foot, centre = 0.0, 0.0
+        for b in range(n_blade):
+            for j in p.sparse_nodes:
+                foot += a.wake[0, b, j, c]
+                for k in range(first, n_rows + 1):
+                    centre += a.wake[k, b, j, c]
+        centre /= n_blade * n_node * (n_rows - first + 1)
+        a.far[CENTRE + c] = centre - a.origin[c]
+        a.far[AXIS + c] = centre - foot / (n_blade * n_node)
+        way2 += a.far[AXIS + c] ** 2
+    way = math.sqrt(way2)
+    if way > 0.0:
+        for c in range(3):
+            a.far[AXIS + c] /= way
+    return way
+
+
+@kernel(fastmath=False)
+def wind_along(p, a, first):
+    """Mean wind along the axis at the rows from ``first`` on [m/s]."""
+    total, count = 0.0, 0
+    for k in range(first, a.n_rows[0] + 1):
+        for b in range(a.wake.shape[1]):
+            for j in p.sparse_nodes:
+                count += 1
+                for c in range(3):
+                    total += a.wind[k, b, j, c] * a.far[AXIS + c]
+    return total / count
+
+
+@kernel(fastmath=False)
+def measure_tubes(p, a, wandered, first, duration, keep):
+    """Starts, radii and lengths of the cylinders, what passes, mean square by which the rows have wandered [m^2].
+
+    What passes a second is twice the area swept, times circulation [m^4/s^2]; the axial circulation is kept times the
+    length of the rows [m^3/s]. Rows have wandered from where they would be had all nodes of their boundary moved with
+    one speed and along one plane: the plane may be inclined, as in yaw.
+    """
+    tube, n_rows, n_blade, n_node = a.far_tube, a.n_rows[0], a.wake.shape[1], p.sparse_nodes.shape[0]
+    ax, ay, az = a.far[AXIS], a.far[AXIS + 1], a.far[AXIS + 2]
+    cx, cy, cz = a.far[CENTRE] + a.origin[0], a.far[CENTRE + 1] + a.origin[1], a.far[CENTRE + 2] + a.origin[2]
+    # directions across the axis: level, and the third
+    level = math.sqrt(ax * ax + ay * ay)
+    ex, ey = (-ay / level, ax / level) if level > 1e-6 else (1.0, 0.0)
+    hx, hy, hz = -az * ey, az * ex, ax * ey - ay * ex
+    count = n_blade * (n_rows - first + 1)
     for i in range(n_node):
-        radius2, begin, end, turned, lengthwise = 0.0, 0.0, 0.0, 0.0, 0.0
-        j = sparse_nodes[i]
-        inboard, outboard = sparse_nodes[max(i - 1, 0)], sparse_nodes[min(i + 1, n_node - 1)]
+        j = p.sparse_nodes[i]
+        inboard, outboard = p.sparse_nodes[max(i - 1, 0)], p.sparse_nodes[min(i + 1, n_node - 1)]
+        radius2, begin, end, swept, lengthwise = 0.0, 0.0, 0.0, 0.0, 0.0
+        for b in range(n_blade):
+            begin += ((a.wake[first, b, j, 0] - cx) * ax + (a.wake[first, b, j, 1] - cy) * ay
+                      + (a.wake[first, b, j, 2] - cz) * az) / n_blade  # fmt: skip
+            end += ((a.wake[n_rows, b, j, 0] - cx) * ax + (a.wake[n_rows, b, j, 1] - cy) * ay
+                    + (a.wake[n_rows, b, j, 2] - cz) * az) / n_blade  # fmt: skip
+        slope = (end - begin) / duration
+        off, off2, off_e, off_h, e2, h2 = 0.0, 0.0, 0.0, 0.0, 1e-12, 1e-12
         for b in range(n_blade):
             for k in range(first, n_rows + 1):
-                dx, dy, dz = wake[k, b, j, 0] - cx, wake[k, b, j, 1] - cy, wake[k, b, j, 2] - cz
+                dx, dy, dz = a.wake[k, b, j, 0] - cx, a.wake[k, b, j, 1] - cy, a.wake[k, b, j, 2] - cz
                 along = dx * ax + dy * ay + dz * az
-                radius2 += (dx * dx + dy * dy + dz * dz - along * along) / (n_blade * (n_tail + 1))
-                if k == first:
-                    begin += along / n_blade
+                radius2 += (dx * dx + dy * dy + dz * dz - along * along) / count
+                along -= begin + slope * (a.age[k] - a.age[first])
+                e, h = dx * ex + dy * ey, dx * hx + dy * hy + dz * hz
+                off, off2, off_e, off_h = off + along, off2 + along * along, off_e + along * e, off_h + along * h
+                e2, h2 = e2 + e * e, h2 + h * h
                 if k == n_rows:
-                    end += along / n_blade
                     continue
                 strength = 0.0
                 for strip in range(inboard, j):
-                    strength += sparse_weight[strip] * wake_gamma[k, b, strip]
+                    strength += p.sparse_weight[strip] * a.wake_gamma[k, b, strip]
                 for strip in range(j, outboard):
-                    strength -= sparse_weight[strip] * wake_gamma[k, b, strip]
-                lx = wake[k + 1, b, j, 0] - wake[k, b, j, 0]
-                ly = wake[k + 1, b, j, 1] - wake[k, b, j, 1]
-                lz = wake[k + 1, b, j, 2] - wake[k, b, j, 2]
-                # (axis x d) . l is radius times the tangential part of l, the same at both ends of l
-                turned += strength * ((ay * dz - az * dy) * lx + (az * dx - ax * dz) * ly + (ax * dy - ay * dx) * lz)
+                    strength -= p.sparse_weight[strip] * a.wake_gamma[k, b, strip]
+                lx = a.wake[k + 1, b, j, 0] - a.wake[k, b, j, 0]
+                ly = a.wake[k + 1, b, j, 1] - a.wake[k, b, j, 1]
+                lz = a.wake[k + 1, b, j, 2] - a.wake[k, b, j, 2]
+                # (axis x d) . l is the same at both ends of l
+                swept += strength * ((ay * dz - az * dy) * lx + (az * dx - ax * dz) * ly + (ax * dy - ay * dx) * lz)
                 lengthwise += strength * (ax * lx + ay * ly + az * lz)
-        o = HEADER + PER_CYLINDER * i
-        far[o] = end
-        far[o + 1] = np.sqrt(max(radius2, 0.0))
-        rings[i] = turned
-        lines[i] = lengthwise
-        lengths[i] = end - begin
-        largest = max(largest, far[o + 1])
-    through, speed, weight = 0.0, 0.0, 1e-30
-    for j in range(n_node):
-        radius2 = max(far[HEADER + PER_CYLINDER * j + 1] ** 2, (0.01 * largest) ** 2)
-        # A wake that does not move away (no wind) has no length to spread its circulation over: soften 1 / length.
-        soft = lengths[j] / (lengths[j] ** 2 + (0.05 * largest) ** 2)
-        rings[j] *= soft / (2.0 * np.pi * radius2)
-        lines[j] *= soft
-        through += rings[j] * radius2 / largest**2
-        speed += abs(rings[j]) * radius2 * lengths[j] / duration
-        weight += abs(rings[j]) * radius2
-    speed = max(speed / weight, 1e-9)
-    share = (1.0 + (through / (MOST_INDUCTION * speed)) ** 8) ** -0.125
-    for j in range(n_node):
-        o = HEADER + PER_CYLINDER * j
-        far[o + 2] = keep * far[o + 2] + (1.0 - keep) * share * rings[j]
-        far[o + 3] = keep * far[o + 3] + (1.0 - keep) * share * lines[j]
-    far[0] = 1.0
-    far[1], far[2], far[3] = cx - a.origin[0], cy - a.origin[1], cz - a.origin[2]
-    far[4], far[5], far[6] = ax, ay, az
+        wandered[i] = max(off2 - off * off / count - off_e * off_e / e2 - off_h * off_h / h2, 0.0) / count
+        tube[END, i] = end
+        tube[RADIUS, i] = math.sqrt(max(radius2, 0.0))
+        tube[LENGTH, i] = keep * tube[LENGTH, i] + (1.0 - keep) * (end - begin)
+        tube[SWEPT, i] = keep * tube[SWEPT, i] + (1.0 - keep) * swept / duration
+        tube[LINE, i] = keep * tube[LINE, i] + (1.0 - keep) * lengthwise
+
+
+@kernel(fastmath=False, inline="always")
+def at_own_radius(distance):
+    """Axial velocity of a cylinder of unit strength at its own radius, ``distance`` radii behind its start.
+
+    1/4 + z k K(k) / (4 pi), k^2 = 4 / (4 + z^2): the mean of both sides (Branlard & Gaunaa, Wind Energ. 18 (2015)).
+    """
+    root = math.sqrt(4.0 + distance * distance)
+    a, b = 1.0, max(abs(distance) / root, 1e-12)
+    for _ in range(6):  # the arithmetic-geometric mean of 1 and sqrt(1 - k^2) is pi / (2 K)
+        a, b = 0.5 * (a + b), math.sqrt(a * b)
+    return 0.25 * (1.0 + distance / (root * a))
+
+
+@kernel(fastmath=False, inline="always")
+def mean_strength(rings, tube, largest):
+    """Mean over the largest cylinder of the jumps of axial velocity at all cylinders [m/s]."""
+    total = 0.0
+    for i in range(tube.shape[1]):
+        total += rings[i] * (tube[RADIUS, i] / largest) ** 2
+    return total
+
+
+@kernel(fastmath=False)
+def transport(a, flux, wind, way, largest, duration, speed, slow, mixing, dt):
+    """Carry the strengths of the cells on by ``dt`` (negative: to what is steady at the present speeds).
+
+    Implicit upwind differences, which neither overshoot nor limit the step. For the speed at the end of a cell, over
+    that of the measured rows, all cylinders are one sheet of their mean strength; its deficit falls with ``mixing``
+    [1/m].
+    """
+    tube, ring = a.far_tube, a.far_ring
+    end = 0.0  # of the rows, from their middle
+    for i in range(tube.shape[1]):
+        end += tube[END, i] / tube.shape[1]
+    rows = mean_strength(flux, tube, largest) / speed  # strength of the part between rotor and last rows
+    here = max(wind + velocity_of_cells(a, rows, way, way + end, largest), slow)
+    length, z = FIRST_CELL * largest, way + end
+    for m in range(N_CELL):
+        z += length
+        deficit = velocity_of_cells(a, rows, z, way + end, largest)
+        share = max((wind + deficit * math.exp(-mixing * (z - way))) / here, SLOWEST)
+        for i in range(tube.shape[1]):
+            own = tube[LENGTH, i] / duration
+            c = share * math.sqrt(own * own + slow * slow)
+            if dt < 0.0:
+                ring[m, i] = 0.5 * ring[m, i] + 0.5 * flux[i] / c
+            else:
+                ring[m, i] = (ring[m, i] + dt / length * flux[i]) / (1.0 + dt / length * c)
+                flux[i] = c * ring[m, i]  # what leaves the cell enters the next
+        length *= GROWTH
+
+
+@kernel(fastmath=False)
+def velocity_of_cells(a, rows, z, end, largest):
+    """Axial velocity of the rows before ``end`` and of the cells at their own radius, ``z`` behind the rotor."""
+    total = rows * (at_own_radius(z / largest) - at_own_radius((z - end) / largest))
+    length, start, before = FIRST_CELL * largest, end, 0.0
+    for m in range(N_CELL):
+        strength = mean_strength(a.far_ring[m], a.far_tube, largest)
+        total += (strength - before) * at_own_radius((z - start) / largest)
+        before, start, length = strength, start + length, length * GROWTH
+    return total
 
 
 @kernel(fastmath=FAST)
-def far_wake_velocity(far, table, targets, velocity, n_target, lane):
+def far_wake_velocity(a, table, targets, velocity, n_target, lane):
     """Add the velocity of the cylinders at the first ``n_target`` targets (3, n) float32.
+
+    A cell acts as the cylinder that starts with it, with the change of strength against the cell before.
 
     ``table`` (2, n_axial, n_radial) holds axial and radial velocity of a unit cylinder of unit radius on an even grid
     of the mapped coordinates z / (1 + |z|) and r / (1 + r), see `far_wake.cylinder_table`. ``lane`` is float32 for
     work, at least (8, n).
     """
     _, n_axial, n_radial = table.shape
-    n_cylinder = (far.shape[0] - HEADER) // PER_CYLINDER
+    far, tube, n_tube, largest = a.far, a.far_tube, a.far_tube.shape[1], 0.0
+    for i in range(n_tube):
+        largest = max(largest, tube[RADIUS, i])
     axial_table, radial_table = table[0].reshape(n_axial * n_radial), table[1].reshape(n_axial * n_radial)
     cx, cy, cz = np.float32(far[1]), np.float32(far[2]), np.float32(far[3])
     ax, ay, az = np.float32(far[4]), np.float32(far[5]), np.float32(far[6])
@@ -128,10 +265,13 @@ def far_wake_velocity(far, table, targets, velocity, n_target, lane):
         lane[0, i], lane[1, i], lane[2, i], lane[3, i] = height, rx, ry, rz
         lane[4, i] = np.sqrt(rx * rx + ry * ry + rz * rz)
         lane[5, i], lane[6, i], lane[7, i] = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-    for m in range(n_cylinder):
-        o = HEADER + PER_CYLINDER * m
-        start, radius = np.float32(far[o]), np.float32(far[o + 1])
-        ring, line = np.float32(far[o + 2]), np.float32(far[o + 3])
+    for at_cell in range(n_tube * N_CELL):
+        m, tube_i = at_cell // n_tube, at_cell % n_tube
+        offset = FIRST_CELL * largest * (GROWTH**m - 1.0) / (GROWTH - 1.0)
+        start, radius = np.float32(tube[END, tube_i] + offset), np.float32(tube[RADIUS, tube_i])
+        ring = np.float32(a.far_ring[m, tube_i] - (a.far_ring[m - 1, tube_i] if m > 0 else 0.0))
+        soft = tube[LENGTH, tube_i] / (tube[LENGTH, tube_i] ** 2 + (0.05 * largest) ** 2)
+        line = np.float32(tube[LINE, tube_i] * soft if m == 0 else 0.0)
         if radius <= 0.0 or (ring == 0.0 and line == 0.0):
             continue
         for i in range(n_target):

@@ -13,8 +13,12 @@ Vortex Dynamics, section 10.2): d = g exp(1/2) / 2. That is 0.874 rc for the cor
 together count by the sum of their squares.
 
 Without it a wake moves the faster the longer its segments are, by a logarithm that has no limit before they are as
-short as their cores: Bhagwat & Leishman, Self-induced velocity of a vortex ring using straight-line segmentation, J. Am.
-Helicopter Soc. 59 (2014); Wood, Wind Energ. Sci. 3, 345 (2018).
+short as their cores: Bhagwat & Leishman, J. Am. Helicopter Soc. 59 (2014); Wood, Wind Energ. Sci. 3, 345 (2018).
+
+The velocity is asked for where the node is, on the smooth curve, while the corners of the sheet lie outside of it
+(`curved_filaments`). A corner would see its neighbours from outside: between turns h apart, a distance e from the
+sheet changes the mean of the speeds on its two sides by (pi / 3) e / h of half their difference, several per cent at
+24 degrees. At the node the two segments that meet in the corner are near and mean nothing: they are taken away.
 """
 
 import math

@@ -29,7 +29,8 @@ def age_rows(a, o, dt):
 
     The row that leaves the first ``full_rows`` stays only if its number is a multiple of ``coarse_stride``; else its
     two rings become one with their time-weighted mean circulation. So with ``sparse_from`` and ``sparse_stride``. Row 1
-    is then the air that left the edge. Induced velocities stay where they are, see `turn_induced`.
+    is then the air that left the edge. Induced velocities of the first ``full_rows`` stay where they are, see
+    `turn_induced`; those of older rows belong to the air.
     """
     wake, wake_gamma, age, shed = a.wake, a.wake_gamma, a.age, a.shed
     n_max, n_blade, n_node = wake.shape[0] - 1, wake.shape[1], wake.shape[2]
@@ -65,6 +66,8 @@ def age_rows(a, o, dt):
                     wake[k + 1, b, j, c] = wake[k, b, j, c]
                     a.history[k + 1, b, j, c] = a.history[k, b, j, c]
                     a.wind[k + 1, b, j, c] = a.wind[k, b, j, c]
+                    if k >= o.full_rows:
+                        a.induced[k + 1, b, j, c] = a.induced[k, b, j, c]
                 a.volume[k + 1, b, j, 0] = a.volume[k, b, j, 0]
                 a.volume[k + 1, b, j, 1] = a.volume[k, b, j, 1]
         age[k + 1] = age[k]
@@ -152,9 +155,9 @@ def wake_sheets(a, o, w, first):
 
 
 @kernel(fastmath=False)
-def induced_at(bound_sheet, wake_sheet, sparse_sheet, far, n_target, w, o, origin, table):
+def induced_at(bound_sheet, wake_sheet, sparse_sheet, a, n_target, w, o, table):
     """Velocity of sheets and far wake at the first ``n_target`` targets (float32, relative to the origin)."""
-    n_padded = pad_targets(w, n_target, o, origin)
+    n_padded = pad_targets(w, n_target, o, a.origin)
     # Rows are stored with a fixed length, the kernel wants its lanes without gaps.
     packed_t = w.scratch[-6 * n_padded : -3 * n_padded].reshape((3, n_padded))
     packed_v = w.scratch[-3 * n_padded :].reshape((3, n_padded))
@@ -166,10 +169,10 @@ def induced_at(bound_sheet, wake_sheet, sparse_sheet, far, n_target, w, o, origi
         direct_induction(bound_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
         direct_induction(wake_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
         direct_induction(sparse_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
-        if far[0] > 0.0:
+        if a.far[0] > 0.0:
             # the lanes of the sheets' induction are free now
             lane = w.scratch[: 8 * n_target].reshape((8, n_target))
-            far_wake_velocity(far, table, packed_t, packed_v, n_target, lane)
+            far_wake_velocity(a, table, packed_t, packed_v, n_target, lane)
         for c in range(3):
             for i in range(n_target):
                 w.velocity[image, c, i] = packed_v[c, i]
@@ -199,13 +202,14 @@ def fold_images(o, w, n_target):
 
 
 @kernel(fastmath=False, inline="always")
-def turn_induced(a):
-    """Turn the induced velocities with the blades.
+def turn_induced(a, o):
+    """Turn the induced velocities of the first ``full_rows`` with the blades.
 
-    The flow behind a rotor is nearly steady as the blades see it: the air of row k has now the velocity that the air of
-    row k had a step ago, turned with the blade. So velocities belong to rows, not to the air in them, and one that is
-    not computed anew in every step stays right in steady operation. The frame of a blade is made of the directions from
-    its first ring node to the tip and to the trailing edge.
+    The flow behind a rotor is nearly steady as the blades see it: the air of row k has now the velocity that the air
+    of row k had a step ago, turned with the blade. So velocities belong to rows, not to the air in them, and one that
+    is not computed anew in every step stays right in steady operation. Rows further apart than a step are other places
+    from step to step: there the velocity belongs to the air and changes only as slowly as the air moves downstream.
+    The frame of a blade is made of the directions from its first ring node to the tip and to the trailing edge.
     """
     n_row, n_node = a.nodes.shape[1], a.nodes.shape[2]
     for b in range(a.nodes.shape[0]):
@@ -221,7 +225,7 @@ def turn_induced(a):
         cx, cy, cz = cx / size, cy / size, cz / size
         nx, ny, nz = sy * cz - sz * cy, sz * cx - sx * cz, sx * cy - sy * cx
         if f[0, 0] != 0.0 or f[0, 1] != 0.0 or f[0, 2] != 0.0:
-            for k in range(a.n_rows[0] + 1):
+            for k in range(min(a.n_rows[0], o.full_rows) + 1):
                 for j in range(a.induced.shape[2]):
                     v = a.induced[k, b, j]
                     p = v[0] * f[0, 0] + v[1] * f[0, 1] + v[2] * f[0, 2]
@@ -237,10 +241,15 @@ def turn_induced(a):
 
 @kernel(fastmath=False, inline="always")
 def choose_rows(a, o, rows, all_rows):
-    """Rows whose induced velocity is to be computed now, the newest always and older ones in turn; their number."""
+    """Rows whose induced velocity is to be computed now, the newest always and older ones in turn; their number.
+
+    The first third of the rows, where the wake slows down and answers the blades, has its turn four times as often.
+    """
     count = 0
     for k in range(a.n_rows[0] + 1):
-        if all_rows or k <= o.fresh_rows or (k + a.n_steps[0]) % o.refresh_stride == 0:
+        turn = k + a.n_steps[0] if k <= o.full_rows else a.n_steps[0] - a.shed[k]
+        stride = o.refresh_stride if 3 * k >= a.wake.shape[0] else max(o.refresh_stride // 4, 1)
+        if all_rows or k <= o.fresh_rows or turn % stride == 0:
             rows[count] = k
             count += 1
     return count
