@@ -105,6 +105,18 @@ def test_short_wake_with_closure_agrees_with_a_long_one():
     assert abs(open_end[0] / long[0] - 1) > 0.05
 
 
+@pytest.mark.parametrize("ratio", [6.5, 9.5])
+def test_thinned_wake_has_the_power_of_the_unthinned_one(ratio):
+    """Also where the wake is dense and counts most: thinning that speeds up the wake rewards overspeed."""
+    every = replace(
+        TRAINING, wake_rows=200, full_rows=200, coarse_stride=1, sparse_from=None, sparse_stride=1, sparse_span=1,
+        far_wake_rows=60, refresh_stride=12,
+    )  # fmt: skip
+    thinned = coefficients(*simulate(TRAINING, 8.0, ratio=ratio, turns=7)[:2], 8.0)
+    expected = coefficients(*simulate(every, 8.0, ratio=ratio, turns=7)[:2], 8.0)
+    np.testing.assert_allclose(thinned, expected, rtol=0.02)
+
+
 THINNED = replace(
     TRAINING, n_span=9, wake_rows=40, full_rows=8, coarse_stride=4, sparse_from=20, sparse_stride=8, sparse_span=3,
     far_wake=False,
