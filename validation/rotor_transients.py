@@ -11,7 +11,7 @@ induction of before: its loads overshoot, and come back with two time constants.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -98,12 +98,15 @@ class Overshoot:
         Steady before the step, the value furthest beyond the settled one, and the end of the run.
     recovery : float
         Time from the extreme until the quantity stays within a tenth of the overshoot [s].
+    mean_time : float
+        Area of the overshoot from the extreme on, by its height [s]: the time constant of one exponential.
     """
 
     before: float
     extreme: float
     settled: float
     recovery: float
+    mean_time: float
 
     @property
     def ratio(self) -> float:
@@ -146,6 +149,10 @@ class Response:
         Of the air on the rotor [N], [N m].
     flap : ndarray, shape (n,)
         Mean moment of the blades out of the plane at the root, or at ``flap_radius`` [N m].
+    radius : ndarray, shape (n_edge,)
+        Distance of the span edges of the blades from the axis [m]; empty without a lattice.
+    axial : ndarray, shape (n, n_edge)
+        Axial force on the nodes at the span edges, of all blades [N].
     """
 
     time: np.ndarray
@@ -155,10 +162,19 @@ class Response:
     thrust: np.ndarray
     torque: np.ndarray
     flap: np.ndarray
+    radius: np.ndarray = field(default_factory=lambda: np.empty(0))
+    axial: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
-    def overshoot(self, name: str, start: float = 0.0, end: float = np.inf, settling: float = 5.0) -> Overshoot:
-        """Measure the answer of a signal to a step at ``start`` [s], settled in the last ``settling`` s to ``end``."""
-        y, end = getattr(self, name), min(end, self.time[-1])
+    def axial_at(self, radius: float) -> np.ndarray:
+        """Axial force at the span edge nearest to a radius [N], shape (n,)."""
+        return self.axial[:, int(np.argmin(np.abs(self.radius - radius)))]
+
+    def overshoot(self, name, start: float = 0.0, end: float = np.inf, settling: float = 5.0) -> Overshoot:
+        """Measure the answer of a signal to a step at ``start`` [s], settled in the last ``settling`` s to ``end``.
+
+        ``name`` is that of a signal, or the signal itself, shape (n,).
+        """
+        y, end = self._signal(name), min(end, self.time[-1])
         before = y[(self.time > start - settling) & (self.time <= start)].mean()
         settled = y[(self.time > end - settling) & (self.time <= end)].mean()
         inside = np.flatnonzero((self.time > start) & (self.time <= end))
@@ -166,13 +182,17 @@ class Response:
         top = int(np.argmax(away))
         outside = np.flatnonzero(np.abs(away) > 0.1 * abs(away[top]))
         recovery = self.time[inside[outside[-1]]] - self.time[inside[top]] if outside.size else 0.0
-        return Overshoot(float(before), float(y[inside[top]]), float(settled), float(recovery))
+        mean_time = np.trapezoid(away[top:], self.time[inside[top:]]) / away[top]
+        return Overshoot(float(before), float(y[inside[top]]), float(settled), float(recovery), float(mean_time))
 
-    def fit(self, name: str, start: float = 0.0, end: float = np.inf) -> TwoExponentials:
+    def _signal(self, name):
+        return getattr(self, name) if isinstance(name, str) else name
+
+    def fit(self, name, start: float = 0.0, end: float = np.inf) -> TwoExponentials:
         """Fit two exponentials to a signal between ``start`` and ``end`` [s], from its extreme on."""
         found = self.overshoot(name, start, end)
         inside = (self.time > start) & (self.time <= end)
-        time, y = self.time[inside], getattr(self, name)[inside]
+        time, y = self.time[inside], self._signal(name)[inside]
         top = int(np.argmin(np.abs(y - found.extreme)))
         time, y = time[top:] - time[top], y[top:]
 
@@ -252,9 +272,13 @@ def respond(
 
     steps = rotor.march(options, VaryingWind(lambda time: wind(time - rest), carried), rotor_speed,
                         lambda time: pitch(time - rest), dt, n_before + round(duration / dt), speeding)  # fmt: skip
-    rows = [(step.time - rest, step.speed, step.thrust, step.torque, _flap(rotor, step, flap_radius)) for step in steps]
+    rows, axial = [], []
+    for step in steps:
+        rows.append((step.time - rest, step.speed, step.thrust, step.torque, _flap(rotor, step, flap_radius)))
+        axial.append(step.forces[..., 0].sum(axis=(0, 1)))
     time, speed, thrust, torque, flap = np.array(rows).T
-    return Response(time, wind(time), pitch(time), speed, thrust, torque, flap)
+    radius = rotor.root_radius + rotor.planform.span_edges
+    return Response(time, wind(time), pitch(time), speed, thrust, torque, flap, radius, np.array(axial))
 
 
 def _flap(rotor: RigidRotor, step, radius: float) -> float:

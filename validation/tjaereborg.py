@@ -9,12 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from validation.blade_element import BladeElementRotor
+from validation.case import CaseResult, Check, Curve, Figure, case
+from validation.dynamic_inflow import DynamicRotor
 from validation.rigid_rotor import RigidRotor
-from validation.rotor_transients import Ramp, Response, respond
-from wt_gym.aerodynamics import AeroOptions, build_planform, span_distribution
+from validation.rotor_transients import Ramp, Response, long_wake, respond
+from wt_gym.aerodynamics import ENGINEERING, TRAINING, AeroOptions, build_planform, span_distribution
 from wt_gym.simulation.blade_lattice import N_ALPHA
 from wt_gym.turbines.airfoil import Polar
 
+SOURCE = "Øye 1991; Snel & Schepers 1995, ECN-C--94-107 (Tjæreborg, test II.4)"
 __all__ = ["PITCH_TEST", "TIP", "WIND", "blade_elements", "pitch_steps", "rotor"]
 
 ROOT, TIP = 6.46, 30.56
@@ -26,6 +29,10 @@ FLAP_RADIUS = 2.75
 """Where the flap moment was measured [m]."""
 PITCH_TEST = Ramp(np.radians(0.07), np.radians(3.70), 0.0, 3.63 / 6.0, 30.0)
 """Pitch of test II.4: up by 3.63° at 6°/s, back after 30 s."""
+STEPS = {"up": (0.0, 30.0), "back": (30.0, 60.0)}
+"""Times between which the answers to the two steps are measured [s], as in the test itself."""
+INBOARD, OUTBOARD = 0.5 * TIP, 0.95 * TIP
+"""Radii at which the recovery of the loads is compared [m]."""
 SLOPE, ZERO_LIFT, DRAG = np.degrees(0.105), np.radians(-4.0), 0.01
 AIR_DENSITY = 1.225
 
@@ -67,3 +74,69 @@ def blade_elements() -> BladeElementRotor:
 def pitch_steps(options: AeroOptions, settling: float = 50.0, duration: float = 60.0) -> Response:
     """Run test II.4 on the lattice; the way back begins at 30 s."""
     return respond(rotor(options), options, WIND, PITCH_TEST, ROTOR_SPEED, duration, settling, flap_radius=FLAP_RADIUS)
+
+
+def _checks(name: str, run: Response):
+    """Published bounds of one run."""
+    checks = []
+    for step, (start, end) in STEPS.items():
+        torque, thrust = run.overshoot("torque", start, end), run.overshoot("thrust", start, end)
+        label = f"{name}, pitch {step}"
+        checks += [
+            Check(f"{label}: change of torque to the extreme by the lasting one", "in [3, 7]", torque.ratio, 0.0,
+                  source=SOURCE),
+            Check(f"{label}: change of thrust to the extreme by the lasting one", "in [1.5, 1.9]", thrust.ratio, 0.0,
+                  source=SOURCE),
+            Check(f"{label}: time until a tenth of the torque's overshoot is left", "in [6, 14]", torque.recovery, 0.0,
+                  "s", source=SOURCE),
+        ]  # fmt: skip
+    fit = run.fit("thrust", *STEPS["up"])
+    recovery = [run.overshoot(run.axial_at(r), *STEPS["up"]).mean_time for r in (OUTBOARD, INBOARD)]
+    back = run.overshoot("thrust", *STEPS["back"]).mean_time / run.overshoot("thrust", *STEPS["up"]).mean_time
+    checks += [
+        Check(f"{name}: slow by fast time constant of the thrust", ">= 2.5", fit.slow_time / fit.fast_time, 0.0,
+              source="Øye 1991: two time constants, 1 / (0.39 - 0.26 r²/R²)"),
+        Check(f"{name}: recovery at 0.95 R by that at 0.5 R", "<= 1", recovery[0] / recovery[1], 0.0,
+              source="Øye 1991: the tip is faster"),
+        Check(f"{name}: recovery after the way back by that after the first step", ">= 1", back, 0.0,
+              source="Pirrung & Madsen 2018: slower towards high load"),
+    ]  # fmt: skip
+    return checks
+
+
+def _line(name: str, run: Response) -> str:
+    """Torque and thrust of one run in words."""
+    parts = []
+    for signal, scale, unit in (("torque", 1e3, "kN m"), ("thrust", 1e3, "kN")):
+        up, back = (run.overshoot(signal, *times) for times in STEPS.values())
+        values = np.array([up.before, up.extreme, up.settled, back.extreme, back.settled]) / scale
+        parts.append(f"{signal} " + " → ".join(f"{x:.0f}" for x in values) + f" {unit}")
+    fit = run.fit("thrust", *STEPS["up"])
+    return f"{name}: {', '.join(parts)}; time constants of the thrust {fit.fast_time:.1f} and {fit.slow_time:.1f} s"
+
+
+@case("tjaereborg", "Tjæreborg 2-MW rotor: overshoot after steps of the pitch", SOURCE, slow=True)
+def tjaereborg():
+    """Published bounds with both thinned wakes and with twelve turns of unthinned one."""
+    runs = {
+        "training": pitch_steps(TRAINING),
+        "engineering": pitch_steps(ENGINEERING),
+        "12 turns, open": pitch_steps(long_wake(12.0, 24)),
+    }
+    checks = [check for name, run in runs.items() for check in _checks(name, run)]
+    element = DynamicRotor(blade_elements()).respond(lambda time: WIND + 0.0 * time, PITCH_TEST, ROTOR_SPEED, 60.0)
+    runs["blade elements with Øye's filter"] = element
+    lines = [_line(name, run) for name, run in runs.items()]
+    lines.append("measured: torque 260 → 155…170 → 225…235 → 350…360 → 260 kN m (read off figures, ± 15 kN m)")
+    figures = {
+        f"{signal} after pitch steps": Figure(
+            tuple(
+                Curve(run.time[run.time > -5.0], getattr(run, signal)[run.time > -5.0] / 1e3, name)
+                for name, run in runs.items()
+            ),
+            "time [s]",
+            f"{signal} [{unit}]",
+        )
+        for signal, unit in (("torque", "kN m"), ("thrust", "kN"))
+    }
+    return CaseResult(checks, figures, "\n".join(lines))

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 from validation.blade_element import BladeElementRotor, blade_element
+from validation.dynamic_inflow import DynamicRotor, loewy, oye_filter, oye_times
 from validation.lattice_convergence import HELIX, rigid_helix
 from validation.nrel5mw_rotor import WIND, tilted_element, wake_options
 from validation.operating_curve import GENERATOR_EFFICIENCY, steady_point
 from validation.phase_vi import OPTIONS, run_blade
 from validation.rigid_rotor import RigidRotor
+from validation.rotor_gust import measured, theory
+from validation.rotor_transients import Response
+from validation.tjaereborg import STEPS, pitch_steps
 from validation.tree_tools import read_table
+from validation.unsteady_aerofoil import theodorsen
+from wt_gym.aerodynamics import TRAINING
 from wt_gym.turbines import load_turbine
 
 RPM = np.pi / 30.0
@@ -81,3 +87,59 @@ def test_operating_point_above_rated(turbine):
     assert point.power == pytest.approx(GENERATOR_EFFICIENCY * power, rel=0.01)
     assert point.thrust == pytest.approx(thrust, rel=0.08)
     assert point.pitch == pytest.approx(pitch, abs=0.8)
+
+
+def test_two_exponentials_are_found_again():
+    time = np.arange(-10.0, 60.0, 0.05)
+    decay = 30.0 * np.exp(-time / 1.5) + 20.0 * np.exp(-time / 8.0)
+    signal = np.where(time > 0.0, 120.0 + decay, 80.0)
+    zero = np.zeros_like(time)
+    run = Response(time, zero, zero, zero, signal, zero, zero)
+    found, fit = run.overshoot("thrust"), run.fit("thrust")
+    assert found.ratio == pytest.approx((120.0 + 50.0 - 80.0) / 40.0, rel=0.02)
+    assert found.mean_time == pytest.approx((30.0 * 1.5 + 20.0 * 8.0) / 50.0, rel=0.03)
+    assert (fit.fast_time, fit.slow_time) == pytest.approx((1.5, 8.0), rel=0.02)
+    assert (fit.fast, fit.slow) == pytest.approx((30.0, 20.0), rel=0.05)
+
+
+def test_time_constants_of_dynamic_inflow():
+    """Published table of Øye's model: Tjæreborg and the 5-MW at 8 m/s."""
+    slow, fast = oye_times(0.30, 30.56, 8.7, [0.3, 0.7, 0.95])
+    assert slow == pytest.approx(6.3, abs=0.05)
+    np.testing.assert_allclose(fast, [2.3, 1.7, 1.0], atol=0.06)
+    slow, fast = oye_times(0.33, 63.0, 8.0, [0.3, 0.7, 0.95])
+    assert slow == pytest.approx(15.2, abs=0.05)
+    np.testing.assert_allclose(fast, [5.6, 4.0, 2.4], atol=0.06)
+    assert abs(oye_filter(1e-6, slow, fast) - 1.0).max() < 1e-4
+
+
+def test_layers_far_away_leave_theodorsens_function():
+    np.testing.assert_allclose(loewy(0.3, 1e3, 1.0), theodorsen(0.3), rtol=1e-9)
+
+
+def test_a_step_of_the_pitch_in_blade_element_theory(turbine):
+    """Overshoot at once, then the equilibrium of momentum theory."""
+    rotor = DynamicRotor(BladeElementRotor.of_turbine(turbine), 12)
+    run = rotor.respond(lambda t: 10.0 + 0.0 * t, lambda t: np.where(t > 0.0, 0.02, 0.0), 1.1, 90.0, 0.2)
+    expected = rotor.loads(10.0, 1.1, 0.02, rotor.equilibrium(10.0, 1.1, 0.02))
+    assert run.thrust[-1] == pytest.approx(expected[0], rel=1e-3)
+    assert run.overshoot("thrust").ratio > 1.5
+
+
+def test_lag_of_the_thrust_in_oscillating_wind():
+    """The coarsest wake against blade elements with Loewy's and Øye's lags at 12 m/s."""
+    frequencies = np.array([0.12, 0.32, 0.8])
+    found = measured(TRAINING, 12.0, 25.0, 25.0, frequencies)
+    expected = np.array([r.full for r in theory(12.0, frequencies)])
+    np.testing.assert_allclose(np.abs(found / expected), 1.0, atol=0.1)
+    np.testing.assert_allclose(np.degrees(np.angle(found / expected)), 0.0, atol=6.0)
+
+
+def test_tjaereborg_pitch_steps():
+    """Published bounds with the coarsest wake."""
+    run = pitch_steps(TRAINING)
+    for start, end in STEPS.values():
+        torque, thrust = run.overshoot("torque", start, end), run.overshoot("thrust", start, end)
+        assert 3.0 <= torque.ratio <= 7.0
+        assert 1.5 <= thrust.ratio <= 1.9
+        assert 6.0 <= torque.recovery <= 14.0
