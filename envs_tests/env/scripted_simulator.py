@@ -50,7 +50,7 @@ class ScriptedSimulator:
             self._values |= {
                 f"pitch_{blade}": pitch, f"pitch_rate_{blade}": 0.0, f"tip_out_of_plane_{blade}": 3.0,
                 f"tip_in_plane_{blade}": -0.3, f"root_flap_moment_{blade}": 8e6, f"root_edge_moment_{blade}": 1e6,
-                f"tip_clearance_{blade}": 12.0,
+                f"tip_clearance_{blade}": 12.0, f"tip_clearance_min_{blade}": 11.0,
             }  # fmt: skip
         self._set_speed(rotor_speed)
         return ScriptedSignals(dict(self._values))
@@ -67,10 +67,13 @@ class ScriptedSimulator:
         scripted = self.script.get(self.time, {})
         self._values |= scripted
         self._set_speed(self._values["rotor_speed"])
+        if "rotor_speed_max" in scripted:
+            self._values["rotor_speed_max"] = scripted["rotor_speed_max"]
         return ScriptedSignals(dict(self._values))
 
     def _set_speed(self, rotor_speed: float) -> None:
         drivetrain = self.turbine.drivetrain
         speed = rotor_speed * drivetrain.gear_ratio
         power = self._values["generator_torque"] * speed * drivetrain.generator_efficiency
-        self._values |= {"rotor_speed": rotor_speed, "generator_speed": speed, "generator_power": power}
+        self._values |= {"rotor_speed": rotor_speed, "rotor_speed_max": rotor_speed}
+        self._values |= {"generator_speed": speed, "generator_power": power}

@@ -48,7 +48,8 @@ def test_truncation_is_only_the_time(make_env):
     [
         ({1.0: {"rotor_speed": 1.26 * RATED}}, "overspeed"),
         ({1.0: {"rotor_speed": 0.19 * RATED}}, "standstill"),
-        ({1.0: {"tip_clearance_2": -0.01}}, "tower_strike"),
+        ({1.0: {"rotor_speed_max": 1.26 * RATED}}, "overspeed"),  # over again at the end of the step
+        ({1.0: {"tip_clearance_min_2": -0.01}}, "tower_strike"),
     ],
 )
 def test_terminations(make_env, script, reason):
@@ -62,6 +63,14 @@ def test_terminations(make_env, script, reason):
         env.step(HOLD)
     env.reset()
     env.step(HOLD)
+
+
+def test_info_holds_the_extremes_of_the_step(make_env):
+    env = make_env({0.2: {"tip_clearance_min_3": 2.5, "rotor_speed_max": 1.1 * RATED}})
+    _, info = env.reset(seed=0)
+    assert (info["tip_clearance_min"], info["rotor_speed_max"]) == (11.0, info["rotor_speed"])
+    *_, info = env.step(HOLD)
+    assert (info["tip_clearance_min"], info["rotor_speed_max"]) == (2.5, 1.1 * RATED)
 
 
 def test_termination_at_the_time_limit_is_no_truncation(make_env):

@@ -8,8 +8,10 @@ import pytest
 
 from agents.closed_loop import run_baseline
 from wt_gym.errors import ActionError, SimulationError
-from wt_gym.simulation import FIDELITIES, Simulator, SimulatorState
+from wt_gym.multibody.tree.tree_kernels import OK
+from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
 from wt_gym.simulation.blade_lattice import blade_planform
+from wt_gym.simulation.coupled_step_kernels import OVERSPEED, check_range
 from wt_gym.simulation.turbine_bodies import turbine_bodies
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -187,6 +189,66 @@ def test_drives_keep_their_limits():
     assert np.diff(torques).max() <= 15e3 * 0.1 + 1e-6
     assert torques[-1] == 47402.91
     assert 0.0 < s.yaw_rate <= np.radians(0.3) * (1 + 1e-9)
+
+
+def ramp(servo_frequency, steps=6):
+    """Signals through a demand out of reach and then at rest, with a pitch drive of this frequency [rad/s]."""
+    turbine = load_turbine("nrel_5mw")
+    turbine = replace(turbine, pitch=replace(turbine.pitch, servo_frequency=servo_frequency))
+    sim = Simulator(turbine, inflow=SteadyInflow(11.0))
+    sim.reset(rotor_speed=11.5 * RPM)
+    out = [sim.advance(0.1, pitch=1.0, generator_torque=38e3) for _ in range(steps)]
+    held = out[-1].pitch_command
+    return out + [sim.advance(0.1, pitch=held, generator_torque=38e3) for _ in range(2)], sim
+
+
+def test_an_ideal_pitch_drive_is_half_a_step_behind_and_stops_on_its_command():
+    signals, sim = ramp(None)
+    rate = sim.turbine.pitch.max_rate
+    for s in signals[:6]:
+        np.testing.assert_allclose(s.pitch_command - s.pitch, 0.5 * 0.1 * rate, atol=1e-5)
+        np.testing.assert_allclose(s.pitch_rate, rate, atol=1e-4)
+    for s in signals[6:]:
+        np.testing.assert_allclose(s.pitch, s.pitch_command, atol=1e-5)
+        np.testing.assert_allclose(s.pitch_rate, 0.0, atol=1e-4)
+
+
+def test_a_pitch_servo_lags_by_twice_its_time_constant():
+    frequency = 4.0 * np.pi
+    signals, sim = ramp(frequency, steps=12)
+    rate = sim.turbine.pitch.max_rate
+    t = np.array([s.time for s in signals[:12]])
+    # critically damped, behind a ramp that begins at t = 0
+    lag = rate * (2.0 / frequency - (2.0 / frequency + t) * np.exp(-frequency * t))
+    found = np.array([s.pitch_command[0] - s.pitch[0] for s in signals[:12]])
+    np.testing.assert_allclose(found, lag, atol=0.01 * lag[-1])
+
+
+def test_a_linear_damper_loads_the_rotor():
+    """Torque and power follow the speed, and as a commanded torque of this size the rotor would keep its speed."""
+    turbine = load_turbine("nrel_5mw")
+    sim = Simulator(turbine, inflow=SteadyInflow(9.0))
+    speed = 10.3 * RPM
+    balance = sim.reset(rotor_speed=speed).generator_torque
+    damper = LinearDamper(balance * 97.0 / speed, turbine.drivetrain)
+    damped = Simulator(turbine, inflow=SteadyInflow(9.0), generator=damper)
+    signals = damped.reset(rotor_speed=speed)
+    assert signals.generator_torque == pytest.approx(balance, rel=1e-3)
+    first, signals = sim.advance(1.0, pitch=0.0, generator_torque=balance), damped.advance(1.0, pitch=0.0)
+    assert signals.generator_torque == pytest.approx(damper.damping * signals.generator_speed / 97.0**2, rel=1e-9)
+    assert signals.rotor_speed == pytest.approx(first.rotor_speed, rel=2e-3)
+    with pytest.raises(ActionError, match="takes no demand"):
+        damped.advance(0.1, pitch=0.0, generator_torque=1e3)
+
+
+def test_the_speed_limit_holds_for_both_ends_of_a_flexible_shaft():
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(9.0), fidelity=replace(FIDELITIES["training"], stiffest_shaft=50.0))
+    sim.reset(rotor_speed=1.0)
+    coupling, structure, y = sim.coupling, sim.structure, sim.coupling.integrator.state
+    assert check_range(y, coupling.exchange, coupling._monitor) == OK
+    torsion = structure.system.n_q + structure.system.index(structure.hub, "joint_u")
+    y[torsion] = 1.1 * coupling.exchange.max_speed - coupling.generator_speed
+    assert check_range(y, coupling.exchange, coupling._monitor) == OVERSPEED
 
 
 def test_constrained_formulation_gives_the_same_turbine():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from validation import case as module
 from validation.case import Case, CaseResult, Check, Curve, Figure, case, load_cases, run_case
@@ -188,6 +189,13 @@ class TestCoordinates:
         omega = np.sqrt(np.diag(body.stiffness))
         np.testing.assert_allclose(np.diag(body.damping), 2.0 * 0.02 * omega, rtol=1e-9)
         np.testing.assert_allclose(body.inertia.m0, np.eye(5), atol=1e-9)
+
+    def test_every_mode_of_a_nodal_body_has_the_damping_ratio(self):
+        body = body_from_beam("tube", self.beam(), "nodal", damping_ratio=0.02)
+        squares, modes = eigh(body.stiffness, body.inertia.m0)
+        damping = modes.T @ body.damping @ modes
+        expected = np.diag(2.0 * 0.02 * np.sqrt(squares))
+        np.testing.assert_allclose(damping, expected, atol=1e-6 * expected.max())
 
     def test_nodal_coordinates_are_the_nodes(self):
         body = body_from_beam("tube", self.beam(), "nodal", dofs=(0, 4))

@@ -62,14 +62,19 @@ def run(turbine):
         "rotor_speed": turbine.drivetrain.rated_rotor_speed * np.where((time % 20) > 15, 1.15, 1.0),
         "tower_base_fore_aft_moment": 30e6 + 40e6 * triangle,
         "tower_base_side_side_moment": 0.0 * ones,
+        "tower_base_moment_max": 71e6 * ones,  # extremes lie between the samples
         "yaw_rate": 0.001 * ones,
     }
     for b in (1, 2, 3):
         channels[f"root_flap_moment_{b}"] = b * 1e6 * triangle
         channels[f"root_edge_moment_{b}"] = 1e6 * ones
         channels[f"tip_out_of_plane_{b}"] = float(b) * ones
-        channels[f"tip_clearance_{b}"] = 10.0 - b * triangle
+        channels[f"tip_clearance_{b}"] = 10.0 * ones
+        channels[f"root_flap_moment_max_{b}"] = (b + 0.5) * 1e6 * triangle
+        channels[f"tip_out_of_plane_max_{b}"] = b + triangle
+        channels[f"tip_clearance_min_{b}"] = 10.0 - b * triangle
         channels[f"pitch_rate_{b}"] = np.tile([0.02, -0.02], n // 2)
+    channels["rotor_speed_max"] = 1.01 * channels["rotor_speed"]
     return xr.Dataset({name: ("time", values) for name, values in channels.items()}, coords={"time": time})
 
 
@@ -81,13 +86,14 @@ def test_metrics_of_a_made_up_run(run, turbine):
     assert metrics["power_std"] == 0.0
     assert metrics["torque_rate"] == pytest.approx(1000.0)
     assert metrics["overspeed_count"] == 5
-    assert metrics["rotor_speed_max"] == pytest.approx(1.15 * turbine.drivetrain.rated_rotor_speed)
+    assert metrics["rotor_speed_max"] == pytest.approx(1.01 * 1.15 * turbine.drivetrain.rated_rotor_speed)
+    assert metrics["rotor_speed_mean"] == pytest.approx(1.0375 * turbine.drivetrain.rated_rotor_speed, rel=1e-3)
     # 999 half cycles in 100 s.
     assert metrics["blade_flap_del"] == pytest.approx(3e6 * (499.5 / 100.0) ** 0.1)
     assert metrics["tower_fore_aft_del"] == pytest.approx(40e6 * (499.5 / 100.0) ** 0.25)
     assert metrics["blade_edge_del"] == 0.0
-    assert (metrics["tip_deflection_max"], metrics["tip_clearance_min"]) == (3.0, 7.0)
-    assert metrics["tower_base_max"] == 70e6
+    assert (metrics["tip_deflection_max"], metrics["tip_clearance_min"]) == (4.0, 7.0)
+    assert (metrics["blade_flap_max"], metrics["tower_base_max"]) == (3.5e6, 71e6)
     assert metrics["pitch_duty_cycle"] == pytest.approx(0.02 / turbine.pitch.max_rate)
     assert metrics["pitch_travel"] == pytest.approx(2.0)
     assert metrics["yaw_travel"] == pytest.approx(0.1)

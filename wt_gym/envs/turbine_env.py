@@ -120,9 +120,9 @@ class WindTurbineEnv(gym.Env):
 
     Terminated (``info["termination"]`` says why):
 
-    - ``"overspeed"``: rotor speed above ``overspeed_limit`` times rated;
+    - ``"overspeed"``: rotor speed above ``overspeed_limit`` times rated, at any structural step of the control step;
     - ``"standstill"``: rotor speed below ``standstill_limit`` times rated, the rotor has stalled or was braked;
-    - ``"tower_strike"``: a blade tip touches the tower;
+    - ``"tower_strike"``: a blade tip touched the tower or passed behind it, at or between structural steps;
     - ``"failure"``: the simulation left the range in which it has meaning; ``info["failure"]`` holds the message, and
       the observation is the last good one.
 
@@ -131,7 +131,8 @@ class WindTurbineEnv(gym.Env):
     ## Info
 
     ``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
-    ``rotor_speed`` [rad/s], ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names).
+    ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
+    control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names).
     ``env.unwrapped.signals`` has every signal of the simulator.
 
     ## Arguments
@@ -394,19 +395,23 @@ class WindTurbineEnv(gym.Env):
             "wind_seed": int(self.episode_wind.wind_seed),
             "generator_power": float(self.signals["generator_power"]),
             "rotor_speed": float(self.signals["rotor_speed"]),
+            "rotor_speed_max": float(self.signals["rotor_speed_max"]),
+            "tip_clearance_min": float(self._tip_clearance()),
             "saturated": saturated,
         }
 
     def _ending(self) -> str | None:
         """Why the episode is terminated, if it is."""
-        speed = self.signals["rotor_speed"] / self.turbine.drivetrain.rated_rotor_speed
-        if speed > self.overspeed_limit:
+        rated = self.turbine.drivetrain.rated_rotor_speed
+        if self.signals["rotor_speed_max"] > self.overspeed_limit * rated:
             return "overspeed"
-        if speed < self.standstill_limit:
+        if self.signals["rotor_speed"] < self.standstill_limit * rated:
             return "standstill"
-        if min(self.signals[f"tip_clearance_{b + 1}"] for b in range(self.turbine.n_blades)) <= 0.0:
-            return "tower_strike"
-        return None
+        return "tower_strike" if self._tip_clearance() <= 0.0 else None
+
+    def _tip_clearance(self) -> float:
+        """Smallest signed distance of a tip from the tower during the last step [m]."""
+        return min(self.signals[f"tip_clearance_min_{b + 1}"] for b in range(self.turbine.n_blades))
 
     def _punish(self, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
         """Reward and terms of a terminated episode's last step."""

@@ -31,11 +31,11 @@ WORK_FIELDS = (
     "rot r v omega vl va bias_lin bias_ang nl na nb_lin nb_ang nv wn wb x xd xb th thd lever rn ti rj rb s_eff mc jj "
     "jd cc dk dq cd dd mff reach h a al c1 c2 mass force loads servo_acceleration predictor corrector rate "
     "frame_r frame_v frame_w frame_bl frame_ba frame_rot frame_jl frame_ja jacobian half_jacobian gamma residual "
-    "residual_rate multipliers weight schur norm_error"
+    "residual_rate multipliers weight schur norm_error trail trail_rate"
 )
 Tree = namedtuple("Tree", TREE_FIELDS)
 Work = namedtuple("Work", WORK_FIELDS)
-Inputs = namedtuple("Inputs", "body_loads dof_force reference reference_rate servo_command")
+Inputs = namedtuple("Inputs", "body_loads dof_force reference reference_rate servo_command servo_rate servo_interval")
 Points = namedtuple("Points", "position linear second")
 
 
@@ -392,8 +392,15 @@ class MultibodySystem:
             out["stiffness"][b, :n, :n], out["damping"][b, :n, :n] = body.stiffness, body.damping
         return out
 
-    def new_work(self):
-        """Scratch arrays for one user of the compiled kernels."""
+    def new_work(self, trail=0):
+        """Scratch arrays for one user of the compiled kernels.
+
+        Parameters
+        ----------
+        trail : int
+            Steps within one call of an integrator whose states and rates are kept, ``trail`` and ``trail_rate``
+            (n_trail, n_state).
+        """
         self.require_built()
         n_b, nf, n_u = len(self.bodies), self._max_elastic, self.n_u
         shapes = dict.fromkeys(WORK_FIELDS.split(), (3,))
@@ -406,6 +413,7 @@ class MultibodySystem:
         shapes |= {"dq": (nf, nf, 3), "mff": (n_b, nf, nf), "reach": (self._max_complete,) * 3}
         shapes |= dict.fromkeys(("h", "loads"), (n_b, 6 + nf))
         shapes |= dict.fromkeys(("predictor", "corrector", "rate"), (self.n_state,))
+        shapes |= dict.fromkeys(("trail", "trail_rate"), (trail, self.n_state))
         n_c = self.n_constraints
         shapes |= dict.fromkeys(("frame_r", "frame_v", "frame_w", "frame_bl", "frame_ba"), (2, 3))
         shapes |= {"frame_rot": (2, 3, 3), "frame_jl": (2, 3, n_u), "frame_ja": (2, 3, n_u), "schur": (n_c, n_c)}
@@ -418,9 +426,9 @@ class MultibodySystem:
     def new_inputs(self):
         """Inputs at the start [0] and the end [1] of an interval, all zero."""
         self.require_built()
-        n_b, nf, n_u = len(self.bodies), self._max_elastic, self.n_u
+        n_b, nf, n_u, n_s = len(self.bodies), self._max_elastic, self.n_u, self.n_servo
         z = np.zeros
-        return Inputs(z((2, n_b, 6 + nf)), z((2, n_u)), z((2, n_u)), z((2, n_u)), z((2, self.n_servo)))
+        return Inputs(z((2, n_b, 6 + nf)), *(z((2, n_u)) for _ in range(3)), *(z((2, n_s)) for _ in range(3)))
 
     # ---- evaluation (convenience around the kernels, one state at a time) ------------------------------------------
 

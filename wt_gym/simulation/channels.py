@@ -19,12 +19,15 @@ class Channel:
     openfast : str
         OpenFAST's name of the same quantity (its unit may differ), or "".
     description : str
+    group : str
+        Name without the number of the blade.
     """
 
     name: str
     unit: str
     openfast: str
     description: str
+    group: str
 
 
 _SINGLE = (
@@ -40,7 +43,7 @@ _SINGLE = (
     ("aero_power", "W", "RtAeroPwr", "Aerodynamic torque times rotor speed"),
     ("aero_torque", "N m", "RtAeroMxh", "Moment of the air about the shaft"),
     ("aero_thrust", "N", "RtAeroFxh", "Force of the air along the shaft"),
-    ("yaw", "rad", "YawPzn", "Nacelle yaw, counter-clockwise from above"),
+    ("yaw", "rad", "YawPzn", "Angle of the nacelle on the tower top, counter-clockwise from above"),
     ("yaw_rate", "rad/s", "YawVzn", "Rate of the nacelle yaw"),
     ("yaw_error", "rad", "NacYawErr", "Wind direction at the hub minus nacelle yaw"),
     ("tower_top_fore_aft", "m", "TTDspFA", "Tower-top displacement along global x"),
@@ -52,6 +55,8 @@ _SINGLE = (
     ("nacelle_acceleration_side_side", "m/s^2", "", "Tower-top acceleration across the yawed nacelle"),
     ("shaft_torque", "N m", "RotTorq", "Torque in the low-speed shaft"),
     ("rotor_thrust", "N", "RotThrust", "Axial force in the low-speed shaft, weight and inertia included"),
+    ("rotor_speed_max", "rad/s", "", "Largest rotor speed since the last sample, over all structural steps"),
+    ("tower_base_moment_max", "N m", "", "Largest tower-base bending moment since the last sample"),
 )
 _PER_BLADE = (
     ("pitch", "rad", "BldPitch", "Pitch angle, positive to feather"),
@@ -62,18 +67,21 @@ _PER_BLADE = (
     ("root_flap_moment", "N m", "RootMyb", "Blade-root moment about y of the pitched blade"),
     ("root_edge_moment", "N m", "RootMxb", "Blade-root moment about x of the pitched blade"),
     ("root_torsion", "N m", "RootMzb", "Blade-root moment about the pitch axis"),
-    ("tip_clearance", "m", "TipClrnc", "Distance of the tip from the tower surface"),
+    ("tip_clearance", "m", "TipClrnc", "Distance of the tip from the tower surface, negative behind the tower"),
+    ("tip_clearance_min", "m", "", "Smallest tip clearance since the last sample, also between structural steps"),
+    ("tip_out_of_plane_max", "m", "", "Largest out-of-plane tip deflection since the last sample"),
+    ("root_flap_moment_max", "N m", "", "Largest size of the flapwise root moment since the last sample"),
 )
 
 
 @cache
 def channel_table(n_blades):
     """Channels of a turbine with n_blades blades, in the order of ``Signals.values``."""
-    table = [Channel(*row) for row in _SINGLE]
+    table = [Channel(*row, row[0]) for row in _SINGLE]
     for name, unit, openfast, text in _PER_BLADE:
         for i in range(1, n_blades + 1):
             fast = f"{openfast}{i}" if openfast else ""
-            table.append(Channel(f"{name}_{i}", unit, fast, f"{text}, blade {i}"))
+            table.append(Channel(f"{name}_{i}", unit, fast, f"{text}, blade {i}", name))
     return tuple(table)
 
 

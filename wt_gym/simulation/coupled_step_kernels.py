@@ -9,6 +9,7 @@ from wt_gym.compiled import kernel
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion
+from wt_gym.simulation.monitor_kernels import rotor_speed, watch_steps
 
 # Beyond the codes of the multibody kernels
 OVERSPEED, DEFLECTION, UNSETTLED = 101, 102, 103
@@ -44,9 +45,9 @@ def copy_history(source, target):
 
 
 @kernel
-def check_range(y, x):
-    """OK, or what has left the range in which the model has a meaning."""
-    if not abs(y[x.speed_index]) < x.max_speed:
+def check_range(y, x, monitor):
+    """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor."""
+    if not (abs(y[monitor.generator_u]) < x.max_speed and abs(rotor_speed(y, monitor)) < x.max_speed):
         return OVERSPEED
     for i in range(x.elastic_q.shape[0]):
         size2 = 0.0
@@ -70,7 +71,7 @@ def extrapolate_loads(inputs, previous):
 
 
 @kernel
-def coupled_step(air, motion, x, scheme, blade_wind):
+def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
     """Advance structure and air by one aerodynamic step.
 
     The wake moves on first and then stands still while structure and loads are iterated to agreement at the end of the
@@ -83,6 +84,8 @@ def coupled_step(air, motion, x, scheme, blade_wind):
     motion : Motion
     x : Exchange
     scheme : Scheme
+    gauges : Gauges
+    monitor : Monitor
     blade_wind : (n_blade, n_chord + 1, n_span + 1, 3)
         Wind at the lattice nodes at the end of the step [m/s].
 
@@ -97,7 +100,7 @@ def coupled_step(air, motion, x, scheme, blade_wind):
         code = correct_step(air, motion, x, scheme, blade_wind)
     if code == OK:
         accept(air.planform, air.constants, air.arrays, air.work, bool(True), bool(False), air.bodies, air.body_work)
-        code = end_step(motion, x)
+        code = end_step(motion, x, scheme, gauges, monitor)
     return code
 
 
@@ -188,11 +191,12 @@ def relax_loads(new, passes, share, iteration):
 
 
 @kernel
-def end_step(motion, x):
-    """Rates that belong to the stored state and the final loads; has anything left the range of the model?"""
+def end_step(motion, x, scheme, gauges, monitor):
+    """Rates that belong to the stored state and the final loads; extremes; has anything left the range of the model?"""
     code = hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, 1.0, int(0), int(0),
                            motion.constrained, bool(True))  # fmt: skip
     if code != OK:
         return code
+    watch_steps(motion, scheme.n_sub, gauges, monitor)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
-    return check_range(motion.history.y[3], x)
+    return check_range(motion.history.y[3], x, monitor)

@@ -10,8 +10,9 @@ from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.system import HammingIntegrator
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.simulation import coupled_step_kernels
-from wt_gym.simulation.measurement import Instant
+from wt_gym.simulation import coupled_step_kernels, monitor_kernels
+from wt_gym.simulation.measurement import Gauges, Instant
+from wt_gym.simulation.monitor import Monitor
 from wt_gym.simulation.turbine_bodies import place_nacelle
 
 __all__ = ["Air", "Coupling", "Exchange", "Motion", "Scheme"]
@@ -69,7 +70,6 @@ class Exchange(NamedTuple):
     previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago
     passes: np.ndarray  # (2, n_b, 6 + n_f) loads under which the blades moved, and their last change
     tip: np.ndarray  # (3, n_f) displacement of a tip
-    speed_index: int
     max_speed: float  # [rad/s]
     max_deflection: float  # [m]
 
@@ -86,7 +86,6 @@ class Exchange(NamedTuple):
             elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
             previous_loads=np.zeros_like(body_loads[0]), passes=np.zeros_like(body_loads),
             tip=np.ascontiguousarray(structure.tip_points.linear[0]),
-            speed_index=system.n_q + structure.azimuth_u,
             max_speed=MAX_OVERSPEED * models.turbine.drivetrain.rated_rotor_speed,
             max_deflection=MAX_DEFLECTION * models.turbine.blade.length,
         )  # fmt: skip
@@ -106,15 +105,19 @@ class Coupling:
         Of the structure, with its state and inputs.
     aero : AeroState
     exchange : Exchange
+    extremes : Extremes
+        Since they were last told to ``restart``.
     """
 
     def __init__(self, models):
         self.models = models
         fidelity, system = models.fidelity, models.structure.system
         h = models.time_step / models.n_substeps
-        self.integrator = HammingIntegrator(system, h, fidelity.corrections, fidelity.starter)
+        self.integrator = HammingIntegrator(system, h, fidelity.corrections, fidelity.starter, models.n_substeps)
         self.aero = models.lattice.new_state()
         self.exchange = Exchange.of(models, self.integrator.inputs.body_loads)
+        self._gauges = Gauges.of(models.turbine, models.structure)
+        self._monitor = Monitor.of(models.structure, self.integrator.inputs.body_loads, models.turbine.n_blades)
         self._earlier_velocities = np.zeros(models.lattice.nodes_shape)
         self._saved = type(self.integrator.history)(*(np.zeros_like(x) for x in self.integrator.history))
         self._scheme = Scheme(
@@ -130,7 +133,12 @@ class Coupling:
     @property
     def generator_speed(self):
         """Speed of the generator, low-speed shaft [rad/s]."""
-        return self.integrator.state[self.exchange.speed_index]
+        return self.integrator.state[self._monitor.generator_u]
+
+    @property
+    def extremes(self):
+        """Largest and smallest values over the structural steps."""
+        return self._monitor.extremes
 
     def instant(self):
         """What can be measured now."""
@@ -157,14 +165,19 @@ class Coupling:
         arrays |= {f"aero_{k}": a for k, a in self.aero.arrays._asdict().items()}
         arrays |= {"nodes": self.exchange.nodes, "velocities": self.exchange.velocities}
         arrays |= {"previous_loads": self.exchange.previous_loads, "earlier_velocities": self._earlier_velocities}
+        arrays["passed"] = self._monitor.passed
         return arrays
 
     def begin(self, y):
         """Start to move from the state y, under the loads that the inputs hold."""
+        system = self.models.structure.system
         self.exchange.previous_loads[:] = self.integrator.inputs.body_loads[0]
         self.integrator.start(y)
         self.move_lattice(self.integrator.state)
         self._earlier_velocities[:] = self.exchange.velocities
+        self._monitor.loads[:] = self.integrator.inputs.body_loads[1]
+        y, dy, tree, work = self.integrator.state, self.integrator.state_rate, system.tree, self.integrator.work
+        monitor_kernels.watch(y, dy, tree, work, self._gauges, self._monitor)
 
     def resume(self):
         """Bring up to date what follows from restored arrays."""
@@ -218,24 +231,25 @@ class Coupling:
         lattice, i, system = self.models.lattice, self.integrator, self.models.structure.system
         air = Air(lattice.arrays, lattice.constants, self.aero.arrays, lattice.work, *lattice.body_arrays)
         motion = Motion(i.history, self._saved, i.inputs, system.tree, i.work, system.constrained)
-        return air, motion, self.exchange, self._scheme
+        return air, motion, self.exchange, self._scheme, self._gauges, self._monitor
 
     def _advance_split(self, blade_wind):
-        air, motion, x, scheme = self._bundles
+        air, motion, x, scheme, gauges, monitor = self._bundles
         code = coupled_step_kernels.predict_step(air, motion, x, scheme)
         if code == tree_kernels.OK:
             self.models.lattice.prepare(self.aero, x.nodes)
             code = coupled_step_kernels.correct_step(air, motion, x, scheme, blade_wind)
         if code == tree_kernels.OK:
             self.models.lattice.accept(self.aero)
-            code = coupled_step_kernels.end_step(motion, x)
+            code = coupled_step_kernels.end_step(motion, x, scheme, gauges, monitor)
         return code
 
     def _failure(self, code):
         """What a code of the compiled step says."""
         y, x = self.integrator.state, self.exchange
         if code == coupled_step_kernels.OVERSPEED:
-            return f"rotor speed {y[x.speed_index]:.2f} rad/s is beyond {x.max_speed:.2f} rad/s"
+            speed, generator = monitor_kernels.rotor_speed(y, self._monitor), self.generator_speed
+            return f"rotor speed {speed:.2f} rad/s (generator {generator:.2f}) is beyond {x.max_speed:.2f} rad/s"
         if code == coupled_step_kernels.DEFLECTION:
             largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"

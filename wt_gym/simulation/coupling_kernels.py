@@ -51,24 +51,67 @@ def rotor_resultant(nodes, forces, centre, axis):
 
 
 @kernel
-def tower_clearance(tips, base, top, tower_z, tower_radius, out):
-    """Distance [m] of each tip from the tower surface (axis straight from base to top), or from its upper rim."""
-    for i in range(tips.shape[0]):
-        s = (tips[i, 2] - base[2]) / (top[2] - base[2])
-        s = min(max(s, 0.0), 1.0)
-        dx = tips[i, 0] - (base[0] + s * (top[0] - base[0]))
-        dy = tips[i, 1] - (base[1] + s * (top[1] - base[1]))
-        dz = max(tips[i, 2] - top[2], 0.0)
-        z = s * tower_z[-1]
-        n = tower_z.shape[0]
-        k = 0
-        while k < n - 2 and tower_z[k + 1] < z:
-            k += 1
-        w = (z - tower_z[k]) / (tower_z[k + 1] - tower_z[k])
-        radius = (1.0 - w) * tower_radius[k] + w * tower_radius[k + 1]
-        out[i] = math.sqrt(max(math.sqrt(dx * dx + dy * dy) - radius, 0.0) ** 2 + dz * dz)
-        if dz == 0.0:
-            out[i] = math.sqrt(dx * dx + dy * dy) - radius
+def view_from_tower(tip, base, top, axis, height, radius, out):
+    """Where a tip is, seen from the tower's axis at its height, a straight line from base to top.
+
+    Parameters
+    ----------
+    tip, base, top : (3,)
+        [m].
+    axis : (3,)
+        Of the nacelle, downwind.
+    height, radius : (n,)
+        Of the tower, heights above the base [m].
+    out : (4,)
+        How far the tip is upwind along the nacelle's axis, to its side, above the top of the tower, and the tower's
+        radius at this height [m].
+    """
+    s = min(max((tip[2] - base[2]) / (top[2] - base[2]), 0.0), 1.0)
+    dx = tip[0] - (base[0] + s * (top[0] - base[0]))
+    dy = tip[1] - (base[1] + s * (top[1] - base[1]))
+    level = 1.0 / math.hypot(axis[0], axis[1])
+    out[0] = -(dx * axis[0] + dy * axis[1]) * level
+    out[1] = (dy * axis[0] - dx * axis[1]) * level
+    out[2] = tip[2] - top[2]
+    z, n, k = s * height[-1], height.shape[0], 0
+    while k < n - 2 and height[k + 1] < z:
+        k += 1
+    w = (z - height[k]) / (height[k + 1] - height[k])
+    out[3] = (1.0 - w) * radius[k] + w * radius[k + 1]
+
+
+@kernel
+def signed_clearance(view):
+    """Distance [m] of a tip from the tower, negative where a blade from the upwind side cannot be without touching it.
+
+    Upwind of the tower's axis it is the distance from the surface, downwind of it the distance from the space behind
+    the tower; within that space minus the distance along the nacelle's axis from the front of the tower (exactly in the
+    middle, falling to zero at its sides). Above the tower top it is the distance from the upper rim.
+    """
+    ahead, beside, above, radius = view[0], abs(view[1]), view[2], view[3]
+    if ahead >= 0.0:
+        gap = math.hypot(ahead, beside) - radius
+    elif beside >= radius:
+        gap = beside - radius
+    else:
+        gap = (beside - radius) * (1.0 - ahead / radius)
+    return math.hypot(max(gap, 0.0), above) if above > 0.0 else gap
+
+
+@kernel
+def passing_clearance(before, now, between):
+    """Least signed clearance [m] on the straight way between two views of a tip; ``between`` (4,) is scratch.
+
+    It is sought at the end and where the way comes closest to the tower's axis.
+    """
+    along, square = 0.0, 0.0
+    for c in range(2):
+        along -= before[c] * (now[c] - before[c])
+        square += (now[c] - before[c]) ** 2
+    s = min(max(along / square, 0.0), 1.0) if square > 0.0 else 1.0
+    for c in range(4):
+        between[c] = before[c] + s * (now[c] - before[c])
+    return min(signed_clearance(now), signed_clearance(between))
 
 
 @kernel
@@ -114,4 +157,6 @@ def read_gauges(y, dy, body_loads, tree, work, g):
                      g.tips[i : i + 1], g.tip_velocity[i : i + 1])  # fmt: skip
         tip_deflection(g.tips[i], work.r[b], work.rot[g.hub], g.root_rotation[i], g.tip_points.position[0],
                        y[n_y + 1 + i], g.deflection[i])  # fmt: skip
-    tower_clearance(g.tips, g.tower_base, work.r[g.nacelle], g.tower_height, g.tower_radius, g.clearance)
+        view_from_tower(g.tips[i], g.tower_base, work.r[g.nacelle], work.rot[g.nacelle, :, 0], g.tower_height,
+                        g.tower_radius, g.tower_view[i])  # fmt: skip
+        g.clearance[i] = signed_clearance(g.tower_view[i])

@@ -80,7 +80,9 @@ class Law(Protocol):
 class PitchDrives:
     """Drives of all blades: the command moves to the demand at no more than the greatest rate, within the range.
 
-    The servo of the pitch bearing follows it, see `wt_gym.simulation.turbine_structure`.
+    The pitch bearing follows the command: with the servo of the turbine, or ideally. The rate of an ideal drive changes
+    linearly within an aerodynamic step of length Δt, from that of the command in the step before to that in this one,
+    so that it is never greater than the command's. The drive thus lags Δt/2 behind a moving command and stops on it.
 
     Parameters
     ----------
@@ -279,6 +281,8 @@ class Drives:
         self.pitch, self.yaw = PitchDrives(turbine.pitch, turbine.n_blades), YawDrive(turbine.nacelle.max_yaw_rate)
         self.generator = TorqueCommand(turbine.drivetrain) if generator is None else generator
         self.command = np.zeros(2 + turbine.n_blades)
+        self._ideal_pitch = turbine.pitch.servo_frequency is None
+        self._step, self._pitch_rate = 0.0, np.zeros(turbine.n_blades)
 
     def start(self, pitch, yaw, speed, generator_torque=None):
         """Place pitch [rad], yaw [rad] and torque [N m] at a rotor speed [rad/s]; without a torque see `load`.
@@ -291,6 +295,7 @@ class Drives:
         first = self.yaw.first(yaw, speed), self.pitch.first(pitch, speed)
         torque = 0.0 if generator_torque is None else self.generator.first(generator_torque, speed)
         self.command[TORQUE], self.command[YAW], self.command[PITCH] = torque, *first
+        self._step, self._pitch_rate[:] = 0.0, 0.0
 
     def load(self, moment, speed, generator_torque=None):
         """Load a rotor on which the air acts with a moment [N m], with a torque or with what balances the moment."""
@@ -301,7 +306,9 @@ class Drives:
         """Move all commands towards the demands through one step of dt [s]."""
         self.generator.follow(self.command[TORQUE], generator_torque, dt, speed)
         self.yaw.follow(self.command[YAW], yaw_rate, dt, speed)
+        before = self.command[PITCH].copy()
         self.pitch.follow(self.command[PITCH], pitch, dt, speed)
+        self._step, self._pitch_rate[:] = dt, (self.command[PITCH] - before) / dt
 
     def act(self, inputs, azimuth_u, ends):
         """Write all commands into the inputs of the structure.
@@ -317,6 +324,10 @@ class Drives:
         """
         inputs.dof_force[ends, azimuth_u] = -self.generator.moment(self.command[TORQUE])
         inputs.servo_command[ends] = self.command[1:]
+        if self._ideal_pitch:
+            inputs.servo_command[ends, 1:] -= 0.5 * self._step * self._pitch_rate
+            inputs.servo_rate[ends, 1:] = self._pitch_rate
+            inputs.servo_interval[:, 1:] = self._step
 
     def torque(self, speed):
         """Torque of the generator [N m, high-speed shaft] at a speed of the rotor [rad/s]."""

@@ -29,6 +29,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.simulation.frozen_plant import FrozenPlant
 from wt_gym.simulation.linear_model import LinearModel, multiblade_model
+from wt_gym.simulation.monitor import Extremes
 from wt_gym.wind import SteadyInflow
 
 __all__ = ["SteadyPoint", "linearize", "trim"]
@@ -135,7 +136,8 @@ def linearize(
         Azimuths, equally spaced within one blade passage, over which the trim (and with ``multiblade`` the model) is
         averaged. A parked rotor has one.
     outputs : sequence of str, optional
-        Channel names, or names of blade channels without their number for all blades; by default all but "time".
+        Channel names, or names of blade channels without their number for all blades; by default all but "time" and
+        the extremes since the last sample, which no linear model has.
 
     Returns
     -------
@@ -340,7 +342,7 @@ def _present(plant, simulator):
 
 def _output_names(n_blades, wanted):
     """Channel names from channels and groups of blade channels."""
-    known = [c.name for c in channel_table(n_blades)]
+    known = [c.name for c in channel_table(n_blades) if c.group not in Extremes._fields]
     if wanted is None:
         return tuple(name for name in known if name != "time")
     out = []

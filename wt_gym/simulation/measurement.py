@@ -27,7 +27,8 @@ class Gauges(NamedTuple):
     tips: np.ndarray  # (n_blades, 3) [m]
     tip_velocity: np.ndarray  # (n_blades, 3) [m/s]
     deflection: np.ndarray  # (n_blades, 3) of the tips, axes of the unpitched roots [m]
-    clearance: np.ndarray  # (n_blades,) [m]
+    tower_view: np.ndarray  # (n_blades, 4) of the tips, see coupling_kernels.view_from_tower [m]
+    clearance: np.ndarray  # (n_blades,) signed distance of the tips from the tower [m]
     nacelle_acceleration: np.ndarray  # (3,) nacelle axes [m/s²]
 
     @classmethod
@@ -41,8 +42,8 @@ class Gauges(NamedTuple):
             tower_base=np.array([0.0, 0.0, turbine.tower.base_height]),
             tower_height=np.ascontiguousarray(structure.tower_points.position[:, 2]),
             tower_radius=structure.tower_radius, wrench=np.zeros((len(structure.system.bodies), 6)),
-            tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)), clearance=np.zeros(n),
-            nacelle_acceleration=np.zeros(3),
+            tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)),
+            tower_view=np.zeros((n, 4)), clearance=np.zeros(n), nacelle_acceleration=np.zeros(3),
         )  # fmt: skip
 
 
@@ -77,7 +78,7 @@ class Measurement:
         self.gauges = Gauges.of(turbine, structure)
         self.values, self._at = new_values(turbine.n_blades)
 
-    def take(self, time, instant, torque, command, inflow):
+    def take(self, time, instant, torque, command, inflow, extremes=None):
         """Fill ``values``; the kinematics of the system are brought up to date.
 
         Parameters
@@ -90,6 +91,8 @@ class Measurement:
         command : array (2 + n_blades,)
             Of the drives: generator torque [N m], yaw and pitch [rad].
         inflow : Inflow
+        extremes : Extremes, optional
+            Since the last sample; by default the present values.
         """
         s, work, y = self.structure, instant.work, instant.y
         n_y = s.system.n_q + s.system.n_u
@@ -100,6 +103,7 @@ class Measurement:
         self._wind_and_yaw(y, n_y, inflow.velocity(work.r[s.hub], time))
         self._tower_signals(work)
         self._blade_signals(y, n_y, command)
+        self._extremes(extremes)
 
     def _rotor(self, y, torque):
         """Speeds, torques and electrical power."""
@@ -125,11 +129,15 @@ class Measurement:
         v[at["aero_power"]] = torque * v[at["rotor_speed"]]
 
     def _wind_and_yaw(self, y, n_y, wind):
-        """Undisturbed wind at the hub against the nacelle."""
-        v, at = self.values, self._at
+        """Angle of the nacelle against the tower top, and the undisturbed wind at the hub against it."""
+        s, v, at = self.structure, self.values, self._at
+        yaw, rate = y[n_y], y[n_y + s.system.n_servo]
+        if s.yaw_flexible:
+            yaw += y[s.system.index(s.nacelle, "joint_q")]
+            rate += y[s.system.n_q + s.system.index(s.nacelle, "joint_u")]
         v[1:4] = wind
-        v[at["yaw"]], v[at["yaw_rate"]] = y[n_y], y[n_y + self.structure.system.n_servo]
-        v[at["yaw_error"]] = math.remainder(math.atan2(wind[1], wind[0]) - y[n_y], 2.0 * math.pi)
+        v[at["yaw"]], v[at["yaw_rate"]] = yaw, rate
+        v[at["yaw_error"]] = math.remainder(math.atan2(wind[1], wind[0]) - yaw, 2.0 * math.pi)
 
     def _tower_signals(self, work):
         """Tower-top motion and tower-base loads."""
@@ -153,3 +161,16 @@ class Measurement:
         roots = self.gauges.wrench[self.gauges.blades]
         v[at["root_edge_moment"]], v[at["root_flap_moment"]] = -roots[:, 3], -roots[:, 4]
         v[at["root_torsion"]], v[at["tip_clearance"]] = -roots[:, 5], self.gauges.clearance
+
+    def _extremes(self, extremes):
+        """Largest and smallest values since the last sample."""
+        v, at = self.values, self._at
+        if extremes is None:
+            base = math.hypot(v[at["tower_base_fore_aft_moment"]], v[at["tower_base_side_side_moment"]])
+            v[at["rotor_speed_max"]], v[at["tower_base_moment_max"]] = v[at["rotor_speed"]], base
+            v[at["root_flap_moment_max"]] = np.abs(v[at["root_flap_moment"]])
+            v[at["tip_out_of_plane_max"]] = v[at["tip_out_of_plane"]]
+            v[at["tip_clearance_min"]] = v[at["tip_clearance"]]
+            return
+        for name, value in extremes._asdict().items():
+            v[at[name]] = value if len(value) > 1 or isinstance(at[name], slice) else value[0]

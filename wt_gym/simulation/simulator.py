@@ -156,6 +156,7 @@ class Simulator:
         n = round(duration / self.time_step)
         if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
             raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
+        coupling.extremes.restart()
         for _ in range(n):
             drives.follow(pitch, yaw_rate, generator_torque, self.time_step, coupling.generator_speed)
             drives.act(coupling.integrator.inputs, self.structure.azimuth_u, 1)
@@ -165,7 +166,7 @@ class Simulator:
                 self._started = False
                 raise SimulationError(f"simulation failed at {self.time:.3f} s: {error}") from error
             self._n_steps += 1
-        self._measure()
+        self._measure(coupling.extremes)
         return self.signals
 
     # ---- snapshots and pictures ----
@@ -231,8 +232,8 @@ class Simulator:
         if not self._started:
             raise SimulationError("the simulator is not running: call reset() first, also after a failed simulation")
 
-    def _measure(self):
-        """Fill the channel values from the current state."""
-        coupling = self.coupling
-        torque = self.drives.torque(coupling.generator_speed)
-        self._measurement.take(self.time, coupling.instant(), torque, self.drives.command, self.inflow)
+    def _measure(self, extremes=None):
+        """Fill the channel values from the current state and the extremes since the last sample."""
+        coupling, drives = self.coupling, self.drives
+        torque = drives.torque(coupling.generator_speed)
+        self._measurement.take(self.time, coupling.instant(), torque, drives.command, self.inflow, extremes)

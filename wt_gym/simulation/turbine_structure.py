@@ -12,13 +12,15 @@ import numpy as np
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
 from wt_gym.structure.beam import Beam, BeamSections, skew
-from wt_gym.structure.flexible_body import FlexibleBody, offset_marker, shape_damping
+from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
+from wt_gym.structure.flexible_body import FlexibleBody, offset_marker
 from wt_gym.structure.modes import clamped_modes, select_modes
 
 __all__ = ["TurbineStructure", "build_structure"]
 
-PITCH_SERVO = 4.0 * np.pi
-"""Natural frequency of the pitch drives, critically damped [rad/s]: a lag of 0.16 s, never faster than its command."""
+IDEAL_PITCH_SERVO = 4.0 * np.pi
+"""Frequency of the servo that stands for an ideal pitch drive [rad/s] in linear models; in simulations such a drive is
+prescribed (`wt_gym.simulation.drives.PitchDrives`)."""
 YAW_SERVO = 2.0 * np.pi
 """Natural frequency of the yaw drive, critically damped [rad/s]."""
 
@@ -89,6 +91,11 @@ class TurbineStructure:
     def azimuth_q(self):
         """Index of the generator azimuth among the coordinates."""
         return self.system.index(self.generator, "joint_q")
+
+    @property
+    def yaw_flexible(self):
+        """Whether a spring connects the nacelle to its yaw drive."""
+        return self.system.joints[self.nacelle].kind == "revolute"
 
     @property
     def shaft_flexible(self):
@@ -169,7 +176,9 @@ def _blade(blade, fidelity):
         dofs = _moving_dofs(fidelity.blade_modes) if fidelity.blade_coordinates == "nodal" else ()
         if dofs and np.ptp(axis[:, :2], axis=0).max() > 1e-6 * blade.length:
             dofs = tuple(sorted({*dofs, 2}))  # a curved axis bends only if its nodes may also move along z
-        basis, body = _node_body("blade", beam, dofs, blade.damping_ratio)
+        basis = nodal_basis(beam, dofs)
+        body = body_from_beam("blade", beam, "nodal", dofs=dofs, damping_ratio=blade.damping_ratio)
+        body = replace(body, coordinate_names=tuple(node_names(beam, dofs)))  # the blades get numbers on the hub
     return beam, basis, body
 
 
@@ -177,31 +186,6 @@ def _moving_dofs(modes):
     """Degrees of freedom of a node for the counts of modes along x, along y and in torsion."""
     planes = ((0, 4), (1, 3), (5,))
     return tuple(sorted(dof for plane, count in zip(planes, modes, strict=True) if count for dof in plane))
-
-
-def _node_body(name, beam, dofs, damping_ratio, tip_mass=None):
-    """Basis and body of the unit displacements of all nodes but the root, damped as the body of all its modes is.
-
-    With modes Φ, shaped by what the tip carries, and their damping matrix C the nodes have P C Pᵀ, P = M Φ (Φᵀ M Φ)⁻¹.
-    Damping in proportion to the stiffness would overdamp the highest modes beyond what explicit steps can follow.
-    """
-    keep = [(node, dof) for node in range(1, len(beam.nodes)) for dof in dofs]
-    rows = [6 * node + dof for node, dof in keep]
-    basis = np.eye(beam.n_dof)[:, rows]
-    kind = ("x", "y", "z", "turn_x", "turn_y", "turn_z")
-    prefix = "tower_" if name == "tower" else ""  # blades are named when they are hung on the hub
-    names = [f"{prefix}node_{node}_{kind[dof]}" for node, dof in keep]
-    body = FlexibleBody.from_beam(name, beam, basis, coordinate_names=names)
-    if not keep:
-        return basis, body
-    mass = beam.mass.copy()
-    if tip_mass is not None:
-        mass[-6:, -6:] += tip_mass
-    modes = clamped_modes(beam, len(keep), tip_mass=tip_mass, node_dofs=dofs)
-    shapes = modes.shape[rows]
-    momentum = mass[np.ix_(rows, rows)] @ shapes
-    alone = [shapes.T @ matrix[np.ix_(rows, rows)] @ shapes for matrix in (beam.stiffness, beam.mass)]
-    return basis, replace(body, damping=momentum @ shape_damping(*alone, damping_ratio) @ momentum.T)
 
 
 def _blade_modes(beam, fidelity):
@@ -277,7 +261,8 @@ def _tower(turbine, fidelity, blade_body):
         body = FlexibleBody.from_beam("tower", beam, basis, tower.damping_ratio, None, names)
     else:
         dofs = _moving_dofs(fidelity.tower_modes) if fidelity.tower_coordinates == "nodal" else ()
-        basis, body = _node_body("tower", beam, dofs, tower.damping_ratio, top)
+        basis, ratio = nodal_basis(beam, dofs), tower.damping_ratio
+        body = body_from_beam("tower", beam, "nodal", dofs=dofs, tip_mass=top, damping_ratio=ratio)
     height = np.linspace(0.0, tower.length, 13)
     points = np.column_stack([0.0 * height, 0.0 * height, height])
     return body, body_points(beam, basis, points), 0.5 * np.asarray(tower.diameter_at(height))
@@ -386,7 +371,7 @@ def _add_blade(system, turbine, hub, body, i, formulation):
         "axis": (0.0, 0.0, -1.0),
         "rotation": root,
         "offset": root @ [0.0, 0.0, turbine.hub.radius],
-        "servo_frequency": PITCH_SERVO,
+        "servo_frequency": turbine.pitch.servo_frequency or IDEAL_PITCH_SERVO,
         "servo_damping": 1.0,
         "name": f"pitch_{i + 1}",
     }

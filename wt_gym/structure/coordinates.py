@@ -28,12 +28,15 @@ from dataclasses import replace
 import numpy as np
 
 from wt_gym.structure.beam import BeamSections
-from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, Marker
+from wt_gym.structure.flexible_body import FlexibleBody, shape_damping
 from wt_gym.structure.modes import clamped_modes
 
-__all__ = ["COORDINATES", "body_from_beam", "circular_sections"]
+__all__ = ["ALL_DOFS", "COORDINATES", "body_from_beam", "circular_sections", "nodal_basis", "node_names"]
 
 COORDINATES = ("nodal", "modal", "rigid")
+ALL_DOFS = (0, 1, 2, 3, 4, 5)
+"""Degrees of freedom of a node: displacements along x, y, z and rotations about them."""
+DOF_NAMES = ("x", "y", "z", "turn_x", "turn_y", "turn_z")
 
 
 def body_from_beam(
@@ -42,7 +45,7 @@ def body_from_beam(
     coordinates="modal",
     *,
     n_modes=6,
-    dofs=(0, 1, 2, 3, 4, 5),
+    dofs=ALL_DOFS,
     tip_mass=None,
     damping_ratio=0.0,
     markers=None,
@@ -61,10 +64,9 @@ def body_from_beam(
         Degrees of freedom of each node that may move; without 2 a straight beam along z is inextensible, which the
         second-order displacement takes into account and explicit integrators like.
     tip_mass : array (6, 6), optional
-        Mass matrix of what the tip carries; shapes the modes (modal coordinates).
+        Mass matrix of what the tip carries; shapes the modes.
     damping_ratio : float
-        Ratio of the critical damping in the body alone, without what its tip carries: of each mode (modal), or of the
-        first mode with damping in proportion to the stiffness (nodal).
+        Ratio of the critical damping of each mode in the body alone, without what its tip carries.
     markers : dict of str to float, optional
         Arc lengths of named points on the axis besides "root" and "tip".
 
@@ -79,33 +81,47 @@ def body_from_beam(
     """
     if coordinates not in COORDINATES:
         raise ValueError(f"coordinates of body {name!r} are {coordinates!r}; allowed: {', '.join(COORDINATES)}")
-    if coordinates == "rigid":
-        return _rigid(name, beam, markers)
     if coordinates == "modal":
         modes = clamped_modes(beam, n_modes, tip_mass=tip_mass, node_dofs=dofs)
         names = [f"{name}_mode_{i + 1}" for i in range(modes.shape.shape[1])]
         return FlexibleBody.from_beam(name, beam, modes.shape, damping_ratio, markers, names)
-    keep = [(node, dof) for node in range(1, len(beam.nodes)) for dof in dofs]
-    basis = np.eye(beam.n_dof)[:, [6 * node + dof for node, dof in keep]]
-    kind = ("x", "y", "z", "turn_x", "turn_y", "turn_z")
-    names = [f"{name}_node_{node}_{kind[dof]}" for node, dof in keep]
-    body = FlexibleBody.from_beam(name, beam, basis, markers=markers, coordinate_names=names)
-    first = clamped_modes(beam, 1, node_dofs=dofs).frequency[0]
-    return replace(body, damping=damping_ratio / (np.pi * first) * body.stiffness)
+    dofs = dofs if coordinates == "nodal" else ()
+    names = [f"{name}_{node}" for node in node_names(beam, dofs)]
+    body = FlexibleBody.from_beam(name, beam, nodal_basis(beam, dofs), markers=markers, coordinate_names=names)
+    if not dofs or damping_ratio == 0.0:
+        return body
+    return replace(body, damping=_nodal_damping(beam, dofs, damping_ratio, tip_mass))
 
 
-def _rigid(name, beam, markers):
-    """The undeformed beam as one rigid body."""
-    mass, centre = beam.particle_mass.sum(), beam.particle_mass @ beam.particle_position / beam.particle_mass.sum()
-    arm = beam.particle_position - centre
-    inertia = np.einsum("p,pi,pj->ij", beam.particle_mass, arm, arm)
-    inertia = np.trace(inertia) * np.eye(3) - inertia
-    none = np.zeros
-    points = {
-        key: Marker(beam.sections.axis_at(s), none((3, 0)), none((3, 0, 0)), none((3, 0)))
-        for key, s in ({"root": beam.nodes[0], "tip": beam.nodes[-1]} | dict(markers or {})).items()
-    }
-    return FlexibleBody(name, BodyInertia.rigid(mass, centre, inertia), none((0, 0)), none((0, 0)), points)
+def nodal_basis(beam, dofs=ALL_DOFS):
+    """Unit displacements (n_dof, n) of all nodes of a beam but the first, in the given degrees of freedom of a node."""
+    return np.eye(beam.n_dof)[:, _moving(beam, dofs)]
+
+
+def node_names(beam, dofs=ALL_DOFS):
+    """Names of the coordinates of `nodal_basis`."""
+    return [f"node_{node}_{DOF_NAMES[dof]}" for node in range(1, len(beam.nodes)) for dof in dofs]
+
+
+def _moving(beam, dofs):
+    """Rows of the moving degrees of freedom among all of a beam."""
+    return [6 * node + dof for node in range(1, len(beam.nodes)) for dof in dofs]
+
+
+def _nodal_damping(beam, dofs, damping_ratio, tip_mass):
+    """Damping matrix of nodal coordinates, damped as the body of all its modes is.
+
+    With modes Φ, shaped by what the tip carries, and their damping matrix C the nodes have P C Pᵀ, P = M Φ (Φᵀ M Φ)⁻¹.
+    Damping in proportion to the stiffness would overdamp the highest modes beyond what explicit steps can follow.
+    """
+    rows = _moving(beam, dofs)
+    mass = beam.mass.copy()
+    if tip_mass is not None:
+        mass[-6:, -6:] += tip_mass
+    shapes = clamped_modes(beam, len(rows), tip_mass=tip_mass, node_dofs=dofs).shape[rows]
+    momentum = mass[np.ix_(rows, rows)] @ shapes
+    alone = [shapes.T @ matrix[np.ix_(rows, rows)] @ shapes for matrix in (beam.stiffness, beam.mass)]
+    return momentum @ shape_damping(*alone, damping_ratio) @ momentum.T
 
 
 def circular_sections(length, diameter, *, youngs_modulus, shear_modulus, density, inner_diameter=0.0) -> BeamSections:

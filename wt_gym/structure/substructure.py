@@ -19,11 +19,10 @@ import numpy as np
 from scipy.linalg import eigh
 
 from wt_gym.structure.beam import Beam, BeamSections
+from wt_gym.structure.coordinates import ALL_DOFS, nodal_basis
 from wt_gym.structure.flexible_body import FlexibleBody, Marker, offset_marker
 
 __all__ = ["Piece", "add_chain", "cut_beam", "piece_at", "tip_and_interior_modes"]
-
-ALL_DOFS = (0, 1, 2, 3, 4, 5)
 
 
 @dataclass(frozen=True)
@@ -108,8 +107,7 @@ def cut_beam(
         own = BeamSections(sections.station, sections.stiffness, sections.inertia, sections.axis - origin)
         beam = Beam(own, nodes[first : last + 1])
         if coordinates == "nodal":
-            keep = [6 * node + dof for node in range(1, last - first + 1) for dof in dofs]
-            basis = np.eye(beam.n_dof)[:, keep]
+            basis = nodal_basis(beam, dofs)
         elif coordinates == "modal":
             basis = tip_and_interior_modes(beam, n_modes, dofs)
         else:

@@ -260,7 +260,7 @@ class Drivetrain(ArrayRecord):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PitchSystem(ArrayRecord):
-    """Limits of the pitch actuators.
+    """Limits and bandwidth of the pitch actuators.
 
     Attributes
     ----------
@@ -268,11 +268,17 @@ class PitchSystem(ArrayRecord):
         [rad] (PC_MinPit, PC_MaxPit).
     max_rate : float
         [rad/s] (PC_MaxRat).
+    servo_frequency : float or None
+        Natural frequency of the drive as a critically damped servo behind the demand [rad/s] (ROSCO's PA_CornerFreq);
+        its lag is two over the frequency. None, the default: an ideal drive, which follows the demand at up to
+        ``max_rate``. windIO files say nothing about it, and the baseline controller of the NREL 5-MW is published
+        without dynamics of the actuators (NREL/TP-500-38060, section 7).
     """
 
     min_pitch: float
     max_pitch: float
     max_rate: float
+    servo_frequency: float | None = None
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -282,6 +288,9 @@ class PitchSystem(ArrayRecord):
             max_pitch=check_number("PitchSystem.max_pitch", self.max_pitch, low, np.pi, open_low=True),
             max_rate=check_number("PitchSystem.max_rate", self.max_rate, 0.0, 10.0, open_low=True),
         )
+        if self.servo_frequency is not None:
+            frequency = check_number("PitchSystem.servo_frequency", self.servo_frequency, 0.1, 100.0)
+            self._set(servo_frequency=frequency)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -54,6 +54,8 @@ class HammingIntegrator:
         Adams–Moulton); the first leaves an error of order h³, which is then the order of a run that does not start at
         rest. "runge-kutta" takes the classical scheme of fourth order at the same cost: a run is then as exact as one
         from exact starting values.
+    trail : int
+        Steps of one call whose states and rates are kept in ``work``, see `MultibodySystem.new_work`.
 
     Raises
     ------
@@ -61,7 +63,7 @@ class HammingIntegrator:
         For a step or a number of passes that is not positive and finite, an unknown starter or a system not yet built.
     """
 
-    def __init__(self, system, step, n_corrections=3, starter="adams"):
+    def __init__(self, system, step, n_corrections=3, starter="adams", trail=0):
         system.require_built()
         if not 0.0 < step < np.inf:
             raise MultibodyError(f"integration step must be positive and finite, got {step}")
@@ -71,7 +73,7 @@ class HammingIntegrator:
             raise MultibodyError(f"starter {starter!r} is unknown; allowed: {', '.join(STARTERS)}")
         self.system, self.step, self.n_corrections = system, float(step), int(n_corrections)
         self.starter = starter
-        self.work, self.inputs = system.new_work(), system.new_inputs()
+        self.work, self.inputs = system.new_work(trail), system.new_inputs()
         self.history = new_history(system.n_state)
 
     def start(self, y, check=True):

@@ -13,7 +13,7 @@ state, in the norm of the mass matrix), before the last evaluation; Baumgarte's 
 """
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.tree.rate_kernels import project, rates
+from wt_gym.multibody.tree.rate_kernels import prescribe_servos, project, rates
 from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
 
 
@@ -28,6 +28,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
         Runge–Kutta steps still to go.
     inputs : Inputs
     tree, work : arrays of the system
+        ``work.trail`` and ``work.trail_rate`` take the state and rate after each step, as far as they have rows.
     h : float
         Step [s]; without steps the fraction of the interval at which the inputs are taken.
     n_steps : int
@@ -38,7 +39,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
         See :func:`wt_gym.multibody.tree.rate_kernels.rates`.
     last_rate : bool
         False leaves out the evaluation at the end of the last step, for a caller that asks for it later, with other
-        inputs, or throws the state away; the newest f is then out of date.
+        inputs, or throws the state away; the newest f, and its copy in ``work.trail_rate``, is then out of date.
 
     Returns
     -------
@@ -108,9 +109,14 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                     if not abs(c[i]) < 1e12:
                         return DIVERGED
                 normalise_quaternions(c, tree.kind, tree.joint_q, work.norm_error)
+        prescribe_servos(c, tau, inputs, tree.n_q + tree.n_u)
         for i in range(n):
             y[0, i], y[1, i], y[2, i], y[3, i] = y[1, i], y[2, i], y[3, i], c[i]
             f[0, i], f[1, i], f[2, i], f[3, i] = f[1, i], f[2, i], f[3, i], fn[i]
+        if step < work.trail.shape[0]:
+            for i in range(n):
+                work.trail[step, i] = c[i]
+                work.trail_rate[step, i] = fn[i]
         if filled < 3:
             history.filled[0] = filled + 1 if filled != -1 else 3
     return OK

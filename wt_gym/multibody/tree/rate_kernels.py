@@ -11,7 +11,8 @@ def rates(y, tau, inputs, tree, work, dy, constrained=None):
     """dy/dt for the state y = [q, u, servo angles, servo rates] at the fraction tau of the input interval.
 
     inputs holds the loads at both ends of the interval: body_loads (2, n_b, 6 + n_f), dof_force (2, n_u),
-    reference (2, n_u), reference_rate (2, n_u), servo_command (2, n_servo); linear in between.
+    reference (2, n_u), reference_rate (2, n_u), servo_command (2, n_servo); linear in between. What
+    `prescribe_servos` prescribes is written into y.
 
     ``constrained`` is None for a system without constraint equations, which then cost neither time nor compilation.
     Returns OK, SINGULAR_MASS or SINGULAR_CONSTRAINTS. The accelerations are also left in work.force, the constraint
@@ -20,11 +21,15 @@ def rates(y, tau, inputs, tree, work, dy, constrained=None):
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
     n_y = n_q + n_u
     yd = y[n_q:n_y]
+    prescribe_servos(y, tau, inputs, n_y)
     for s in range(n_s):
         command = inputs.servo_command[0, s] + tau * (inputs.servo_command[1, s] - inputs.servo_command[0, s])
         angle, rate = y[n_y + s], y[n_y + n_s + s]
-        wn = tree.servo_frequency[s]
-        work.servo_acceleration[s] = wn * wn * (command - angle) - 2.0 * tree.servo_damping[s] * wn * rate
+        wn, interval = tree.servo_frequency[s], inputs.servo_interval[1, s]
+        if interval > 0.0:
+            work.servo_acceleration[s] = (inputs.servo_rate[1, s] - inputs.servo_rate[0, s]) / interval
+        else:
+            work.servo_acceleration[s] = wn * wn * (command - angle) - 2.0 * tree.servo_damping[s] * wn * rate
         dy[n_y + s] = rate
         dy[n_y + n_s + s] = work.servo_acceleration[s]
     kinematics(y, tree, work)
@@ -55,6 +60,24 @@ def rates(y, tau, inputs, tree, work, dy, constrained=None):
         dy[n_q + i] = force[i]
     position_rates(y, yd, tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, dy)
     return OK
+
+
+@kernel
+def prescribe_servos(y, tau, inputs, n_y):
+    """Angles and rates of servos that follow their commands exactly, into the state y, at the fraction tau.
+
+    Those with servo_interval (2, n_servo) > 0: over this time [s] the rate runs linearly between its values at both
+    ends, servo_rate (2, n_servo), and the angle, its integral, ends on servo_command[1]. The acceleration jumps from
+    interval to interval, which a multistep scheme would follow badly. n_y is the number of positions and velocities.
+    """
+    n_s = inputs.servo_rate.shape[1]
+    for s in range(n_s):
+        interval = inputs.servo_interval[1, s]
+        if interval > 0.0:
+            first, change = inputs.servo_rate[0, s], inputs.servo_rate[1, s] - inputs.servo_rate[0, s]
+            left = 1.0 - tau  # of the interval, in which the rate has yet to change
+            y[n_y + n_s + s] = first + tau * change
+            y[n_y + s] = inputs.servo_command[1, s] - interval * left * (first + 0.5 * (1.0 + tau) * change)
 
 
 @kernel

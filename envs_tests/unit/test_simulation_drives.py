@@ -1,0 +1,99 @@
+"""The laws of pitch, yaw and generator drives: limits, starts, refusals."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wt_gym.errors import ActionError
+from wt_gym.simulation.drives import Drives, LinearDamper, available_torque
+from wt_gym.turbines import load_turbine
+
+RATED = 12.1 * np.pi / 30
+DT = 0.1
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel_5mw")
+
+
+@pytest.fixture
+def inputs():
+    """Inputs of a structure with two velocities, the second one the generator's."""
+    return SimpleNamespace(
+        dof_force=np.zeros((2, 2)), servo_command=np.zeros((2, 4)), servo_rate=np.zeros((2, 4)),
+        servo_interval=np.zeros((2, 4)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("speed", "share"), [(-0.1, 0.0), (0.0, 0.0), (0.025, 0.5), (0.05, 1.0), (1.0, 1.0)])
+def test_a_slow_generator_brakes_with_less_torque(turbine, speed, share):
+    largest = turbine.drivetrain.max_generator_torque
+    assert available_torque(turbine.drivetrain, speed * RATED) == pytest.approx(share * largest)
+
+
+def test_a_standing_rotor_bears_no_torque_at_the_start(turbine):
+    drives = Drives(turbine)
+    drives.start(0.0, 0.0, 0.0)
+    drives.load(4e6, 0.0)  # what a standing rotor would need to be balanced
+    assert drives.torque(0.0) == 0.0
+    drives.load(4e6, 0.025 * RATED)
+    assert drives.torque(0.0) == pytest.approx(0.5 * turbine.drivetrain.max_generator_torque)
+    drives.load(97.0 * 20e3, RATED)
+    assert drives.torque(RATED) == pytest.approx(20e3)
+    drives.load(-1e6, RATED)
+    assert drives.torque(RATED) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0.0, 0.0, 0.0, 43e3), r"generator_torque is 43000\.0 N m; allowed at a rotor speed of 0 rad/s: 0 … 0 N m"),
+        ((0.0, 0.0, RATED, -1.0), "generator_torque is -1"),
+        ((0.0, 0.0, RATED, np.nan), "generator_torque"),
+        ((2.0, 0.0, RATED, None), "at the start; allowed"),
+        ((20.0, 0.0, RATED, None), "degrees"),
+        (((0.0, 0.1), 0.0, RATED, None), "3 angles"),
+        ((0.0, np.inf, RATED, None), "yaw"),
+    ],
+)
+def test_what_a_drive_refuses_changes_no_command(turbine, arguments, message):
+    drives = Drives(turbine)
+    drives.start(0.1, 0.2, RATED, 10e3)
+    before = drives.command.copy()
+    with pytest.raises(ActionError, match=message):
+        drives.start(*arguments)
+    assert np.array_equal(drives.command, before)
+
+
+def test_commands_follow_demands_at_the_greatest_rates(turbine, inputs):
+    drives = Drives(turbine)
+    drives.start(0.1, 0.0, RATED, 20e3)
+    drives.follow((1.0, 0.1, -1.0), 1.0, 1e9, DT, RATED)
+    reach = np.radians(8.0) * DT
+    np.testing.assert_allclose(drives.command, [21.5e3, np.radians(0.3) * DT, 0.1 + reach, 0.1, 0.1 - reach], rtol=1e-6)
+    drives.act(inputs, 1, 1)
+    assert inputs.dof_force[1, 1] == pytest.approx(-21.5e3 * 97.0)
+    assert not inputs.dof_force[0].any()
+    for _ in range(120):
+        drives.follow((3.0, 0.1, -1.0), 0.0, -1.0, DT, RATED)
+    np.testing.assert_allclose(drives.command[2:], [turbine.pitch.max_pitch, 0.1, turbine.pitch.min_pitch])
+    assert drives.command[0] == 0.0
+
+
+def test_a_linear_damper_takes_no_demand(turbine, inputs):
+    damper = LinearDamper(5e6, turbine.drivetrain)
+    drives = Drives(turbine, damper)
+    drives.start(0.0, 0.0, 0.5)
+    drives.load(1e6, 0.5)
+    drives.follow(np.zeros(3), 0.0, 0.0, DT, 0.5)
+    drives.act(inputs, 1, 1)
+    assert not inputs.dof_force.any()  # it acts as a damper of the structure
+    assert drives.torque(0.5) == pytest.approx(5e6 * 0.5 / 97.0)
+    with pytest.raises(ActionError, match="linear damper takes no demand"):
+        drives.follow(np.zeros(3), 0.0, 10.0, DT, 0.5)
+    with pytest.raises(ActionError, match="linear damper takes no demand"):
+        drives.start(0.0, 0.0, 0.5, 10.0)
+    with pytest.raises(ActionError, match="damping is -1"):
+        LinearDamper(-1.0, turbine.drivetrain)

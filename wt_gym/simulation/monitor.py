@@ -1,0 +1,51 @@
+"""What happens between two samples: extremes over every structural step, so that nothing slips between control steps.
+
+A blade tip passes the tower in a tenth of a second, and a shaft or a blade swings faster than a controller samples.
+The largest and smallest values since the last sample are therefore taken at every structural step, and the clearance
+of the tips along the straight ways between them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+__all__ = ["Extremes", "Monitor"]
+
+
+class Extremes(NamedTuple):
+    """Largest and smallest values of an interval; the fields are channels of the signals."""
+
+    rotor_speed_max: np.ndarray  # (1,) of the hub [rad/s]
+    tower_base_moment_max: np.ndarray  # (1,) size of the bending moment [N m]
+    tip_clearance_min: np.ndarray  # (n_blades,) signed [m]
+    tip_out_of_plane_max: np.ndarray  # (n_blades,) [m]
+    root_flap_moment_max: np.ndarray  # (n_blades,) size [N m]
+
+    def restart(self):
+        """Begin a new interval."""
+        for name, array in self._asdict().items():
+            array[:] = np.inf if name.endswith("_min") else -np.inf
+
+
+class Monitor(NamedTuple):
+    """Extremes, and what the compiled step needs to take them."""
+
+    extremes: Extremes
+    passed: np.ndarray  # (n_blades, 4) where the tips were last, see coupling_kernels.view_from_tower [m]
+    between: np.ndarray  # (4,) scratch
+    loads: np.ndarray  # (n_b, 6 + n_f) scratch: loads of the air at a structural step
+    tower: int  # body
+    generator_u: int  # speed of the generator in the state
+    torsion_u: int  # speed of the shaft's torsion in the state; -1 for a rigid shaft
+
+    @classmethod
+    def of(cls, structure, body_loads, n_blades):
+        """Monitor of a structure whose bodies bear loads of the shape of ``body_loads`` (2, n_b, 6 + n_f)."""
+        one, each = (1,), (n_blades,)
+        system = structure.system
+        torsion = system.n_q + system.index(structure.hub, "joint_u") if structure.shaft_flexible else -1
+        extremes = Extremes(np.zeros(one), np.zeros(one), np.zeros(each), np.zeros(each), np.zeros(each))
+        return cls(
+            extremes, np.zeros((n_blades, 4)), np.zeros(4), np.zeros_like(body_loads[0]), structure.tower,
+            system.n_q + structure.azimuth_u, torsion,
+        )  # fmt: skip

@@ -1,0 +1,53 @@
+"""Compiled watch over the structural steps within an aerodynamic one: what is largest and smallest in between."""
+
+import math
+
+from wt_gym.compiled import kernel
+from wt_gym.simulation.coupling_kernels import passing_clearance, read_gauges
+
+
+@kernel
+def watch_steps(motion, n_sub, g, m):
+    """Take the extremes over the structural steps of the aerodynamic step that has just ended.
+
+    Parameters
+    ----------
+    motion : Motion
+        With the states and rates of the structural steps in ``motion.work.trail`` and ``trail_rate``.
+    n_sub : int
+        Their number.
+    g : Gauges
+    m : Monitor
+    """
+    loads = motion.inputs.body_loads
+    for k in range(n_sub):
+        share = (k + 1.0) / n_sub
+        for b in range(loads.shape[1]):
+            for i in range(loads.shape[2]):
+                m.loads[b, i] = loads[0, b, i] + share * (loads[1, b, i] - loads[0, b, i])
+        if k < n_sub - 1:
+            watch(motion.work.trail[k], motion.work.trail_rate[k], motion.tree, motion.work, g, m)
+        else:  # rates under the final loads
+            watch(motion.history.y[3], motion.history.f[3], motion.tree, motion.work, g, m)
+
+
+@kernel
+def rotor_speed(y, m):
+    """Speed of the hub against the nacelle [rad/s]."""
+    return y[m.generator_u] + (y[m.torsion_u] if m.torsion_u >= 0 else 0.0)
+
+
+@kernel
+def watch(y, dy, tree, work, g, m):
+    """Let one state count, under the loads in ``m.loads``, and the way of the tips to it from the state before."""
+    read_gauges(y, dy, m.loads, tree, work, g)
+    e = m.extremes
+    e.rotor_speed_max[0] = max(e.rotor_speed_max[0], rotor_speed(y, m))
+    base = g.wrench[m.tower]
+    e.tower_base_moment_max[0] = max(e.tower_base_moment_max[0], math.hypot(base[3], base[4]))
+    for i in range(g.blades.shape[0]):
+        e.root_flap_moment_max[i] = max(e.root_flap_moment_max[i], abs(g.wrench[g.blades[i], 4]))
+        e.tip_out_of_plane_max[i] = max(e.tip_out_of_plane_max[i], g.deflection[i, 0])
+        e.tip_clearance_min[i] = min(e.tip_clearance_min[i], passing_clearance(m.passed[i], g.tower_view[i], m.between))
+        for c in range(4):
+            m.passed[i, c] = g.tower_view[i, c]
