@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.turbine_structure import build_structure, rotor_nacelle_inertia
 from wt_gym.structure.beam import Beam, BeamSections, SecondOrderField, skew
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, particle_fields
-from wt_gym.structure.modes import clamped_modes, select_modes
+from wt_gym.structure.modes import clamped_modes, lowest_modes, select_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.beam import inertia_matrix
 
@@ -206,6 +207,27 @@ def test_nrel_5mw_blade_frequencies(rpm, kind, number, frequency):
     modes = clamped_modes(beam, 8, spin=rpm * np.pi / 30, centre=[0.0, 0.0, -blade.root_radius])
     obtained = modes.frequency[select_modes(modes, **{kind: number})[-1]]
     assert obtained == pytest.approx(frequency, rel=0.03)
+
+
+class TestLowestModes:
+    """The own eigenvalue solver against LAPACK's."""
+
+    @pytest.mark.parametrize("n", [1, 2, 40])
+    def test_of_random_matrices(self, n):
+        random = np.random.default_rng(n)
+        a, b = random.standard_normal((2, n, n))
+        stiffness, mass = a + a.T, b @ b.T + np.eye(n)
+        expected = eigh(stiffness, mass, eigvals_only=True)
+        value, vector = lowest_modes(stiffness, mass, max(n - 1, 1))
+        np.testing.assert_allclose(value, expected[: len(value)], atol=1e-12 * np.abs(expected).max())
+        np.testing.assert_allclose(vector.T @ mass @ vector, np.eye(len(value)), atol=1e-12)
+        np.testing.assert_allclose(stiffness @ vector, mass @ vector * value, atol=1e-11 * np.abs(expected).max())
+
+    def test_matrices_without_meaning_are_refused(self):
+        with pytest.raises(ValueError, match="not positive definite"):
+            lowest_modes(np.eye(3), np.diag([1.0, 0.0, 1.0]), 1)
+        with pytest.raises(ValueError, match="not finite"):
+            lowest_modes(np.full((3, 3), np.nan), np.eye(3), 1)
 
 
 class TestDamping:

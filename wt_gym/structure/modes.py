@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh
 
+from wt_gym.structure import eigen_kernels
 from wt_gym.structure.beam import skew
 
-__all__ = ["Modes", "clamped_modes", "select_modes"]
+__all__ = ["Modes", "clamped_modes", "lowest_modes", "select_modes"]
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,43 @@ def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None, node_dofs=(0
     free = np.array([6 * node + k for node in range(1, beam.n_dof // 6) for k in node_dofs])
     n = min(n, len(free))
     block = np.ix_(free, free)
-    value, vector = eigh(stiffness[block], mass[block], subset_by_index=[0, n - 1])
+    value, vector = lowest_modes(stiffness[block], mass[block], n)
     shape = np.zeros((beam.n_dof, n))
     shape[free] = vector
     shape *= _tip_sign(shape)
     return Modes(np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), shape, tuple(_kind(beam, s) for s in shape.T))
+
+
+def lowest_modes(stiffness, mass, n):
+    """Lowest solutions of K φ = λ M φ with symmetric matrices; independent of the threads of any library.
+
+    Parameters
+    ----------
+    stiffness, mass : array (n_dof, n_dof)
+        K, and the positive definite M.
+    n : int
+        Number of solutions.
+
+    Returns
+    -------
+    (array (n,), array (n_dof, n))
+        λ, ascending, and the vectors φ with φᵀ M φ = 1.
+
+    Raises
+    ------
+    ValueError
+        When the mass matrix is not positive definite, or a matrix is not finite.
+    """
+    stiffness, mass = (np.array(matrix, dtype=float, order="C") for matrix in (stiffness, mass))
+    lower, reduced, vectors = (np.zeros_like(mass) for _ in range(3))
+    code = eigen_kernels.symmetric_modes(stiffness, mass, lower, reduced, vectors)
+    if code == eigen_kernels.NOT_DEFINITE:
+        raise ValueError("the mass matrix of a beam is not positive definite: some motion of its nodes moves no mass")
+    value = np.diag(reduced)
+    if code == eigen_kernels.NOT_CONVERGED or not np.isfinite(value.sum()):
+        raise ValueError("no vibration modes were found: a matrix of the beam is not finite")
+    lowest = np.argsort(value, kind="stable")[:n]
+    return value[lowest], vectors[lowest].T
 
 
 def spin_stiffness(beam, omega, centre=None):

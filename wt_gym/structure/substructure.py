@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import eigh
 
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.coordinates import ALL_DOFS, nodal_basis
 from wt_gym.structure.flexible_body import FlexibleBody, Marker, offset_marker
+from wt_gym.structure.modes import lowest_modes
 
 __all__ = ["Piece", "add_chain", "cut_beam", "piece_at", "tip_and_interior_modes"]
 
@@ -149,7 +149,7 @@ def tip_and_interior_modes(beam, n_modes, dofs=ALL_DOFS):
     if n_modes == 0:
         return static
     vibration = np.zeros((beam.n_dof, n_modes))
-    vibration[interior] = eigh(beam.stiffness[inner], beam.mass[inner], subset_by_index=[0, n_modes - 1])[1]
+    vibration[interior] = lowest_modes(beam.stiffness[inner], beam.mass[inner], n_modes)[1]
     return np.hstack([static, vibration])
 
 
