@@ -1,13 +1,17 @@
 """The blade of a turbine as an aerodynamic lattice."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from wt_gym.aerodynamics import build_planform, span_distribution
 
-__all__ = ["blade_planform"]
+__all__ = ["blade_planform", "span_edges", "strip_polar"]
 
 N_ALPHA = 720
 """Angles of attack in the polar tables: one each half degree, as fine as published polars near stall."""
+SAMPLES = 16
+"""Sections over which the polar of a strip is averaged."""
 
 
 def blade_planform(turbine, options):
@@ -24,18 +28,43 @@ def blade_planform(turbine, options):
     LatticePlanform
     """
     blade = turbine.blade
-    edges = span_distribution(0.0, blade.length, options.n_span)
+    edges = span_edges(blade, options.n_span)
     strip = 0.5 * (edges[1:] + edges[:-1])
-    alpha = -np.pi + 2.0 * np.pi / N_ALPHA * np.arange(N_ALPHA)
-    polars = np.array([np.column_stack(blade.polar_at(z).coefficients(alpha)) for z in strip])
     return build_planform(
         edges,
         blade.axis_at(edges),
         blade.chord_at(edges),
         blade.twist_at(edges),
         blade.le_offset_at(edges),
-        polars,
+        np.array([strip_polar(blade, *ends) for ends in pairwise(edges)]),
         options.n_chord,
         blade.camber_at,
         blade.chord_at(strip),
     )
+
+
+def span_edges(blade, n_span):
+    """Span edges (n_span + 1,) of the strips of a blade [m].
+
+    A root without lift gets strips of its own, half as many as an even lattice would have there: no strip is cylinder
+    and airfoil at once, and where lift sets in, with the vortex that this sheds, the strips are the finer for it.
+    """
+    edges, start = span_distribution(0.0, blade.length, n_span), blade.lift_start
+    if n_span < 2 or start < 0.5 * edges[1]:
+        return edges
+    n_root = min(max(round(0.5 * np.searchsorted(edges, start)), 1), n_span - 1)
+    root = np.linspace(0.0, start, n_root + 1)
+    return np.concatenate((root[:-1], span_distribution(start, blade.length, n_span - n_root)))
+
+
+def strip_polar(blade, low, high):
+    """Mean polar (N_ALPHA, 3) of a strip: cl, cd, cm from -pi on.
+
+    The mean over the span, weighted with the chord and the square of the radius: at one angle of attack the strip then
+    has the forces of its sections in the flow of the rotation.
+    """
+    alpha = -np.pi + 2.0 * np.pi / N_ALPHA * np.arange(N_ALPHA)
+    z = low + (high - low) * (np.arange(SAMPLES) + 0.5) / SAMPLES
+    weight = blade.chord_at(z) * (blade.root_radius + z) ** 2
+    polars = [np.column_stack(blade.polar_at(section).coefficients(alpha)) for section in z]
+    return np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars))

@@ -169,6 +169,13 @@ class Blade(ArrayRecord):
         first, second, weight = self._bracket(float(self._inside(z)))
         return blend_polars(first.polar, second.polar, weight)
 
+    @property
+    def lift_start(self) -> float:
+        """Distance from the root [m] up to which no section has lift, as on a cylindrical root; 0 if none has."""
+        lifts = [bool(np.any(self.airfoils[i].polar.cl)) for i in self.airfoil_index]
+        first = lifts.index(True) if any(lifts) else 0
+        return float(self.airfoil_station[first - 1]) if first else 0.0
+
     def camber_at(self, z: float, x_c: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the camber line at z [m] from the root.
 
