@@ -1,15 +1,20 @@
 """The same bits in another process, in a copy, and whatever the threads of the linear-algebra library."""
 
+import copy
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
 
+import gymnasium
+import numpy as np
 import pytest
 
+import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.simulation import Fidelity, Simulator, SimulatorState
 from wt_gym.simulation.state import fingerprint
-from wt_gym.wind import SteadyInflow
+from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 WIND = SteadyInflow(10.0, 90.0, shear_exponent=0.2)
 FINE_BLADES = Fidelity(blade_modes=(4, 3, 1))
@@ -65,3 +70,48 @@ def here(tmp_path_factory):
     path = tmp_path_factory.mktemp("state") / "state.npz"
     simulator.state().save(path)
     return path, move_on(simulator), fresh_start()
+
+
+def duplicates(original):
+    """A deep copy, a copy and what a pickle brings back."""
+    return copy.deepcopy(original), copy.copy(original), pickle.loads(pickle.dumps(original))
+
+
+def test_signals_are_copied():
+    simulator = Simulator("nrel_5mw", WIND)
+    signals = simulator.reset(rotor_speed=1.1)
+    for duplicate in duplicates(signals):
+        assert duplicate == signals
+        assert duplicate.rotor_speed == signals.rotor_speed
+    with pytest.raises(AttributeError, match="no signal 'nonsense'"):
+        signals.nonsense  # noqa: B018
+
+
+def test_copies_of_a_simulator_continue_on_their_own():
+    simulator = Simulator("nrel_5mw", WIND)
+    assert copy.deepcopy(simulator).reset(rotor_speed=1.1) == simulator.reset(rotor_speed=1.1)
+    move_on(simulator)
+    twins = duplicates(simulator)
+    expected = move_on(simulator)
+    assert [move_on(twin) for twin in twins] == [expected] * 3
+
+
+def test_copies_of_a_started_environment_continue_bit_for_bit():
+    box = TurbulenceBox.kaimal(9.0, 90.0, 126.0, "B", seed=3, grid=(3, 3), duration=60.0, cache=False)
+    inflow = TurbulentInflow(box, SteadyInflow(9.0, 90.0, shear_exponent=0.2))
+    env = gymnasium.make("wt_gym/NREL5MW-Steady-v0", inflow=inflow, sensor_noise=1.0, render_mode="rgb_array")
+    env.reset(seed=1)
+    actions = np.random.default_rng(2).uniform(-1.0, 1.0, (4, *env.action_space.shape)).astype(np.float32)
+    env.step(actions[0])
+    twins = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+
+    def rest(of):
+        return [of.step(action) for action in actions[1:]]
+
+    expected, state = rest(env), env.unwrapped.simulator.state()
+    for twin in twins:
+        for (observation, reward, *_), (again, same, *_) in zip(expected, rest(twin), strict=True):
+            np.testing.assert_array_equal(again, observation)
+            assert same == reward
+        assert twin.unwrapped.simulator.state() == state
+        assert twin.render().shape == env.render().shape

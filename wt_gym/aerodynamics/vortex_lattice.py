@@ -44,7 +44,7 @@ class VortexLattice:
     bodies : BodySet, optional
         Closed bodies in the flow, on the ground of the options. Set `body_wind` before each `solve`.
     threads : int
-        Threads that share the velocities of the wake; the numbers do not depend on it.
+        Threads that share the tree code of a big wake; the numbers do not depend on it. Direct sums take one thread.
 
     Attributes
     ----------
@@ -99,10 +99,8 @@ class VortexLattice:
             self.body_wind = work.wind
         if threads < 1:
             raise AerodynamicsError(f"threads is {threads}; at least one is needed")
-        # Where the induction of the wake is done between the compiled calls instead of within them
-        self.split = None
-        if threads > 1 or options.induction == "tree":
-            self.split = SplitInduction(self, threads)
+        # With the tree code the induction of the wake is done between the compiled calls instead of within them
+        self.split = SplitInduction(self, threads) if options.induction == "tree" else None
 
     def new_state(self) -> AeroState:
         """Return an empty state; call `reset` before using it."""

@@ -39,6 +39,7 @@ class Renderer:
 
     def __init__(self, turbine: Turbine, width: int = 960, height: int = 540):
         self._history: deque[tuple[float, ...]] = deque()
+        self._arguments = turbine, width, height
         self._diameter, self._hub_height = turbine.rotor_diameter, turbine.hub_height
         self._figure = Figure(figsize=(width / 100, height / 100), dpi=100, facecolor="white")
         self._canvas = FigureCanvasAgg(self._figure)
@@ -48,6 +49,16 @@ class Renderer:
         self._up = np.array([np.sin(turn) * np.sin(rise), np.cos(turn) * np.sin(rise), np.cos(rise)])
         self._build_scene(width, height)
         self._build_strips(turbine)
+
+    def __getstate__(self):
+        """What a copy or a pickle takes along: figures can be made anew, but not all be copied."""
+        return self._arguments, self._history
+
+    def __setstate__(self, kept) -> None:
+        """Make the figure and take over the course of the signals."""
+        arguments, history = kept
+        self.__init__(*arguments)
+        self._history.extend(history)
 
     def reset(self) -> None:
         """Forget the course of the signals."""

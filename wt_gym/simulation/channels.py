@@ -112,6 +112,8 @@ class Signals:
         self.values, self.n_blades = values, n_blades
 
     def __getattr__(self, name):
+        if name in Signals.__slots__ or name.startswith("__"):  # asked for while a copy is being made
+            raise AttributeError(name)
         index, groups = _layout(self.n_blades)
         if name in index:
             return float(self.values[index[name]])

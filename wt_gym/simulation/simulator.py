@@ -30,7 +30,7 @@ class Simulator:
     fidelity : str or Fidelity
         "training", "engineering", "reference" or one of your own.
     threads : int
-        Threads that share the velocities of the wake; worth it at "reference". The numbers do not depend on it.
+        Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
     generator : GeneratorLaw, optional
         What loads the rotor, by default a torque that is demanded; see `wt_gym.simulation.drives`.
 
@@ -60,7 +60,7 @@ class Simulator:
         if inflow is None:
             raise SimulationError("Simulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
         self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
-        self.inflow, self.fidelity = inflow, fidelity_of(fidelity)
+        self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
         self.drives = Drives(self.turbine, generator)
         models = assemble(self.turbine, self.fidelity, threads, self.drives.generator.damping)
         self.time_step, self.structure, self.lattice = models.time_step, models.structure, models.lattice
@@ -69,6 +69,18 @@ class Simulator:
         self._measurement = Measurement(self.turbine, self.structure)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
         self._n_steps, self._started = 0, False
+
+    def __getstate__(self):
+        """What a copy or a pickle takes along: the arguments and the state; the rest is built anew from them."""
+        arguments = self.turbine, self.inflow, self.fidelity, self._threads, self.drives.generator
+        return arguments, self.state() if self._started else None
+
+    def __setstate__(self, kept):
+        """Build the models and continue from the state."""
+        arguments, state = kept
+        self.__init__(*arguments)
+        if state is not None:
+            self.restore(state)
 
     @property
     def time(self):

@@ -158,6 +158,14 @@ class ArrayRecord:
     a turbine whose tables can be changed by accident.
     """
 
+    def __copy__(self) -> "ArrayRecord":
+        """Return the record itself: nothing in it changes."""
+        return self
+
+    def __deepcopy__(self, memo: dict) -> "ArrayRecord":
+        """Return the record itself: nothing in it changes."""
+        return self
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the fields and take the write permission from every array."""
         for name, value in state.items():

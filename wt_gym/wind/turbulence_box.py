@@ -91,6 +91,19 @@ class TurbulenceBox:
         object.__setattr__(self, "fluctuation", samples)
         object.__setattr__(self, "tower", tower)
 
+    def __copy__(self) -> "TurbulenceBox":
+        return self
+
+    def __deepcopy__(self, memo: dict) -> "TurbulenceBox":
+        return self
+
+    def __setstate__(self, state: dict) -> None:
+        # NumPy does not carry the read-only flag through pickle; without it another form of the kernels would run.
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+        for samples in (self.fluctuation, self.tower):
+            samples.setflags(write=False)
+
     @classmethod
     def kaimal(
         cls,

@@ -1,4 +1,4 @@
-"""The induction of big wakes, done between the compiled calls of a step: by the tree code, and in several threads."""
+"""The induction of big wakes, done between the compiled calls of a step by the tree code, in several threads."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class SplitInduction:
     Parameters
     ----------
     lattice : VortexLattice
-        Its options choose direct summation or the tree code.
+        With the tolerance of the tree code in its options.
     threads : int
         At least 1.
     """
@@ -32,10 +32,8 @@ class SplitInduction:
         widest = max(n_node, w.bound_sheet.shape[2])
         self._scratch = [aligned_zeros(8 * WIDTH * widest, np.float32) for _ in range(threads)]
         self._lane = np.zeros((8, w.targets.shape[2]), dtype=np.float32)
-        self._tree = None
-        if o.induction == "tree":
-            self._tree = TreeInduction(n_row, n_blade, n_node, w.targets.shape[2], threads)
-            self._tolerance = o.tree_tolerance
+        self._tree = TreeInduction(n_row, n_blade, n_node, w.targets.shape[2], threads)
+        self._tolerance = o.tree_tolerance
 
     def at_points(self, state, n_threads: int) -> None:
         """Velocity of the wake, without its newest ring, at the points of the blades, into ``state``."""
@@ -54,18 +52,13 @@ class SplitInduction:
         wake_sheet, sparse_sheet = wake_sheets(a, constants, w, first)
         scratch = self._scratch[:n_threads]
         n_padded = pad_targets(w, n_target, constants, a.origin)
-        limit = 0.0
-        if self._tree is not None:
-            limit = self._tolerance * max(mean_induced(a, state.n_rows + 1), SLOWEST)
+        limit = self._tolerance * max(mean_induced(a, state.n_rows + 1), SLOWEST)
         for image in range(2 if constants.has_ground else 1):
             targets = np.ascontiguousarray(w.targets[image, :, :n_padded])
             velocity = np.zeros_like(targets)
             # in the order of `induced_at`, for the same rounding
             split_direct(bound_sheet, targets, velocity, scratch)
-            if self._tree is None:
-                split_direct(wake_sheet, targets, velocity, scratch)
-            else:
-                self._tree.add_velocity(wake_sheet, targets, velocity, limit, n_threads)
+            self._tree.add_velocity(wake_sheet, targets, velocity, limit, n_threads)
             split_direct(sparse_sheet, targets, velocity, scratch)
             if a.far[0] > 0.0:
                 table = self._lattice.arrays.cylinder_table
