@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
 from validation.case import CaseResult, Check, Curve, Figure, case
+from wt_gym.constants import GRAVITY
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
-
-GRAVITY = 9.81
 
 
 def trajectory(system, y, step, times):

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import ellipj, ellipk
 
 from validation.case import CaseResult, Check, Curve, Figure, case
+from wt_gym.constants import GRAVITY
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.multibody.integrators.stability import hamming_matrix
 from wt_gym.multibody.system import Joint, MultibodySystem
@@ -147,7 +148,7 @@ def stability():
 
 # ---- order -----------------------------------------------------------------------------------------------------------
 
-PERIOD = 4.0 * ellipk(0.5) / np.sqrt(9.81)
+PERIOD = 4.0 * ellipk(0.5) / np.sqrt(GRAVITY)
 
 
 def pendulum():
@@ -160,7 +161,7 @@ def pendulum():
 
 def pendulum_state(time):
     """Exact angle and rate after a release at 90°: θ = 2 asin(k sn(K − ω t, k)), k² = ½."""
-    omega = np.sqrt(9.81)
+    omega = np.sqrt(GRAVITY)
     sn, cn, dn, _ = ellipj(ellipk(0.5) - omega * time, 0.5)
     k = np.sqrt(0.5)
     return np.array([2.0 * np.arcsin(k * sn), -2.0 * k * omega * cn * dn / np.sqrt(1.0 - (k * sn) ** 2)])
@@ -178,7 +179,7 @@ def pendulum_error(name, n_steps, exact_history=False, duration=2.0, **options):
             integrator.history.f[k] = system.rates(integrator.history.y[k])
         integrator.history.filled[0], first = 3, 3
     integrator.advance(n_steps - first)
-    return float(np.linalg.norm((integrator.state - pendulum_state(begin + duration)) / [1.0, np.sqrt(9.81)]))
+    return float(np.linalg.norm((integrator.state - pendulum_state(begin + duration)) / [1.0, np.sqrt(GRAVITY)]))
 
 
 @case(

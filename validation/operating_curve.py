@@ -9,6 +9,7 @@ import numpy as np
 from validation.blade_element import BladeElementRotor, blade_element
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.tree_tools import read_table
+from wt_gym.constants import GRAVITY
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -180,7 +181,7 @@ def nrel_5mw_operating_curve():
     return CaseResult(checks, figures, "\n".join(lines))
 
 
-_WEIGHT = 110.0 * 9.81 * np.sin(np.radians(5.0))
+_WEIGHT = 110.0 * GRAVITY * np.sin(np.radians(5.0))
 """Share of the rotor's published weight along the shaft [kN]."""
 
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wt_gym.constants import GRAVITY
 from wt_gym.envs import rewards
 from wt_gym.envs.observations import blade_static_moment, reference_flap_moment
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -126,5 +127,5 @@ def test_impossible_rewards_are_refused(reward):
 
 def test_reference_loads_of_the_nrel_5mw():
     # 17 740 kg with the centre of mass 20.475 m from the root (NREL/TP-500-38060, Table 2-2).
-    assert blade_static_moment(TURBINE) == pytest.approx(17_740 * 9.80665 * 20.475, rel=0.01)
+    assert blade_static_moment(TURBINE) == pytest.approx(17_740 * GRAVITY * 20.475, rel=0.01)
     assert reference_flap_moment(TURBINE) == pytest.approx(12.35e6, rel=1e-3)

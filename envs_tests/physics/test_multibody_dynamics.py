@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from wt_gym.constants import GRAVITY
 from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodyError, MultibodySystem
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.beam import Beam, BeamSections, skew
@@ -121,7 +122,7 @@ def test_free_body_keeps_momentum_and_falls():
     p0, l0 = momenta(y)
     integrator.advance(8000)
     p1, l1 = momenta(integrator.state)
-    fall = system.bodies[0].inertia.mass * np.array([0.0, 0.0, -9.81]) * 4.0
+    fall = system.bodies[0].inertia.mass * np.array([0.0, 0.0, -GRAVITY]) * 4.0
     np.testing.assert_allclose(p1, p0 + fall, atol=1e-6 * np.linalg.norm(p0))
     np.testing.assert_allclose(l1, l0, atol=1e-6 * np.linalg.norm(l0))
 
@@ -173,14 +174,14 @@ def test_pendulum_period():
     angle = np.array(angle)
     down = np.flatnonzero((angle[:-1] > 0) & (angle[1:] <= 0))
     crossing = down + angle[down] / (angle[down] - angle[down + 1])
-    assert np.diff(crossing)[0] * 0.002 == pytest.approx(4.0 * 1.8540746773013719 * np.sqrt(1.0 / 9.81), rel=1e-7)
+    assert np.diff(crossing)[0] * 0.002 == pytest.approx(4.0 * 1.8540746773013719 * np.sqrt(1.0 / GRAVITY), rel=1e-7)
 
 
 def test_steady_precession_of_a_heavy_top():
     """A fast top at nutation angle θ precesses steadily at the root of A Ω² cos θ − C s Ω + m g l = 0."""
     mass, length, axial, transverse = 2.0, 0.5, 0.3, 0.8  # inertia about the fixed point
     spin, theta = 40.0, 0.4
-    coefficients = [(transverse - axial) * np.cos(theta), -axial * spin, mass * 9.81 * length]
+    coefficients = [(transverse - axial) * np.cos(theta), -axial * spin, mass * GRAVITY * length]
     precession = np.roots(coefficients).min()
     about_centre = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
     system = MultibodySystem()

@@ -13,6 +13,7 @@ from validation.integrators import (
     pendulum_state,
     spectral_radius,
 )
+from wt_gym.constants import GRAVITY
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import INTEGRATORS, make_integrator
 from wt_gym.multibody.integrators.stability import hamming_matrix
@@ -132,7 +133,7 @@ def test_pendulum_energy_stays_bounded():
 def spinning_top(theta=0.4, spin=40.0):
     """Heavy top in steady precession: system, state, precession rate (root of A Ω² cos θ − C s Ω + m g l = 0)."""
     mass, length, axial, transverse = 2.0, 0.5, 0.3, 0.8
-    precession = np.roots([(transverse - axial) * np.cos(theta), -axial * spin, mass * 9.81 * length]).min()
+    precession = np.roots([(transverse - axial) * np.cos(theta), -axial * spin, mass * GRAVITY * length]).min()
     about_centre = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
     system = MultibodySystem()
     system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), about_centre), Joint("spherical"))
@@ -171,7 +172,7 @@ def test_free_fall_of_a_spinning_body():
     integrator = make_integrator("newmark", system, 0.01)
     integrator.start(y)
     integrator.advance(100)
-    np.testing.assert_allclose(integrator.state[:3], [1.0, 0.0, 2.0 - 0.5 * 9.81], atol=1e-9)
+    np.testing.assert_allclose(integrator.state[:3], [1.0, 0.0, 2.0 - 0.5 * GRAVITY], atol=1e-9)
     np.testing.assert_allclose(integrator.state[3:7], [np.cos(1.5), 0.0, 0.0, np.sin(1.5)], atol=1e-9)
 
 

@@ -11,6 +11,7 @@ from validation import observer_frame_follower as follower
 from validation import observer_frame_updates as updates
 from validation import three_formulations
 from validation.exact_rod import exact_rod
+from wt_gym.constants import GRAVITY
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
 from wt_gym.multibody.observer_frame.frame import (
     REFERENCE_CONDITIONS,
@@ -233,7 +234,7 @@ def test_rigid_pendulum_period():
     """Released horizontally: T = 4 K(1/√2) √(J/(m g a))."""
     body = Substructure.from_beam("beam", slender_beam(offset=(0.0, 0.0), Ix=1e-6, Iy=1e-6), "clamped", 0)
     hold = lambda system: system.hinge("beam", "root", (0.0, 1.0, 0.0))  # noqa: E731
-    run = integrator(body, 0.01, gravity=(0.0, 0.0, -9.81), hold=hold, rotation=HORIZONTAL)
+    run = integrator(body, 0.01, gravity=(0.0, 0.0, -GRAVITY), hold=hold, rotation=HORIZONTAL)
     heights = []
     for _ in range(1600):
         run.advance()
@@ -241,7 +242,7 @@ def test_rigid_pendulum_period():
     x = np.array(heights)
     down = np.flatnonzero((x[:-1] > 0) & (x[1:] <= 0))
     crossing = 0.01 * (down + x[down] / (x[down] - x[down + 1]))
-    expected = 4.0 * 1.8540746773013719 * np.sqrt(2.0 * LENGTH / 3.0 / 9.81)
+    expected = 4.0 * 1.8540746773013719 * np.sqrt(2.0 * LENGTH / 3.0 / GRAVITY)
     assert np.diff(crossing)[0] == pytest.approx(expected, rel=1e-4)
 
 
@@ -269,7 +270,7 @@ def swing(step, time, **options):
     """The same beam in an observer frame."""
     body = Substructure.from_beam("beam", slender_beam(), "clamped", 4)
     hold = lambda system: system.hinge("beam", "root", (0.0, 1.0, 0.0))  # noqa: E731
-    run = integrator(body, step, gravity=(0.0, 0.0, -9.81), hold=hold, rotation=HORIZONTAL, options=options)
+    run = integrator(body, step, gravity=(0.0, 0.0, -GRAVITY), hold=hold, rotation=HORIZONTAL, options=options)
     run.advance(round(time / step))
     rotation = run.state.rotation[0]
     angle = np.arctan2(rotation[0, 2], rotation[2, 2])

@@ -5,8 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import simpson
 
 from agents.closed_loop import run_baseline
+from wt_gym.constants import GRAVITY
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody.tree.tree_kernels import OK
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
@@ -33,6 +35,8 @@ def test_power_leaving_the_air_enters_the_structure(running):
     y, loads = running.coupling.integrator.state, running.coupling.integrator.inputs.body_loads[1]
     running.coupling.move_lattice(y)
     air = np.sum(running.coupling.aero.nodal_forces * running.coupling.exchange.velocities)
+    tower = running.coupling.exchange.tower
+    air += np.sum(tower.force * tower.velocity)
     work, structure = running.coupling.integrator.work, 0.0
     for b in range(len(loads)):
         rate = running.structure.elastic(b, y)[1]
@@ -146,13 +150,34 @@ class TestParked:
             psi = 2.0 * np.pi * i / 3.0
             along, across = -np.sin(cone) * reach, np.cos(cone) * reach * np.cos(psi)
             moment += blade_mass * (apex + along * np.cos(tilt) + across * np.sin(tilt))
-        assert parked.signals.tower_base_fore_aft_moment == pytest.approx(9.81 * moment, rel=0.05)
+        assert parked.signals.tower_base_fore_aft_moment == pytest.approx(GRAVITY * moment, rel=0.05)
+
+    def test_drag_of_the_tower(self):
+        """½ ρ C_d V² ∫ D z dz about the base and ½ ρ C_d V² ∫ D φ dz for a bending shape φ, D linear in z."""
+        wind, turbine, moments = 25.0, load_turbine("nrel_5mw"), []
+        for drag in (1.3, 0.0):
+            sim = Simulator(
+                replace(turbine, tower=replace(turbine.tower, drag_coefficient=drag)), inflow=SteadyInflow(wind)
+            )
+            sim.reset(rotor_speed=0.0, pitch=np.pi / 2, generator_torque=0.0)
+            moments.append(sim.signals.tower_base_fore_aft_moment)
+            if drag:
+                loads = sim.coupling.integrator.inputs.body_loads[1, sim.structure.tower]
+                shape = sim.structure.tower_points.linear[:, 0, 0]
+        tower = turbine.tower
+        z, pressure = np.linspace(0.0, tower.length, len(shape)), 0.5 * turbine.air_density * 1.3 * wind**2
+        base, top, height = tower.diameter[0], tower.diameter[-1], tower.length
+        exact = pressure * height**2 * (base / 2.0 + (top - base) / 3.0)
+        assert loads[0] == pytest.approx(pressure * 0.5 * (base + top) * height, rel=1e-6)
+        assert loads[4] == pytest.approx(exact, rel=1e-6)
+        assert moments[0] - moments[1] == pytest.approx(exact, rel=0.03)  # the bent tower carries its head farther out
+        assert loads[6] == pytest.approx(pressure * simpson(tower.diameter_at(z) * shape, x=z), rel=2e-3)
 
     def test_weight_of_a_hanging_blade_bends_nothing_sideways(self, parked):
         """Blades 2 and 3 mirror each other: their root moments about the shaft cancel."""
         flap, edge = parked.signals.root_flap_moment, parked.signals.root_edge_moment
         # feathered by 90°: gravity acts flapwise; first moment 363 231 kg m about the root
-        expected = 9.81 * 363231.0 * np.sin(2.0 * np.pi / 3.0)
+        expected = GRAVITY * 363231.0 * np.sin(2.0 * np.pi / 3.0)
         assert np.hypot(flap[1], edge[1]) == pytest.approx(expected, rel=0.03)
         assert flap[1] == pytest.approx(-flap[2], rel=0.03)
 
@@ -322,9 +347,10 @@ def test_operating_points_of_the_nrel_5mw(wind, rpm, power, thrust, tip, pitch):
 
 def test_threads_change_no_number():
     """A second thread shares the work on the wake; every number is the same to the last bit."""
-    runs = []
+    training, runs = FIDELITIES["training"], []
+    tree = replace(training, aero=replace(training.aero, induction="tree"))
     for threads in (1, 2):
-        simulator = Simulator("nrel_5mw", SteadyInflow(10.0, shear_exponent=0.2), threads=threads)
+        simulator = Simulator("nrel_5mw", SteadyInflow(10.0, shear_exponent=0.2), tree, threads=threads)
         simulator.reset(rotor_speed=1.2)
         for _ in range(10):
             signals = simulator.advance(0.2, pitch=0.0, generator_torque=3e4)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from wt_gym.constants import GRAVITY
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.turbine_structure import build_structure, rotor_nacelle_inertia
@@ -185,7 +186,7 @@ class TestInertiaIntegrals:
         for factor in (0.98, 1.02):
             system = MultibodySystem()
             tower = system.add(FlexibleBody.from_beam("tower", beam, basis), Joint("fixed"))
-            top = FlexibleBody.rigid("top", factor * critical / 9.81, np.zeros(3), np.zeros((3, 3)))
+            top = FlexibleBody.rigid("top", factor * critical / GRAVITY, np.zeros(3), np.zeros((3, 3)))
             system.add(top, Joint("fixed"), tower, "tip")
             system.build()
             n, y = system.n_q, system.initial_state()

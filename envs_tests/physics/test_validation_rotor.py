@@ -18,6 +18,7 @@ from validation.tjaereborg import STEPS, pitch_steps
 from validation.tree_tools import read_table
 from validation.unsteady_aerofoil import theodorsen
 from wt_gym.aerodynamics import TRAINING
+from wt_gym.constants import GRAVITY
 from wt_gym.turbines import load_turbine
 
 RPM = np.pi / 30.0
@@ -40,7 +41,7 @@ def test_blade_element_theory_agrees_with_an_independent_one():
 def test_blade_element_theory_agrees_with_the_published_operating_points(turbine):
     rotor = BladeElementRotor.of_turbine(turbine)
     table, _ = read_table("nrel5mw_steady_state.csv")
-    weight = 110e3 * 9.81 * np.sin(np.radians(5.0))
+    weight = 110e3 * GRAVITY * np.sin(np.radians(5.0))
     for wind, speed, pitch, power, thrust in table[np.isin(table[:, 0], (5.0, 8.0, 11.0, 15.0, 20.0))]:
         result = blade_element(rotor, wind, speed * RPM, np.radians(pitch))
         assert result.power == pytest.approx(1e3 * power, rel=0.025)

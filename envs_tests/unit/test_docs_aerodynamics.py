@@ -17,6 +17,7 @@ FILES = [
     *sorted((ROOT / "wt_gym" / "aerodynamics").rglob("*.py")),
     ROOT / "wt_gym" / "simulation" / "blade_lattice.py",
     ROOT / "wt_gym" / "simulation" / "coupled_step_kernels.py",
+    ROOT / "wt_gym" / "simulation" / "coupling_kernels.py",
     ROOT / "wt_gym" / "simulation" / "fidelity.py",
 ]
 DEFAULTS = {field.name: field.default for field in fields(AeroOptions)}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.constants import GRAVITY
 from wt_gym.control import ActionMap, Channel, Demand, NacelleAnemometer, torque_curve
 from wt_gym.envs.layout import ObservationLayout
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["OBSERVATION_GROUPS", "Observer", "blade_static_moment", "reference_flap_moment"]
 
 OBSERVATION_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
-_GRAVITY = 9.80665
 
 
 def reference_flap_moment(turbine: Turbine) -> float:
@@ -31,7 +31,7 @@ def reference_flap_moment(turbine: Turbine) -> float:
 def blade_static_moment(turbine: Turbine) -> float:
     """Root moment of a horizontal blade under its own weight [N m]."""
     structure = turbine.blade.structure
-    return float(_GRAVITY * np.trapezoid(structure.inertia[:, 0, 0] * structure.station, structure.station))
+    return float(GRAVITY * np.trapezoid(structure.inertia[:, 0, 0] * structure.station, structure.station))
 
 
 class Observer:

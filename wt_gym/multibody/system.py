@@ -9,6 +9,7 @@ from collections import namedtuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wt_gym.constants import GRAVITY
 from wt_gym.multibody.checks import check_body, check_number, check_state, check_unique, check_vector
 from wt_gym.multibody.constraints import constraint_kernels
 from wt_gym.multibody.errors import FAILURES, MultibodyError
@@ -45,7 +46,7 @@ class MultibodySystem:
     Parameters
     ----------
     gravity : array (3,)
-        [m/s²], default (0, 0, −9.81).
+        [m/s²], by default straight down with :data:`wt_gym.constants.GRAVITY`.
     stabilisation : float
         Baumgarte's α = β [1/s]: constraint errors decay like exp(−α t). Explicit schemes need α h < 1.29 (0.87 with one
         corrector pass, 0.72 with two).
@@ -60,7 +61,7 @@ class MultibodySystem:
     1
     """
 
-    def __init__(self, gravity=(0.0, 0.0, -9.81), stabilisation=10.0):
+    def __init__(self, gravity=(0.0, 0.0, -GRAVITY), stabilisation=10.0):
         check_vector("multibody system", "gravity", gravity)
         check_number("multibody system", "stabilisation", stabilisation)
         self.gravity, self.stabilisation = np.asarray(gravity, dtype=float), float(stabilisation)

@@ -54,7 +54,7 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     turbine : Turbine
     fidelity : Fidelity
     threads : int
-        That share the velocities of the wake.
+        That share the tree code of the wake.
     generator_damping : float
         Damper between nacelle and rotor [N m s/rad, low-speed shaft].
 

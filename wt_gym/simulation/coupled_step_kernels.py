@@ -8,7 +8,7 @@ from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solv
 from wt_gym.compiled import kernel
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
-from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion
+from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion, tower_drag
 from wt_gym.simulation.monitor_kernels import rotor_speed, watch_steps
 
 # Beyond the codes of the multibody kernels
@@ -136,6 +136,7 @@ def correct_step(air, motion, x, scheme, blade_wind):
         solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
               bool(False))  # fmt: skip
         change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.blades, loads)
+        tower_drag(motion.history.y[3], motion.tree, motion.work, x.tower, loads[x.tower.body])
         # the prediction was not corrected yet: one pass at least
         if iteration == scheme.iterations - 1 or (iteration > 0 and change < scheme.tolerance):
             break

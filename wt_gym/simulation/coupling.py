@@ -14,8 +14,9 @@ from wt_gym.simulation import coupled_step_kernels, monitor_kernels
 from wt_gym.simulation.measurement import Gauges, Instant
 from wt_gym.simulation.monitor import Monitor
 from wt_gym.simulation.turbine_bodies import place_nacelle
+from wt_gym.simulation.turbine_structure import drag_heights
 
-__all__ = ["Air", "Coupling", "Exchange", "Motion", "Scheme"]
+__all__ = ["Air", "Coupling", "Exchange", "Motion", "Scheme", "TowerAir"]
 
 MAX_DEFLECTION = 0.4
 """Elastic tip displacement, in blade lengths, beyond which a linear elastic blade has lost its meaning."""
@@ -56,6 +57,29 @@ class Scheme(NamedTuple):
     tolerance: float  # relative change of the loads at which the passes end
 
 
+class TowerAir(NamedTuple):
+    """The tower in the wind: points that bear its drag, their motion, and the wind and forces there."""
+
+    body: int
+    points: tuple  # Points
+    drag: np.ndarray  # (n,) drag over the square of the speed [kg/m]
+    wind: np.ndarray  # (n, 3) [m/s]
+    position: np.ndarray  # (n, 3) [m]
+    velocity: np.ndarray  # (n, 3) [m/s]
+    force: np.ndarray  # (n, 3) [N]
+
+    @classmethod
+    def of(cls, turbine, structure):
+        """The tower of a turbine at rest; a force per length is integrated over its height by Simpson's rule."""
+        tower, points = turbine.tower, structure.drag_points
+        height = drag_heights(tower)
+        length = (height[1] - height[0]) / 3.0 * np.array([1.0, *[4.0, 2.0] * (len(height) // 2 - 1), 4.0, 1.0])
+        pressure_width = 0.5 * turbine.air_density * tower.drag_coefficient * tower.diameter_at(height)
+        rest = points.position + np.array([0.0, 0.0, tower.base_height])
+        free = np.zeros((3, *rest.shape))
+        return cls(structure.tower, points, pressure_width * length, free[0], rest, free[1], free[2])
+
+
 class Exchange(NamedTuple):
     """What passes between structure and air, and the limits of the model."""
 
@@ -70,6 +94,7 @@ class Exchange(NamedTuple):
     previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago
     passes: np.ndarray  # (2, n_b, 6 + n_f) loads under which the blades moved, and their last change
     tip: np.ndarray  # (3, n_f) displacement of a tip
+    tower: TowerAir
     max_speed: float  # [rad/s]
     max_deflection: float  # [m]
 
@@ -85,7 +110,7 @@ class Exchange(NamedTuple):
             nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, blades=np.array(structure.blades),
             elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
             previous_loads=np.zeros_like(body_loads[0]), passes=np.zeros_like(body_loads),
-            tip=np.ascontiguousarray(structure.tip_points.linear[0]),
+            tip=np.ascontiguousarray(structure.tip_points.linear[0]), tower=TowerAir.of(models.turbine, structure),
             max_speed=MAX_OVERSPEED * models.turbine.drivetrain.rated_rotor_speed,
             max_deflection=MAX_DEFLECTION * models.turbine.blade.length,
         )  # fmt: skip
@@ -124,11 +149,8 @@ class Coupling:
             models.time_step, h, models.n_substeps, self.integrator.n_corrections, fidelity.coupling_iterations,
             fidelity.coupling_tolerance,
         )  # fmt: skip
+        self._wind_points = np.concatenate([self.exchange.nodes.reshape(-1, 3), self.exchange.tower.position])
         self._step, self._bundles = None, None  # compiled for the types of this turbine, and its arguments
-
-    def __getstate__(self):
-        """What a copy or a pickle takes along: all but the compiled form."""
-        return self.__dict__ | {"_step": None, "_bundles": None}
 
     @property
     def generator_speed(self):
@@ -205,7 +227,7 @@ class Coupling:
         self.models.lattice.take_wind(self.aero, inflow, time)
         # Where the blades will be, by Adams-Bashforth: 5 cm from where they come to be, less than the wind resolves.
         ahead = x.nodes + dt * (1.5 * x.velocities - 0.5 * self._earlier_velocities)
-        blade_wind = self.wind_at_blades(inflow, ahead, time + dt)
+        blade_wind = self.take_wind(inflow, ahead, time + dt)
         self._earlier_velocities[:] = x.velocities
         code = self._advance(blade_wind)
         if code != tree_kernels.OK:
@@ -259,10 +281,18 @@ class Coupling:
 
     # ---- wind --------------------------------------------------------------------------------------------------------
 
-    def wind_at_blades(self, inflow, nodes, time):
-        """Undisturbed wind at lattice nodes, with the blocking of the tower."""
-        models, lattice = self.models, self.models.lattice
-        wind = _finite_wind(inflow, nodes, time)
+    def take_wind(self, inflow, nodes, time):
+        """Wind at lattice nodes: undisturbed, with the blocking of the tower; beside it the wind at bodies and tower.
+
+        The drag of the tower is that of the undisturbed wind on its undeformed axis, as in blade-element codes: what
+        the rotor takes out of the wind before the upper tower is not taken off.
+        """
+        models, lattice, tower = self.models, self.models.lattice, self.exchange.tower
+        n, points = nodes.size // 3, self._wind_points  # the last points are those of the tower
+        points[:n] = nodes.reshape(-1, 3)
+        wind = _finite_wind(inflow, points, time)
+        tower.wind[:] = wind[n:]
+        wind = wind[:n].reshape(nodes.shape)
         if lattice.bodies:
             self._place_bodies()
             lattice.body_wind[:] = _finite_wind(inflow, lattice.bodies.control_points, time)

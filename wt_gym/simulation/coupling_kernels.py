@@ -38,6 +38,33 @@ def rotor_loads(forces, rot, elastic, points, blades, loads):
 
 
 @kernel
+def tower_drag(y, tree, work, tower, loads):
+    """Loads (6 + n_f,) of the tower from the drag of the wind, by virtual work; kinematics are up to date.
+
+    A cylinder across the flow: the force of a point that stands for a piece of the tower is ½ ρ C_d D l |w| w, with the
+    part w across the tower of the wind relative to the moving point. tower: `TowerAir`.
+    """
+    b = tower.body
+    n, q, u = tree.n_elastic[b], tree.elastic_q[b], tree.n_q + tree.elastic_u[b]
+    rot, elastic = work.rot[b], y[q : q + n]
+    point_motion(rot, work.r[b], work.v[b], work.omega[b], elastic, y[u : u + n], tower.points, tower.position,
+                 tower.velocity)  # fmt: skip
+    for k in range(loads.shape[0]):
+        loads[k] = 0.0
+    for p in range(tower.drag.shape[0]):
+        along, square = 0.0, 0.0
+        for i in range(3):
+            tower.force[p, i] = tower.wind[p, i] - tower.velocity[p, i]
+            along += tower.force[p, i] * rot[i, 2]
+        for i in range(3):
+            tower.force[p, i] -= along * rot[i, 2]
+            square += tower.force[p, i] * tower.force[p, i]
+        for i in range(3):
+            tower.force[p, i] *= tower.drag[p] * math.sqrt(square)
+    point_loads(rot, elastic, tower.points, tower.force, loads)
+
+
+@kernel
 def rotor_resultant(nodes, forces, centre, axis):
     """Force along the shaft [N] and moment about it [N m] of the lattice forces."""
     thrust, torque = 0.0, 0.0

@@ -9,6 +9,7 @@ from wt_gym.aerodynamics import AeroState
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation import coupling_kernels
+from wt_gym.simulation.coupling import TowerAir
 from wt_gym.simulation.measurement import Instant, Measurement
 from wt_gym.simulation.turbine_bodies import place_nacelle
 
@@ -115,6 +116,8 @@ class FrozenPlant:
         flat = (n, shape[1] * shape[2], 3)
         self._flat = tuple(a.reshape(flat) for a in (self._nodes, self._velocities, self._forces))
         self._blades = np.array(self.structure.blades)
+        self._tower = TowerAir.of(self.turbine, self.structure)
+        self._tower_axis = self._tower.position.copy()
         self._measurement = Measurement(self.turbine, self.structure)
         self._base = np.zeros(2 + n + 3)  # torque, yaw, pitch of each blade, change of the wind
         self._command = self._base.copy()
@@ -305,6 +308,8 @@ class FrozenPlant:
         coupling_kernels.rotor_loads(
             self._flat[2], self.work.rot, self._elastic[0], self.structure.lattice_points, self._blades, loads[1]
         )
+        self._tower.wind[:] = self._wind.velocity(self._tower_axis, 0.0)
+        coupling_kernels.tower_drag(y, self.system.tree, self.work, self._tower, loads[1][self.structure.tower])
         loads[0] = loads[1]
 
     def rates(self, y):

@@ -75,12 +75,14 @@ class Starter:
         for _ in range(PASSES):
             c.move_lattice(y)
             axis = work.rot[s.hub, :, 0].copy()
-            wind = c.wind_at_blades(inflow, x.nodes, 0.0)
+            wind = c.take_wind(inflow, x.nodes, 0.0)
             lattice.initialise_helix(
                 c.aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, c.models.time_step
             )
-            coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.blades, inputs.body_loads[1])
-            inputs.body_loads[0] = inputs.body_loads[1]
+            loads = inputs.body_loads[1]
+            coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.blades, loads)
+            coupling_kernels.tower_drag(y, s.system.tree, work, x.tower, loads[s.tower])
+            inputs.body_loads[0] = loads
             _, moment = coupling_kernels.rotor_resultant(c.blade_nodes, c.blade_forces, work.r[s.hub], axis)
             self.drives.load(moment, rotor_speed, generator_torque)
             self._act(c)

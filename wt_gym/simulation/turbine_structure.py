@@ -21,6 +21,8 @@ __all__ = ["TurbineStructure", "build_structure"]
 IDEAL_PITCH_SERVO = 4.0 * np.pi
 """Frequency of the servo that stands for an ideal pitch drive [rad/s] in linear models; in simulations such a drive is
 prescribed (`wt_gym.simulation.drives.PitchDrives`)."""
+DRAG_POINTS = 7
+"""Points of the tower that bear its drag, an odd number: Simpson's rule is exact for a cone in a uniform wind."""
 YAW_SERVO = 2.0 * np.pi
 """Natural frequency of the yaw drive, critically damped [rad/s]."""
 
@@ -44,6 +46,8 @@ class TurbineStructure:
         Tower axis, for pictures.
     tower_radius : array (n,)
         At the tower points [m].
+    drag_points : Points
+        Points of the tower that bear its drag.
     """
 
     system: MultibodySystem
@@ -56,6 +60,7 @@ class TurbineStructure:
     tip_points: Points
     tower_points: Points
     tower_radius: np.ndarray
+    drag_points: Points
 
     def elastic(self, body, y):
         """Elastic coordinates and rates (n_f,) of a body in a state, views."""
@@ -138,7 +143,7 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     """
     blade_beam, blade_basis, blade_body = _blade(turbine.blade, fidelity)
     system = MultibodySystem()
-    tower_body, tower_points, tower_radius = _tower(turbine, fidelity, blade_body)
+    tower_body, tower_points, tower_radius, drag_points = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
     nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)
     generator, hub = _add_drivetrain(
@@ -160,6 +165,7 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
         tip_points=body_points(blade_beam, blade_basis, tip[None]),
         tower_points=tower_points,
         tower_radius=tower_radius,
+        drag_points=drag_points,
     )
 
 
@@ -264,8 +270,13 @@ def _tower(turbine, fidelity, blade_body):
         basis, ratio = nodal_basis(beam, dofs), tower.damping_ratio
         body = body_from_beam("tower", beam, "nodal", dofs=dofs, tip_mass=top, damping_ratio=ratio)
     height = np.linspace(0.0, tower.length, 13)
-    points = np.column_stack([0.0 * height, 0.0 * height, height])
-    return body, body_points(beam, basis, points), 0.5 * np.asarray(tower.diameter_at(height))
+    points, for_drag = (body_points(beam, basis, z[:, None] * [0.0, 0.0, 1.0]) for z in (height, drag_heights(tower)))
+    return body, points, 0.5 * np.asarray(tower.diameter_at(height)), for_drag
+
+
+def drag_heights(tower):
+    """Distances from its base [m] at which the drag of a tower acts, the places of Simpson's rule."""
+    return np.linspace(0.0, tower.length, DRAG_POINTS)
 
 
 def _tower_modes(beam, fidelity, top):

@@ -194,7 +194,7 @@ def _tower(data, stiffness):
         diameter=np.full(2, tower["outer_diameter_m"]),
         structure=BeamStations(np.array([0.0, height]), np.array([section] * 2), np.array([mass] * 2)),
         damping_ratio=0.0,
-        drag_coefficient=1.0,
+        drag_coefficient=0.0,  # the paper's air acts on the blades alone
     )
 
 

@@ -156,7 +156,7 @@ class ObserverFrameSystem:
     --------
     >>> from wt_gym.structure.beam import Beam, BeamSections
     >>> beam = Beam(BeamSections.uniform(2.0, EA=1e7, EIx=1e4, EIy=1e4, GJ=1e4, mass=5.0, Ix=0.1, Iy=0.1), 4)
-    >>> system = ObserverFrameSystem(gravity=(0.0, 0.0, -9.81))
+    >>> system = ObserverFrameSystem(gravity=(0.0, 0.0, -9.80665))
     >>> system.add(Substructure.from_beam("arm", beam, n_modes=4))
     0
     >>> system.hinge("arm", "root", axis=(0.0, 1.0, 0.0))
