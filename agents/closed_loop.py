@@ -21,6 +21,8 @@ def run_baseline(
     duration: float,
     control_dt: float | None = None,
     on_step: Callable | None = None,
+    parameters: BaselineParameters | None = None,
+    rotor_speed: float | None = None,
 ) -> Recorder:
     """Simulate under the baseline controller from the operating point of the inflow's mean speed.
 
@@ -34,6 +36,10 @@ def run_baseline(
         Interval of the controller, by default one aerodynamic time step [s].
     on_step : callable, optional
         Called with the signals after every interval.
+    parameters : BaselineParameters, optional
+        Constants of the controller, by default those of the turbine.
+    rotor_speed : float, optional
+        To start with, by default that of the operating point [rad/s].
 
     Returns
     -------
@@ -43,8 +49,9 @@ def run_baseline(
     turbine = simulator.turbine
     dt = control_dt or simulator.time_step
     point = operating_point(turbine, simulator.inflow.mean_speed)
-    signals = simulator.reset(rotor_speed=point.rotor_speed, pitch=point.pitch)
-    controller = BaselineController(BaselineParameters.from_turbine(turbine))
+    speed = point.rotor_speed if rotor_speed is None else rotor_speed
+    signals = simulator.reset(rotor_speed=speed, pitch=point.pitch)
+    controller = BaselineController(parameters or BaselineParameters.from_turbine(turbine))
     controller.start(signals.generator_speed, signals.pitch, signals.generator_torque)
     recorder = Recorder(simulator, controller="baseline", control_interval_s=dt)
     recorder.append(signals)

@@ -74,7 +74,7 @@ def nrel5mw_rotor():
         lines.append(_line(f"{ratio:g}", cp, ct, run, elements[ratio]))
     ratios = np.array(TIP_SPEED_RATIOS)
     power = np.array([run.cp for run in runs.values()])
-    optimum = _vertex(ratios, power)
+    optimum = vertex(ratios, power)
     checks += [
         Check("tip-speed ratio of the largest Cp", 7.55, optimum, 0.06, "", True, "NREL/TP-500-38060, Table 7-2"),
         Check(
@@ -138,7 +138,7 @@ def _line(text, cp, ct, run, element):
     )
 
 
-def _vertex(x, y):
+def vertex(x, y):
     """Place of the maximum of the parabola through the largest value and its neighbours."""
     k = int(np.clip(np.argmax(y), 1, len(y) - 2))
     a, b, _ = np.polyfit(x[k - 1 : k + 2], y[k - 1 : k + 2], 2)

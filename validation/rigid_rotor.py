@@ -202,7 +202,7 @@ class RigidRotor:
                 speed += dt * acceleration(step.torque, speed)
 
     def run(self, options: AeroOptions, wind: float, rotor_speed: float, pitch: float = 0.0, turns: float = 4.0,
-            tilt: float = 0.0) -> RotorRun:  # fmt: skip
+            tilt: float = 0.0, steps_per_turn: int | None = None) -> RotorRun:  # fmt: skip
         """Start with a helical wake in momentum balance and turn ``turns`` times with the free wake.
 
         Parameters
@@ -218,12 +218,14 @@ class RigidRotor:
             At least two, for the mean and its drift.
         tilt : float
             Angle of the axis to the wind [rad].
+        steps_per_turn : int, optional
+            By default those of ``options.azimuth_step_deg``.
 
         Returns
         -------
         RotorRun
         """
-        steps = round(360.0 / options.azimuth_step_deg)
+        steps = steps_per_turn or round(360.0 / options.azimuth_step_deg)
         dt = 2.0 * np.pi / rotor_speed / steps
         history = []
         for step in self.march(options, UniformWind(wind, tilt), rotor_speed, lambda time: pitch, dt,
