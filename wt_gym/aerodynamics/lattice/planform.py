@@ -249,7 +249,12 @@ def _solve_section(start: float, slopes: np.ndarray) -> SectionLattice:
 
 
 def span_distribution(
-    root: float, tip: float, n_span: int, refinement: float = 0.3, inset: tuple[float, float] = (0.0, 0.25)
+    root: float,
+    tip: float,
+    n_span: int,
+    refinement: float = 0.3,
+    inset: tuple[float, float] = (0.0, 0.25),
+    towards: str = "ends",
 ) -> np.ndarray:
     """Span edges of a lattice between root and tip.
 
@@ -260,20 +265,31 @@ def span_distribution(
     n_span : int
         Number of panels.
     refinement : float
-        0 spaces the edges evenly, 1 by cosines towards both ends.
+        0 spaces the edges evenly, 1 by cosines towards both ends, or by sines towards the tip.
     inset : tuple of float
         Distance of the first and last edge from root and tip in widths of their panels. A quarter at a free end
         removes most of the error of a coarse lattice, which is a lattice too long by that much (Hough, J. Aircraft
         10 (1973) 314): with 10 panels the lift of a wing is 1-2 % low instead of 5 % high.
+    towards : str
+        "ends" or "tip": where the panels are narrower. The blades of a rotor lose their lift over a few hundredths of
+        the radius at the tip, Prandtl's (1 - a) V 2 pi / (n_blades Omega) / pi, and gradually at the root.
 
     Returns
     -------
     edges : ndarray, shape (n_span + 1,)
+
+    Raises
+    ------
+    AerodynamicsError
+        If the tip does not lie beyond the root, or ``towards`` is unknown.
     """
     if not tip > root:
         raise AerodynamicsError(f"the tip ({tip}) must lie beyond the root ({root})")
+    if towards not in ("ends", "tip"):
+        raise AerodynamicsError(f"towards is {towards!r}; allowed: 'ends', 'tip'")
     even = np.linspace(0.0, 1.0, n_span + 1)
-    edges = (1.0 - refinement) * even + refinement * 0.5 * (1.0 - np.cos(np.pi * even))
+    uneven = 0.5 * (1.0 - np.cos(np.pi * even)) if towards == "ends" else np.sin(0.5 * np.pi * even)
+    edges = (1.0 - refinement) * even + refinement * uneven
     before, behind = inset[0] * (edges[1] - edges[0]), inset[1] * (edges[-1] - edges[-2])
     return root + (tip - root) * (edges + before) / (1.0 + before + behind)
 
