@@ -278,7 +278,7 @@ def test_passes_of_loads_and_structure_converge_on_light_blades(share, factor, l
 
     def loads(passes, n_steps):
         sim.restore(start)
-        sim.fidelity = replace(sim.fidelity, coupling_iterations=passes)
+        sim.coupling.scheme = sim.coupling.scheme._replace(iterations=passes, loosest=np.inf)
         sim.advance(n_steps * sim.time_step, pitch=0.02, generator_torque=2e4)
         return sim.coupling.aero.nodal_forces.copy()
 

@@ -123,8 +123,8 @@ class WindTurbineEnv(gym.Env):
     - ``"overspeed"``: rotor speed above ``overspeed_limit`` times rated, at any structural step of the control step;
     - ``"standstill"``: rotor speed below ``standstill_limit`` times rated, the rotor has stalled or was braked;
     - ``"tower_strike"``: a blade tip touched the tower or passed behind it, at or between structural steps;
-    - ``"failure"``: the simulation left the range in which it has meaning; ``info["failure"]`` holds the message, and
-      the observation is the last good one.
+    - ``"failure"``: the simulation left the range in which it has meaning, or energy came from nothing;
+      ``info["failure"]`` holds the message, and the observation is the last good one.
 
     Truncated: ``episode_length`` is over. Either way the environment can be reset and used on.
 

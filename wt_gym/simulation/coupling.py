@@ -10,7 +10,8 @@ from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.system import HammingIntegrator
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.simulation import coupled_step_kernels, monitor_kernels
+from wt_gym.simulation import coupled_step_kernels, energy_kernels, monitor_kernels
+from wt_gym.simulation.energy import EnergyBalance
 from wt_gym.simulation.measurement import Gauges, Instant
 from wt_gym.simulation.monitor import Monitor
 from wt_gym.simulation.turbine_bodies import place_nacelle
@@ -22,6 +23,8 @@ MAX_DEFLECTION = 0.4
 """Elastic tip displacement, in blade lengths, beyond which a linear elastic blade has lost its meaning."""
 MAX_OVERSPEED = 3.0
 """Rotor speed, in rated speeds, at which a simulation is given up."""
+LOOSEST = 0.1
+"""Change of the loads of the blades, over the largest of them, with which a step may end."""
 
 
 class Air(NamedTuple):
@@ -55,6 +58,7 @@ class Scheme(NamedTuple):
     n_corrections: int  # corrector passes of the structure
     iterations: int  # most passes of structure and loads
     tolerance: float  # relative change of the loads at which the passes end
+    loosest: float  # relative change of the loads with which a step may end
 
 
 class TowerAir(NamedTuple):
@@ -93,6 +97,8 @@ class Exchange(NamedTuple):
     elastic_rate: np.ndarray  # (n_blades, n_f)
     previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago
     passes: np.ndarray  # (2, n_b, 6 + n_f) loads under which the blades moved, and their last change
+    relaxation: np.ndarray  # (3,) share taken of a change of the loads, and sums of its secants
+    energy: tuple  # EnergyBalance
     tip: np.ndarray  # (3, n_f) displacement of a tip
     tower: TowerAir
     max_speed: float  # [rad/s]
@@ -110,6 +116,7 @@ class Exchange(NamedTuple):
             nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, blades=np.array(structure.blades),
             elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
             previous_loads=np.zeros_like(body_loads[0]), passes=np.zeros_like(body_loads),
+            relaxation=np.array([1.0, 0.0, 0.0]), energy=EnergyBalance.of(models),
             tip=np.ascontiguousarray(structure.tip_points.linear[0]), tower=TowerAir.of(models.turbine, structure),
             max_speed=MAX_OVERSPEED * models.turbine.drivetrain.rated_rotor_speed,
             max_deflection=MAX_DEFLECTION * models.turbine.blade.length,
@@ -132,6 +139,8 @@ class Coupling:
     exchange : Exchange
     extremes : Extremes
         Since they were last told to ``restart``.
+    scheme : Scheme
+        May be exchanged, from one step to the next too.
     """
 
     def __init__(self, models):
@@ -147,10 +156,19 @@ class Coupling:
         self._saved = type(self.integrator.history)(*(np.zeros_like(x) for x in self.integrator.history))
         self._scheme = Scheme(
             models.time_step, h, models.n_substeps, self.integrator.n_corrections, fidelity.coupling_iterations,
-            fidelity.coupling_tolerance,
+            fidelity.coupling_tolerance, LOOSEST,
         )  # fmt: skip
         self._wind_points = np.concatenate([self.exchange.nodes.reshape(-1, 3), self.exchange.tower.position])
         self._step, self._bundles = None, None  # compiled for the types of this turbine, and its arguments
+
+    @property
+    def scheme(self):
+        """How a step is taken."""
+        return self._scheme
+
+    @scheme.setter
+    def scheme(self, scheme):
+        self._scheme, self._bundles = scheme, None
 
     @property
     def generator_speed(self):
@@ -186,14 +204,17 @@ class Coupling:
         arrays |= {f"inputs_{k}": a for k, a in self.integrator.inputs._asdict().items()}
         arrays |= {f"aero_{k}": a for k, a in self.aero.arrays._asdict().items()}
         arrays |= {"nodes": self.exchange.nodes, "velocities": self.exchange.velocities}
-        arrays |= {"previous_loads": self.exchange.previous_loads, "earlier_velocities": self._earlier_velocities}
-        arrays["passed"] = self._monitor.passed
+        arrays |= {"previous_loads": self.exchange.previous_loads, "relaxation": self.exchange.relaxation}
+        arrays |= {"earlier_velocities": self._earlier_velocities, "passed": self._monitor.passed}
+        arrays |= {f"energy_{k}": a for k, a in self.exchange.energy.state().items()}
         return arrays
 
     def begin(self, y):
         """Start to move from the state y, under the loads that the inputs hold."""
         system = self.models.structure.system
         self.exchange.previous_loads[:] = self.integrator.inputs.body_loads[0]
+        self.exchange.relaxation[:] = 1.0, 0.0, 0.0
+        self.exchange.energy.begin()
         self.integrator.start(y)
         self.move_lattice(self.integrator.state)
         self._earlier_velocities[:] = self.exchange.velocities
@@ -263,7 +284,7 @@ class Coupling:
             code = coupled_step_kernels.correct_step(air, motion, x, scheme, blade_wind)
         if code == tree_kernels.OK:
             self.models.lattice.accept(self.aero)
-            code = coupled_step_kernels.end_step(motion, x, scheme, gauges, monitor)
+            code = coupled_step_kernels.end_step(motion, x, scheme, blade_wind, gauges, monitor)
         return code
 
     def _failure(self, code):
@@ -277,6 +298,13 @@ class Coupling:
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
         if code == coupled_step_kernels.UNSETTLED:
             return f"circulation and polars of the blades disagree by {self.aero.residual:.3g} m/s"
+        if code == energy_kernels.STRUCTURE_GAINS:
+            return f"energy balance: {x.energy.gained[0] / 1e6:.3g} MJ of the turbine come from nothing"
+        if code == energy_kernels.AIR_GIVES:
+            return (
+                f"energy balance: the air has given {x.energy.borrowed[0] / 1e6:.3g} MJ more than Betz's limit, and "
+                f"the {x.energy.loan / 1e6:.3g} MJ that move round the rotor do not cover them"
+            )
         return failure_of_a_step(code, self._scheme.h)
 
     # ---- wind --------------------------------------------------------------------------------------------------------

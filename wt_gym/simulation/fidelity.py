@@ -50,7 +50,8 @@ class Fidelity:
     starter : str
         First three steps of the Hamming scheme: "adams", as published, or "runge-kutta", which leaves a smaller error.
     coupling_iterations : int
-        Most passes of structure and loads through one aerodynamic step.
+        Most passes of structure and loads through one aerodynamic step; more, up to 20, only where the loads of the
+        blades still change by more than a tenth.
     coupling_tolerance : float
         The passes end when the loads change by less than this fraction of their size.
     tower_modes : (int, int, int)

@@ -1,0 +1,204 @@
+"""Energy from nothing: both balances close in hard operation, and end a run in which there is any."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents.closed_loop import run_baseline
+from wt_gym.errors import SimulationError
+from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow
+
+STEP = 0.1
+
+
+@pytest.fixture(scope="module")
+def turbines():
+    """Both turbines, in whatever wind they were last."""
+    return {name: Simulator(name, SteadyInflow(8.0)) for name in ("nrel_5mw", "iea_15mw")}
+
+
+def from_behind(speed):
+    return SteadyInflow(speed, yaw_misalignment=math.pi)
+
+
+def steady(speed, yaw_deg=0.0):
+    return SteadyInflow(speed, yaw_misalignment=math.radians(yaw_deg))
+
+
+class Watched:
+    """The largest that both balances come to, over what they allow; the largest mean power over ten seconds."""
+
+    def __init__(self, simulator):
+        self.energy = simulator.coupling.exchange.energy
+        self.gained, self.borrowed, self.powers = 0.0, 0.0, []
+
+    def look(self):
+        self.gained = max(self.gained, self.energy.gained[0] / self.energy.reserve)
+        self.borrowed = max(self.borrowed, self.energy.borrowed[0] / self.energy.loan)
+        self.powers.append(self.energy.of_air[0])
+
+    def power(self, duration=10.0):
+        """Largest mean power over a duration [W]."""
+        n = round(duration / STEP)
+        total = np.concatenate([[0.0], np.cumsum(self.powers)])
+        return ((total[n:] - total[:-n]) / n).max()
+
+
+def run(simulator, inflow, start, duration, policy, every_step=None):
+    """Run a policy (time -> pitch [rad], yaw rate [rad/s], torque [N m]) from a start; returns what was watched."""
+    simulator.inflow = inflow
+    pitch, _, torque = policy(0.0)
+    speed = start * simulator.turbine.drivetrain.rated_rotor_speed
+    simulator.reset(rotor_speed=speed, pitch=pitch, generator_torque=torque)
+    watched = Watched(simulator)
+    for _ in range(round(duration / STEP)):
+        if every_step is not None:
+            every_step(simulator)
+        pitch, yaw_rate, torque = policy(simulator.time)
+        simulator.advance(STEP, pitch=pitch, yaw_rate=yaw_rate, generator_torque=torque)
+        watched.look()
+    return watched
+
+
+def hold(pitch_deg=0.0, torque=0.0):
+    return lambda time: (math.radians(pitch_deg), 0.0, torque)
+
+
+def swing(period, pitch_deg, torque=0.0):
+    """Blades in turn between fine pitch and a pitch as fast as they can, nacelle to and fro."""
+
+    def policy(time):
+        up = [(time / period + k / 3.0) % 1.0 < 0.5 for k in range(3)]
+        return np.radians(pitch_deg) * np.array(up), math.copysign(0.005, math.sin(time)), torque
+
+    return policy
+
+
+# ---- where there is some, it ends the run ----------------------------------------------------------------------------
+
+
+def test_loads_that_lag_behind_the_air_are_found_out(turbines):
+    """Two passes of loads and structure, each taken whole, as if no step remembered another.
+
+    At 1.55 times rated speed the rest of the loads then grows from step to step, and the blades vibrate and the rotor
+    speeds up with the work of a force that is not the air's.
+    """
+    simulator = turbines["iea_15mw"]
+    kept = simulator.coupling.scheme
+    simulator.coupling.scheme = kept._replace(loosest=np.inf)
+
+    def forget(sim):
+        sim.coupling.exchange.relaxation[:] = 1.0, 0.0, 0.0
+
+    try:
+        with pytest.raises(SimulationError, match="of the turbine come from nothing"):
+            run(simulator, from_behind(12.0), 1.55, 20.0, hold(), forget)
+        assert simulator.time < 12.0
+    finally:
+        simulator.coupling.scheme = kept
+
+
+def test_the_same_rotor_gains_nothing_when_steps_remember(turbines):
+    watched = run(turbines["iea_15mw"], from_behind(12.0), 1.55, 20.0, hold())
+    assert watched.gained < 0.1
+    assert watched.borrowed == 0.0
+    assert watched.power() < 0.3 * 0.5 * 1.225 * math.pi * 120.0**2 * 12.0**3
+
+
+def test_a_rotor_pushed_by_nothing_is_found_out(turbines):
+    """A thousandth of the rotor's speed more in each step."""
+
+    def push(sim):
+        history, index = sim.coupling.integrator.history, sim.coupling.exchange.speed_index
+        history.y[3, index] *= 1.001
+
+    simulator = turbines["nrel_5mw"]
+    with pytest.raises(SimulationError, match="come from nothing"):
+        run(simulator, steady(8.0), 0.75, 10.0, hold(0.0, 2e4), push)
+    assert simulator.time < 5.0
+
+
+def test_a_wake_that_drives_its_rotor_is_found_out(turbines):
+    """The wake with half its circulation, of the wrong sign: it blows the wind through the rotor."""
+
+    def reverse_wake(sim):
+        arrays = sim.coupling.aero.arrays
+        arrays.wake_gamma[1:] = -0.5 * np.abs(arrays.gamma[:, -1])
+        arrays.far[0] = 0.0
+
+    simulator = turbines["nrel_5mw"]
+    with pytest.raises(SimulationError, match="more than Betz's limit"):
+        run(simulator, steady(8.0), 0.9, 60.0, hold(0.0, 2e4), reverse_wake)
+    assert 10.0 < simulator.time < 45.0
+
+
+# ---- where there is none, nothing happens ----------------------------------------------------------------------------
+
+HARD = [
+    ("from behind, fast", "iea_15mw", from_behind(12.0), 1.8, hold()),
+    ("from behind, blades swinging", "nrel_5mw", from_behind(14.0), 1.2, swing(2.0, 20.0, 2e4)),
+    ("far too fast in little wind", "nrel_5mw", steady(3.0), 2.3, hold()),
+    ("no wind", "nrel_5mw", steady(0.0), 1.0, swing(4.0, 30.0)),
+    ("start-up", "nrel_5mw", steady(7.0), 0.1, hold(5.0)),
+    ("fine pitch after feathering", "nrel_5mw", steady(4.0), 0.6, lambda t: (0.35 if t < 8.0 else 0.0, 0.0, 0.0)),
+    ("runaway", "iea_15mw", steady(9.0), 0.8, hold()),
+    ("across the wind", "iea_15mw", steady(15.0, 90.0), 1.0, swing(6.0, 15.0)),
+    ("yawing at full load", "nrel_5mw", steady(12.0, 40.0), 1.0, swing(1.0, 12.0, 4.3e4)),
+    ("emergency stop", "iea_15mw", steady(12.0), 1.0, lambda t: (0.0 if t < 2.0 else 1.5, 0.0, 0.0)),
+    ("parked in a storm", "nrel_5mw", steady(45.0, 25.0), 0.02, hold(88.0)),
+    ("flow on a standing rotor", "iea_15mw", steady(30.0, 150.0), 0.0, hold(90.0)),
+]
+
+
+@pytest.mark.parametrize(("name", "turbine", "inflow", "start", "policy"), HARD, ids=[row[0] for row in HARD])
+def test_balances_stay_far_from_their_limits(turbines, name, turbine, inflow, start, policy):
+    """In every corner that has a meaning the structure gains nothing, and the air lends less than a half."""
+    watched = run(turbines[turbine], inflow, start, 25.0, policy)
+    assert watched.gained < 0.3
+    assert watched.borrowed < 0.5
+
+
+@pytest.mark.parametrize(("turbine", "wind"), [("nrel_5mw", 8.0), ("nrel_5mw", 24.0), ("iea_15mw", 12.0)])
+def test_controlled_turbine_in_turbulence_gains_nothing(turbines, turbine, wind):
+    simulator = turbines[turbine]
+    height, diameter = simulator.turbine.hub_height, min(simulator.turbine.rotor_diameter, 170.0)
+    box = TurbulenceBox.kaimal(wind, height, diameter, "A", seed=2, grid=(7, 7))
+    simulator.inflow = TurbulentInflow(box, SteadyInflow(wind, height, shear_exponent=0.2))
+    watched = Watched(simulator)
+    run_baseline(simulator, 40.0, on_step=lambda signals: watched.look())
+    assert watched.gained < 0.1
+    assert watched.borrowed < 0.2
+
+
+@pytest.mark.parametrize("kind", ["eog", "ecd", "edc", "ews"])
+def test_controlled_turbine_in_a_gust_gains_nothing(turbines, kind):
+    simulator = turbines["nrel_5mw"]
+    wind = {"eog": 13.4, "ecd": 11.4, "edc": 11.4, "ews": 20.0}[kind]
+    simulator.inflow = getattr(TransientInflow, kind)(wind, 90.0, 126.0, start_time=5.0)
+    watched = Watched(simulator)
+    run_baseline(simulator, 25.0, on_step=lambda signals: watched.look())
+    assert watched.gained < 0.1
+    assert watched.borrowed < 0.2
+
+
+def test_all_forms_of_a_turbine_close_their_balance():
+    """Constraint equations, elastic yaw and shaft, drives that work: what is given is what is held or lost."""
+    simulator = Simulator("nrel_5mw", steady(10.0), replace(FIDELITIES["training"], yaw_drive="spring"))
+    watched = run(simulator, steady(10.0), 0.9, 10.0, swing(3.0, 15.0, 3e4))
+    assert watched.gained < 0.1
+
+
+def test_snapshot_holds_the_balances(turbines):
+    """A run cannot wash its debts away by being saved and restored."""
+    simulator = turbines["nrel_5mw"]
+    run(simulator, steady(4.0), 0.6, 12.0, lambda t: (0.35 if t < 8.0 else 0.0, 0.0, 0.0))
+    energy = simulator.coupling.exchange.energy
+    borrowed, state = energy.borrowed[0], simulator.state()
+    assert borrowed > 0.0
+    simulator.reset(rotor_speed=0.5)
+    assert energy.borrowed[0] == 0.0
+    simulator.restore(state)
+    assert energy.borrowed[0] == borrowed
