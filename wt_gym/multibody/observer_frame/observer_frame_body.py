@@ -21,10 +21,11 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from scipy.linalg import eigh, null_space
+from scipy.linalg import null_space
 
 from wt_gym.errors import WtGymError
 from wt_gym.structure.beam import skew
+from wt_gym.structure.modes import lowest_modes
 
 __all__ = ["REFERENCE_CONDITIONS", "ObserverFrameError", "Place", "Substructure", "reference_condition"]
 
@@ -239,8 +240,8 @@ class Substructure:
         elif n_modes is not None:
             stiffness, mass = (complying.T @ a @ complying for a in (beam.stiffness, beam.mass))
             try:
-                value, vector = eigh(stiffness, mass, subset_by_index=[0, n_modes - 1])
-            except np.linalg.LinAlgError as error:
+                value, vector = lowest_modes(stiffness, mass, n_modes)
+            except ValueError as error:
                 raise ObserverFrameError(f"substructure {name!r}: the mass matrix is singular") from error
             frequency, complying = np.sqrt(np.maximum(value, 0.0)), complying @ vector
         stations = {"root": beam.nodes[0], "tip": beam.nodes[-1]} | dict(markers or {})
