@@ -246,7 +246,7 @@ def exact_slider_crank(times, speed):
         inertia, potential = mechanism_energy(state[0])
         return [np.sqrt(2.0 * (total - potential) / inertia)]
 
-    return solve_ivp(rate, (times[0], times[-1]), [0.0], "DOP853", times, rtol=1e-8, atol=1e-9).y[0]
+    return solve_ivp(rate, (times[0], times[-1]), [0.0], "DOP853", times, rtol=1e-11, atol=1e-12).y[0]
 
 
 def slider_crank_system():

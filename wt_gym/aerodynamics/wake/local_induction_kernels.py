@@ -78,6 +78,14 @@ def take_segment(sheet, start, x, out):
     out[2] -= factor * (px * ry - py * rx)
 
 
+@kernel(fastmath=False, inline="always")
+def _on_ground(a, o, k, b, j):
+    """Whether a node lies on the ground, where its mirror image takes away what its own filament does."""
+    if not o.has_ground:
+        return False
+    return a.wake[k, b, j, 2] - o.ground < 0.01 * _distance(a.wake[k - 1, b, j], a.wake[k, b, j])
+
+
 @kernel(fastmath=False)
 def add_local_velocity(p, o, a, w):
     """Put the arcs in the place of their segments at the rows whose turn it is, in the order of `gather_targets`."""
@@ -90,8 +98,8 @@ def add_local_velocity(p, o, a, w):
         n_node = p.sparse_nodes.shape[0] if sparse else a.wake.shape[2]
         for b in range(a.wake.shape[1]):
             for i in range(n_node):
-                if k > 0 and n_rows > 1:
-                    j = p.sparse_nodes[i] if sparse else i
+                j = p.sparse_nodes[i] if sparse else i
+                if k > 0 and n_rows > 1 and not _on_ground(a, o, k, b, j):
                     for c in range(3):
                         x[c], out[c] = w.targets[0, c, n], 0.0
                     here = w.sparse_sheet[k - o.sparse_from, b, i] if sparse else w.wake_sheet[k, b, i]
