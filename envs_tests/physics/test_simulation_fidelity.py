@@ -8,14 +8,15 @@ import pytest
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Fidelity, Simulator
 from wt_gym.simulation.fidelity import ELASTODYN_NREL_5MW_TOWER
+from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 FEW = {"tower_elements": 4, "blade_elements": 4}
 
 
-def run(fidelity, seconds=1.0):
+def run(fidelity, seconds=1.0, turbine="nrel_5mw"):
     """Signals after a coupled run with a step of pitch, and the simulator."""
-    simulator = Simulator("nrel_5mw", SteadyInflow(9.0), fidelity)
+    simulator = Simulator(turbine, SteadyInflow(9.0), fidelity)
     simulator.reset(rotor_speed=1.1, pitch=0.0)
     signals = simulator.advance(seconds, pitch=0.03, yaw_rate=0.004, generator_torque=25e3)
     return signals, simulator
@@ -96,8 +97,14 @@ def test_the_published_configuration_has_no_linear_model():
 
 
 def test_fewer_corrector_passes_take_shorter_steps():
-    """ω h stays within 0.276, 0.78 and 1.08 with one, two and three passes, and the runs agree."""
-    runs = [run(Fidelity(corrections=n, **FEW), 0.4) for n in (1, 2, 3)]
+    """ω h stays within 0.276, 0.78 and 1.08 with one, two and three passes, and the runs agree.
+
+    The pitch drives have a servo: an ideal one changes its rate within one aerodynamic step, which the three long
+    sub-steps do not resolve as well as ten short ones.
+    """
+    turbine = load_turbine("nrel_5mw")
+    turbine = replace(turbine, pitch=replace(turbine.pitch, servo_frequency=4.0 * np.pi))
+    runs = [run(Fidelity(corrections=n, **FEW), 0.4, turbine) for n in (1, 2, 3)]
     steps = [simulator.coupling.integrator.step for _, simulator in runs]
     assert steps[0] < steps[1] <= steps[2]
     for signals, _ in runs[:2]:

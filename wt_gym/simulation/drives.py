@@ -81,8 +81,9 @@ class PitchDrives:
     """Drives of all blades: the command moves to the demand at no more than the greatest rate, within the range.
 
     The pitch bearing follows the command: with the servo of the turbine, or ideally. The rate of an ideal drive changes
-    linearly within an aerodynamic step of length Δt, from that of the command in the step before to that in this one,
-    so that it is never greater than the command's. The drive thus lags Δt/2 behind a moving command and stops on it.
+    smoothly within an aerodynamic step of length Δt, from that of the command in the step before to that in this one
+    (`wt_gym.multibody.tree.rate_kernels.prescribe_servos`), and is never greater than the command's. The drive thus
+    lags Δt/2 behind a moving command and stops on it.
 
     Parameters
     ----------

@@ -27,7 +27,8 @@ def rates(y, tau, inputs, tree, work, dy, constrained=None):
         angle, rate = y[n_y + s], y[n_y + n_s + s]
         wn, interval = tree.servo_frequency[s], inputs.servo_interval[1, s]
         if interval > 0.0:
-            work.servo_acceleration[s] = (inputs.servo_rate[1, s] - inputs.servo_rate[0, s]) / interval
+            change = inputs.servo_rate[1, s] - inputs.servo_rate[0, s]
+            work.servo_acceleration[s] = 30.0 * (tau * (1.0 - tau)) ** 2 * change / interval
         else:
             work.servo_acceleration[s] = wn * wn * (command - angle) - 2.0 * tree.servo_damping[s] * wn * rate
         dy[n_y + s] = rate
@@ -66,18 +67,20 @@ def rates(y, tau, inputs, tree, work, dy, constrained=None):
 def prescribe_servos(y, tau, inputs, n_y):
     """Angles and rates of servos that follow their commands exactly, into the state y, at the fraction tau.
 
-    Those with servo_interval (2, n_servo) > 0: over this time [s] the rate runs linearly between its values at both
-    ends, servo_rate (2, n_servo), and the angle, its integral, ends on servo_command[1]. The acceleration jumps from
-    interval to interval, which a multistep scheme would follow badly. n_y is the number of positions and velocities.
+    Those with servo_interval (2, n_servo) > 0: over this time [s] the rate goes from servo_rate[0] to servo_rate[1] by
+    10 τ³ − 15 τ⁴ + 6 τ⁵, and the angle, its integral, ends on servo_command[1]. The acceleration and its slope vanish
+    at both ends: a multistep scheme, which answers jumps of what drives the other bodies with errors of the first
+    order, then keeps the momentum that the drive exchanges with them. n_y is the number of positions and velocities.
     """
     n_s = inputs.servo_rate.shape[1]
     for s in range(n_s):
         interval = inputs.servo_interval[1, s]
         if interval > 0.0:
             first, change = inputs.servo_rate[0, s], inputs.servo_rate[1, s] - inputs.servo_rate[0, s]
-            left = 1.0 - tau  # of the interval, in which the rate has yet to change
-            y[n_y + n_s + s] = first + tau * change
-            y[n_y + s] = inputs.servo_command[1, s] - interval * left * (first + 0.5 * (1.0 + tau) * change)
+            risen = tau * tau * tau * (10.0 + tau * (6.0 * tau - 15.0))
+            turned = tau**4 * (2.5 + tau * (tau - 3.0))
+            y[n_y + n_s + s] = first + risen * change
+            y[n_y + s] = inputs.servo_command[1, s] - interval * ((1.0 - tau) * first + (0.5 - turned) * change)
 
 
 @kernel
