@@ -11,6 +11,7 @@ __all__ = ["ENGINEERING", "REFERENCE", "TRAINING", "AeroOptions"]
 
 LOAD_FORMS = ("joukowski", "bernoulli")
 INDUCTIONS = ("direct", "tree")
+NARROW_STRIPS = ("ends", "tip")
 DYNAMIC_STALL = (None, "oye")
 # Whole numbers and the least that each may be
 COUNTS = {
@@ -28,6 +29,8 @@ class AeroOptions:
     ----------
     n_chord, n_span : int
         Panels along the chord and along the span of one blade.
+    narrow_strips : str
+        Where the strips of a blade are narrower: "ends", or "tip" for few of them, see `planform.span_distribution`.
     azimuth_step_deg : float
         Recommended turn of the rotor in one aerodynamic step [deg]; the solver itself takes any time step.
     wake_rows : int
@@ -109,6 +112,7 @@ class AeroOptions:
 
     n_chord: int = 2
     n_span: int = 18
+    narrow_strips: str = "ends"
     azimuth_step_deg: float = 8.0
     wake_rows: int = 135
     trailing_edge_wake: bool = True
@@ -165,6 +169,10 @@ class AeroOptions:
             )
         if self.load_form not in LOAD_FORMS:
             raise AerodynamicsError(f"AeroOptions.load_form is {self.load_form!r}; allowed: {', '.join(LOAD_FORMS)}")
+        if self.narrow_strips not in NARROW_STRIPS:
+            raise AerodynamicsError(
+                f"AeroOptions.narrow_strips is {self.narrow_strips!r}; allowed: {', '.join(NARROW_STRIPS)}"
+            )
         if self.induction not in INDUCTIONS:
             raise AerodynamicsError(f"AeroOptions.induction is {self.induction!r}; allowed: {', '.join(INDUCTIONS)}")
 
@@ -226,7 +234,7 @@ def _is_count(value):
 # regularly as the curves they stand for. 40 degrees are too far; so are 32, where the corners lie between each other.
 # Four and a half turns: 8 steps in full, 192 with every third row, behind the first ones with six of eleven nodes.
 TRAINING = AeroOptions(
-    n_chord=1, n_span=10, azimuth_step_deg=8.0, wake_rows=72, full_rows=8, coarse_stride=3, sparse_from=12,
+    n_chord=1, n_span=10, narrow_strips="tip", azimuth_step_deg=8.0, wake_rows=72, full_rows=8, coarse_stride=3, sparse_from=12,
     sparse_stride=3, sparse_span=3, fresh_rows=0, refresh_stride=32, wind_stride=10, far_wake_rows=20, squire=2e-3,
 )  # fmt: skip
 # The same turns, 16 steps in full.

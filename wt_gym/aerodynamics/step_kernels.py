@@ -34,7 +34,7 @@ from wt_gym.aerodynamics.wake.wake_kernels import (
 from wt_gym.compiled import kernel
 
 TOLERANCE = 1e-5  # of the decambering, relative to the largest section speed
-MAX_ITERATIONS = 150  # one or two in attached flow
+MAX_ITERATIONS = 40  # one or two in attached flow
 CLEARANCE = 1.2  # tower radii within which the wake loses its segments (Gebhardt et al. 2012)
 
 
