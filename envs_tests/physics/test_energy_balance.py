@@ -112,8 +112,8 @@ def test_a_rotor_pushed_by_nothing_is_found_out(turbines):
     """A thousandth of the rotor's speed more in each step."""
 
     def push(sim):
-        history, system = sim.coupling.integrator.history, sim.structure.system
-        history.y[3, system.n_q + sim.structure.azimuth_u] *= 1.001
+        system = sim.structure.system
+        sim.coupling.integrator.history.y[3, system.n_q + sim.structure.azimuth_u] *= 1.001
 
     simulator = turbines["nrel_5mw"]
     with pytest.raises(SimulationError, match="come from nothing"):

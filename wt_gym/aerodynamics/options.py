@@ -234,8 +234,9 @@ def _is_count(value):
 # regularly as the curves they stand for. 40 degrees are too far; so are 32, where the corners lie between each other.
 # Four and a half turns: 8 steps in full, 192 with every third row, behind the first ones with six of eleven nodes.
 TRAINING = AeroOptions(
-    n_chord=1, n_span=10, narrow_strips="tip", azimuth_step_deg=8.0, wake_rows=72, full_rows=8, coarse_stride=3, sparse_from=12,
-    sparse_stride=3, sparse_span=3, fresh_rows=0, refresh_stride=32, wind_stride=10, far_wake_rows=20, squire=2e-3,
+    n_chord=1, n_span=10, narrow_strips="tip", azimuth_step_deg=8.0, wake_rows=72, full_rows=8, coarse_stride=3,
+    sparse_from=12, sparse_stride=3, sparse_span=3, fresh_rows=0, refresh_stride=32, wind_stride=10, far_wake_rows=20,
+    squire=2e-3,
 )  # fmt: skip
 # The same turns, 16 steps in full.
 ENGINEERING = AeroOptions(

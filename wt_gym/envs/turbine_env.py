@@ -53,10 +53,10 @@ class WindTurbineEnv(gym.Env):
     With ``action_mode="absolute"`` components 0 and 2 are the demands themselves, from the lower to the upper limit of
     the turbine (0 to 90 deg, 0 to 47.4 kN m); yaw remains a rate. With ``pitch="individual"`` component 0 becomes one a
     blade, blade 1 first. Positive pitch feathers; positive yaw is counter-clockwise seen from above. A turbine without
-    yaw drive (greatest yaw rate 0) has no yaw component. Demands stop at the limits of the turbine; the drives follow
-    them at their greatest rates and with the bandwidth that the turbine gives them (docs/simulation.md). An action that
-    is not finite, of another shape or beyond [-1, 1] by more than rounding raises `wt_gym.errors.ActionError`, leaves
-    the state as it was, and the episode can go on.
+    yaw drive (greatest yaw rate 0) has no yaw component. Demands stop at the limits of the turbine; servos, with their
+    own dynamics and greatest rates, follow the demands. An action that is not finite, of another shape or beyond
+    [-1, 1] by more than rounding raises `wt_gym.errors.ActionError`, leaves the state as it was, and the episode can go
+    on.
 
     ## Observation space
 

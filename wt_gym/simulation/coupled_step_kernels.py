@@ -104,7 +104,7 @@ def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
         code = correct_step(air, motion, x, scheme, blade_wind)
     if code == OK:
         accept(air.planform, air.constants, air.arrays, air.work, bool(True), bool(False), air.bodies, air.body_work)
-        code = end_step(motion, x, scheme, blade_wind, gauges, monitor)
+        code = end_step(motion, x, scheme, gauges, monitor, blade_wind)
     return code
 
 
@@ -226,8 +226,8 @@ def secant_share(new, passes, share, memory):
 
 
 @kernel
-def end_step(motion, x, scheme, blade_wind, gauges, monitor):
-    """Rates that belong to the stored state and the final loads; extremes; is any out of range, or of balance?"""
+def end_step(motion, x, scheme, gauges, monitor, blade_wind):
+    """Rates that belong to the stored state and the final loads; extremes; is anything out of range or balance?"""
     code = hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, 1.0, int(0), int(0),
                            motion.constrained, bool(True))  # fmt: skip
     if code != OK:
@@ -235,4 +235,4 @@ def end_step(motion, x, scheme, blade_wind, gauges, monitor):
     watch_steps(motion, scheme.n_sub, gauges, monitor)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
     code = check_range(motion.history.y[3], x, monitor)
-    return check_energy(motion, x.energy, blade_wind, scheme.dt) if code == OK else code
+    return check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt) if code == OK else code

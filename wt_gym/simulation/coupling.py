@@ -284,7 +284,7 @@ class Coupling:
             code = coupled_step_kernels.correct_step(air, motion, x, scheme, blade_wind)
         if code == tree_kernels.OK:
             self.models.lattice.accept(self.aero)
-            code = coupled_step_kernels.end_step(motion, x, scheme, blade_wind, gauges, monitor)
+            code = coupled_step_kernels.end_step(motion, x, scheme, gauges, monitor, blade_wind)
         return code
 
     def _failure(self, code):

@@ -25,7 +25,6 @@ class EnergyBalance(NamedTuple):
     is_blade: np.ndarray  # bool (n_b,)
     servo_body: np.ndarray  # (n_servo,) body that each servo turns
     servo_axis: np.ndarray  # (n_servo, 3) its axis, body components
-    wrench: np.ndarray  # (n_b, 6) work
     force: np.ndarray  # (3,) work
     # the state, each (1,)
     looked: np.ndarray  # int64: steps since the energy of the structure was looked at, -1 at the start
@@ -58,7 +57,7 @@ class EnergyBalance(NamedTuple):
             per_force=0.5 / (density * area), share=_disc_shares(models),
             is_blade=np.isin(np.arange(n_b), blades),
             servo_body=np.concatenate([turned, system.tree.constraint_body[driven, 1]]).astype(np.int64),
-            servo_axis=np.concatenate([axes, system.tree.constraint_axis[driven]]), wrench=np.zeros((n_b, 6)),
+            servo_axis=np.concatenate([axes, system.tree.constraint_axis[driven]]),
             force=np.zeros(3), **(state | {"looked": np.full(1, -1)}),
         )  # fmt: skip
 

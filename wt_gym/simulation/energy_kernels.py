@@ -21,7 +21,7 @@ Sums below zero are forgotten, so that no energy given away earlier can hide wha
 """
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.tree.output_kernels import energies, joint_wrenches
+from wt_gym.multibody.tree.output_kernels import energies
 from wt_gym.multibody.tree.tree_kernels import OK
 
 # Beyond the codes of the coupled step
@@ -33,12 +33,13 @@ MEMORY = 600.0  # [s] of the loan and of the wind it is measured by
 
 
 @kernel
-def check_energy(motion, e, blade_wind, dt):
+def check_energy(motion, e, wrench, blade_wind, dt):
     """Both balances at the end of a step dt [s] with the wind (n_blade, n_row, n_node, 3) at the blades; a code.
 
-    motion : `Motion`, whose kinematics and rates belong to its newest state; e : `EnergyBalance`.
+    motion : `Motion`, whose kinematics and rates belong to its newest state; e : `EnergyBalance`; ``wrench`` (n_b, 6)
+    holds the forces and moments in the joints.
     """
-    given, passing, of_air, force2 = powers(motion, e)
+    given, passing, of_air, force2 = powers(motion, e, wrench)
     carried, speed2 = wind_at_disc(blade_wind, e.share)
     lively = speed2 + e.per_force * force2**0.5
     if e.looked[0] < 0:  # the first step after a start: from here on
@@ -85,7 +86,7 @@ def wind_at_disc(wind, share):
 
 
 @kernel
-def powers(motion, e):
+def powers(motion, e, wrench):
     """Power given to the structure and the sum of the sizes of its parts [W], that of the air on the blades [W], F^2.
 
     Parts: of each body the loads with its frame and those on its elastic coordinates, of each coordinate its force, of
@@ -113,11 +114,10 @@ def powers(motion, e):
         power = motion.inputs.dof_force[1, i] * y[n_q + i]
         given += power
         passing += abs(power)
-    joint_wrenches(y, motion.history.f[3, n_q : n_q + n_u], loads, tree, work, e.wrench)
     for s in range(e.servo_body.shape[0]):
         moment = 0.0
         for i in range(3):
-            moment += e.wrench[e.servo_body[s], 3 + i] * e.servo_axis[s, i]
+            moment += wrench[e.servo_body[s], 3 + i] * e.servo_axis[s, i]
         power = moment * y[n_q + n_u + tree.n_servo + s]
         given += power
         passing += abs(power)
