@@ -10,7 +10,7 @@ from validation.dynamic_inflow import DynamicRotor, loewy, oye_filter, oye_times
 from validation.lattice_convergence import HELIX, rigid_helix
 from validation.nrel5mw_rotor import WIND, tilted_element, wake_options
 from validation.operating_curve import GENERATOR_EFFICIENCY, steady_point
-from validation.phase_vi import OPTIONS, run_blade
+from validation.phase_vi import MEASURED, OPTIONS, run_blade, stalled_rotor
 from validation.rigid_rotor import RigidRotor
 from validation.rotor_gust import measured, theory
 from validation.rotor_transients import Response
@@ -144,3 +144,14 @@ def test_tjaereborg_pitch_steps():
         assert 3.0 <= torque.ratio <= 7.0
         assert 1.5 <= thrust.ratio <= 1.9
         assert 6.0 <= torque.recovery <= 14.0
+
+
+def test_stall_delayed_by_rotation_gives_a_stalled_rotor_its_torque():
+    """UAE Phase VI at 20 m/s: two-dimensional polars lose 40 % of the torque and of the normal force inboard."""
+    torque, _, coefficients = MEASURED[20.0]
+    obtained, _, normal = stalled_rotor(20.0, augmentation="du-selig", turns=3.0)
+    assert obtained == pytest.approx(torque, rel=0.15)
+    assert normal[0] == pytest.approx(coefficients[0], rel=0.1)
+    without, _, flat = stalled_rotor(20.0, turns=3.0)
+    assert without < 0.7 * torque
+    assert flat[0] < 0.7 * coefficients[0]

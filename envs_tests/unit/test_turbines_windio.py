@@ -441,3 +441,20 @@ def test_wrong_beam_stations_are_refused(station, stiffness, inertia, named):
             unit if stiffness is None else stiffness,
             unit if inertia is None else inertia,
         )
+
+
+@pytest.mark.parametrize(
+    ("description", "rotating"),
+    [
+        (None, None),
+        ("wind tunnel, clean", None),
+        ("Re 1e7, no 3D correction", False),
+        ("No rotational augmentation.", False),
+        ("stall delay included, Viterna", True),
+    ],
+)
+def test_descriptions_tell_whether_polars_hold_rotation(description, rotating, tmp_path):
+    data = small_turbine()
+    if description is not None:
+        data["airfoils"][0]["polars"][0]["description"] = description
+    assert load_turbine(save(data, tmp_path)).blade.rotating_polars is rotating

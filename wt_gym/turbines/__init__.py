@@ -17,6 +17,7 @@ from wt_gym.turbines.model import (
     Tower,
     Turbine,
 )
+from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
 
 __all__ = [
     "Airfoil",
@@ -27,6 +28,7 @@ __all__ = [
     "Nacelle",
     "PitchSystem",
     "Polar",
+    "RotationalAugmentation",
     "Tower",
     "Turbine",
     "catalogue",

@@ -10,6 +10,7 @@ from scipy.interpolate import PchipInterpolator
 from wt_gym.turbines.airfoil import Airfoil, Polar, blend_polars
 from wt_gym.turbines.beam import BeamStations
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_ascending, check_number, check_span, fail
+from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
 
 __all__ = ["Blade"]
 
@@ -46,6 +47,10 @@ class Blade(ArrayRecord):
     normal_offset : ndarray (m,)
         Distance of the chord line from the reference axis towards the suction side, divided by the chord; zero for
         most blades. ``camber_at`` includes it.
+    rotating_polars : bool or None
+        Whether the polars of ``airfoils`` hold the delay of stall by rotation; None where that is not known.
+    augmentation : RotationalAugmentation or None
+        What `polar_at` adds to two-dimensional polars.
     """
 
     length: float
@@ -62,6 +67,8 @@ class Blade(ArrayRecord):
     structure: BeamStations
     damping_ratio: float
     normal_offset: NDArray[np.float64] | None = None
+    rotating_polars: bool | None = None
+    augmentation: RotationalAugmentation | None = None
 
     def __post_init__(self) -> None:
         """Check the fields and make the arrays read-only."""
@@ -74,6 +81,8 @@ class Blade(ArrayRecord):
         self._check_axis()
         self._check_planform()
         self._check_airfoils()
+        if self.augmentation is not None and self.rotating_polars:
+            raise fail("Blade.augmentation", self.augmentation, "None: the polars hold the delay of stall by rotation")
 
     def _check_axis(self) -> None:
         station = check_array("Blade.axis_station", self.axis_station, (None,), low=0.0)
@@ -165,9 +174,16 @@ class Blade(ArrayRecord):
         return self.airfoils[index[j - 1]], self.airfoils[index[j]], weight
 
     def polar_at(self, z: float) -> Polar:
-        """Return the polar at z [m] from the root, blended linearly between the neighbouring airfoil stations."""
-        first, second, weight = self._bracket(float(self._inside(z)))
-        return blend_polars(first.polar, second.polar, weight)
+        """Return the polar at z [m] from the root, blended linearly between the neighbouring airfoil stations.
+
+        With ``augmentation``, that of the section in rotation.
+        """
+        position = float(self._inside(z))
+        first, second, weight = self._bracket(position)
+        polar = blend_polars(first.polar, second.polar, weight)
+        if self.augmentation is None:
+            return polar
+        return self.augmentation.of(polar, float(self.chord_at(position)), self.root_radius + position)
 
     @property
     def lift_start(self) -> float:

@@ -141,7 +141,8 @@ def _blade(data):
     station = np.concatenate(([0.0, first, last], span[outboard]))
     chord = np.interp(station, span, plan["chord_m"])
     chord[:2] = ROOT_CHORD
-    known = {a.name: a for a in load_turbine("nrel_5mw").blade.airfoils}
+    donor = load_turbine("nrel_5mw").blade
+    known = {a.name: a for a in donor.airfoils}
     lifting = [(z, name) for z, name in zip(span, plan["airfoil"], strict=True) if not name.startswith("Cylinder")]
     # a new section begins where its name first appears; between two such stations the sections are blended
     names = list(dict.fromkeys(name for _, name in lifting))
@@ -158,6 +159,7 @@ def _blade(data):
         airfoils=tuple(known[name] for name in names),
         airfoil_station=np.array(begins),
         airfoil_index=np.arange(len(names)),
+        rotating_polars=donor.rotating_polars,
         structure=_blade_structure(beam),
         damping_ratio=0.0,
     )

@@ -8,7 +8,8 @@ minus the twist about z: x_s normal to the chord to the suction side, y_s from l
 and pitch feather, that is, they turn the leading edge upwind (to -x). OpenFAST's names are given where they exist.
 """
 
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +26,7 @@ from wt_gym.turbines.checks import (
     check_symmetric,
     fail,
 )
+from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
 
 __all__ = [
     "Airfoil",
@@ -374,6 +376,42 @@ class Turbine(ArrayRecord):
                 raise fail(
                     f"Turbine.{name}", given, f"{geometry:.2f} m +- 1 %, which blade, hub, nacelle and tower give"
                 )
+
+    def with_rotational_augmentation(self, model: str = "du-selig", tip_speed_ratio: float | None = None) -> "Turbine":
+        """Return this turbine with polars whose stall is delayed by rotation.
+
+        Parameters
+        ----------
+        model : str
+            "du-selig" or "snel", see `RotationalAugmentation`.
+        tip_speed_ratio : float, optional
+            Of the operation for which the polars are made; by default that at rated wind and rotor speed.
+
+        Raises
+        ------
+        TurbineDefinitionError
+            If the polars hold the effect of rotation already, or the model is unknown.
+
+        Warns
+        -----
+        UserWarning
+            If it is not known whether they do; the polars are then taken as two-dimensional, with a note.
+        """
+        what = f"{model!r} for {self.name}"
+        if self.blade.rotating_polars or self.blade.augmentation is not None:
+            allowed = "a turbine with two-dimensional polars; those of its blade hold the delay of stall by rotation"
+            raise fail("Turbine.with_rotational_augmentation", what, allowed)
+        radius = 0.5 * self.rotor_diameter
+        ratio = tip_speed_ratio
+        if ratio is None:
+            ratio = self.drivetrain.rated_rotor_speed * radius / self.rated_wind_speed
+        augmentation = RotationalAugmentation(model, radius, ratio)
+        notes = (*self.notes, f"stall delayed by rotation: {model} at the tip-speed ratio {ratio:.2f}")
+        if self.blade.rotating_polars is None:
+            unknown = "nothing says whether its polars hold the delay of stall by rotation; taken as two-dimensional"
+            warnings.warn(f"rotational augmentation {what}: {unknown}", stacklevel=2)
+            notes = (*notes, f"polars: {unknown}")
+        return replace(self, blade=replace(self.blade, augmentation=augmentation), notes=notes)
 
     @property
     def _geometric_diameter(self) -> float:

@@ -1,5 +1,7 @@
 """The airfoils of a windIO file: contours, camber lines and polars."""
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,10 @@ __all__ = ["AirfoilLibrary"]
 
 KINEMATIC_VISCOSITY = 1.46e-5
 """Of air at 15 degrees Celsius [m^2/s]; only used to choose between tables at several Reynolds numbers."""
+
+_WITH_ROTATION = re.compile(r"\b(3-?D correction|rotational augmentation|stall delay) included\b", re.IGNORECASE)
+_WITHOUT = re.compile(r"\bno (3-?D correction|rotational augmentation|stall delay)\b", re.IGNORECASE)
+"""What descriptions of airfoils and polars say about the delay of stall by rotation; windIO has no entry for it."""
 
 
 class AirfoilLibrary:
@@ -46,6 +52,24 @@ class AirfoilLibrary:
     def thickness(self, entry: Node) -> float:
         """Return the relative thickness of the airfoil that an entry of the blade names."""
         return self._node(entry).number("rthick", 1e-3, 1.0)
+
+    def rotating_polars(self, entries: list[Node]) -> bool | None:
+        """Return whether the polars hold the delay of stall by rotation, None if no description says so.
+
+        Parameters
+        ----------
+        entries : list of Node
+            ``components.blade.outer_shape.airfoils``. The ``description`` of an airfoil or of a set of its polars tells
+            by "rotational augmentation included" or "no rotational augmentation", also "3D correction" or "stall
+            delay"; what one of them says holds for those that say nothing.
+        """
+        texts = []
+        for entry in entries:
+            node = self._node(entry)
+            texts += [str(part.data.get("description", "")) for part in (node, *node.items("polars"))]
+        if any(map(_WITH_ROTATION.search, texts)):
+            return True
+        return False if any(map(_WITHOUT.search, texts)) else None
 
     def airfoil(self, entry: Node, speed_chord: float) -> Airfoil:
         """Return the airfoil of an entry of the blade.

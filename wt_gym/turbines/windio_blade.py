@@ -103,6 +103,7 @@ def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float, notes: l
             structure=structure,
             damping_ratio=damping,
             normal_offset=normal_offset,
+            rotating_polars=library.rotating_polars(shape.items("airfoils")),
         )
 
 
