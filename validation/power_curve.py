@@ -21,6 +21,7 @@ from wt_gym.turbines import load_turbine
 
 WIND = 8.0
 RATIOS = (5.0, 6.0, 7.0, 7.55, 8.0, 9.0, 10.0, 11.0)
+DATA = Path(__file__).parent / "data"
 TABLE = "nrel5mw_converged.csv"
 HEADER = """\
 # Cp and Ct of the rigid NREL 5-MW rotor (cone 2.5 deg, no tilt, pitch 0, 8 m/s, polars fed back) on a free-wake
@@ -73,6 +74,19 @@ def converged(ratio):
     return value, sum(np.abs(part) for part in parts) / 3.0 + 0.005 * value
 
 
+def converged_table():
+    """Rows of the table: tip-speed ratio, Cp, Ct and their uncertainties.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the table has not been made.
+    """
+    if not (DATA / TABLE).exists():
+        raise FileNotFoundError(f"{TABLE} is not there; make it: python -m validation.power_curve")
+    return read_table(TABLE)[0]
+
+
 def write_table() -> None:
     """Compute the converged lattice at all tip-speed ratios and write the table."""
     rows = []
@@ -81,8 +95,7 @@ def write_table() -> None:
         rows.append(f"{ratio:g},{cp:.4f},{ct:.4f},{cp_error:.4f},{ct_error:.4f}")
         print(rows[-1], flush=True)
     heading = "tip_speed_ratio,Cp,Ct,Cp_uncertainty,Ct_uncertainty\n"
-    path = Path(__file__).parent / "data" / TABLE
-    path.write_text(HEADER + heading + "\n".join(rows) + "\n", encoding="utf-8")
+    (DATA / TABLE).write_text(HEADER + heading + "\n".join(rows) + "\n", encoding="utf-8")
 
 
 @case(
@@ -93,7 +106,7 @@ def write_table() -> None:
 )
 def converged_rotor():
     """The table against a lifting line; computed again at one ratio, against the table."""
-    table, _ = read_table(TABLE)
+    table = converged_table()
     checks = [
         Check(f"Cp of the table, tip-speed ratio {ratio:g}", cp, float(row[1]), 0.02, source="lifting line")
         for ratio, cp in LIFTING_LINE.items()
@@ -134,7 +147,7 @@ def steps_in_simulator(rung, ratio):
 )
 def power_curve_ladder():
     """Coefficients and the place of the largest Cp, with the time step of the simulator at 8 m/s and at rated speed."""
-    table, _ = read_table(TABLE)
+    table = converged_table()
     optimum = vertex(table[:, 0], table[:, 1])
     checks, curves, lines = [], {"Cp": [], "Ct": []}, [f"{'':34s}" + "".join(f"{ratio:>16g}" for ratio in table[:, 0])]
     lines.append(f"{'converged lattice':34s}" + "".join(f"{cp:9.4f}{ct:7.3f}" for cp, ct in table[:, 1:3]))
