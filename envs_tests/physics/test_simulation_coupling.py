@@ -279,10 +279,13 @@ def test_the_speed_limit_holds_for_both_ends_of_a_flexible_shaft():
 def test_constrained_formulation_gives_the_same_turbine():
     """Blades held by Lagrange multipliers: same signals as the embedded form, in a pitching, yawing, loaded turbine."""
     inflow = SteadyInflow(11.0, shear_exponent=0.2, yaw_misalignment=0.1)
+    turbine = load_turbine("nrel_5mw")
+    # steps of the demand that an ideal drive follows at once would need shorter structural steps for this agreement
+    turbine = replace(turbine, pitch=replace(turbine.pitch, servo_frequency=4.0 * np.pi))
     runs = []
     for formulation in ("embedded", "constrained"):
         fidelity = replace(FIDELITIES["training"], max_substep=0.0125, formulation=formulation)
-        sim = Simulator("nrel_5mw", inflow=inflow, fidelity=fidelity)
+        sim = Simulator(turbine, inflow=inflow, fidelity=fidelity)
         sim.reset(rotor_speed=1.2, pitch=0.02, azimuth=0.3)
         for k in range(25):
             sim.advance(0.2, pitch=(0.02, 0.05, 0.01 * (k % 10)), yaw_rate=0.004, generator_torque=38e3)
