@@ -19,6 +19,8 @@ FILES = [
     ROOT / "wt_gym" / "simulation" / "coupled_step_kernels.py",
     ROOT / "wt_gym" / "simulation" / "coupling_kernels.py",
     ROOT / "wt_gym" / "simulation" / "fidelity.py",
+    ROOT / "wt_gym" / "turbines" / "model.py",
+    ROOT / "wt_gym" / "turbines" / "rotational_augmentation.py",
 ]
 DEFAULTS = {field.name: field.default for field in fields(AeroOptions)}
 
