@@ -198,7 +198,7 @@ def dynamic_stall():
         with_wake = oye_loop(section, motion, shed_wake=True)
         lattice = lattice_loop(motion, polar, dynamic_stall="oye")
         checks += [
-            Check(f"{label}, lattice: {name}", value, obtained, 0.07, relative=False, source="ODE with Jones's wake")
+            Check(f"{label}, lattice: {name}", value, obtained, 0.05, relative=False, source="ODE with Jones's wake")
             for name, value, obtained in zip(names, landmarks(with_wake[1]), landmarks(lattice[1]), strict=True)
         ]
         static = section.lift(np.radians(angle), section.static_point(np.radians(angle)))
