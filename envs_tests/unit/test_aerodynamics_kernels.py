@@ -131,9 +131,34 @@ def cylinder(points, ring=1.0, line=0.0, radius=1.0):
     wake = far_wake(radius)
     wake.far_ring[:] = ring
     wake.far_tube[LINE] = line * (1.0 + 0.05**2 * radius**2)
+    return velocity_of(wake, points)
+
+
+def velocity_of(wake, points):
     targets, velocity = np.ascontiguousarray(points.T, dtype=np.float32), np.zeros((3, len(points)), dtype=np.float32)
     far_wake_velocity(wake, cylinder_table(), targets, velocity, len(points), np.zeros((8, len(points)), np.float32))
     return velocity.T
+
+
+def test_cells_behind_the_first_act_as_the_changes_of_all_their_cylinders():
+    """A strong tip and a root of the opposite sign, against every cylinder of every cell."""
+    radii, strength = np.array([8.0, 40.0, 52.0, 60.0]), np.array([-0.8, 0.1, 0.3, 1.0])
+    wake = far_wake(*radii)
+    growth = 1.0 + 0.08 * np.arange(N_CELL)[:, None]
+    wake.far_ring[:] = growth * strength
+    radius, angle = np.meshgrid([5.0, 30.0, 45.0, 55.0, 65.0], np.linspace(0.0, 6.0, 5))
+    across = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2)
+    lengths = 0.5 * 60.0 * 1.4 ** np.arange(N_CELL)
+    starts = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+    changes = np.diff(growth * strength, axis=0, prepend=0.0)
+    for z, tolerance in ((-400.0, 1e-4), (-20.0, 2e-3), (0.0, 3e-3)):
+        points = np.column_stack([across, np.full(len(across), z)])
+        exact = 0.0
+        for start, change in zip(starts, changes, strict=True):
+            for ring, size in zip(change, radii, strict=True):
+                exact = exact + ring * cylinder((points - [0.0, 0.0, start]) / size)
+        found = velocity_of(wake, points)
+        np.testing.assert_allclose(found, exact, atol=tolerance)
 
 
 def test_speed_of_a_cylinder_at_its_own_radius():

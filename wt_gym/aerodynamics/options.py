@@ -44,8 +44,8 @@ class AeroOptions:
     sparse_from, sparse_stride, sparse_span : int
         From row ``sparse_from`` on (None: nowhere) only every ``sparse_stride``-th shed row is kept, and of its nodes
         only the last three, every ``sparse_span``-th inboard of them and the first carry vortices, rings between merged
-        by their widths; the other nodes move with the velocities of these neighbours. With ``sparse_from=None`` both
-        must be 1.
+        by the areas that they sweep; the other nodes move with the velocities of these neighbours. With
+        ``sparse_from=None`` both must be 1.
     fresh_rows, refresh_stride : int
         The induced velocity of the first ``fresh_rows`` rows is computed every step, that of an older row in turn every
         ``refresh_stride`` steps, in the first third of the rows every ``refresh_stride // 4``. Between, it turns with
@@ -232,13 +232,14 @@ def _is_count(value):
 # Errors against a converged lattice and REFERENCE: scripts/validate.py run power-curve-ladder turbulence-ladder.
 # Rows 24 degrees apart: three blades then have corners at the same azimuths, and the polygons of a turn lie as
 # regularly as the curves they stand for. 40 degrees are too far; so are 32, where the corners lie between each other.
-# Four and a half turns: 8 steps in full, 192 with every third row, behind the first ones with six of eleven nodes.
+# Almost four turns at 8 degrees a step: 8 steps in full, 168 with every third row, behind the first ones with six
+# of eleven nodes.
 TRAINING = AeroOptions(
-    n_chord=1, n_span=10, narrow_strips="tip", azimuth_step_deg=8.0, wake_rows=72, full_rows=8, coarse_stride=3,
+    n_chord=1, n_span=10, narrow_strips="tip", azimuth_step_deg=8.0, wake_rows=64, full_rows=8, coarse_stride=3,
     sparse_from=12, sparse_stride=3, sparse_span=3, fresh_rows=0, refresh_stride=32, wind_stride=10, far_wake_rows=20,
     squire=2e-3,
 )  # fmt: skip
-# The same turns, 16 steps in full.
+# Four and a half turns: 16 steps in full, 192 with every third row.
 ENGINEERING = AeroOptions(
     n_chord=2, n_span=16, azimuth_step_deg=8.0, wake_rows=80, full_rows=16, coarse_stride=3, sparse_from=32,
     sparse_stride=3, sparse_span=3, fresh_rows=1, refresh_stride=20, wind_stride=3, far_wake_rows=24, squire=1e-3,

@@ -37,7 +37,7 @@ class PlanformArrays(NamedTuple):
     segment_core: np.ndarray  # (2, n) core radius squared [m^2]
     n_segments: np.ndarray  # (2,)
     sparse_nodes: np.ndarray  # int64 (n_sparse,) nodes of the edge that carry the sparse part of the wake
-    sparse_weight: np.ndarray  # (n_edge,) share of each ring in the width of its merged ring
+    sparse_weight: np.ndarray  # (n_edge,) share of each ring in its merged ring, see sparse_span
     sparse_place: np.ndarray  # (n_edge + 1,) place of a node between its carrying neighbours, 0 … 1
 
     @classmethod
@@ -57,7 +57,7 @@ class PlanformArrays(NamedTuple):
             0.5 * planform.chord * planform.lift_slope, planform.moment0_lattice, planform.slope_angle,
             np.column_stack([np.cos(tilt), np.sin(tilt)]), separation_tables(stalling), cylinder_table, edge.nodes,
             edge.rings, edge.chord, segments, cores, count,
-            *sparse_span(planform.nodes, edge.nodes, options.sparse_span),
+            *sparse_span(planform, edge.nodes, options.sparse_span),
         )  # fmt: skip
 
 
@@ -69,16 +69,24 @@ def carrying_nodes(n_edge, stride):
     return np.unique(np.concatenate([np.arange(max(n_edge - 2, 0), -1, -stride), [0, n_edge - 1, n_edge]]))
 
 
-def sparse_span(nodes, edge_nodes, stride):
-    """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbours."""
-    corners = nodes.reshape(-1, 3)[edge_nodes]
+def sparse_span(planform, edge_nodes, stride):
+    """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbours.
+
+    The shares are those of the areas that the rings sweep behind a rotor: the merged ring has the impulse of its parts,
+    circulation times area, with which the wake carries the thrust. With shares of the widths, as behind a wing, the
+    5-MW rotor would have half a per cent too much power.
+    """
+    corners = planform.nodes.reshape(-1, 3)[edge_nodes]
     width = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    area = width
+    if planform.root_radius is not None:
+        area = width * np.maximum(planform.root_radius + 0.5 * (corners[1:, 2] + corners[:-1, 2]), 0.0)
     n_edge = len(width)
     chosen = carrying_nodes(n_edge, stride)
     weight, place = np.empty(n_edge), np.zeros(n_edge + 1)
     for first, last in pairwise(chosen):
-        weight[first:last] = width[first:last] / width[first:last].sum()
-        place[first + 1 : last] = np.cumsum(weight[first : last - 1])
+        weight[first:last] = area[first:last] / area[first:last].sum()
+        place[first + 1 : last] = np.cumsum(width[first : last - 1]) / width[first:last].sum()
     return chosen, weight, place
 
 
@@ -142,6 +150,7 @@ class AeroWork(NamedTuple):
     velocity: np.ndarray  # float32 (2, 3, n_target)
     scratch: np.ndarray  # float32
     rows: np.ndarray  # int64 (n_max + 1,) rows whose turn it is
+    row_points: np.ndarray  # (n_max + 1, n_blade, n_edge + 1, 3) nodes of these rows [m]
     n_turn: np.ndarray  # int64 (1,) their number
     corners: np.ndarray  # (2, n_blade, n_corner, 3) ring nodes and newest wake row, and their mirror images
     points: np.ndarray  # (3, n_point)
@@ -181,7 +190,8 @@ class AeroWork(NamedTuple):
             sparse_sheet=aligned_zeros((n_sparse, n_blade, p.sparse_nodes.size, 7), single),
             targets=aligned_zeros((2, 3, n_target), single), velocity=aligned_zeros((2, 3, n_target), single),
             scratch=aligned_zeros(8 * WIDTH * widest + 14 * n_target, single),
-            rows=aligned_zeros(n_max + 1, dtype=np.int64), n_turn=aligned_zeros(1, dtype=np.int64),
+            rows=aligned_zeros(n_max + 1, dtype=np.int64),
+            row_points=aligned_zeros((n_max + 1, n_blade, n_edge + 1, 3)), n_turn=aligned_zeros(1, dtype=np.int64),
             corners=aligned_zeros((2, n_blade, n_corner, 3)),
             points=aligned_zeros((3, n_point)), part=aligned_zeros((3, n_point)), flow=aligned_zeros((3, n_point)),
             normal=aligned_zeros((n_ring, 3)), area=aligned_zeros(n_ring), swap=aligned_zeros(n_ring, dtype=np.int64),

@@ -15,7 +15,7 @@ from wt_gym.aerodynamics.lattice.planform import LatticePlanform, check_areas, n
 from wt_gym.aerodynamics.options import AeroOptions
 from wt_gym.aerodynamics.state import AeroConstants, AeroState, AeroWork, PlanformArrays
 from wt_gym.aerodynamics.wake.far_wake import cylinder_table
-from wt_gym.aerodynamics.wake.wake_kernels import place_newest_row, shedding_edge
+from wt_gym.aerodynamics.wake.wake_kernels import place_newest_row, rows_for_wind, shedding_edge, store_wind
 
 __all__ = ["VortexLattice"]
 
@@ -276,22 +276,19 @@ class VortexLattice:
         AerodynamicsError
             If the inflow is not finite or has another shape than the points.
         """
-        a, stride, n = state.arrays, self.options.wind_stride, state.n_rows + 1
-        rows = slice(0, n)
-        if stride > 1 and a.n_steps[0] > 0:
-            turn = (a.n_steps[0] - a.shed[:n]) % stride == 0  # by the time since they were shed
-            turn[0] = True
-            rows = np.flatnonzero(turn)
-        points = a.wake[rows]
-        wind = np.asarray(inflow.velocity(points, time))
+        a, w = state.arrays, self.work
+        step = a.n_steps[0]
+        stride = self.options.wind_stride if step > 0 else 1
+        count = rows_for_wind(a.wake, a.shed, state.n_rows, step, stride, w.rows, w.row_points)
+        points = w.row_points[:count]
+        wind = np.ascontiguousarray(inflow.velocity(points, time), dtype=np.float64)
         if wind.shape != points.shape:
             raise AerodynamicsError(
                 f"the inflow gives velocities of shape {wind.shape} at wake nodes of shape {points.shape}; they must "
                 "have the same"
             )
-        if not math.isfinite(wind.sum()):
+        if not store_wind(wind, w.rows, a.wind):
             raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
-        a.wind[rows] = wind
 
     def solve(self, state: AeroState, nodes, velocities, wind, dt: float) -> np.ndarray:
         """Circulation and loads for the given motion at the end of the step; may be repeated.

@@ -42,6 +42,7 @@ def blade_planform(turbine, options):
         options.n_chord,
         blade.camber_at,
         blade.chord_at(strip),
+        blade.root_radius,
     )
 
 

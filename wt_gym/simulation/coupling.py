@@ -16,6 +16,7 @@ from wt_gym.simulation.measurement import Gauges, Instant
 from wt_gym.simulation.monitor import Monitor
 from wt_gym.simulation.turbine_bodies import place_nacelle
 from wt_gym.simulation.turbine_structure import drag_heights
+from wt_gym.simulation.wind_kernels import felt_wind, points_ahead
 
 __all__ = ["Air", "Coupling", "Exchange", "Motion", "Scheme", "TowerAir"]
 
@@ -158,7 +159,9 @@ class Coupling:
             models.time_step, h, models.n_substeps, self.integrator.n_corrections, fidelity.coupling_iterations,
             fidelity.coupling_tolerance, LOOSEST,
         )  # fmt: skip
+        # the nodes of the lattice, then the points of the tower, which stay
         self._wind_points = np.concatenate([self.exchange.nodes.reshape(-1, 3), self.exchange.tower.position])
+        self._blade_wind = np.zeros(models.lattice.nodes_shape)
         self._step, self._bundles = None, None  # compiled for the types of this turbine, and its arguments
 
     @property
@@ -246,10 +249,9 @@ class Coupling:
         """
         x, dt = self.exchange, self.models.time_step
         self.models.lattice.take_wind(self.aero, inflow, time)
-        # Where the blades will be, by Adams-Bashforth: 5 cm from where they come to be, less than the wind resolves.
-        ahead = x.nodes + dt * (1.5 * x.velocities - 0.5 * self._earlier_velocities)
-        blade_wind = self.take_wind(inflow, ahead, time + dt)
-        self._earlier_velocities[:] = x.velocities
+        nodes, velocities, earlier = (a.reshape(-1, 3) for a in (x.nodes, x.velocities, self._earlier_velocities))
+        points_ahead(nodes, velocities, earlier, dt, self._wind_points)
+        blade_wind = self._take_wind(inflow, time + dt)
         code = self._advance(blade_wind)
         if code != tree_kernels.OK:
             raise SimulationError(self._failure(code))
@@ -309,38 +311,34 @@ class Coupling:
 
     # ---- wind --------------------------------------------------------------------------------------------------------
 
-    def take_wind(self, inflow, nodes, time):
-        """Wind at lattice nodes: undisturbed, with the blocking of the tower; beside it the wind at bodies and tower.
+    def take_wind(self, inflow, time):
+        """Wind at the lattice nodes where they are now, and at bodies and tower; see `_take_wind`."""
+        nodes = self.exchange.nodes.reshape(-1, 3)
+        self._wind_points[: len(nodes)] = nodes
+        return self._take_wind(inflow, time)
+
+    def _take_wind(self, inflow, time):
+        """Wind at the points of the lattice: undisturbed, with the blocking of the tower; and at bodies and tower.
 
         The drag of the tower is that of the undisturbed wind on its undeformed axis, as in blade-element codes: what
-        the rotor takes out of the wind before the upper tower is not taken off.
+        the rotor takes out of the wind before the upper tower is not taken off. The array is overwritten next time.
         """
-        models, lattice, tower = self.models, self.models.lattice, self.exchange.tower
-        n, points = nodes.size // 3, self._wind_points  # the last points are those of the tower
-        points[:n] = nodes.reshape(-1, 3)
-        wind = _finite_wind(inflow, points, time)
-        tower.wind[:] = wind[n:]
-        wind = wind[:n].reshape(nodes.shape)
+        models, lattice, tower = self.models, self.models.lattice, self.models.tower_flow
+        points, blade_wind = self._wind_points, self._blade_wind
+        wind = np.ascontiguousarray(inflow.velocity(points, time), dtype=np.float64)
+        shadow = models.fidelity.tower_shadow and models.fidelity.tower_body is None
+        top = self.integrator.work.r[models.structure.nacelle]
+        finite = felt_wind(wind, points, shadow, self.aero.arrays.wake_flow, tower.base, top, tower.stations,
+                           tower.radii, blade_wind.reshape(-1, 3), self.exchange.tower.wind)  # fmt: skip
         if lattice.bodies:
             self._place_bodies()
-            lattice.body_wind[:] = _finite_wind(inflow, lattice.bodies.control_points, time)
-        if models.fidelity.tower_shadow and models.fidelity.tower_body is None:
-            # The tower stands in a wind that the rotor has slowed; the undisturbed one would double its effect.
-            slowed = self.aero.arrays.wake_flow.mean(axis=1)
-            wind = wind + slowed
-            models.tower_flow.add(nodes, wind, self.integrator.work.r[models.structure.nacelle])
-            wind -= slowed
-        return wind
+            lattice.body_wind[:] = inflow.velocity(lattice.bodies.control_points, time)
+            finite = finite and math.isfinite(lattice.body_wind.sum())
+        if not finite:
+            raise SimulationError(f"the inflow is not finite at time {time} s")
+        return blade_wind
 
     def _place_bodies(self):
         """The nacelle's body where the nacelle is, as far as the kinematics are up to date."""
         work, nacelle = self.integrator.work, self.models.structure.nacelle
         place_nacelle(self.models.lattice.bodies, work.rot[nacelle], work.omega[nacelle])
-
-
-def _finite_wind(inflow, points, time):
-    """Undisturbed wind at points, refused where it is not finite."""
-    wind = np.ascontiguousarray(inflow.velocity(points, time), dtype=np.float64)
-    if not math.isfinite(wind.sum()):
-        raise SimulationError(f"the inflow is not finite at time {time} s")
-    return wind

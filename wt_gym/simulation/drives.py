@@ -124,10 +124,9 @@ class PitchDrives:
 
     def follow(self, command, demand, dt, speed):
         """Move the commands (n_blades,) towards the demanded angles (n_blades,) [rad]."""
-        limits, reach = self.limits, self.limits.max_rate * dt
-        for i, angle in enumerate(demand):
-            wanted = min(max(angle, limits.min_pitch), limits.max_pitch)
-            command[i] += min(max(wanted - command[i], -reach), reach)
+        low, high, reach = self.limits.min_pitch, self.limits.max_pitch, self.limits.max_rate * dt
+        moved = zip(command.tolist(), np.asarray(demand).tolist(), strict=True)  # numbers of numpy are slow one by one
+        command[:] = [now + min(max(min(max(angle, low), high) - now, -reach), reach) for now, angle in moved]
 
 
 @dataclass(frozen=True)
@@ -305,11 +304,12 @@ class Drives:
 
     def follow(self, pitch, yaw_rate, generator_torque, dt, speed):
         """Move all commands towards the demands through one step of dt [s]."""
+        pitch_command = self.command[PITCH]
         self.generator.follow(self.command[TORQUE], generator_torque, dt, speed)
         self.yaw.follow(self.command[YAW], yaw_rate, dt, speed)
-        before = self.command[PITCH].copy()
-        self.pitch.follow(self.command[PITCH], pitch, dt, speed)
-        self._step, self._pitch_rate[:] = dt, (self.command[PITCH] - before) / dt
+        before = pitch_command.copy()
+        self.pitch.follow(pitch_command, pitch, dt, speed)
+        self._step, self._pitch_rate[:] = dt, (pitch_command - before) / dt
 
     def act(self, inputs, azimuth_u, ends):
         """Write all commands into the inputs of the structure.

@@ -1,11 +1,11 @@
 """From the state of the coupled system to the signals an engineer reads."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from wt_gym.simulation import coupling_kernels
+from wt_gym.compiled import compiled_for
+from wt_gym.simulation import measurement_kernels
 from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
 
@@ -58,6 +58,34 @@ class Instant(NamedTuple):
     forces: np.ndarray  # the same, forces of the air on them [N]
 
 
+class Places(NamedTuple):
+    """Where in the state what is measured stands, and constants of the drive train."""
+
+    azimuth_q: int  # of the generator
+    azimuth_u: int
+    torsion_q: int  # of the shaft; -1 for a rigid one
+    torsion_u: int
+    yaw_q: int  # of the yaw spring; -1 without
+    yaw_u: int
+    tower: int  # body
+    gear_ratio: float
+    generator_efficiency: float
+
+    @classmethod
+    def of(cls, turbine, structure):
+        """Places of a turbine."""
+        s, n_q, drive = structure, structure.system.n_q, turbine.drivetrain
+
+        def joint(body, flexible):
+            q, u = s.system.index(body, "joint_q"), n_q + s.system.index(body, "joint_u")
+            return (q, u) if flexible else (-1, -1)
+
+        return cls(
+            s.azimuth_q, n_q + s.azimuth_u, *joint(s.hub, s.shaft_flexible), *joint(s.nacelle, s.yaw_flexible), s.tower,
+            drive.gear_ratio, drive.generator_efficiency,
+        )  # fmt: skip
+
+
 class Measurement:
     """Channel values of one simulator.
 
@@ -74,9 +102,12 @@ class Measurement:
     """
 
     def __init__(self, turbine, structure):
-        self.turbine, self.structure = turbine, structure
-        self.gauges = Gauges.of(turbine, structure)
-        self.values, self._at = new_values(turbine.n_blades)
+        self._structure = structure
+        self.gauges, self._places = Gauges.of(turbine, structure), Places.of(turbine, structure)
+        self.values, at = new_values(turbine.n_blades)
+        single = [at[name] for name in measurement_kernels.SINGLE]
+        self._at = np.array(single + [at[name].start for name in measurement_kernels.PER_BLADE])
+        self._measure = None  # compiled for the types of this turbine
 
     def take(self, time, instant, torque, command, inflow, extremes=None):
         """Fill ``values``; the kinematics of the system are brought up to date.
@@ -94,83 +125,16 @@ class Measurement:
         extremes : Extremes, optional
             Since the last sample; by default the present values.
         """
-        s, work, y = self.structure, instant.work, instant.y
-        n_y = s.system.n_q + s.system.n_u
-        coupling_kernels.read_gauges(y, instant.dy, instant.body_loads, s.system.tree, work, self.gauges)
+        i, structure = instant, self._structure
+        # the hub stands where the kinematics have it, which belong to the instant already
+        wind = np.asarray(inflow.velocity(i.work.r[structure.hub], time), dtype=np.float64)
         self.values[0] = time
-        self._rotor(y, torque)
-        self._air(instant)
-        self._wind_and_yaw(y, n_y, inflow.velocity(work.r[s.hub], time))
-        self._tower_signals(work)
-        self._blade_signals(y, n_y, command)
-        self._extremes(extremes)
-
-    def _rotor(self, y, torque):
-        """Speeds, torques and electrical power."""
-        s, v, at, drive = self.structure, self.values, self._at, self.turbine.drivetrain
-        generator_speed = speed = y[s.system.n_q + s.azimuth_u]
-        azimuth = y[s.azimuth_q]
-        if s.shaft_flexible:
-            azimuth += y[s.system.index(s.hub, "joint_q")]
-            speed += y[s.system.n_q + s.system.index(s.hub, "joint_u")]
-        v[at["rotor_speed"]] = speed
-        v[at["azimuth"]] = azimuth % (2.0 * math.pi)
-        v[at["generator_speed"]], v[at["generator_torque"]] = generator_speed * drive.gear_ratio, torque
-        v[at["generator_power"]] = generator_speed * drive.gear_ratio * torque * drive.generator_efficiency
-        shaft = self.gauges.wrench[s.hub]
-        v[at["shaft_torque"]], v[at["rotor_thrust"]] = -shaft[3], -shaft[0]
-
-    def _air(self, instant):
-        """Thrust, torque and power of the air."""
-        v, at, hub = self.values, self._at, self.structure.hub
-        centre, axis = instant.work.r[hub], instant.work.rot[hub, :, 0]
-        thrust, torque = coupling_kernels.rotor_resultant(instant.nodes, instant.forces, centre, axis)
-        v[at["aero_thrust"]], v[at["aero_torque"]] = thrust, torque
-        v[at["aero_power"]] = torque * v[at["rotor_speed"]]
-
-    def _wind_and_yaw(self, y, n_y, wind):
-        """Angle of the nacelle against the tower top, and the undisturbed wind at the hub against it."""
-        s, v, at = self.structure, self.values, self._at
-        yaw, rate = y[n_y], y[n_y + s.system.n_servo]
-        if s.yaw_flexible:
-            yaw += y[s.system.index(s.nacelle, "joint_q")]
-            rate += y[s.system.n_q + s.system.index(s.nacelle, "joint_u")]
-        v[1:4] = wind
-        v[at["yaw"]], v[at["yaw_rate"]] = yaw, rate
-        v[at["yaw_error"]] = math.remainder(math.atan2(wind[1], wind[0]) - yaw, 2.0 * math.pi)
-
-    def _tower_signals(self, work):
-        """Tower-top motion and tower-base loads."""
-        s, v, at = self.structure, self.values, self._at
-        v[at["tower_top_fore_aft"]], v[at["tower_top_side_side"]] = work.r[s.nacelle, 0], work.r[s.nacelle, 1]
-        base, acceleration = self.gauges.wrench[s.tower], self.gauges.nacelle_acceleration
-        v[at["tower_base_fore_aft_moment"]], v[at["tower_base_side_side_moment"]] = -base[4], -base[3]
-        v[at["tower_base_torsion"]] = -base[5]
-        v[at["nacelle_acceleration_fore_aft"]] = acceleration[0]
-        v[at["nacelle_acceleration_side_side"]] = acceleration[1]
-
-    def _blade_signals(self, y, n_y, command):
-        """Pitch, tip deflections, root moments and clearances."""
-        s, v, at, n = self.structure, self.values, self._at, self.turbine.n_blades
-        # the yaw drive is the first servo, the pitch drives follow
-        pitch = y[n_y + 1 : n_y + 1 + n]
-        rate = n_y + s.system.n_servo
-        v[at["pitch"]], v[at["pitch_rate"]] = pitch, y[rate + 1 : rate + 1 + n]
-        v[at["pitch_command"]] = command[2:]
-        v[at["tip_out_of_plane"]], v[at["tip_in_plane"]] = self.gauges.deflection[:, :2].T
-        roots = self.gauges.wrench[self.gauges.blades]
-        v[at["root_edge_moment"]], v[at["root_flap_moment"]] = -roots[:, 3], -roots[:, 4]
-        v[at["root_torsion"]], v[at["tip_clearance"]] = -roots[:, 5], self.gauges.clearance
-
-    def _extremes(self, extremes):
-        """Largest and smallest values since the last sample."""
-        v, at = self.values, self._at
-        if extremes is None:
-            base = math.hypot(v[at["tower_base_fore_aft_moment"]], v[at["tower_base_side_side_moment"]])
-            v[at["rotor_speed_max"]], v[at["tower_base_moment_max"]] = v[at["rotor_speed"]], base
-            v[at["root_flap_moment_max"]] = np.abs(v[at["root_flap_moment"]])
-            v[at["tip_out_of_plane_max"]] = v[at["tip_out_of_plane"]]
-            v[at["tip_clearance_min"]] = v[at["tip_clearance"]]
-            return
-        for name, value in extremes._asdict().items():
-            v[at[name]] = value if len(value) > 1 or isinstance(at[name], slice) else value[0]
+        arguments = (
+            i.y, i.dy, i.body_loads, i.nodes, i.forces, structure.system.tree, i.work, self.gauges, self._places,
+            command, wind, float(torque), self.values, self._at,
+        )  # fmt: skip
+        if self._measure is None:
+            self._measure = compiled_for(measurement_kernels.measure, arguments)
+        self._measure(*arguments)
+        if extremes is not None:
+            measurement_kernels.measure_extremes(extremes, self.values, self._at)

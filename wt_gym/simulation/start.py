@@ -75,7 +75,7 @@ class Starter:
         for _ in range(PASSES):
             c.move_lattice(y)
             axis = work.rot[s.hub, :, 0].copy()
-            wind = c.take_wind(inflow, x.nodes, 0.0)
+            wind = c.take_wind(inflow, 0.0)
             lattice.initialise_helix(
                 c.aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, c.models.time_step
             )

@@ -21,6 +21,7 @@ __all__ = [
 
 MOST_LISTED = 8  # panels that a message names
 SECTION_FIELDS = ("alpha0_lattice", "lift_slope", "moment0_lattice", "slope_angle")
+ARRAY_FIELDS = ("nodes", "chord", "edge_chord", "span_edges", "polars", *SECTION_FIELDS)
 FINE_PANELS = 48  # the zero-lift angle of measured camber lines is converged to 0.05 degrees
 
 
@@ -67,6 +68,8 @@ class LatticePlanform:
         cl, cd, cm of each strip at ``n_alpha`` angles of attack, evenly spaced from -pi (included) to pi (excluded).
     alpha0_lattice, lift_slope, moment0_lattice, slope_angle : ndarray, shape (n_span,)
         Properties of the strip's two-dimensional lattice, see `SectionLattice`.
+    root_radius : float or None
+        Distance of z = 0 from the axis about which the blade turns [m]; None for a wing.
 
     Raises
     ------
@@ -84,10 +87,11 @@ class LatticePlanform:
     lift_slope: np.ndarray
     moment0_lattice: np.ndarray
     slope_angle: np.ndarray
+    root_radius: float | None = None
 
     def __post_init__(self):
         """Check shapes, orientation and values, then make the arrays read-only."""
-        arrays = {name: numeric_array(name, getattr(self, name)) for name in self.__dataclass_fields__}
+        arrays = {name: numeric_array(name, getattr(self, name)) for name in ARRAY_FIELDS}
         for name, array in arrays.items():
             object.__setattr__(self, name, array)
         n_span = self.chord.size
@@ -304,6 +308,7 @@ def build_planform(
     n_chord: int,
     camber: Callable | None = None,
     strip_chord=None,
+    root_radius: float | None = None,
 ) -> LatticePlanform:
     """Lattice of a blade from its planform at the span edges.
 
@@ -324,6 +329,8 @@ def build_planform(
         towards the suction side. Flat if not given.
     strip_chord : array_like, shape (n_span,), optional
         Mean chords of the strips; by default the mean of the two edges.
+    root_radius : float, optional
+        See `LatticePlanform`.
 
     Raises
     ------
@@ -362,6 +369,7 @@ def build_planform(
         lift_slope=np.array([s.lift_slope for s in strips]),
         moment0_lattice=np.array([s.zero_lift_moment for s in strips]),
         slope_angle=np.array([s.slope_angle for s in strips]),
+        root_radius=root_radius,
     )
 
 

@@ -240,11 +240,31 @@ def velocity_of_cells(a, rows, z, end, largest):
     return total
 
 
+@kernel(fastmath=False, inline="always")
+def merged_change(a, m):
+    """Start, radius and strength of one cylinder for all changes of strength from cell m - 1 to cell m.
+
+    Far away, cylinders of radius R are dipoles of strength gamma R^2: the mean of their areas is weighted with these.
+    """
+    tube, total, weight, area, start = a.far_tube, 0.0, 1e-30, 0.0, 0.0
+    for i in range(tube.shape[1]):
+        radius2 = tube[RADIUS, i] ** 2
+        dipole = (a.far_ring[m, i] - a.far_ring[m - 1, i]) * radius2
+        total += dipole
+        weight += abs(dipole)
+        area += abs(dipole) * radius2
+        start += abs(dipole) * tube[END, i]
+    area /= weight
+    return start / weight, math.sqrt(area), total / area if area > 0.0 else 0.0
+
+
 @kernel(fastmath=FAST)
 def far_wake_velocity(a, table, targets, velocity, n_target, lane):
     """Add the velocity of the cylinders at the first ``n_target`` targets (3, n) float32.
 
-    A cell acts as the cylinder that starts with it, with the change of strength against the cell before.
+    A cell acts as the cylinder that starts with it, with the change of strength against the cell before: one at each
+    span boundary for the first cell; one for all boundaries, with the dipole of all of them, for each of the others,
+    whose changes are small and start half a radius behind the last row at least.
 
     ``table`` (2, n_axial, n_radial) holds axial and radial velocity of a unit cylinder of unit radius on an even grid
     of the mapped coordinates z / (1 + |z|) and r / (1 + r), see `far_wake.cylinder_table`. ``lane`` is float32 for
@@ -265,13 +285,17 @@ def far_wake_velocity(a, table, targets, velocity, n_target, lane):
         lane[0, i], lane[1, i], lane[2, i], lane[3, i] = height, rx, ry, rz
         lane[4, i] = np.sqrt(rx * rx + ry * ry + rz * rz)
         lane[5, i], lane[6, i], lane[7, i] = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-    for at_cell in range(n_tube * N_CELL):
-        m, tube_i = at_cell // n_tube, at_cell % n_tube
-        offset = FIRST_CELL * largest * (GROWTH**m - 1.0) / (GROWTH - 1.0)
-        start, radius = np.float32(tube[END, tube_i] + offset), np.float32(tube[RADIUS, tube_i])
-        ring = np.float32(a.far_ring[m, tube_i] - (a.far_ring[m - 1, tube_i] if m > 0 else 0.0))
-        soft = tube[LENGTH, tube_i] / (tube[LENGTH, tube_i] ** 2 + (0.05 * largest) ** 2)
-        line = np.float32(tube[LINE, tube_i] * soft if m == 0 else 0.0)
+    offset, length = 0.0, FIRST_CELL * largest
+    for k in range(n_tube + N_CELL - 1):
+        if k < n_tube:
+            start, radius, ring = tube[END, k], tube[RADIUS, k], a.far_ring[0, k]
+            soft = tube[LENGTH, k] / (tube[LENGTH, k] ** 2 + (0.05 * largest) ** 2)
+            line = tube[LINE, k] * soft
+        else:
+            offset, length = offset + length, length * GROWTH
+            start, radius, ring = merged_change(a, k - n_tube + 1)
+            start, line = start + offset, 0.0
+        start, radius, ring, line = np.float32(start), np.float32(radius), np.float32(ring), np.float32(line)
         if radius <= 0.0 or (ring == 0.0 and line == 0.0):
             continue
         for i in range(n_target):

@@ -155,8 +155,9 @@ def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
 def build_sparse_sheet(a, p, o, grow, sheet):
     """Write the rows from ``sparse_from`` on, of which only the carrying nodes hold vortices.
 
-    Rings between two carrying nodes are merged with their mean circulation, weighted by their width. The sheet starts
-    with the spanwise segments that close its first rings; cores are those of the segment of the wake next to the node.
+    Rings between two carrying nodes are merged with their mean circulation, weighted as in `state.sparse_span`. The
+    sheet starts with the spanwise segments that close its first rings; cores are those of the segment of the wake next
+    to the node.
 
     Parameters
     ----------

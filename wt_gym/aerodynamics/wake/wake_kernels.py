@@ -179,6 +179,38 @@ def induced_at(bound_sheet, wake_sheet, sparse_sheet, a, n_target, w, o, table):
     fold_images(o, w, n_target)
 
 
+@kernel(fastmath=False)
+def rows_for_wind(wake, shed, n_rows, step, stride, rows, points):
+    """Rows that ask for their wind now, by the time since they were shed, and their nodes; returns their number.
+
+    Row 0, where the wake is shed, asks in every step; all rows do with ``stride`` 1.
+    """
+    count = 0
+    for k in range(n_rows + 1):
+        if k > 0 and (step - shed[k]) % stride != 0:
+            continue
+        rows[count] = k
+        for b in range(wake.shape[1]):
+            for j in range(wake.shape[2]):
+                for c in range(3):
+                    points[count, b, j, c] = wake[k, b, j, c]
+        count += 1
+    return count
+
+
+@kernel(fastmath=False)
+def store_wind(velocity, rows, wind):
+    """Velocities (count, n_blade, n_node, 3) into their rows of the wind; whether all of them are finite."""
+    total = 0.0
+    for m in range(velocity.shape[0]):
+        for b in range(velocity.shape[1]):
+            for j in range(velocity.shape[2]):
+                for c in range(3):
+                    wind[rows[m], b, j, c] = velocity[m, b, j, c]
+                    total += velocity[m, b, j, c]
+    return total - total == 0.0
+
+
 @kernel
 def mean_induced(a, n_row):
     """Root mean square of the induced velocity at the first rows of the wake [m/s]."""
@@ -240,16 +272,26 @@ def turn_induced(a, o):
 
 
 @kernel(fastmath=False, inline="always")
+def steps_between(a, o, k):
+    """Steps from one computation of the induced velocity of row k to the next."""
+    if k <= o.fresh_rows:
+        return 1
+    return o.refresh_stride if 3 * k >= a.wake.shape[0] else max(o.refresh_stride // 4, 1)
+
+
+@kernel(fastmath=False, inline="always")
 def choose_rows(a, o, rows, all_rows):
     """Rows whose induced velocity is to be computed now, the newest always and older ones in turn; their number.
 
-    The first third of the rows, where the wake slows down and answers the blades, has its turn four times as often.
+    The first third of the rows, where the wake slows down and answers the blades, has its turn four times as often. The
+    rows at the joint of dense and sparse part keep the velocity with which they came: spanwise segments lie there that
+    close the merged rings, which stand for nothing in the flow and move the nodes beside them by metres per second.
     """
     count = 0
     for k in range(a.n_rows[0] + 1):
         turn = k + a.n_steps[0] if k <= o.full_rows else a.n_steps[0] - a.shed[k]
-        stride = o.refresh_stride if 3 * k >= a.wake.shape[0] else max(o.refresh_stride // 4, 1)
-        if all_rows or k <= o.fresh_rows or turn % stride == 0:
+        at_joint = o.sparse_from <= k <= o.sparse_from + 1
+        if all_rows or (turn % steps_between(a, o, k) == 0 and not at_joint):
             rows[count] = k
             count += 1
     return count

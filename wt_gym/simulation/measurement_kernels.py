@@ -1,0 +1,117 @@
+"""From the state of the coupled system to the signals an engineer reads, in one compiled call."""
+
+import math
+
+from wt_gym.compiled import kernel
+from wt_gym.simulation.coupling_kernels import read_gauges, rotor_resultant
+
+SINGLE = (
+    "wind_x", "rotor_speed", "azimuth", "generator_speed", "generator_torque", "generator_power", "aero_power",
+    "aero_torque", "aero_thrust", "yaw", "yaw_rate", "yaw_error", "tower_top_fore_aft", "tower_top_side_side",
+    "tower_base_fore_aft_moment", "tower_base_side_side_moment", "tower_base_torsion", "nacelle_acceleration_fore_aft",
+    "nacelle_acceleration_side_side", "shaft_torque", "rotor_thrust", "rotor_speed_max", "tower_base_moment_max",
+)  # fmt: skip
+PER_BLADE = (
+    "pitch", "pitch_rate", "pitch_command", "tip_out_of_plane", "tip_in_plane", "root_flap_moment", "root_edge_moment",
+    "root_torsion", "tip_clearance", "tip_clearance_min", "tip_out_of_plane_max", "root_flap_moment_max",
+)  # fmt: skip
+(
+    WIND_X, ROTOR_SPEED, AZIMUTH, GENERATOR_SPEED, GENERATOR_TORQUE, GENERATOR_POWER, AERO_POWER,
+    AERO_TORQUE, AERO_THRUST, YAW, YAW_RATE, YAW_ERROR, TOWER_TOP_FORE_AFT, TOWER_TOP_SIDE_SIDE,
+    TOWER_BASE_FORE_AFT, TOWER_BASE_SIDE_SIDE, TOWER_BASE_TORSION, ACCELERATION_FORE_AFT,
+    ACCELERATION_SIDE_SIDE, SHAFT_TORQUE, ROTOR_THRUST, ROTOR_SPEED_MAX, TOWER_BASE_MAX,
+    PITCH, PITCH_RATE, PITCH_COMMAND, TIP_OUT_OF_PLANE, TIP_IN_PLANE, ROOT_FLAP, ROOT_EDGE,
+    ROOT_TORSION, TIP_CLEARANCE, TIP_CLEARANCE_MIN, TIP_OUT_OF_PLANE_MAX, ROOT_FLAP_MAX,
+) = range(len(SINGLE) + len(PER_BLADE))  # fmt: skip
+"""Places in the array ``at``; what stands there is the place of the channel, or of that of blade 1, in the signals."""
+
+
+@kernel(fastmath=False)
+def measure(y, dy, body_loads, nodes, forces, tree, work, g, places, command, wind, torque, values, at):
+    """Fill the channels; those of extremes with the present values. The kinematics are brought up to date.
+
+    Parameters
+    ----------
+    y, dy, body_loads, nodes, forces
+        See `measurement.Instant`.
+    tree, work : arrays of the multibody system
+    g : Gauges
+    places : Places
+    command : (2 + n_blades,)
+        Of the drives: generator torque [N m], yaw and pitch [rad].
+    wind : (3,)
+        Undisturbed, at the hub [m/s].
+    torque : float
+        Of the generator [N m, high-speed shaft].
+    values : (n_channels,)
+    at : int64 (n,)
+        Where the channels stand in it, in the order of `SINGLE` and `PER_BLADE`.
+    """
+    read_gauges(y, dy, body_loads, tree, work, g)
+    n_y = tree.n_q + tree.n_u
+    _rotor(y, torque, g, places, values, at)
+    thrust, moment = rotor_resultant(nodes, forces, work.r[g.hub], work.rot[g.hub, :, 0])
+    values[at[AERO_THRUST]], values[at[AERO_TORQUE]] = thrust, moment
+    values[at[AERO_POWER]] = moment * values[at[ROTOR_SPEED]]
+    yaw, rate = y[n_y], y[n_y + tree.n_servo]
+    if places.yaw_q >= 0:
+        yaw, rate = yaw + y[places.yaw_q], rate + y[places.yaw_u]
+    for c in range(3):
+        values[at[WIND_X] + c] = wind[c]
+    values[at[YAW]], values[at[YAW_RATE]] = yaw, rate
+    error = math.atan2(wind[1], wind[0]) - yaw
+    values[at[YAW_ERROR]] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
+    _tower(work, g, places, values, at)
+    _blades(y, n_y, tree.n_servo, command, g, values, at)
+
+
+@kernel(fastmath=False)
+def _rotor(y, torque, g, places, values, at):
+    """Speeds, torques and electrical power."""
+    generator_speed, azimuth = y[places.azimuth_u], y[places.azimuth_q]
+    speed = generator_speed
+    if places.torsion_q >= 0:
+        azimuth, speed = azimuth + y[places.torsion_q], speed + y[places.torsion_u]
+    values[at[ROTOR_SPEED]] = values[at[ROTOR_SPEED_MAX]] = speed
+    values[at[AZIMUTH]] = azimuth - 2.0 * math.pi * math.floor(azimuth / (2.0 * math.pi))
+    values[at[GENERATOR_SPEED]], values[at[GENERATOR_TORQUE]] = generator_speed * places.gear_ratio, torque
+    values[at[GENERATOR_POWER]] = generator_speed * places.gear_ratio * torque * places.generator_efficiency
+    values[at[SHAFT_TORQUE]], values[at[ROTOR_THRUST]] = -g.wrench[g.hub, 3], -g.wrench[g.hub, 0]
+
+
+@kernel(fastmath=False)
+def _tower(work, g, places, values, at):
+    """Tower-top motion and tower-base loads."""
+    base = g.wrench[places.tower]
+    values[at[TOWER_TOP_FORE_AFT]], values[at[TOWER_TOP_SIDE_SIDE]] = work.r[g.nacelle, 0], work.r[g.nacelle, 1]
+    values[at[TOWER_BASE_FORE_AFT]], values[at[TOWER_BASE_SIDE_SIDE]] = -base[4], -base[3]
+    values[at[TOWER_BASE_TORSION]] = -base[5]
+    values[at[TOWER_BASE_MAX]] = math.hypot(base[4], base[3])
+    values[at[ACCELERATION_FORE_AFT]] = g.nacelle_acceleration[0]
+    values[at[ACCELERATION_SIDE_SIDE]] = g.nacelle_acceleration[1]
+
+
+@kernel(fastmath=False)
+def _blades(y, n_y, n_servo, command, g, values, at):
+    """Pitch, tip deflections, root moments and clearances."""
+    for i in range(g.blades.shape[0]):
+        root = g.wrench[g.blades[i]]
+        # the yaw drive is the first servo, the pitch drives follow
+        values[at[PITCH] + i], values[at[PITCH_RATE] + i] = y[n_y + 1 + i], y[n_y + n_servo + 1 + i]
+        values[at[PITCH_COMMAND] + i] = command[2 + i]
+        values[at[TIP_OUT_OF_PLANE] + i] = values[at[TIP_OUT_OF_PLANE_MAX] + i] = g.deflection[i, 0]
+        values[at[TIP_IN_PLANE] + i] = g.deflection[i, 1]
+        values[at[ROOT_EDGE] + i], values[at[ROOT_FLAP] + i] = -root[3], -root[4]
+        values[at[ROOT_TORSION] + i], values[at[ROOT_FLAP_MAX] + i] = -root[5], abs(root[4])
+        values[at[TIP_CLEARANCE] + i] = values[at[TIP_CLEARANCE_MIN] + i] = g.clearance[i]
+
+
+@kernel(fastmath=False)
+def measure_extremes(extremes, values, at):
+    """Fill the channels of extremes with what a monitor has seen; extremes: `Extremes`."""
+    values[at[ROTOR_SPEED_MAX]] = extremes.rotor_speed_max[0]
+    values[at[TOWER_BASE_MAX]] = extremes.tower_base_moment_max[0]
+    for i in range(extremes.tip_clearance_min.shape[0]):
+        values[at[TIP_CLEARANCE_MIN] + i] = extremes.tip_clearance_min[i]
+        values[at[TIP_OUT_OF_PLANE_MAX] + i] = extremes.tip_out_of_plane_max[i]
+        values[at[ROOT_FLAP_MAX] + i] = extremes.root_flap_moment_max[i]
