@@ -1,7 +1,5 @@
 """Induction kernels, far-wake cylinder and tower flow against closed forms and a plain float64 sum."""
 
-from collections import namedtuple
-
 import numpy as np
 import pytest
 from scipy.special import ellipk
@@ -13,6 +11,7 @@ from wt_gym.aerodynamics.lattice.bound_kernels import invert
 from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state
 from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.lattice.separation_kernels import STATIC
+from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.aerodynamics.wake.far_wake import cylinder_table, ring_velocity
 from wt_gym.aerodynamics.wake.far_wake_kernels import (
     ACTIVE,
@@ -116,12 +115,12 @@ def test_ring_on_its_axis():
     np.testing.assert_allclose(run_kernel(line_sheet(ring), off)[0, [2, 0]], [u[0], v[0]], rtol=1e-4)
 
 
-FarWake = namedtuple("FarWake", "far far_tube far_ring")
-
-
 def far_wake(*radii):
     """Cylinders about z from the origin on, measured on rows one metre long, without strength yet."""
-    wake = FarWake(np.zeros(N_FAR), np.zeros((N_TUBE, len(radii))), np.zeros((N_CELL, len(radii))))
+    # not a type of this module: what the kernels were compiled for is remembered in their cache by name
+    wake = AeroArrays(**dict.fromkeys(AeroArrays._fields, np.zeros(1)))._replace(
+        far=np.zeros(N_FAR), far_tube=np.zeros((N_TUBE, len(radii))), far_ring=np.zeros((N_CELL, len(radii)))
+    )
     wake.far[[ACTIVE, AXIS + 2]] = 1.0
     wake.far_tube[RADIUS], wake.far_tube[LENGTH] = radii, 1.0
     return wake
