@@ -124,3 +124,20 @@ def test_no_tip_passes_behind_the_tower_unseen(leaning):
         assert signals.tip_clearance_min.min() < -1.5
         unseen += signals.tip_clearance.min() > 0.0
     assert unseen >= 3  # what samples at control steps would have missed
+
+
+def test_way_of_the_pitch_counts_what_happens_between_two_samples():
+    """An ideal drive takes half a degree in the first of two time steps and stands at the sample."""
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(12.0))
+    sim.reset(rotor_speed=1.2, pitch=0.07)
+    step = np.radians(0.5)
+    for k, demand in enumerate((0.07 + step, 0.07, [0.07, 0.07 - step, 0.07])):
+        signals = sim.advance(0.2, pitch=demand, generator_torque=40e3)
+        np.testing.assert_allclose(signals.pitch_rate, 0.0, atol=1e-5)
+        np.testing.assert_allclose(signals.pitch_travel, step if k < 2 else [0.0, step, 0.0], atol=1e-6)
+    there, back = sim.advance(0.1, 0.08, generator_torque=40e3), sim.advance(0.1, 0.07, generator_torque=40e3)
+    both = back.after(there)
+    np.testing.assert_allclose(both.pitch_travel, there.pitch_travel + back.pitch_travel)
+    np.testing.assert_array_equal(both.tip_clearance_min, np.minimum(there.tip_clearance_min, back.tip_clearance_min))
+    assert both.rotor_speed_max == max(there.rotor_speed_max, back.rotor_speed_max)
+    assert (both.time, both.rotor_speed) == (back.time, back.rotor_speed)

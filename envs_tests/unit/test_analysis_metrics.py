@@ -73,7 +73,7 @@ def run(turbine):
         channels[f"root_flap_moment_max_{b}"] = (b + 0.5) * 1e6 * triangle
         channels[f"tip_out_of_plane_max_{b}"] = b + triangle
         channels[f"tip_clearance_min_{b}"] = 10.0 - b * triangle
-        channels[f"pitch_rate_{b}"] = np.tile([0.02, -0.02], n // 2)
+        channels[f"pitch_travel_{b}"] = np.full(n, 0.002)  # between the samples too
     channels["rotor_speed_max"] = 1.01 * channels["rotor_speed"]
     return xr.Dataset({name: ("time", values) for name, values in channels.items()}, coords={"time": time})
 

@@ -158,7 +158,7 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
 
     power, speed, fastest = channel("generator_power"), channel("rotor_speed"), channel("rotor_speed_max")
     fore_aft, side_side = channel("tower_base_fore_aft_moment"), channel("tower_base_side_side_moment")
-    pitch_rate = np.mean([np.abs(channel(f"pitch_rate_{b}")) for b in blades], axis=0)
+    travel = np.mean([channel(f"pitch_travel_{b}") for b in blades], axis=0).sum()
     torque_rate = np.diff(channel("generator_torque")) / step
     return {
         "mean_power": float(power.mean()),
@@ -176,8 +176,8 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         "tower_fore_aft_del": damage_equivalent_load(fore_aft, duration, TOWER_EXPONENT),
         "tower_side_side_del": damage_equivalent_load(side_side, duration, TOWER_EXPONENT),
         "tower_base_max": float(channel("tower_base_moment_max").max()),
-        "pitch_duty_cycle": float(pitch_rate.mean() / turbine.pitch.max_rate),
-        "pitch_travel": float(pitch_rate.sum() * step),
+        "pitch_duty_cycle": float(travel / duration / turbine.pitch.max_rate),
+        "pitch_travel": float(travel),
         "yaw_travel": float(np.abs(channel("yaw_rate")).sum() * step),
         "torque_rate": float(np.sqrt(np.mean(torque_rate**2))),
     }

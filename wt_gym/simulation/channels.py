@@ -71,6 +71,7 @@ _PER_BLADE = (
     ("tip_clearance_min", "m", "", "Smallest tip clearance since the last sample, also between structural steps"),
     ("tip_out_of_plane_max", "m", "", "Largest out-of-plane tip deflection since the last sample"),
     ("root_flap_moment_max", "N m", "", "Largest size of the flapwise root moment since the last sample"),
+    ("pitch_travel", "rad", "", "Way of the pitch, both directions, since the last sample, over all time steps"),
 )
 
 
@@ -92,6 +93,17 @@ def _layout(n_blades):
     start = len(_SINGLE)
     groups = {row[0]: slice(start + k * n_blades, start + (k + 1) * n_blades) for k, row in enumerate(_PER_BLADE)}
     return index, groups
+
+
+@cache
+def since_last_sample(n_blades):
+    """Channels that speak of an interval: indices of its largest values, smallest values and sums."""
+    ends = {"_max": [], "_min": [], "_travel": []}
+    for i, channel in enumerate(channel_table(n_blades)):
+        for end, places in ends.items():
+            if channel.group.endswith(end):
+                places.append(i)
+    return tuple(np.array(places) for places in ends.values())
 
 
 class Signals:
@@ -137,6 +149,25 @@ class Signals:
             f"Signals(t={self.time:.2f} s, wind {self.wind_x:.2f} m/s, rotor {self.rotor_speed * 30 / np.pi:.2f} rpm, "
             f"power {self.generator_power / 1e3:.0f} kW)"
         )
+
+    def after(self, earlier):
+        """These signals as those of the interval that ``earlier`` signals began: extremes and ways of both.
+
+        Parameters
+        ----------
+        earlier : Signals
+            Of the sample before this one.
+
+        Returns
+        -------
+        Signals
+        """
+        values = self.values.copy()
+        largest, smallest, sums = since_last_sample(self.n_blades)
+        values[largest] = np.maximum(values[largest], earlier.values[largest])
+        values[smallest] = np.minimum(values[smallest], earlier.values[smallest])
+        values[sums] += earlier.values[sums]
+        return Signals(values, self.n_blades)
 
     def as_dict(self):
         """All channels by name (floats)."""

@@ -179,6 +179,12 @@ class Coupling:
         return self.integrator.state[self._monitor.generator_u]
 
     @property
+    def pitch(self):
+        """Pitch of the blades (n_blades,) [rad], a view."""
+        n_y = self.models.structure.system.n_q + self.models.structure.system.n_u
+        return self.integrator.state[n_y + 1 : n_y + 1 + self.models.turbine.n_blades]
+
+    @property
     def extremes(self):
         """Largest and smallest values over the structural steps."""
         return self._monitor.extremes

@@ -107,6 +107,7 @@ class Measurement:
         self.values, at = new_values(turbine.n_blades)
         single = [at[name] for name in measurement_kernels.SINGLE]
         self._at = np.array(single + [at[name].start for name in measurement_kernels.PER_BLADE])
+        self._travel = at["pitch_travel"]
         self._measure = None  # compiled for the types of this turbine
 
     def take(self, time, instant, torque, command, inflow, extremes=None):
@@ -138,3 +139,7 @@ class Measurement:
         self._measure(*arguments)
         if extremes is not None:
             measurement_kernels.measure_extremes(extremes, self.values, self._at)
+
+    def set_travel(self, travel):
+        """Way of the pitch of the blades (n_blades,) since the last sample [rad]."""
+        self.values[self._travel] = travel

@@ -1,5 +1,7 @@
 """The coupled simulator: flexible multibody turbine and free-wake vortex lattice marched together in time."""
 
+import numpy as np
+
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody.checks import check_state
@@ -169,6 +171,7 @@ class Simulator:
         if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
             raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
         coupling.extremes.restart()
+        travel, before = np.zeros(self.turbine.n_blades), coupling.pitch.copy()
         for _ in range(n):
             drives.follow(pitch, yaw_rate, generator_torque, self.time_step, coupling.generator_speed)
             drives.act(coupling.integrator.inputs, self.structure.azimuth_u, 1)
@@ -178,7 +181,9 @@ class Simulator:
                 self._started = False
                 raise SimulationError(f"simulation failed at {self.time:.3f} s: {error}") from error
             self._n_steps += 1
-        self._measure(coupling.extremes)
+            travel += np.abs(coupling.pitch - before)
+            before[:] = coupling.pitch
+        self._measure(coupling.extremes, travel)
         return self.signals
 
     # ---- snapshots and pictures ----
@@ -244,8 +249,9 @@ class Simulator:
         if not self._started:
             raise SimulationError("the simulator is not running: call reset() first, also after a failed simulation")
 
-    def _measure(self, extremes=None):
-        """Fill the channel values from the current state and the extremes since the last sample."""
+    def _measure(self, extremes=None, travel=0.0):
+        """Fill the channel values from the current state and what was seen since the last sample."""
         coupling, drives = self.coupling, self.drives
         torque = drives.torque(coupling.generator_speed)
         self._measurement.take(self.time, coupling.instant(), torque, drives.command, self.inflow, extremes)
+        self._measurement.set_travel(travel)
