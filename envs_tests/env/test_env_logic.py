@@ -108,14 +108,16 @@ def test_reward_is_the_sum_of_its_terms(make_env):
     for _ in range(20):
         _, reward, _, _, info = env.step(rng.uniform(-1, 1, 3).astype(np.float32))
         assert reward == pytest.approx(sum(info["reward_terms"].values()), abs=1e-12)
-        assert list(info["reward_terms"]) == ["power", "tip_deflection", "tower_load", "actuator_use", "overspeed"]
+        assert list(info["reward_terms"]) == [
+            "power", "blade_fatigue", "tower_fore_aft_fatigue", "tower_side_side_fatigue", "actuator_use", "overspeed",
+        ]  # fmt: skip
 
 
 def test_weights_and_penalty_can_be_chosen(make_env):
-    env = make_env({0.4: {"rotor_speed": 3.0}}, reward={"power": 2.0, "tower_load": 0.0}, termination_penalty=7.0)
+    env = make_env({0.4: {"rotor_speed": 3.0}}, reward={"power": 2.0, "overspeed": 0.0}, termination_penalty=7.0)
     env.reset(seed=0)
     *_, info = env.step(HOLD)
-    assert "tower_load" not in info["reward_terms"]
+    assert "overspeed" not in info["reward_terms"]
     assert info["reward_terms"]["power"] == pytest.approx(2.0 * 0.2, rel=1e-6)
     *_, info = env.step(HOLD)
     assert info["reward_terms"]["termination"] == -7.0

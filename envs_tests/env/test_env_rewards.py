@@ -1,25 +1,40 @@
-"""Reward terms by hand, and their bounds."""
+"""Reward terms by hand, their bounds, and what an agent could try."""
 
+import copy
+import itertools
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
+import rainflow
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as st_numpy
 
+from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.constants import GRAVITY
+from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs import rewards
 from wt_gym.envs.observations import blade_static_moment, reference_flap_moment
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
 
 TURBINE = load_turbine("nrel_5mw")
 RATED = TURBINE.drivetrain.rated_rotor_speed
+DT = 0.2
+# Betz thrust of a 126 m rotor at 11.4 m/s, 90 m above ground: 79.4 MN m.
+TOWER_MOMENT = 8 / 9 * 0.5 * 1.225 * 11.4**2 * math.pi * 63**2 * 90
 
 
 def signals(**changes):
     """Signals of a quiet turbine with changes."""
     values = {
+        "time": 0.0,
+        "wind_x": 20.0,
+        "wind_y": 0.0,
+        "azimuth": 0.0,
         "generator_power": 5e6,
         "rotor_speed": RATED,
         "generator_torque": 43e3,
@@ -28,32 +43,240 @@ def signals(**changes):
         "tower_base_side_side_moment": 0.0,
     }
     for b in (1, 2, 3):
-        values |= {f"pitch_rate_{b}": 0.0, f"tip_out_of_plane_{b}": 0.0}
+        values |= {f"pitch_rate_{b}": 0.0, f"tip_out_of_plane_{b}": 0.0, f"root_flap_moment_{b}": 8e6}
     return values | changes
 
 
 def rate(term, before=None, **after):
-    """Rate of a term for a step of 0.2 s."""
-    return term(rewards.Transition(TURBINE, signals(**(before or {})), signals(**after), 0.2))
+    """Rate of a fresh term for a step of 0.2 s."""
+    first = signals(**(before or {}))
+    rewards.reset([term], TURBINE, first)
+    return term(rewards.Transition(TURBINE, first, signals(**after), DT))
+
+
+def course(term, samples, inflow=None, dt=DT):
+    """Rates of a term over an episode whose signals are given, the starting ones first."""
+    samples = [signals(**{"time": k * dt} | sample) for k, sample in enumerate(samples)]
+    rewards.reset([term], TURBINE, samples[0])
+    steps = itertools.pairwise(samples)
+    return np.array([term(rewards.Transition(TURBINE, before, after, dt, inflow)) for before, after in steps])
+
+
+# Power
 
 
 @pytest.mark.parametrize(
-    ("power", "value"), [(0.0, 0.0), (2.5e6, 0.5), (5e6, 1.0), (6e6, 0.6), (20e6, -1.0), (-5e6, -1.0)]
+    ("power", "value"), [(0.0, 0.0), (2.5e6, 0.5), (5e6, 1.0), (5.4e6, 1.0), (6e6, 0.8), (50e6, -1.0), (-5e6, -1.0)]
 )
-def test_power(power, value):
-    assert rate(rewards.Power(), generator_power=power) == pytest.approx(value)
+def test_power_above_rated_wind(power, value):
+    both = {"generator_power": power}
+    assert rate(rewards.Power(), before=both, **both) == pytest.approx(value)
+
+
+def test_power_below_rated_is_relative_to_the_wind():
+    # 8 m/s: 0.5 rho A Cp eta V^3 with the coned rotor (2.5 deg), Cp 0.482 and eta 0.944.
+    available = 0.5 * 1.225 * math.pi * (63 * math.cos(math.radians(2.5))) ** 2 * 0.482 * 0.944 * 8**3
+    assert rewards.available_power(TURBINE, 8.0) == pytest.approx(available, rel=1e-6)
+    assert rewards.available_power(TURBINE, 12.0) == 5e6
+    wind = {"wind_x": 8.0, "generator_power": available}
+    assert rate(rewards.Power(), before=wind, **wind) == pytest.approx(1.0)
+    idle = {"wind_x": 8.0, "generator_power": 0.0}
+    assert rate(rewards.Power(weight=2.0), before=idle, **idle) == pytest.approx(2.0 * (1 - available / 5e6))
+
+
+def test_available_power_is_that_of_the_rotor_not_of_the_hub():
+    sheared = SteadyInflow(8.0, hub_height=90.0, shear_exponent=0.2)
+    term, low = rewards.Power(), {"wind_x": 3.0, "wind_y": 0.0, "generator_power": 1e6, "rotor_speed": 1.0}
+    values = course(term, [low] * 3, sheared)
+    expected = 1.0 + (1e6 - rewards.available_power(TURBINE, sheared.rotor_effective_speed(0.0, 126.0))) / 5e6
+    assert values == pytest.approx(expected, abs=2e-3)
+
+
+def test_wind_is_filtered_and_its_size_counts():
+    term = rewards.Power(time_constant=5.0)
+    low = {"wind_x": 8.0, "wind_y": 0.0, "generator_power": 1e6}
+    turned = low | {"wind_x": 0.0, "wind_y": -8.0}
+    assert course(term, [low, low, turned, turned]) == pytest.approx(rate(rewards.Power(), before=low, **low))
+    gust = course(term, [low, *[low | {"wind_x": 9.0}] * 60])
+    memory = math.exp(-DT / 5.0)
+    filtered = [9.0 - memory**k for k in range(1, 61)]
+    assert gust == pytest.approx([1.0 + (1e6 - rewards.available_power(TURBINE, v)) / 5e6 for v in filtered])
+
+
+def kinetic_energy(speed):
+    """Of rotor and generator in electrical energy [J]."""
+    return 0.944 * 0.5 * rotor_inertia(TURBINE) * speed**2
+
+
+def test_kinetic_energy_telescopes_over_an_episode():
+    rng = np.random.default_rng(1)
+    speeds = RATED * np.clip(0.9 + 0.02 * rng.standard_normal(200).cumsum() * 0.3, 0.5, 0.99)
+    values = course(
+        rewards.Power(), [{"rotor_speed": speed, "generator_power": 2e6, "wind_x": 10.0} for speed in speeds]
+    )
+    constant = 1.0 + (2e6 - rewards.available_power(TURBINE, 10.0)) / 5e6
+    credit = (kinetic_energy(speeds[-1]) - kinetic_energy(speeds[0])) / 5e6
+    assert DT * (values - constant).sum() == pytest.approx(credit, rel=1e-9)
+
+
+def test_emptying_the_rotor_earns_nothing():
+    """The generator turns all the energy that leaves the rotor into power: as good as no power and no change."""
+    speeds = RATED * np.linspace(1.0, 0.7, 51)
+    energy = np.array([kinetic_energy(speed) for speed in speeds])
+    extracted = -np.gradient(energy, DT)
+    low = {"wind_x": 7.0, "wind_y": 0.0}
+    emptied = course(
+        rewards.Power(),
+        [{"rotor_speed": v, "generator_power": p} | low for v, p in zip(speeds, extracted, strict=True)],
+    )
+    kept = course(rewards.Power(), [{"generator_power": 0.0, "rotor_speed": RATED} | low] * 51)
+    assert DT * emptied.sum() == pytest.approx(DT * kept.sum(), abs=1e-3)
+
+
+def test_energy_beyond_rated_speed_is_not_paid():
+    term = rewards.Power()
+    assert rate(term, rotor_speed=1.2 * RATED) == pytest.approx(1.0)
+    assert rate(term, before={"rotor_speed": 1.2 * RATED}, rotor_speed=1.2 * RATED) == pytest.approx(1.0)
+    full = course(term, [{"rotor_speed": x * RATED} for x in (0.99, 1.0, 1.2, 1.0, 0.99)])
+    assert full.mean() == pytest.approx(1.0)
+
+
+def test_driving_the_rotor_with_the_generator_costs():
+    """A motor of 1 MW gives the rotor 0.944 MW, worth 0.944^2 MW of electrical power."""
+    energy = 0.944 * 1e6 * DT
+    speed = math.sqrt(0.8**2 * RATED**2 + 2 * energy / rotor_inertia(TURBINE))
+    motor = {"generator_power": -1e6, "wind_x": 5.0}
+    driven = rate(rewards.Power(), before=motor | {"rotor_speed": 0.8 * RATED}, rotor_speed=speed, **motor)
+    off = {"generator_power": 0.0, "wind_x": 5.0, "rotor_speed": 0.8 * RATED}
+    assert driven - rate(rewards.Power(), before=off, **off) == pytest.approx(-(1.0 - 0.944**2) / 5, rel=1e-6)
+
+
+# Fatigue
+
+
+def test_high_pass_forgets_the_mean_and_keeps_a_turn():
+    term = rewards.TowerForeAftFatigue(weight=1.0)
+    steady = course(term, [{"tower_base_fore_aft_moment": 4e7}] * 50)
+    assert np.all(steady == 0.0)
+    stepped = course(term, [{"tower_base_fore_aft_moment": 4e7}, *[{"tower_base_fore_aft_moment": 6e7}] * 100])
+    left = 2e7 * np.exp(-DT * np.arange(1, 101) / 10.0)
+    square = (left / (term.scale * TOWER_MOMENT)) ** 2
+    assert stepped == pytest.approx(-square / (1 + square), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("cls", "channel", "other"),
+    [
+        (rewards.TowerForeAftFatigue, "tower_base_fore_aft_moment", "tower_base_side_side_moment"),
+        (rewards.TowerSideSideFatigue, "tower_base_side_side_moment", "tower_base_fore_aft_moment"),
+    ],
+)
+def test_tower_fatigue(cls, channel, other):
+    term = cls(weight=0.3, scale=0.5)
+    amplitude = 0.5 * TOWER_MOMENT / math.exp(-DT / 10.0)
+    assert rate(term, before={channel: 0.0}, **{channel: amplitude}) == pytest.approx(-0.15, rel=1e-3)
+    assert rate(term, **{other: 9e7}) == 0.0
+
+
+def blades(collective, tilt, yaw, azimuth):
+    """Flapwise moments of three blades from the fixed frame."""
+    angles = azimuth + 2 * np.pi * np.arange(3) / 3
+    moments = collective + tilt * np.cos(angles) + yaw * np.sin(angles)
+    return {"azimuth": azimuth, **{f"root_flap_moment_{b + 1}": m for b, m in enumerate(moments)}}
+
+
+@pytest.mark.parametrize("fixed_frame", [0.0, 0.3, 1.0])
+def test_blade_fatigue_is_the_collective_tilt_and_yaw_moment(fixed_frame):
+    term = rewards.BladeFatigue(weight=1.0, scale=0.4, fixed_frame=fixed_frame)
+    kept = math.exp(-DT / 10.0)
+    value = rate(term, before=blades(5e6, 0, 0, 1.3), **blades(6e6, 2e6, -3e6, 1.3))
+    square = (
+        kept**2 * ((1 - fixed_frame) * 1e6**2 + (2e6**2 + 3e6**2) / 2) / (0.4 * reference_flap_moment(TURBINE)) ** 2
+    )
+    assert value == pytest.approx(-square / (1 + square), rel=1e-9)
+
+
+def test_blade_fatigue_sees_a_steady_tilt_moment():
+    """What is constant in the fixed frame is a load of once a turn for each blade."""
+    term = rewards.BladeFatigue(weight=1.0)
+    turning = course(term, [blades(8e6, 1e6, 0, RATED * k * DT) for k in range(400)])[200:]
+    square = 0.5 * 1e6**2 / (term.scale * reference_flap_moment(TURBINE)) ** 2
+    assert turning.mean() == pytest.approx(-square, rel=0.05)
+    assert np.all(course(term, [blades(8e6, 0, 0, RATED * k * DT) for k in range(20)]) > -1e-20)
+
+
+# Damage
+
+
+@given(
+    st_numpy.arrays(float, st.integers(1, 60), elements=st.integers(-20, 20).map(float)),
+    st.sampled_from([1.0, 3.0, 4.0, 10.0]),
+)
+def test_streaming_rainflow_is_the_batch_one_after_every_sample(history, exponent):
+    counter, previous = rewards.RainflowCounter(exponent), 0.0
+    for n, value in enumerate(history, start=1):
+        counter.add(value)
+        if n < 3:  # where the library counts nothing
+            continue
+        batch = sum(count * span**exponent for span, _, count, _, _ in rainflow.extract_cycles(history[:n]))
+        assert counter.damage == pytest.approx(batch, rel=1e-12)
+        assert counter.damage >= previous * (1 - 1e-12)
+        previous = counter.damage
+
+
+def test_rainflow_of_the_standard():
+    """ASTM E1049-85, figure 6: ranges 3 (0.5), 4 (1.5), 6 (0.5), 8 (1.0), 9 (0.5)."""
+    counter = rewards.RainflowCounter(exponent=1.0)
+    for value in (-2, 1, -3, 5, -1, 3, -4, 4, -2):
+        counter.add(value)
+    assert counter.damage == 0.5 * 3 + 1.5 * 4 + 0.5 * 6 + 1.0 * 8 + 0.5 * 9
+
+
+def test_damage_term_sums_to_the_equivalent_load():
+    rng = np.random.default_rng(2)
+    n, load = 500, "root_flap_moment_2"
+    moments = 8e6 + 2e6 * rng.standard_normal((n, 3)).cumsum(axis=0) * 0.2
+    tower = 5e7 + 1e7 * rng.standard_normal((n, 2))
+    samples = [
+        {f"root_flap_moment_{b + 1}": row[b] for b in range(3)}
+        | {"tower_base_fore_aft_moment": fa, "tower_base_side_side_moment": ss}
+        for row, (fa, ss) in zip(moments, tower, strict=True)
+    ]
+    term = rewards.Damage(weight=1.0)
+    paid = DT * course(term, samples).sum()
+    duration = n * DT
+    expected = 0.0
+    for part in term.loads:
+        history = np.array([sample[part.channel] for sample in samples])
+        batch = damage_equivalent_load(history, duration, part.exponent)
+        assert term.counters[part.channel].equivalent_load(duration) == pytest.approx(batch, rel=1e-12)
+        expected += part.share * duration * (batch / part.reference) ** part.exponent
+    assert paid == pytest.approx(-expected, rel=1e-12)
+    assert sum(part.share for part in term.loads) == pytest.approx(1.0)
+
+    alone = rewards.Damage(weight=1.0, loads=[rewards.Load(load, 10.0, 3e6, 1.0)])
+    wave = [{load: 8e6 + 1.5e6 * (-1) ** k} for k in range(1001)]
+    assert DT * course(alone, wave).sum() == pytest.approx(-500.0)  # 500 cycles with the range of the reference
+
+
+def test_counter_refuses_nonsense():
+    with pytest.raises(ValueError, match="exponent"):
+        rewards.RainflowCounter(exponent=0.0)
+    with pytest.raises(ValueError, match="duration"):
+        rewards.RainflowCounter(exponent=4.0).equivalent_load(0.0)
+
+
+# Operation and other loads
 
 
 def test_tip_deflection():
     reference = 0.15 * 61.5
     assert rate(rewards.TipDeflection(weight=0.3), tip_out_of_plane_1=reference) == pytest.approx(-0.3 * 0.5 / 3)
-    assert rate(rewards.TipDeflection(), tip_out_of_plane_1=-3.0) == 0.0
+    assert rate(rewards.TipDeflection(weight=0.3), tip_out_of_plane_1=-3.0) == 0.0
 
 
 def test_tower_load():
-    # Betz thrust of a 126 m rotor at 11.4 m/s, 90 m above ground: 79.4 MN m.
-    reference = 8 / 9 * 0.5 * 1.225 * 11.4**2 * math.pi * 63**2 * 90
-    change = 0.25 * reference * 0.2
+    change = 0.25 * TOWER_MOMENT * DT
     term = rewards.TowerLoad(weight=1.0)
     assert rate(term, tower_base_fore_aft_moment=5e7 + change) == pytest.approx(-0.5, rel=1e-3)
     assert rate(term, tower_base_side_side_moment=change) == pytest.approx(-0.5, rel=1e-3)
@@ -65,13 +288,13 @@ def test_actuator_use_is_the_duty_cycle():
     full = {f"pitch_rate_{b}": TURBINE.pitch.max_rate for b in (1, 2, 3)}
     assert rate(term, **full) == pytest.approx(-1.0)
     assert rate(term, yaw_rate=-0.5 * TURBINE.nacelle.max_yaw_rate) == pytest.approx(-0.5)
-    assert rate(term, generator_torque=43e3 + 0.2 * 15e3) == pytest.approx(-1.0, rel=1e-6)
+    assert rate(term, generator_torque=43e3 + DT * 15e3) == pytest.approx(-1.0, rel=1e-6)
 
 
 def test_actuator_use_without_yaw_drive():
     fixed = replace(TURBINE, nacelle=replace(TURBINE.nacelle, max_yaw_rate=0.0))
     full = {f"pitch_rate_{b}": TURBINE.pitch.max_rate for b in (1, 2, 3)}
-    transition = rewards.Transition(fixed, signals(), signals(**full), 0.2)
+    transition = rewards.Transition(fixed, signals(), signals(**full), DT)
     assert rewards.ActuatorUse(weight=1.0)(transition) == pytest.approx(-0.5)
 
 
@@ -81,28 +304,86 @@ def test_overspeed():
     assert rate(term, rotor_speed=1.12 * RATED) == pytest.approx(-0.5)
 
 
+# The sum
+
+
 @given(
-    power=st.floats(-1e8, 1e8), speed=st.floats(-10, 10), moment=st.floats(-1e10, 1e10), tip=st.floats(-1e3, 1e3),
-    pitch_rate=st.floats(-10, 10), torque=st.floats(-1e6, 1e6), yaw_rate=st.floats(-1, 1),
+    power=st.floats(-1e8, 1e8), speed=st.floats(-10, 10), moment=st.floats(-1e100, 1e100), tip=st.floats(-1e3, 1e3),
+    pitch_rate=st.floats(-10, 10), torque=st.floats(-1e6, 1e6), yaw_rate=st.floats(-1, 1), wind=st.floats(-80, 80),
 )  # fmt: skip
-def test_every_term_is_bounded_by_its_weight(power, speed, moment, tip, pitch_rate, torque, yaw_rate):
+def test_every_term_is_bounded(power, speed, moment, tip, pitch_rate, torque, yaw_rate, wind):
     after = signals(
         generator_power=power, rotor_speed=speed, tower_base_fore_aft_moment=moment, tip_out_of_plane_2=tip,
-        pitch_rate_3=pitch_rate, generator_torque=torque, yaw_rate=yaw_rate,
+        root_flap_moment_1=moment, tower_base_side_side_moment=moment, pitch_rate_3=pitch_rate,
+        generator_torque=torque, yaw_rate=yaw_rate, wind_x=wind,
     )  # fmt: skip
-    transition = rewards.Transition(TURBINE, signals(), after, 0.2)
-    for term in rewards.compose(None):
-        assert abs(term(transition)) <= term.weight * (1 + 1e-12)
-    total, values = rewards.total(rewards.compose(None), transition)
+    transition = rewards.Transition(TURBINE, signals(), after, DT)
+    terms = rewards.compose({"tip_deflection": 0.1, "tower_load": 0.2})
+    rewards.reset(terms, TURBINE, signals())
+    total, values = rewards.total(terms, transition)
+    for term in terms:
+        highest = 2.0 * term.weight if term.name == "power" else 0.0
+        assert -DT * term.weight * (1 + 1e-12) <= values[term.name] <= DT * highest
     assert total == pytest.approx(sum(values.values()))
-    assert total >= 0.2 * rewards.worst_rate(rewards.compose(None)) * (1 + 1e-12)
+    assert total >= DT * rewards.worst_rate(terms) * (1 + 1e-12)
 
 
 def test_ending_early_never_pays():
     terms = rewards.compose(None)
-    assert rewards.worst_rate(terms) == pytest.approx(-2.0)
-    discounted_worst = rewards.worst_rate(terms) * 0.2 / (1 - 0.99)
+    assert rewards.worst_rate(terms) == pytest.approx(-2.4)
+    discounted_worst = rewards.worst_rate(terms) * DT / (1 - 0.99)
     assert -WindTurbineEnv(turbine=TURBINE).termination_penalty < discounted_worst
+    assert rewards.worst_rate(rewards.compose({"damage": 0.1})) == -math.inf
+    idle = {"generator_power": 0.0, "generator_torque": 0.0, "rotor_speed": 0.3 * RATED}
+    rewards.reset(terms, TURBINE, signals(**idle))
+    assert rewards.total(terms, rewards.Transition(TURBINE, signals(**idle), signals(**idle), DT))[0] == 0.0
+
+
+def noisy_course(terms, seed, steps=30):
+    """Rewards of a course of random moments from a start that does not depend on the seed."""
+    rng = np.random.default_rng(seed)
+    values, before = [], signals()
+    for k in range(1, steps + 1):
+        after = signals(
+            time=k * DT, wind_x=rng.uniform(5, 15), tower_base_fore_aft_moment=rng.uniform(0, 1e8),
+            tower_base_side_side_moment=rng.uniform(-1e7, 1e7), root_flap_moment_2=rng.uniform(0, 1e7),
+            rotor_speed=RATED * rng.uniform(0.7, 1.1), azimuth=rng.uniform(0, 6.28),
+        )  # fmt: skip
+        values.append(rewards.total(terms, rewards.Transition(TURBINE, before, after, DT))[0])
+        before = after
+    return values
+
+
+ALL_TERMS = dict.fromkeys(rewards.DEFAULT_WEIGHTS, 0.5)
+
+
+def test_reset_forgets_everything():
+    terms = rewards.compose(ALL_TERMS)
+    rewards.reset(terms, TURBINE, signals())
+    first = noisy_course(terms, seed=0)
+    noisy_course(terms, seed=1)
+    rewards.reset(terms, TURBINE, signals())
+    assert noisy_course(terms, seed=0) == first
+    assert noisy_course(rewards.compose(ALL_TERMS), seed=0) == first  # as if started by the first transition
+
+
+def test_a_deep_copy_is_a_snapshot():
+    terms = rewards.compose(ALL_TERMS)
+    rewards.reset(terms, TURBINE, signals())
+    noisy_course(terms, seed=0)
+    snapshot = copy.deepcopy(terms)
+    onwards = noisy_course(terms, seed=1)
+    noisy_course(terms, seed=2)
+    assert noisy_course(copy.deepcopy(snapshot), seed=1) == onwards
+    assert noisy_course(snapshot, seed=1) == onwards
+
+
+def test_environments_share_no_terms():
+    given_term = rewards.TowerForeAftFatigue()
+    for reward in (None, [given_term]):
+        first, second = rewards.compose(reward), rewards.compose(reward)
+        assert not {id(term) for term in first} & {id(term) for term in second}
+        assert given_term not in first
 
 
 def test_terms_of_ones_own():
@@ -112,14 +393,23 @@ def test_terms_of_ones_own():
         def __call__(self, transition):
             return 2.0
 
-    terms = rewards.compose([rewards.Power(), Constant()])
-    total, values = rewards.total(terms, rewards.Transition(TURBINE, signals(), signals(), 0.5))
-    assert values == {"power": 0.5, "constant": 1.0}
-    assert total == 1.5
+    class LastAction:
+        name, weight = "last_action", 1.0
+
+        def __call__(self, transition):
+            return -float(np.abs(transition.action).mean())
+
+    terms = rewards.compose([rewards.Power(), Constant(), LastAction()])
+    rewards.reset(terms, TURBINE, signals())
+    transition = rewards.Transition(TURBINE, signals(), signals(), 0.5, action=np.array([0.5, -1.0, 0.0]))
+    total, values = rewards.total(terms, transition)
+    assert values == pytest.approx({"power": 0.5, "constant": 1.0, "last_action": -0.25})
+    assert total == pytest.approx(1.25)
 
 
-@pytest.mark.parametrize("reward", [[], [rewards.Power(), rewards.Power()], ["power"], {name: 0.0 for name in
-    ("power", "tip_deflection", "tower_load", "actuator_use", "overspeed")}])  # fmt: skip
+@pytest.mark.parametrize(
+    "reward", [[], [rewards.Power(), rewards.Power()], ["power"], dict.fromkeys(rewards.DEFAULT_WEIGHTS, 0.0)]
+)
 def test_impossible_rewards_are_refused(reward):
     with pytest.raises(ValueError, match="reward"):
         rewards.compose(reward)

@@ -2,7 +2,19 @@
 
 from wt_gym.envs.layout import EnvLayout, ObservationLayout, layout_of
 from wt_gym.envs.observations import OBSERVATION_GROUPS
-from wt_gym.envs.rewards import ActuatorUse, Overspeed, Power, RewardTerm, TipDeflection, TowerLoad, Transition
+from wt_gym.envs.rewards import (
+    ActuatorUse,
+    BladeFatigue,
+    Damage,
+    Overspeed,
+    Power,
+    RewardTerm,
+    TipDeflection,
+    TowerForeAftFatigue,
+    TowerLoad,
+    TowerSideSideFatigue,
+    Transition,
+)
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 
@@ -11,13 +23,17 @@ __all__ = [
     "OBSERVATION_GROUPS",
     "TRAINING_WIND_SEEDS",
     "ActuatorUse",
+    "BladeFatigue",
+    "Damage",
     "EnvLayout",
     "ObservationLayout",
     "Overspeed",
     "Power",
     "RewardTerm",
     "TipDeflection",
+    "TowerForeAftFatigue",
     "TowerLoad",
+    "TowerSideSideFatigue",
     "Transition",
     "WindTurbineEnv",
     "layout_of",

@@ -91,19 +91,27 @@ class WindTurbineEnv(gym.Env):
 
     The sum of rates times ``control_dt``, so an episode's return is an integral over time that does not depend on the
     control step; each term of a step stands in ``info["reward_terms"]``. Penalties are ``-w x^2 / (1 + x^2)``, hence
-    bounded. With P the electrical power, R the rated one:
+    bounded. With P the electrical power, R the rated one, E the kinetic energy of the rotor up to rated speed, M the
+    root moment of the Betz thrust at rated wind (`wt_gym.envs.observations.reference_flap_moment`) and T that of the
+    tower base; moments are those behind a high-pass filter of 10 s:
 
-    | term           | weight | rate [1/s]                                                                     |
-    |----------------|--------|--------------------------------------------------------------------------------|
-    | power          | 1      | w P/R up to rated, w (1 - 2 (P/R - 1)) above it, at least -w                   |
-    | tip_deflection | 0.1    | x = downwind tip deflection / (0.15 blade length), mean over the blades        |
-    | tower_load     | 0.2    | x = rate of the tower-base moment / (0.25 M/s), M = Betz thrust x hub height   |
-    | actuator_use   | 0.1    | -w mean of abs(rate)/greatest rate of pitch, yaw and torque                    |
-    | overspeed      | 0.6    | x = (rotor speed / rated - 1.02) / 0.1 where positive                          |
+    | term                    | weight | rate [1/s]                                                            |
+    |-------------------------|--------|-----------------------------------------------------------------------|
+    | power                   | 1      | w (1 + (min(P, R) + dE/dt - P_available) / R), from -w to 2 w         |
+    | blade_fatigue           | 0.4    | x = flap moments / (0.4 M), blade by blade and as tilt and yaw        |
+    | tower_fore_aft_fatigue  | 0.2    | x = fore-aft moment / (0.4 T)                                         |
+    | tower_side_side_fatigue | 0.1    | x = side-side moment / (0.4 T)                                        |
+    | actuator_use            | 0.1    | -w mean of abs(rate)/greatest rate of pitch, yaw and torque           |
+    | overspeed               | 0.6    | x = (rotor speed / rated - 1.02) / 0.1 where positive                 |
+
+    P_available is what the turbine can make of the rotor-effective wind of the episode, up to R: a turbine that takes
+    what there is earns about 1 per second in any wind. Further terms, ``tip_deflection``, ``tower_load`` and ``damage``
+    (rainflow counting), have weight 0. See `wt_gym.envs.rewards` and ``docs/rewards.md``.
 
     A terminated episode gets the further term ``termination`` = ``-termination_penalty`` (default 50). An early end
-    never pays: the worst operation costs 2 per second, which is 40 altogether at a discount of 0.99 per 0.2 s, less
-    than the penalty; and without a discount an idling turbine, feathered and without torque, earns about 0 per second.
+    never pays: the worst operation costs 2.4 per second, which is 48 altogether at a discount of 0.99 per 0.2 s, less
+    than the penalty; and without a discount an idling turbine, feathered and without torque, earns no less than about
+    0 per second: 0 in rated wind, more below.
 
     ## Starting state
 
@@ -288,6 +296,7 @@ class WindTurbineEnv(gym.Env):
         )
         self.demand = Demand(np.full(self.turbine.n_blades, pitch), 0.0, torque)
         self._action = np.zeros(self.layout.action.size)
+        rewards.reset(self.reward_terms, self.turbine, self.signals)
         self._steps, self._running = 0, True
         self._observer.reset(self.signals)
         observation, saturated = self._observe()
@@ -335,7 +344,8 @@ class WindTurbineEnv(gym.Env):
         if self._renderer is not None:
             self._renderer.record(after)
 
-        transition = rewards.Transition(self.turbine, before, after, self.control_dt)
+        inflow = self.episode_wind.inflow
+        transition = rewards.Transition(self.turbine, before, after, self.control_dt, inflow, values)
         reward, terms = rewards.total(self.reward_terms, transition)
         ending = self._ending()
         if ending is not None:

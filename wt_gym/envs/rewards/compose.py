@@ -1,0 +1,112 @@
+"""From a description of the reward to its terms, and from a step to its reward."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from wt_gym.envs.rewards.damage import Damage
+from wt_gym.envs.rewards.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
+from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
+from wt_gym.envs.rewards.operation import ActuatorUse, Overspeed
+from wt_gym.envs.rewards.power import Power
+
+if TYPE_CHECKING:
+    from wt_gym.envs.rewards.term import RewardTerm, Transition
+    from wt_gym.simulation import Signals
+    from wt_gym.turbines import Turbine
+
+__all__ = ["DEFAULT_WEIGHTS", "compose", "reset", "total", "worst_rate"]
+
+_CLASSES = (
+    Power,
+    BladeFatigue,
+    TowerForeAftFatigue,
+    TowerSideSideFatigue,
+    ActuatorUse,
+    Overspeed,
+    TipDeflection,
+    TowerLoad,
+    Damage,
+)
+_TERMS = {term.name: type(term) for term in (cls() for cls in _CLASSES)}
+
+DEFAULT_WEIGHTS: dict[str, float] = {name: cls().weight for name, cls in _TERMS.items()}
+"""Weight of every term that has a name; those with weight 0 are there on request."""
+
+
+def compose(reward: Mapping[str, float] | Iterable[RewardTerm] | None) -> tuple[RewardTerm, ...]:
+    """Terms of a reward.
+
+    Parameters
+    ----------
+    reward : None, mapping or iterable of RewardTerm
+        None: the terms with their `DEFAULT_WEIGHTS`. A mapping of names to weights changes those weights (zero drops
+        the term). An iterable gives the terms themselves.
+
+    Returns
+    -------
+    tuple of RewardTerm
+        New objects at every call, terms given are copied: no two environments share the memory of a term.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, a weight is negative, two terms share a name, or no term is left.
+    """
+    if reward is None:
+        reward = {}
+    if isinstance(reward, Mapping):
+        unknown = [name for name in reward if name not in _TERMS]
+        if unknown:
+            raise ValueError(f"reward has no terms {unknown}; there are {tuple(_TERMS)}")
+        terms = [cls(weight=float(reward[name])) if name in reward else cls() for name, cls in _TERMS.items()]
+    else:
+        terms = list(reward)
+    for term in terms:
+        if not (callable(term) and hasattr(term, "name") and hasattr(term, "weight")):
+            raise ValueError(f"a reward term needs a name, a weight and must be callable, got {term!r}")
+        if not 0 <= term.weight < math.inf:
+            raise ValueError(
+                f"the weight of reward term {term.name!r} must be finite and not negative, got {term.weight}"
+            )
+    terms = tuple(copy.deepcopy(term) for term in terms if term.weight > 0)
+    if not terms or len({term.name for term in terms}) != len(terms):
+        raise ValueError(f"reward needs at least one term and different names, got {[term.name for term in terms]}")
+    return terms
+
+
+def reset(terms: Iterable[RewardTerm], turbine: Turbine, signals: Signals) -> None:
+    """Let the terms that remember something forget it.
+
+    Parameters
+    ----------
+    terms : iterable of RewardTerm
+    turbine : Turbine
+    signals : Signals
+        First signals of the episode.
+    """
+    for term in terms:
+        if hasattr(term, "reset"):
+            term.reset(turbine, signals)
+
+
+def worst_rate(terms: Iterable[RewardTerm]) -> float:
+    """Lower bound of the reward of one second of operation [1/s]."""
+    return sum(float(getattr(term, "worst_rate", -term.weight)) for term in terms)
+
+
+def total(terms: Iterable[RewardTerm], transition: Transition) -> tuple[float, dict[str, float]]:
+    """Reward of a step and its terms.
+
+    Returns
+    -------
+    reward : float
+        Sum of the terms.
+    values : dict
+        Name to value, each already multiplied by the step's length.
+    """
+    values = {term.name: float(term(transition)) * transition.dt for term in terms}
+    return float(sum(values.values())), values

@@ -1,0 +1,133 @@
+"""Power, relative to what the wind and the turbine allow."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.control.operating_point import design_point, rotor_inertia
+
+if TYPE_CHECKING:
+    from wt_gym.envs.rewards.term import Transition
+    from wt_gym.simulation import Signals
+    from wt_gym.turbines import Turbine
+
+__all__ = ["Power", "available_power"]
+
+_RINGS = np.sqrt([0.25, 0.75])
+_AZIMUTHS = 2.0 * np.pi * np.arange(6) / 6
+
+
+def available_power(turbine: Turbine, wind_speed: float) -> float:
+    """Electrical power that a turbine can make of a steady wind [W].
+
+    ``min(rated, rho A Cp_max eta V^3 / 2)`` with the swept area of the coned rotor, the peak power coefficient of
+    `wt_gym.control.operating_point.design_point` and the efficiency of gearbox and generator.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    wind_speed : float
+        Rotor-effective wind speed [m/s].
+    """
+    return min(turbine.drivetrain.rated_power, _power_factor(turbine) * wind_speed**3)
+
+
+def _efficiency(turbine: Turbine) -> float:
+    """Electrical power over power on the low-speed shaft [-]."""
+    return turbine.drivetrain.gearbox_efficiency * turbine.drivetrain.generator_efficiency
+
+
+def _power_factor(turbine: Turbine) -> float:
+    """Electrical power over cubed wind speed at the design point [W/(m/s)^3]."""
+    radius = turbine.rotor_diameter / 2 * math.cos(turbine.hub.cone)
+    area = math.pi * radius**2
+    return 0.5 * turbine.air_density * area * design_point(turbine).peak_power_coefficient * _efficiency(turbine)
+
+
+class Power:
+    """Electrical power plus what is stored in the rotor, less the power that wind and turbine allow.
+
+    The rate is ``w (1 + (P + dE/dt - P_available) / P_rated)`` within [-w, 2 w]: about w for a turbine that takes what
+    there is, whatever the wind, 0 for an idle one at rated wind, and lower by the same amount for every joule lost.
+
+    - P is the mean of the electrical power at both ends of the step. Above rated power nothing is paid, and what goes
+      beyond ``overload`` times rated is subtracted twice.
+    - E is the kinetic energy of rotor and generator times the efficiency of the drivetrain, up to that at rated speed.
+      Being a function of the state its changes sum to the difference between end and start of an episode: emptying the
+      rotor earns nothing, nor does filling it at the end beyond rated speed, and driving it with the generator costs.
+      It is a potential in the sense of Ng, Harada and Russell (1999), here without discount.
+    - P_available is `available_power` at the rotor-effective wind: the size of the mean horizontal wind over 12 points
+      of equal area of the rotor disc at the hub, behind a first-order low-pass filter. It depends on nothing that an
+      agent does: yawing away from the wind does not lower it. Without an inflow the undisturbed wind at the hub stands
+      for it.
+
+    A difference and not a ratio, because a ratio to the available power of the moment would pay a joule stored in a
+    lull more than it costs when taken out in a gust.
+
+    Parameters
+    ----------
+    weight : float
+    time_constant : float
+        Of the filter of the wind [s].
+    overload : float
+        Electrical power over rated power from which on more power costs [-].
+    name : str
+    """
+
+    def __init__(self, weight: float = 1.0, time_constant: float = 5.0, overload: float = 1.1, name: str = "power"):
+        self.weight, self.time_constant, self.overload, self.name = weight, time_constant, overload, name
+        self._started = False
+
+    def reset(self, turbine: Turbine, signals: Signals) -> None:
+        """Start an episode: the filter of the wind begins with the wind of the first step."""
+        drivetrain = turbine.drivetrain
+        self._started, self._wind_speed = True, math.nan
+        self._rated_power, self._rated_speed = drivetrain.rated_power, drivetrain.rated_rotor_speed
+        self._half_inertia = 0.5 * rotor_inertia(turbine) * _efficiency(turbine)
+        self._power_factor = _power_factor(turbine)
+        disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
+        ring = turbine.rotor_diameter / 2 * _RINGS
+        disc[..., 1] = np.outer(ring, np.sin(_AZIMUTHS))
+        disc[..., 2] = turbine.hub_height + np.outer(ring, np.cos(_AZIMUTHS))
+        self._disc = disc.reshape(-1, 3)
+        self._filter_step, self._filter_gain = math.nan, math.nan
+
+    def __call__(self, transition: Transition) -> float:
+        """Rate of reward [1/s]."""
+        if not self._started:
+            self.reset(transition.turbine, transition.before)
+        before, after, dt = transition.before, transition.after, transition.dt
+        power = 0.5 * (self._paid(before["generator_power"]) + self._paid(after["generator_power"]))
+        stored = (self._energy(after["rotor_speed"]) - self._energy(before["rotor_speed"])) / (dt * self._rated_power)
+        value = 1.0 + power + stored - self._available(transition)
+        return self.weight * min(max(value, -1.0), 2.0)
+
+    def _paid(self, power: float) -> float:
+        """Power that counts, over rated power [-]."""
+        ratio = power / self._rated_power
+        return min(ratio, 1.0) - 2.0 * max(ratio - self.overload, 0.0)
+
+    def _energy(self, rotor_speed: float) -> float:
+        """Kinetic energy that counts [J]."""
+        return self._half_inertia * min(max(rotor_speed, 0.0), self._rated_speed) ** 2
+
+    def _available(self, transition: Transition) -> float:
+        """Available power over rated power [-]."""
+        if math.isnan(self._wind_speed):
+            self._wind_speed = self._wind(transition.inflow, transition.before)
+        if self._filter_step != transition.dt:
+            self._filter_step = transition.dt
+            self._filter_gain = 1.0 - math.exp(-transition.dt / self.time_constant)
+        speed = self._wind(transition.inflow, transition.after)
+        self._wind_speed += self._filter_gain * (speed - self._wind_speed)
+        return min(1.0, self._power_factor * self._wind_speed**3 / self._rated_power)
+
+    def _wind(self, inflow, signals: Signals) -> float:
+        """Rotor-effective wind speed [m/s]."""
+        if inflow is None:
+            return math.hypot(signals["wind_x"], signals["wind_y"])
+        x, y, _ = inflow.velocity(self._disc, signals["time"]).sum(axis=0).tolist()
+        return math.hypot(x, y) / len(self._disc)

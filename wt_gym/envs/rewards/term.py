@@ -1,0 +1,90 @@
+"""What a reward term sees and what it offers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from wt_gym.envs.observations import reference_flap_moment
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from wt_gym.simulation import Signals
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+__all__ = ["HighPass", "RewardTerm", "Transition", "bounded_square", "reference_tower_moment"]
+
+
+@dataclass(frozen=True)
+class Transition:
+    """One control step as the reward sees it.
+
+    Attributes
+    ----------
+    turbine : Turbine
+    before, after : Signals
+        Signals at the beginning and the end of the step; ``after["time"]`` is the time [s].
+    dt : float
+        Length of the step [s].
+    inflow : Inflow, optional
+        The undisturbed wind of the episode.
+    action : numpy.ndarray, shape (n_act,), optional
+        The validated action that led here.
+    """
+
+    turbine: Turbine
+    before: Signals
+    after: Signals
+    dt: float
+    inflow: Inflow | None = None
+    action: np.ndarray | None = None
+
+
+class RewardTerm(Protocol):
+    """A part of the reward: its name in ``info["reward_terms"]``, its weight, and its value for a step.
+
+    A term that remembers something between steps also has ``reset(turbine, signals)``, called at the start of every
+    episode with the first signals, and keeps its memory in plain attributes, so that ``copy.deepcopy`` is a snapshot.
+    A term whose rate is not bounded by its weight says so by an attribute ``worst_rate`` [1/s].
+    """
+
+    name: str
+    weight: float
+
+    def __call__(self, transition: Transition) -> float:
+        """Rate of reward [1/s], at least -weight."""
+        ...
+
+
+def bounded_square(square: float) -> float:
+    """Penalty x^2 / (1 + x^2) in [0, 1) of a square x^2."""
+    return square / (1.0 + square) if square < math.inf else 1.0
+
+
+def reference_tower_moment(turbine: Turbine) -> float:
+    """Tower-base moment of the Betz thrust at rated wind [N m]."""
+    thrust = reference_flap_moment(turbine) * turbine.n_blades / (turbine.rotor_diameter / 3)
+    return thrust * turbine.hub_height
+
+
+class HighPass:
+    """First-order high-pass filter, exact for a signal held over the step.
+
+    Parameters
+    ----------
+    time_constant : float
+        [s]
+    mean : float
+        What the filter takes for the mean of the signal at the start.
+    """
+
+    def __init__(self, time_constant: float, mean: float):
+        self.time_constant, self.mean = float(time_constant), float(mean)
+
+    def __call__(self, value: float, dt: float) -> float:
+        """Deviation of ``value`` from the mean of the last ``time_constant`` seconds."""
+        self.mean += (1.0 - math.exp(-dt / self.time_constant)) * (value - self.mean)
+        return value - self.mean
