@@ -48,7 +48,7 @@ class ScriptedSimulator:
         }  # fmt: skip
         for blade in range(1, self.turbine.n_blades + 1):
             self._values |= {
-                f"pitch_{blade}": pitch, f"pitch_rate_{blade}": 0.0, f"tip_out_of_plane_{blade}": 3.0,
+                f"pitch_{blade}": pitch, f"pitch_rate_{blade}": 0.0, f"pitch_travel_{blade}": 0.0, f"tip_out_of_plane_{blade}": 3.0,
                 f"tip_in_plane_{blade}": -0.3, f"root_flap_moment_{blade}": 8e6, f"root_edge_moment_{blade}": 1e6,
                 f"tip_clearance_{blade}": 12.0, f"tip_clearance_min_{blade}": 11.0,
             }  # fmt: skip
@@ -62,6 +62,7 @@ class ScriptedSimulator:
             raise SimulationError(f"scripted failure at {self.time} s")
         for blade, angle in enumerate(pitch, start=1):
             self._values[f"pitch_rate_{blade}"] = (angle - self._values[f"pitch_{blade}"]) / duration
+            self._values[f"pitch_travel_{blade}"] = abs(angle - self._values[f"pitch_{blade}"])
             self._values[f"pitch_{blade}"] = float(angle)
         self._values |= {"time": self.time, "yaw_rate": yaw_rate, "generator_torque": generator_torque}
         scripted = self.script.get(self.time, {})

@@ -43,7 +43,7 @@ def signals(**changes):
         "tower_base_side_side_moment": 0.0,
     }
     for b in (1, 2, 3):
-        values |= {f"pitch_rate_{b}": 0.0, f"tip_out_of_plane_{b}": 0.0, f"root_flap_moment_{b}": 8e6}
+        values |= {f"pitch_travel_{b}": 0.0, f"tip_out_of_plane_{b}": 0.0, f"root_flap_moment_{b}": 8e6}
     return values | changes
 
 
@@ -285,7 +285,7 @@ def test_tower_load():
 
 def test_actuator_use_is_the_duty_cycle():
     term = rewards.ActuatorUse(weight=3.0)
-    full = {f"pitch_rate_{b}": TURBINE.pitch.max_rate for b in (1, 2, 3)}
+    full = {f"pitch_travel_{b}": DT * TURBINE.pitch.max_rate for b in (1, 2, 3)}
     assert rate(term, **full) == pytest.approx(-1.0)
     assert rate(term, yaw_rate=-0.5 * TURBINE.nacelle.max_yaw_rate) == pytest.approx(-0.5)
     assert rate(term, generator_torque=43e3 + DT * 15e3) == pytest.approx(-1.0, rel=1e-6)
@@ -293,7 +293,7 @@ def test_actuator_use_is_the_duty_cycle():
 
 def test_actuator_use_without_yaw_drive():
     fixed = replace(TURBINE, nacelle=replace(TURBINE.nacelle, max_yaw_rate=0.0))
-    full = {f"pitch_rate_{b}": TURBINE.pitch.max_rate for b in (1, 2, 3)}
+    full = {f"pitch_travel_{b}": DT * TURBINE.pitch.max_rate for b in (1, 2, 3)}
     transition = rewards.Transition(fixed, signals(), signals(**full), DT)
     assert rewards.ActuatorUse(weight=1.0)(transition) == pytest.approx(-0.5)
 
@@ -309,12 +309,12 @@ def test_overspeed():
 
 @given(
     power=st.floats(-1e8, 1e8), speed=st.floats(-10, 10), moment=st.floats(-1e100, 1e100), tip=st.floats(-1e3, 1e3),
-    pitch_rate=st.floats(-10, 10), torque=st.floats(-1e6, 1e6), yaw_rate=st.floats(-1, 1), wind=st.floats(-80, 80),
+    travel=st.floats(0, 10), torque=st.floats(-1e6, 1e6), yaw_rate=st.floats(-1, 1), wind=st.floats(-80, 80),
 )  # fmt: skip
-def test_every_term_is_bounded(power, speed, moment, tip, pitch_rate, torque, yaw_rate, wind):
+def test_every_term_is_bounded(power, speed, moment, tip, travel, torque, yaw_rate, wind):
     after = signals(
         generator_power=power, rotor_speed=speed, tower_base_fore_aft_moment=moment, tip_out_of_plane_2=tip,
-        root_flap_moment_1=moment, tower_base_side_side_moment=moment, pitch_rate_3=pitch_rate,
+        root_flap_moment_1=moment, tower_base_side_side_moment=moment, pitch_travel_3=travel,
         generator_torque=torque, yaw_rate=yaw_rate, wind_x=wind,
     )  # fmt: skip
     transition = rewards.Transition(TURBINE, signals(), after, DT)

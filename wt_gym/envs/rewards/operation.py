@@ -17,8 +17,8 @@ __all__ = ["ActuatorUse", "Overspeed"]
 class ActuatorUse:
     """Penalty on actuator use: mean of |rate| / greatest rate over the blades' pitch, the yaw drive and the torque.
 
-    The share of the pitch system is the actuator duty cycle. Torque counts by its change over the step. A turbine
-    without yaw drive has the mean of the other two.
+    The share of the pitch system is the actuator duty cycle, by the way that the blades turned in all time steps of the
+    simulator. Torque counts by its change over the step. A turbine without yaw drive has the mean of the other two.
     """
 
     weight: float = 0.1
@@ -27,9 +27,9 @@ class ActuatorUse:
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
         turbine, before, after = transition.turbine, transition.before, transition.after
-        pitch = sum(abs(after[f"pitch_rate_{b + 1}"]) for b in range(turbine.n_blades)) / turbine.n_blades
+        travel = sum(after[f"pitch_travel_{b + 1}"] for b in range(turbine.n_blades)) / turbine.n_blades
         torque = abs(after["generator_torque"] - before["generator_torque"]) / transition.dt
-        uses = [pitch / turbine.pitch.max_rate, torque / turbine.drivetrain.max_torque_rate]
+        uses = [travel / transition.dt / turbine.pitch.max_rate, torque / turbine.drivetrain.max_torque_rate]
         if turbine.nacelle.max_yaw_rate > 0.0:
             uses.append(abs(after["yaw_rate"]) / turbine.nacelle.max_yaw_rate)
         return -self.weight * sum(min(use, 1.0) for use in uses) / len(uses)

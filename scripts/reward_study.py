@@ -1,0 +1,183 @@
+#!/usr/bin/env python3
+"""Do the rewards pay for what users want? Reward terms against loads, power and a lifetime cost over many controllers.
+
+    scripts/reward_study.py                                  # from docs/data/reward_study.csv: tables and figure
+    scripts/reward_study.py --run --csv runs/rewards.csv     # simulate again, 138 runs, some ten minutes on one core
+    scripts/reward_study.py --weights power=1 blade_fatigue=0.8 tower_fore_aft_fatigue=0.4
+
+A run that was interrupted goes on where it stopped. With --json the figures are printed as one JSON object last.
+"""
+
+import argparse
+import csv
+import json
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+
+def parse_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--run", action="store_true", help="simulate what the table lacks")
+    parser.add_argument("--csv", type=Path, default=ROOT / "docs" / "data" / "reward_study.csv", help="table of runs")
+    parser.add_argument("--winds", type=float, nargs="+", default=[8.0, 12.0, 16.0], metavar="M_S")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1001, 1002], help="turbulence seeds")
+    parser.add_argument("--duration", type=float, default=160.0, help="of a run [s] (default: %(default)s)")
+    parser.add_argument("--skip", type=float, default=20.0, help="start left out [s] (default: %(default)s)")
+    parser.add_argument("--weights", nargs="+", default=[], metavar="TERM=W", help="other weights than the defaults")
+    parser.add_argument("--out", type=Path, help="folder for the figure reward_study.svg")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON at the end")
+    return parser.parse_args()
+
+
+def simulate(arguments: argparse.Namespace) -> None:
+    """Run every controller in every wind and append what the table lacks."""
+    from agents import reward_study as study
+    from wt_gym.simulation import Simulator
+    from wt_gym.turbines import load_turbine
+    from wt_gym.wind import SteadyInflow
+
+    rows = read(arguments.csv) if arguments.csv.exists() else []
+    done = {(row["controller"], row["wind_speed"], row["seed"]) for row in rows}
+    turbine = load_turbine("nrel_5mw")
+    simulator = Simulator(turbine, inflow=SteadyInflow(8.0))
+    wanted = [
+        (name, controller, wind, seed)
+        for seed in arguments.seeds for wind in arguments.winds for name, controller in study.controllers().items()
+        if (name, wind, seed) not in done
+    ]  # fmt: skip
+    started = time.monotonic()
+    for k, (name, controller, wind, seed) in enumerate(wanted, start=1):
+        row = study.run(turbine, name, controller, wind, seed, arguments.duration, arguments.skip, simulator=simulator)
+        row = {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()}
+        arguments.csv.parent.mkdir(parents=True, exist_ok=True)
+        new = not arguments.csv.exists()
+        with arguments.csv.open("a", newline="") as file:
+            writer = csv.DictWriter(file, list(row), lineterminator="\n")
+            if new:
+                writer.writeheader()
+            writer.writerow(row)
+        elapsed = time.monotonic() - started
+        print(f"{k} of {len(wanted)} in {elapsed:.0f} s: {name}, {wind:g} m/s, seed {seed}", flush=True)
+
+
+def read(path: Path) -> list[dict]:
+    """Rows of the table, numbers as numbers."""
+    kinds = {"controller": str, "seed": int}
+    with path.open(newline="") as file:
+        return [{key: kinds.get(key, float)(value) for key, value in row.items()} for row in csv.DictReader(file)]
+
+
+def analyse(rows: list[dict], weights: dict[str, float]) -> dict:
+    """Correlations of the terms with the loads and of the total with the lifetime cost."""
+    from agents import reward_study as study
+
+    runs, lifetimes = study.differences(rows), study.lifetime(rows)
+    former = study.FORMER_WEIGHTS
+    for row in (*runs, *lifetimes):
+        row["total"], row["former_total"] = study.total_rate(row, weights), study.total_rate(row, former)
+    columns = (*study.LOADS, "mean_power", "pitch_duty", "cost")
+    rates = [key for key in rows[0] if key in {term.name for term in study.study_terms()}]
+
+    def table(chosen: list[dict]) -> dict:
+        return {
+            rate: {c: study.correlation([row[rate] for row in chosen], [row[c] for row in chosen]) for c in columns}
+            for rate in (*rates, "former_total", "total")
+        }
+
+    return {
+        "runs": runs,
+        "lifetimes": lifetimes,
+        "all_runs": table(runs),
+        "by_wind": {w: table([row for row in runs if row["wind_speed"] == w]) for w in {r["wind_speed"] for r in runs}},
+        "lifetime": table(lifetimes),
+    }
+
+
+def show(result: dict, weights: dict[str, float]) -> None:
+    """Print the tables."""
+    print(f"weights: {', '.join(f'{name} {weight:g}' for name, weight in weights.items() if weight)}")
+    for title, key in (("all runs", "all_runs"), ("lifetime, one point a controller", "lifetime")):
+        columns = next(iter(result[key].values()))
+        print(f"\nSpearman correlation, {title}\n{'':26s}" + "".join(f"{column:>11s}" for column in columns))
+        for rate, values in result[key].items():
+            print(f"{rate:26s}" + "".join(f"{value:+11.2f}" for value in values.values()))
+    by_wind = ((wind, table["total"]["cost"]) for wind, table in sorted(result["by_wind"].items()))
+    print("\ntotal against cost: " + ", ".join(f"{value:+.2f} at {wind:g} m/s" for wind, value in by_wind))
+    print("\nLifetime, differences to the baseline; loads and power relative, duty cycle and cost in per cent")
+    columns = ("flap", "edge", "fore_aft", "side_side", "mean_power", "pitch_duty", "cost")
+    print(f"{'':32s}" + "".join(f"{column:>11s}" for column in columns) + f"{'total [1/s]':>13s}")
+    for row in sorted(result["lifetimes"], key=lambda row: row["cost"]):
+        values = "".join(f"{100 * row[column]:+11.2f}" for column in columns)
+        print(f"{row['controller']:32s}{values}{row['total']:+13.4f}")
+
+
+def draw(result: dict, folder: Path) -> Path:
+    """Reward against cost, each run and each controller's lifetime."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    mpl.rcParams["svg.fonttype"] = "none"
+    mpl.rcParams["svg.hashsalt"] = "reward_study"
+    figure, axes = plt.subplots(1, 3, figsize=(13, 4.4), layout="constrained")
+    plots = (
+        ("former_total", "lifetimes", "reward of the first version"),
+        ("total", "lifetimes", "default reward"),
+        ("total", "runs", "default reward, every run"),
+    )
+    for axis, (column, kind, title) in zip(axes, plots, strict=True):
+        rows = result[kind]
+        table = result["lifetime" if kind == "lifetimes" else "all_runs"]
+        for wind in sorted({row.get("wind_speed", 0.0) for row in rows}):
+            chosen = [row for row in rows if row.get("wind_speed", 0.0) == wind]
+            label = f"{wind:g} m/s" if wind else None
+            axis.plot([100 * row["cost"] for row in chosen], [row[column] for row in chosen], "o", ms=5, label=label)
+        if kind == "runs":
+            axis.legend(frameon=False)
+        axis.set_title(f"{title}: Spearman {table[column]['cost']:+.2f}", fontsize=11)
+        axis.set_xlabel("lifetime cost against the baseline [%]")
+        axis.axhline(0, color="0.8", lw=0.8, zorder=0)
+        axis.axvline(0, color="0.8", lw=0.8, zorder=0)
+        axis.spines[["top", "right"]].set_visible(False)
+    axes[0].set_ylabel("reward against the baseline [1/s]")
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "reward_study.svg"
+    figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
+    return path
+
+
+def main() -> int:
+    """Simulate if asked to, then analyse."""
+    arguments = parse_arguments()
+    from wt_gym.envs import rewards
+
+    weights = dict(rewards.DEFAULT_WEIGHTS)
+    for given in arguments.weights:
+        name, _, value = given.partition("=")
+        if name not in weights:
+            print(f"there is no reward term {name!r}; there are {', '.join(weights)}", file=sys.stderr)
+            return 2
+        weights[name] = float(value)
+    if arguments.run:
+        simulate(arguments)
+    if not arguments.csv.exists():
+        print(f"{arguments.csv} does not exist; simulate it with --run", file=sys.stderr)
+        return 2
+    result = analyse(read(arguments.csv), weights)
+    show(result, weights)
+    if arguments.out is not None:
+        print(f"\nfigure: {draw(result, arguments.out)}")
+    if arguments.json:
+        print(json.dumps({key: value for key, value in result.items() if key != "runs"}))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
