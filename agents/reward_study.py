@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from scipy.stats import spearmanr
 
 from agents.baseline import BaselineController, BaselineParameters
@@ -21,13 +22,15 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs import rewards
 from wt_gym.envs.wind_sampler import WindSampler
-from wt_gym.simulation import Recorder, Simulator
+from wt_gym.simulation import Signals
+from wt_gym.simulation.channels import channel_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from wt_gym.simulation import Signals
+    from wt_gym.simulation import Simulator
     from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
 
 __all__ = [
     "BASELINE",
@@ -39,13 +42,18 @@ __all__ = [
     "correlation",
     "cost",
     "differences",
+    "evaluate",
     "lifetime",
-    "run",
+    "simulate",
     "study_terms",
     "total_rate",
+    "wind",
 ]
 
 BASELINE = "baseline"
+
+CONTROL_DT = 0.2
+"""Control step of the environment, over which a reward is paid [s]."""
 
 LOADS = {
     "flap": "blade_flap_del",
@@ -95,6 +103,8 @@ class StudyController:
         Above rated the torque stays at its rated value instead of the power.
     individual : float
         Integral gain of individual pitch control in the fixed frame [rad/(N m s)].
+    faded : bool
+        Individual pitch fades out towards fine pitch.
     fore_aft : float
         Gain of the fore-aft tower damper, collective pitch against the tower-top velocity [rad/(m/s)].
     side_side : float
@@ -115,6 +125,7 @@ class StudyController:
     derating: float = 1.0
     constant_torque: bool = False
     individual: float = 0.0
+    faded: bool = True
     fore_aft: float = 0.0
     side_side: float = 0.0
     dither: float = 0.0
@@ -158,7 +169,7 @@ def controllers() -> dict[str, StudyController]:
         "individual pitch, weak": StudyController(individual=1e-9),
         "individual pitch": StudyController(individual=3e-9),
         "individual pitch, strong": StudyController(individual=8e-9),
-        "individual pitch, wrong way": StudyController(individual=-1e-10),
+        "individual pitch, not faded": StudyController(individual=3e-9, faded=False),
         "fore-aft damper": StudyController(fore_aft=1.0 * degree),
         "fore-aft damper, strong": StudyController(fore_aft=3.0 * degree),
         "side-side damper": StudyController(side_side=20e3),
@@ -204,12 +215,13 @@ class _Loop:
     def _individual(self, signals: Signals, dt: float) -> np.ndarray:
         """Individual pitch [rad], shape (n_blades,): integrals of the tilt and yaw moments, turned back to the blades.
 
-        Faded out below rated, where the blades stand at fine pitch.
+        Faded out, if so wanted, below rated, where the blades stand at fine pitch.
         """
         n = self.turbine.n_blades
         azimuth = signals.azimuth + 2 * math.pi * np.arange(n) / n
         moments = 2 / n * np.array([np.cos(azimuth), np.sin(azimuth)]) @ signals.root_flap_moment
         room = min(max(float(self.baseline.state.pitch[0]) / math.radians(5.0), 0.0), 1.0)
+        room = room if self.description.faded else 1.0
         self.tilt_yaw = np.clip(
             self.tilt_yaw + self.description.individual * moments * dt, -self._MOST_INDIVIDUAL, self._MOST_INDIVIDUAL
         )
@@ -241,71 +253,89 @@ def study_terms() -> tuple[rewards.RewardTerm, ...]:
     return (*named, single, fixed, _FormerPower())
 
 
-def run(
-    turbine: Turbine,
-    name: str,
+def wind(turbine: Turbine, wind_speed: float, seed: int) -> Inflow:
+    """Turbulent wind as the environment draws it, from the beginning of its box [m/s]."""
+    sampler = WindSampler(turbine, "turbulent", wind_speed, wind_seeds=(seed,))
+    return sampler.sample(np.random.default_rng(0), wind_seed=seed).inflow
+
+
+def simulate(
     controller: StudyController,
-    wind_speed: float,
-    seed: int,
-    duration: float = 200.0,
-    skip: float = 20.0,
-    control_dt: float = 0.2,
-    simulator: Simulator | None = None,
-) -> dict[str, float | str]:
-    """One controller in one turbulent wind.
+    simulator: Simulator,
+    duration: float = 160.0,
+    control_dt: float = CONTROL_DT,
+) -> np.ndarray:
+    """One controller in the wind of a simulator.
 
     Parameters
     ----------
-    turbine : Turbine
-    name : str
-        Of the controller.
     controller : StudyController
-    wind_speed : float
-        Mean wind speed at hub height [m/s].
-    seed : int
-        Of the turbulence.
-    duration, skip : float
-        Length of the run and of the start that is left out [s].
+        Called at every step of the simulator.
+    simulator : Simulator
+        Is reset.
+    duration : float
+        Length of the run [s].
     control_dt : float
-        Step of the reward, a multiple of the simulator's [s].
-    simulator : Simulator, optional
-        Used again instead of a new one.
+        Interval of the samples, a multiple of the simulator's step [s].
 
     Returns
     -------
-    dict
-        ``controller``, ``wind_speed``, ``seed``; mean rate of each of `study_terms` [1/s]; damage-equivalent loads
-        (`LOADS`) [N m]; ``mean_power`` [W]; ``pitch_duty`` and ``torque_duty``, mean rates over the greatest ones [-].
+    numpy.ndarray, shape (n + 1, n_channels)
+        Signals, those of the start first.
     """
-    sampler = WindSampler(turbine, "turbulent", wind_speed, wind_seeds=(seed,))
-    inflow = sampler.sample(np.random.default_rng(0), wind_seed=seed).inflow
-    if simulator is None:
-        simulator = Simulator(turbine, inflow=inflow)
-    simulator.inflow = inflow
-    start = operating_point(turbine, wind_speed)
+    turbine = simulator.turbine
+    start = operating_point(turbine, simulator.inflow.mean_speed)
     pitch = max(start.pitch, controller.fine_pitch)
     signals = simulator.reset(start.rotor_speed, pitch, yaw=controller.yaw, generator_torque=start.generator_torque)
-    loop, terms = _Loop(controller, turbine, signals), study_terms()
-    rewards.reset(terms, turbine, signals)
-    recorder, sums = Recorder(simulator), dict.fromkeys((term.name for term in terms), 0.0)
+    loop, rows = _Loop(controller, turbine, signals), [signals.values]
     count = round(control_dt / simulator.time_step)
-    for k in range(round(duration / control_dt)):
-        before, merged = signals, None
+    for _ in range(round(duration / control_dt)):
+        merged = None
         for _ in range(count):
             pitch, torque = loop.step(signals, simulator.time_step)
             signals = simulator.advance(simulator.time_step, pitch=pitch, generator_torque=torque)
             merged = signals if merged is None else signals.after(merged)
-        _, values = rewards.total(terms, rewards.Transition(turbine, before, merged, control_dt, inflow))
-        if (k + 1) * control_dt > skip + 1e-9:
-            recorder.append(merged)
+        rows.append(merged.values)
+    return np.array(rows)
+
+
+def evaluate(turbine: Turbine, inflow: Inflow, samples: np.ndarray, skip: float = 20.0) -> dict[str, float]:
+    """Reward terms, loads, power and actuator use of a run.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    inflow : Inflow
+        The wind of the run.
+    samples : numpy.ndarray, shape (n + 1, n_channels)
+        As `simulate` gives them.
+    skip : float
+        Start that is left out [s]; the filters of the terms run through it.
+
+    Returns
+    -------
+    dict
+        Mean rate of each of `study_terms` [1/s]; damage-equivalent loads (`LOADS`) [N m]; ``mean_power`` [W];
+        ``pitch_duty`` and ``torque_duty``, mean rates over the greatest ones [-].
+    """
+    names = [channel.name for channel in channel_table(turbine.n_blades)]
+    time = samples[:, names.index("time")]
+    dt = float(time[1] - time[0])
+    terms, signals = study_terms(), [Signals(values, turbine.n_blades) for values in samples]
+    rewards.reset(terms, turbine, signals[0])
+    sums = dict.fromkeys((term.name for term in terms), 0.0)
+    for before, after in itertools.pairwise(signals):
+        _, values = rewards.total(terms, rewards.Transition(turbine, before, after, dt, inflow))
+        if after.time > time[0] + skip + 1e-9:
             sums = {term: sums[term] + value for term, value in values.items()}
-    measured = run_metrics(recorder.to_dataset(), turbine)
-    torque_duty = np.abs(np.diff(recorder.to_dataset()["generator_torque"].values)).mean() / control_dt
-    row: dict[str, float | str] = {"controller": name, "wind_speed": float(wind_speed), "seed": int(seed)}
-    row |= {term: value / (duration - skip) for term, value in sums.items()}
+    kept = samples[time > time[0] + skip + 1e-9]
+    data = xr.Dataset({name: ("time", kept[:, k]) for k, name in enumerate(names) if name != "time"})
+    measured = run_metrics(data.assign_coords(time=kept[:, names.index("time")]), turbine)
+    torque_rate = np.abs(np.diff(data["generator_torque"].values)).mean() / dt
+    row = {term: value / (len(kept) * dt) for term, value in sums.items()}
     row |= {load: measured[key] for load, key in LOADS.items()}
     row |= {"mean_power": measured["mean_power"], "pitch_duty": measured["pitch_duty_cycle"]}
-    return row | {"torque_duty": float(torque_duty / turbine.drivetrain.max_torque_rate)}
+    return row | {"torque_duty": float(torque_rate / turbine.drivetrain.max_torque_rate)}
 
 
 def differences(rows: Iterable[Mapping]) -> list[dict]:
@@ -314,7 +344,7 @@ def differences(rows: Iterable[Mapping]) -> list[dict]:
     Parameters
     ----------
     rows : iterable of mapping
-        As `run` gives them, the baseline among them.
+        Columns as `evaluate` gives them, with ``controller``, ``wind_speed`` and ``seed``; the baseline among them.
 
     Returns
     -------
@@ -369,7 +399,7 @@ def lifetime(rows: Iterable[Mapping], mean_wind: float = 10.0) -> list[dict]:
     Parameters
     ----------
     rows : iterable of mapping
-        As `run` gives them.
+        As for `differences`.
     mean_wind : float
         Annual mean of the wind speed at hub height, 10 m/s for class I [m/s].
 

@@ -2,10 +2,11 @@
 """Do the rewards pay for what users want? Reward terms against loads, power and a lifetime cost over many controllers.
 
     scripts/reward_study.py                                  # from docs/data/reward_study.csv: tables and figure
-    scripts/reward_study.py --run --csv runs/rewards.csv     # simulate again, 138 runs, some ten minutes on one core
+    scripts/reward_study.py --runs runs/rewards --csv runs/rewards.csv    # simulate anew: 138 runs, 15 min
     scripts/reward_study.py --weights power=1 blade_fatigue=0.8 tower_fore_aft_fatigue=0.4
 
-A run that was interrupted goes on where it stopped. With --json the figures are printed as one JSON object last.
+The runs in the folder stay: after a change of a reward term only the table is made anew. With --json the figures are
+printed as one JSON object last.
 """
 
 import argparse
@@ -22,8 +23,10 @@ sys.path.insert(0, str(ROOT))
 def parse_arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--run", action="store_true", help="simulate what the table lacks")
     parser.add_argument("--csv", type=Path, default=ROOT / "docs" / "data" / "reward_study.csv", help="table of runs")
+    parser.add_argument(
+        "--runs", type=Path, metavar="FOLDER", help="make the table from the runs in this folder; simulate missing ones"
+    )
     parser.add_argument("--winds", type=float, nargs="+", default=[8.0, 12.0, 16.0], metavar="M_S")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1001, 1002], help="turbulence seeds")
     parser.add_argument("--duration", type=float, default=160.0, help="of a run [s] (default: %(default)s)")
@@ -35,34 +38,38 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def simulate(arguments: argparse.Namespace) -> None:
-    """Run every controller in every wind and append what the table lacks."""
+    """Run every controller in every wind and write the table; runs that are kept are not simulated again."""
+    import numpy as np
+
     from agents import reward_study as study
     from wt_gym.simulation import Simulator
     from wt_gym.turbines import load_turbine
     from wt_gym.wind import SteadyInflow
 
-    rows = read(arguments.csv) if arguments.csv.exists() else []
-    done = {(row["controller"], row["wind_speed"], row["seed"]) for row in rows}
     turbine = load_turbine("nrel_5mw")
     simulator = Simulator(turbine, inflow=SteadyInflow(8.0))
-    wanted = [
+    runs = [
         (name, controller, wind, seed)
         for seed in arguments.seeds for wind in arguments.winds for name, controller in study.controllers().items()
-        if (name, wind, seed) not in done
     ]  # fmt: skip
-    started = time.monotonic()
-    for k, (name, controller, wind, seed) in enumerate(wanted, start=1):
-        row = study.run(turbine, name, controller, wind, seed, arguments.duration, arguments.skip, simulator=simulator)
-        row = {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()}
-        arguments.csv.parent.mkdir(parents=True, exist_ok=True)
-        new = not arguments.csv.exists()
-        with arguments.csv.open("a", newline="") as file:
-            writer = csv.DictWriter(file, list(row), lineterminator="\n")
-            if new:
-                writer.writeheader()
-            writer.writerow(row)
-        elapsed = time.monotonic() - started
-        print(f"{k} of {len(wanted)} in {elapsed:.0f} s: {name}, {wind:g} m/s, seed {seed}", flush=True)
+    rows, started = [], time.monotonic()
+    arguments.runs.mkdir(parents=True, exist_ok=True)
+    for k, (name, controller, wind, seed) in enumerate(runs, start=1):
+        simulator.inflow = study.wind(turbine, wind, seed)
+        path = arguments.runs / f"{name.replace(' ', '_')}-{wind:g}-{seed}-{arguments.duration:g}.npy"
+        if not path.exists():
+            np.save(path, study.simulate(controller, simulator, arguments.duration))
+        values = study.evaluate(turbine, simulator.inflow, np.load(path), arguments.skip)
+        rows.append({"controller": name, "wind_speed": f"{wind:g}", "seed": seed})
+        rows[-1] |= {key: f"{value:.6g}" for key, value in values.items()}
+        print(
+            f"{k} of {len(runs)} in {time.monotonic() - started:.0f} s: {name}, {wind:g} m/s, seed {seed}", flush=True
+        )
+    arguments.csv.parent.mkdir(parents=True, exist_ok=True)
+    with arguments.csv.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def read(path: Path) -> list[dict]:
@@ -165,10 +172,10 @@ def main() -> int:
             print(f"there is no reward term {name!r}; there are {', '.join(weights)}", file=sys.stderr)
             return 2
         weights[name] = float(value)
-    if arguments.run:
+    if arguments.runs is not None:
         simulate(arguments)
     if not arguments.csv.exists():
-        print(f"{arguments.csv} does not exist; simulate it with --run", file=sys.stderr)
+        print(f"{arguments.csv} does not exist; simulate it with --runs FOLDER", file=sys.stderr)
         return 2
     result = analyse(read(arguments.csv), weights)
     show(result, weights)

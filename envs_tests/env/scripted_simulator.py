@@ -48,7 +48,8 @@ class ScriptedSimulator:
         }  # fmt: skip
         for blade in range(1, self.turbine.n_blades + 1):
             self._values |= {
-                f"pitch_{blade}": pitch, f"pitch_rate_{blade}": 0.0, f"pitch_travel_{blade}": 0.0, f"tip_out_of_plane_{blade}": 3.0,
+                f"pitch_{blade}": pitch, f"pitch_rate_{blade}": 0.0, f"pitch_travel_{blade}": 0.0,
+                f"tip_out_of_plane_{blade}": 3.0,
                 f"tip_in_plane_{blade}": -0.3, f"root_flap_moment_{blade}": 8e6, f"root_edge_moment_{blade}": 1e6,
                 f"tip_clearance_{blade}": 12.0, f"tip_clearance_min_{blade}": 11.0,
             }  # fmt: skip

@@ -6,6 +6,7 @@ import pytest
 
 from agents import reward_study as study
 from wt_gym.envs import rewards
+from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 
 TURBINE = load_turbine("nrel_5mw")
@@ -68,11 +69,12 @@ def test_there_are_22_controllers_and_every_term():
 
 
 def test_a_short_run():
-    controllers = study.controllers()
-    result = study.run(
-        TURBINE, "both", controllers["both dampers, individual pitch"], 16.0, 1001, duration=6.0, skip=2.0
-    )
-    assert {"controller", *study.COST_WEIGHTS, *rewards.DEFAULT_WEIGHTS} <= set(result)
-    assert all(math.isfinite(value) for key, value in result.items() if key != "controller")
+    inflow = study.wind(TURBINE, 16.0, 1001)
+    simulator = Simulator(TURBINE, inflow=inflow)
+    samples = study.simulate(study.controllers()["both dampers, individual pitch"], simulator, duration=6.0)
+    assert samples.shape[0] == 31
+    result = study.evaluate(TURBINE, inflow, samples, skip=2.0)
+    assert set(study.COST_WEIGHTS) | set(rewards.DEFAULT_WEIGHTS) <= set(result)
+    assert all(math.isfinite(value) for value in result.values())
     assert -1.0 <= result["blade_fatigue"] < 0.0 < result["power"] <= 2.0
     assert 0.5 < result["mean_power"] / TURBINE.drivetrain.rated_power < 1.5

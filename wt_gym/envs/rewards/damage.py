@@ -45,13 +45,13 @@ class Load:
 def default_loads(turbine: Turbine) -> tuple[Load, ...]:
     """Flapwise moments of the blades, fore-aft and side-side moment of the tower base, a third each.
 
-    The references are 0.8 times `reference_flap_moment`, and 0.5 and 0.25 times the tower-base moment of the Betz
-    thrust at rated wind.
+    The references are 0.5 times `reference_flap_moment`, and 0.25 and 0.04 times the tower-base moment of the Betz
+    thrust at rated wind: about the loads of the NREL 5-MW under its baseline controller at 16 m/s.
     """
-    flap, tower, n = 0.8 * reference_flap_moment(turbine), reference_tower_moment(turbine), turbine.n_blades
+    flap, tower, n = 0.5 * reference_flap_moment(turbine), reference_tower_moment(turbine), turbine.n_blades
     blades = tuple(Load(f"root_flap_moment_{b + 1}", BLADE_EXPONENT, flap, 1 / (3 * n)) for b in range(n))
-    fore_aft = Load("tower_base_fore_aft_moment", TOWER_EXPONENT, 0.5 * tower, 1 / 3)
-    return (*blades, fore_aft, Load("tower_base_side_side_moment", TOWER_EXPONENT, 0.25 * tower, 1 / 3))
+    fore_aft = Load("tower_base_fore_aft_moment", TOWER_EXPONENT, 0.25 * tower, 1 / 3)
+    return (*blades, fore_aft, Load("tower_base_side_side_moment", TOWER_EXPONENT, 0.04 * tower, 1 / 3))
 
 
 class Damage:

@@ -148,7 +148,7 @@ class TowerSideSideFatigue(_TowerFatigue):
     def __init__(
         self,
         weight: float = 0.1,
-        scale: float = 0.4,
+        scale: float = 0.1,
         time_constant: float = 10.0,
         name: str = "tower_side_side_fatigue",
     ):
