@@ -63,7 +63,7 @@ def measure_simulator(fidelity: str, wall: float) -> dict:
     """Real-time factor and memory of the simulator under the baseline controller."""
     import numpy as np
 
-    from agents.baseline import BaselineController
+    from wt_gym.control.controllers.discon import BaselineController
     from wt_gym.simulation import Simulator
     from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 

@@ -76,7 +76,7 @@ def steady_point(turbine, wind, rotor_speed, pitch, fidelity=FIDELITY, settling=
     settling : float
         Time before the mean [s].
     """
-    from agents.baseline import BaselineController, BaselineParameters  # controllers stand above this package
+    from wt_gym.control.controllers.discon import BaselineController, BaselineParameters
 
     simulator = Simulator(turbine, SteadyInflow(wind, hub_height=turbine.hub_height), fidelity)
     signals = simulator.reset(rotor_speed=rotor_speed, pitch=pitch)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.baseline import NREL_5MW, BaselineController
 from validation import reference_runs
 from validation.pitch_ramp import ANGLE, HOLD, RATE, SETTLE, ramps
 from validation.reference_runs import EXPERIMENTS, QUANTITIES, StaleRecordError, constant_gain, recorded, stamp
+from wt_gym.control.controllers.discon import NREL_5MW, BaselineController
 from wt_gym.simulation.fidelity import fidelity
 
 

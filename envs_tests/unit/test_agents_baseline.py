@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from agents.baseline import NREL_5MW, BaselineController, BaselineParameters
+from wt_gym.control.controllers.discon import NREL_5MW, BaselineController, BaselineParameters
 from wt_gym.turbines import load_turbine
 
 DT = 0.0125

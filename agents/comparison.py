@@ -1,0 +1,151 @@
+"""Controllers compared in the same winds, each against the first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from agents.closed_loop import run_controller
+from wt_gym.analysis.metrics import run_metrics
+from wt_gym.control.controllers import make_controller
+from wt_gym.errors import SimulationError
+from wt_gym.simulation import Simulator
+from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from wt_gym.turbines import Turbine
+
+__all__ = ["COLUMNS", "Case", "ControllerRuns", "inflow_of", "run_cases", "table"]
+
+COLUMNS = (
+    ("mean_power", "power"),
+    ("blade_flap_del", "flap DEL"),
+    ("blade_edge_del", "edge DEL"),
+    ("tower_fore_aft_del", "tower f-a DEL"),
+    ("tower_side_side_del", "tower s-s DEL"),
+    ("pitch_duty_cycle", "duty"),
+    ("torque_rate", "torque rate"),
+    ("rotor_speed_max", "speed max"),
+)
+"""Metrics of `wt_gym.analysis.metrics` and their short names."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A wind: mean speed [m/s] and turbulence seed (None: steady)."""
+
+    wind_speed: float
+    seed: int | None = None
+
+
+@dataclass
+class ControllerRuns:
+    """Metrics of one controller by case; a run that failed has none, its message stands in ``failures``."""
+
+    name: str
+    metrics: dict[Case, dict[str, float]]
+    failures: dict[Case, str]
+
+
+def inflow_of(turbine: Turbine, case: Case, shear_exponent: float = 0.2):
+    """Wind of a case: sheared, with Kaimal turbulence of the turbine's class if there is a seed."""
+    steady = SteadyInflow(case.wind_speed, turbine.hub_height, shear_exponent=shear_exponent)
+    if case.seed is None:
+        return steady
+    box = TurbulenceBox.kaimal(
+        case.wind_speed, turbine.hub_height, turbine.rotor_diameter, turbine.turbulence_class, seed=case.seed,
+        turbine_class=turbine.iec_class,
+    )  # fmt: skip
+    return TurbulentInflow(box, steady)
+
+
+def run_cases(
+    turbine: Turbine,
+    controllers: Mapping[str, tuple[str, dict]],
+    cases: Iterable[Case],
+    duration: float,
+    skip: float = 30.0,
+    fidelity="training",
+    control_dt: float | None = None,
+    progress: Callable[[str, Case], None] | None = None,
+) -> list[ControllerRuns]:
+    """Run every controller in every wind.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    controllers : mapping
+        From a label to the arguments of `make_controller`: name and parameters.
+    cases : iterable of Case
+    duration, skip : float
+        Measured time and time before it [s].
+    fidelity : str or Fidelity
+    control_dt : float, optional
+        [s]; by default the step of the simulator.
+    progress : callable, optional
+        Called with label and case after every run.
+    """
+    runs = [ControllerRuns(label, {}, {}) for label in controllers]
+    simulator = None
+    for case in cases:
+        inflow = inflow_of(turbine, case)
+        if simulator is None:
+            simulator = Simulator(turbine, inflow, fidelity)
+        simulator.inflow = inflow
+        for run, (choice, parameters) in zip(runs, controllers.values(), strict=True):
+            controller = make_controller(choice, turbine, **parameters)
+            try:
+                recorder = run_controller(simulator, controller, skip + duration, control_dt, name=run.name)
+                run.metrics[case] = run_metrics(recorder.to_dataset(), turbine, skip)
+            except SimulationError as error:
+                run.failures[case] = str(error)
+            if progress is not None:
+                progress(run.name, case)
+    return runs
+
+
+def table(runs: list[ControllerRuns]) -> str:
+    """Markdown: per wind speed, the means over the seeds; loads and power as changes against the first controller."""
+    lines = [
+        "| wind | controller | " + " | ".join(name for _, name in COLUMNS) + " |",
+        "|---" * (len(COLUMNS) + 2) + "|",
+    ]
+    speeds = sorted({case.wind_speed for case in runs[0].metrics})
+    for speed in speeds:
+        reference = _means(runs[0], runs[0], speed)
+        for run in runs:
+            mean = _means(run, runs[0], speed)
+            if mean is None or reference is None:
+                lines.append(f"| {speed:g} | {run.name} | failed: {'; '.join(run.failures.values())} |")
+                continue
+            cells = [_cell(key, mean[key], reference[key], run is runs[0]) for key, _ in COLUMNS]
+            lines.append(f"| {speed:g} | {run.name} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _means(run: ControllerRuns, reference: ControllerRuns, speed: float) -> dict[str, float] | None:
+    """Mean metrics over the seeds of a wind speed in which both ran."""
+    cases = [c for c in run.metrics if c.wind_speed == speed and c in reference.metrics]
+    if not cases:
+        return None
+    return {key: float(np.mean([run.metrics[c][key] for c in cases])) for key, _ in COLUMNS}
+
+
+def _cell(key: str, value: float, reference: float, first: bool) -> str:
+    """One number as the table shows it."""
+    match key:
+        case "pitch_duty_cycle":
+            return f"{value:.3f}"
+        case "torque_rate":
+            return f"{value / 1e3:.1f} kN m/s"
+        case "rotor_speed_max":
+            return f"{value * 30 / np.pi:.1f} rpm"
+        case "mean_power" if first:
+            return f"{value / 1e6:.3f} MW"
+        case _ if first:
+            return f"{value / 1e6:.2f} MN m"
+    return f"{100 * (value / reference - 1):+.1f} %"

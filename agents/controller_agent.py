@@ -1,0 +1,167 @@
+"""Any controller of the library behind the observation and action of an environment."""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.control import Demand
+from wt_gym.control.controllers import make_controller
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers import Controller
+    from wt_gym.envs.layout import EnvLayout
+
+__all__ = ["ControllerAgent", "ObservedSignals"]
+
+
+class ObservedSignals:
+    """The channels of the simulator that can be read from an observation, by name.
+
+    The azimuth comes from its sine and cosine; where only the mean of the blades is observed (collective pitch), each
+    blade has it.
+
+    Parameters
+    ----------
+    layout : EnvLayout
+    observation : numpy.ndarray, shape (n_obs,), optional
+        May be set later.
+    """
+
+    def __init__(self, layout: EnvLayout, observation: np.ndarray | None = None):
+        self.layout, self.observation = layout, observation
+
+    def source(self, name: str) -> tuple[str, ...]:
+        """Channels of the observation from which a signal is read.
+
+        Raises
+        ------
+        KeyError
+            If the observation does not have them; the message says what it has.
+        """
+        names = self.layout.observation.names
+        if name == "azimuth":
+            candidates = [("azimuth_sin", "azimuth_cos")]
+        else:
+            stem, _, number = name.rpartition("_")
+            candidates = [(name,), (stem,)] if number.isdigit() else [(name,)]
+        for candidate in candidates:
+            if all(channel in names for channel in candidate):
+                return candidate
+        raise KeyError(
+            f"the observation has no channel {' and '.join(candidates[0])} for the signal {name!r}; "
+            f"it has {', '.join(names)}"
+        )
+
+    def __getitem__(self, name: str) -> float:
+        values = [float(self.layout.observation.value(self.observation, channel)) for channel in self.source(name)]
+        return math.atan2(*values) % (2.0 * math.pi) if len(values) == 2 else values[0]
+
+
+class ControllerAgent:
+    """A controller with stable-baselines3's ``predict``, for rate and absolute actions.
+
+    It reads the signals and the present demands from the observation, steps the controller by the control step and
+    gives the action that asks for the controller's demand. The agent remembers one controller an environment. Where the
+    observed demands are not those that the controller asked for (a new episode, a handover), it starts afresh and
+    bumplessly from them; ``episode_start`` says the same.
+
+    Parameters
+    ----------
+    layout : EnvLayout
+        Layout of observation and action, ``env.unwrapped.layout``.
+    controller : str, Controller or callable
+        See `wt_gym.control.controllers.make_controller`.
+    **parameters
+        Of the controller.
+
+    Raises
+    ------
+    KeyError
+        If the observation lacks a channel that the controller reads, or a demand.
+    ValueError
+        If a controller of individual pitch meets an environment with collective pitch, or the actions are neither rates
+        nor absolute demands.
+    """
+
+    def __init__(self, layout: EnvLayout, controller: str | Controller = "discon", **parameters):
+        self.layout = layout
+        self.controller = make_controller(controller, layout.turbine, **parameters)
+        action = layout.action
+        if action.mode not in ("rate", "absolute"):
+            raise ValueError(f"a ControllerAgent needs rate or absolute actions, got action_mode {action.mode!r}")
+        if "azimuth" in self.controller.channels and action.pitch != "individual":
+            raise ValueError(f"a controller of individual pitch needs pitch='individual', got {action.pitch!r}")
+        if action.pitch == "individual":
+            self._pitch_names = tuple(f"pitch_demand_{b + 1}" for b in range(action.n_blades))
+        else:
+            self._pitch_names = ("pitch_demand",)
+        self._signals = ObservedSignals(layout)
+        for name in (*self.controller.channels, *self._pitch_names, "generator_torque_demand"):
+            self._signals.source(name)
+        self._pitch_tolerance = 1e-3 * action.max_pitch_rate * layout.control_dt
+        self._torque_tolerance = 1e-3 * action.max_torque_rate * layout.control_dt
+        self.reset()
+
+    @classmethod
+    def from_env(cls, env, controller: str | Controller = "discon", **parameters) -> ControllerAgent:
+        """Build the agent for a Gymnasium environment, a vector environment or a stable-baselines3 VecEnv."""
+        from wt_gym.envs.layout import layout_of
+
+        return cls(layout_of(env), controller, **parameters)
+
+    def reset(self) -> None:
+        """Forget everything: the next `predict` starts afresh."""
+        self._controllers: list[Controller] = []
+        self._asked: list[Demand | None] = []
+
+    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+        """Action for an observation, as stable-baselines3's models give it.
+
+        Parameters
+        ----------
+        observation : numpy.ndarray, shape (n_obs,) or (n_envs, n_obs)
+        state : None
+            Returned as it is: the agent keeps the memory of its controllers itself.
+        episode_start : array_like of bool, shape (n_envs,), optional
+            Where True the controller starts afresh.
+        deterministic : bool
+            Accepted for compatibility: controllers are deterministic.
+
+        Returns
+        -------
+        action : numpy.ndarray, float32, shape (n_act,) or (n_envs, n_act)
+        state : None
+        """
+        observation = np.asarray(observation, dtype=np.float64)
+        batch = np.atleast_2d(observation)
+        if len(self._controllers) != len(batch):
+            self._controllers = [copy.deepcopy(self.controller) for _ in batch]
+            self._asked = [None] * len(batch)
+        starts = np.zeros(len(batch), dtype=bool) if episode_start is None else np.atleast_1d(episode_start)
+        actions = [self._act(k, row, bool(start)) for k, (row, start) in enumerate(zip(batch, starts, strict=True))]
+        actions = np.array(actions, dtype=np.float32)
+        return (actions if observation.ndim == 2 else actions[0]), state
+
+    def _act(self, k: int, observation: np.ndarray, start: bool) -> np.ndarray:
+        """Action of environment k."""
+        layout, signals, controller = self.layout, self._signals, self._controllers[k]
+        signals.observation = observation
+        n_blades = layout.action.n_blades
+        pitch = np.broadcast_to([signals[name] for name in self._pitch_names], n_blades).astype(np.float64)
+        now = Demand(pitch, 0.0, signals["generator_torque_demand"])
+        if start or not self._as_asked(self._asked[k], now):
+            controller.start(signals, now)
+        demand = controller.step(signals, layout.control_dt)
+        action = layout.action.encode(demand, now)
+        self._asked[k] = layout.action.decode(action, now)
+        return action
+
+    def _as_asked(self, asked: Demand | None, now: Demand) -> bool:
+        """Whether the observed demands are those asked for."""
+        if asked is None or abs(asked.generator_torque - now.generator_torque) > self._torque_tolerance:
+            return False
+        return bool(np.all(np.abs(asked.pitch - now.pitch) <= self._pitch_tolerance))

@@ -1,0 +1,77 @@
+"""Controllers in the coupled simulator: loads fall, the estimated wind is the wind."""
+
+import math
+
+import numpy as np
+import pytest
+
+from agents.closed_loop import run_controller
+from agents.comparison import Case, inflow_of, run_cases
+from wt_gym.control.controllers import WindEstimator, make_controller
+from wt_gym.simulation import Simulator
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
+
+SEED = 1
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel_5mw")
+
+
+@pytest.fixture(scope="module")
+def loads(turbine):
+    """Metrics at 16 m/s over 100 s by controller."""
+    names = ("discon", "ipc", "tower_dampers")
+    runs = run_cases(turbine, {name: (name, {}) for name in names}, [Case(16.0, SEED)], duration=100.0, skip=20.0)
+    return {run.name: run.metrics[Case(16.0, SEED)] for run in runs}
+
+
+def test_individual_pitch_lowers_the_flap_load(loads):
+    assert loads["ipc"]["blade_flap_del"] < 0.85 * loads["discon"]["blade_flap_del"]
+    assert loads["ipc"]["mean_power"] == pytest.approx(loads["discon"]["mean_power"], rel=2e-3)
+
+
+def test_side_side_damper_lowers_the_tower_load(loads):
+    assert loads["tower_dampers"]["tower_side_side_del"] < 0.8 * loads["discon"]["tower_side_side_del"]
+    assert loads["tower_dampers"]["mean_power"] == pytest.approx(loads["discon"]["mean_power"], rel=2e-3)
+
+
+def test_fore_aft_damper_adds_the_damping_of_its_rule(turbine):
+    # free decay after a push by a gust: the amplitude left after a few periods tells the damping
+    simulator = Simulator(turbine, SteadyInflow(16.0, turbine.hub_height))
+    left = {}
+    for name, parameters in (("discon", {}), ("fore_aft_damper", {"damping": 0.05})):
+        simulator.inflow = SteadyInflow(16.0, turbine.hub_height)
+        controller = make_controller(name, turbine, **parameters)
+        run_controller(simulator, controller, 20.0)
+        rows = []
+        for k in range(150):
+            wind = 18.0 if k < 15 else 16.0
+            simulator.inflow = SteadyInflow(wind, turbine.hub_height)
+            demand = controller.step(simulator.signals, 0.1)
+            signals = simulator.advance(0.1, pitch=demand.pitch, generator_torque=demand.generator_torque)
+            rows.append(signals["nacelle_acceleration_fore_aft"])
+        left[name] = np.std(rows[60:])
+    assert left["fore_aft_damper"] < 0.8 * left["discon"]
+
+
+@pytest.mark.parametrize("wind", [8.0, 16.0])
+def test_estimated_wind_is_the_rotor_effective_wind(turbine, wind):
+    inflow = inflow_of(turbine, Case(wind, SEED))
+    simulator = Simulator(turbine, inflow)
+    estimator, found = WindEstimator.of_turbine(turbine), []
+
+    def estimate(signals):
+        if not found:
+            estimator.start(signals)
+        found.append(estimator.update(signals, 0.1))
+
+    run_controller(simulator, make_controller("discon", turbine), 120.0, on_step=estimate)
+    times = 0.1 * np.arange(1, len(found) + 1)
+    truth = inflow.rotor_effective_speed(times[200:], turbine.rotor_diameter)
+    error = np.array(found[200:]) - truth
+    assert np.corrcoef(found[200:], truth)[0, 1] > 0.9
+    assert np.sqrt(np.mean(error**2)) < 0.06 * wind
+    assert math.isclose(np.mean(error), 0.0, abs_tol=0.03 * wind)

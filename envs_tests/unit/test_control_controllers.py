@@ -1,0 +1,462 @@
+"""Controllers against their formulas: filters, transforms, limits, starts, copies and names."""
+
+import copy
+import math
+
+import numpy as np
+import pytest
+
+from wt_gym.control import Demand, LowPass
+from wt_gym.control.controllers import (
+    BASES,
+    CONTROLLERS,
+    NREL_5MW,
+    AboveRated,
+    BaselineController,
+    Combined,
+    Controller,
+    DisconController,
+    FadeParameters,
+    ForeAftDamper,
+    HarmonicPitch,
+    HarmonicPitchParameters,
+    IndividualPitch,
+    RotorTable,
+    SideSideDamper,
+    WindEstimator,
+    YawByDeadBand,
+    controller_parameters,
+    from_fixed_frame,
+    make_controller,
+    retuned_parameters,
+    rotor_table,
+    to_fixed_frame,
+)
+from wt_gym.control.controllers.filters import BandLimitedIntegrator
+from wt_gym.control.controllers.retuned import gain_of_table
+from wt_gym.control.controllers.rosco_like import pitch_schedule
+from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
+from wt_gym.turbines import load_turbine
+
+RATED = 12.1 * math.pi / 30
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel_5mw")
+
+
+def readings(**changes):
+    """Every channel that a controller reads, at a plausible point above rated."""
+    values = {
+        "generator_speed": RATED * 97,
+        "rotor_speed": RATED,
+        "generator_torque": 43_093.5,
+        "azimuth": 0.4,
+        "yaw_error": 0.0,
+        "nacelle_acceleration_fore_aft": 0.0,
+        "nacelle_acceleration_side_side": 0.0,
+    }
+    for blade, moment in enumerate((8e6, 6e6, 5e6), start=1):
+        values |= {f"root_flap_moment_{blade}": moment, f"pitch_{blade}": 0.2}
+    return values | changes
+
+
+def demand(pitch=0.2, torque=43_093.5):
+    return Demand(np.full(3, pitch), 0.0, torque)
+
+
+def varied(k):
+    """Readings of step k of a made-up run."""
+    return readings(
+        azimuth=0.2 * k % (2 * math.pi),
+        generator_speed=97 * (RATED + 0.02 * math.sin(0.3 * k)),
+        rotor_speed=RATED + 0.02 * math.sin(0.3 * k),
+        yaw_error=0.3 + 0.01 * math.sin(k),
+        nacelle_acceleration_fore_aft=0.2 * math.sin(0.4 * k),
+        nacelle_acceleration_side_side=0.1 * math.cos(0.4 * k),
+        root_flap_moment_1=8e6 + 2e6 * math.sin(0.2 * k),
+    )
+
+
+# ---- filters and transforms ----
+
+
+def test_band_limited_integrator_is_exact_for_any_step():
+    # the answer of s/(s + w)^2 to a step is t exp(-w t)
+    for dt in (0.05, 0.1, 0.2, 1.0):
+        integrator = BandLimitedIntegrator(0.4)
+        for k in range(1, round(6.0 / dt) + 1):
+            out = integrator.update(1.0, dt)
+            assert out == pytest.approx(k * dt * math.exp(-0.4 * k * dt), rel=1e-9)
+
+
+def test_band_limited_integrator_starts_at_rest():
+    integrator = BandLimitedIntegrator(0.4)
+    integrator.reset(0.7)
+    assert [integrator.update(0.7, 0.1) for _ in range(5)] == pytest.approx([0.0] * 5, abs=1e-12)
+
+
+@pytest.mark.parametrize("harmonic", [1, 2])
+@pytest.mark.parametrize("azimuth", [0.0, 0.9, 4.0])
+def test_fixed_frame_and_back(harmonic, azimuth):
+    blades = from_fixed_frame(2.0, -3.0, azimuth, 3, harmonic)
+    assert to_fixed_frame(blades + 5.0, azimuth, harmonic) == pytest.approx((2.0, -3.0))
+    assert blades[0] == pytest.approx(2 * math.cos(harmonic * azimuth) - 3 * math.sin(harmonic * azimuth))
+    angle = harmonic * (azimuth + 2 * math.pi / 3)
+    assert blades[1] == pytest.approx(2 * math.cos(angle) - 3 * math.sin(angle))
+
+
+def test_fade(turbine):
+    fade = AboveRated.of_turbine(turbine, FadeParameters(pitch=(0.01, 0.05), speed=(0.8, 0.9), time_constant=5.0))
+    fade.start(0.0)
+    low_pass = LowPass(5.0)
+    low_pass.reset(0.0)
+    x = (low_pass.update(0.2, 0.5) - 0.01) / 0.04
+    assert fade.update(np.full(3, 0.2), RATED, 0.5) == pytest.approx(x * x * (3 - 2 * x))
+    assert fade.update(np.full(3, 0.2), 0.79 * RATED, 0.5) == 0.0
+    for _ in range(200):
+        share = fade.update(np.full(3, 0.2), RATED, 0.5)
+    assert share == 1.0
+
+
+# ---- the baseline behind the contract ----
+
+
+def test_discon_is_the_published_law():
+    controller, law = DisconController(), BaselineController(NREL_5MW)
+    controller.start(readings(), demand())
+    law.start(RATED * 97, np.full(3, 0.2), 43_093.5)
+    for k in range(50):
+        speed = 97 * (RATED + 0.05 * math.sin(0.2 * k))
+        made = controller.step({"generator_speed": speed}, 0.1)
+        pitch, torque = law.step(speed, 0.1)
+        assert np.array_equal(made.pitch, pitch)
+        assert made.generator_torque == torque
+        assert made.yaw_rate == 0.0
+
+
+# ---- individual pitch ----
+
+
+def test_integral_pitch_follows_its_formula():
+    p = HarmonicPitchParameters(integral_gain=4e-9, limit=1.0, rate_limit=1.0, lead=0.05)
+    law = HarmonicPitch(p)
+    moments = 1e6 * (8.0 + from_fixed_frame(2.0, -1.0, 0.7))
+    for k in range(1, 6):
+        pitch = law.step(moments, 0.7, RATED, 0.1)
+        assert law.pitch == pytest.approx(np.array([2e6, -1e6]) * 4e-9 * 0.1 * k)
+        assert pitch == pytest.approx(from_fixed_frame(*law.pitch, 0.7 + RATED * (0.05 + 0.05)))
+
+
+def test_proportional_part():
+    law = HarmonicPitch(HarmonicPitchParameters(integral_gain=4e-9, proportional_gain=1e-9, limit=1.0, rate_limit=10.0))
+    moments = 1e6 * from_fixed_frame(2.0, 0.0, 0.0)
+    law.step(moments, 0.0, RATED, 0.1)
+    law.step(moments, 0.0, RATED, 0.1)
+    assert law.pitch[0] == pytest.approx(2e6 * (2 * 0.1 * 4e-9 + 1e-9))
+    law.step(np.zeros(3), 0.0, RATED, 0.1)  # the proportional part goes, the integral stays
+    assert law.pitch[0] == pytest.approx(2e6 * 2 * 0.1 * 4e-9)
+
+
+def test_limits_hold_and_do_not_wind_up():
+    law = HarmonicPitch(HarmonicPitchParameters(integral_gain=1e-7, limit=0.05, rate_limit=0.02))
+    up = 1e6 * from_fixed_frame(3.0, 4.0, 0.0)
+    before = law.pitch
+    for _ in range(200):
+        law.step(up, 0.0, RATED, 0.1)
+        assert np.hypot(*(law.pitch - before)) <= 0.02 * 0.1 + 1e-12
+        before = law.pitch
+    assert np.hypot(*law.pitch) == pytest.approx(0.05)
+    assert law.pitch == pytest.approx([0.03, 0.04])
+    law.step(-up, 0.0, RATED, 0.1)
+    assert np.hypot(*law.pitch) < 0.0499  # turns back at once, however long it stood at the limit
+
+
+def test_band_is_left_alone_and_its_edge_is_held():
+    p = HarmonicPitchParameters(integral_gain=4e-9, level=1e6, leak=0.1, limit=1.0, rate_limit=1.0)
+    law = HarmonicPitch(p)
+    law.step(1e6 * from_fixed_frame(0.6, 0.7, 0.0), 0.0, RATED, 0.1)
+    assert not law.pitch.any()
+    law.step(1e6 * from_fixed_frame(1.2, 1.6, 0.0), 0.0, RATED, 0.1)  # norm 2: half of it is beyond the band
+    assert law.pitch == pytest.approx(np.array([0.6e6, 0.8e6]) * 4e-9 * 0.1)
+    held = law.pitch
+    law.step(np.zeros(3), 0.0, RATED, 0.5)
+    assert law.pitch == pytest.approx(held * math.exp(-0.1 * 0.5))
+
+
+def test_individual_pitch_adds_to_the_demand_and_fades(turbine):
+    addition = IndividualPitch.of_turbine(turbine)
+    addition.start(readings())
+    below = addition.step(readings(), 0.1, demand(pitch=0.0))
+    assert not below.pitch.any()
+    addition.start(readings())
+    above = addition.step(readings(), 0.1, demand())
+    assert above.pitch.mean() == pytest.approx(0.2)
+    gain = 0.2 * turbine.drivetrain.rated_rotor_speed / flap_moment_sensitivity(turbine)
+    expected = np.array(to_fixed_frame((8e6, 6e6, 5e6), 0.4)) * gain * 0.1
+    assert addition.harmonics[0].pitch == pytest.approx(expected)
+    # the blade with the largest moment is feathered most
+    assert np.argmax(above.pitch) == 0
+
+
+def test_individual_pitch_stays_above_the_lower_limit(turbine):
+    addition = IndividualPitch.of_turbine(turbine, fade=False, bandwidth=50.0)
+    addition.start(readings())
+    for _ in range(50):
+        made = addition.step(readings(), 0.1, demand(pitch=0.01))
+    assert made.pitch.min() == 0.0
+
+
+def test_individual_pitch_needs_three_blades():
+    with pytest.raises(ValueError, match="at least 3 blades"):
+        IndividualPitch([HarmonicPitchParameters()], None, n_blades=2)
+
+
+@pytest.mark.parametrize(("name", "value"), [("harmonic", 3), ("integral_gain", -1.0), ("limit", math.nan)])
+def test_individual_pitch_refuses_nonsense(name, value):
+    with pytest.raises(ValueError, match=name):
+        HarmonicPitchParameters(**{name: value})
+
+
+# ---- tower ----
+
+
+def test_tower_of_the_nrel_5mw(turbine):
+    # published: first fore-aft mode 0.324 Hz, side-side 0.312 Hz (NREL/TP-500-38060, table 9-1)
+    tower = tower_top(turbine)
+    assert tower.fore_aft / (2 * math.pi) == pytest.approx(0.324, rel=0.06)
+    assert tower.side_side / (2 * math.pi) == pytest.approx(0.312, rel=0.09)
+
+
+def test_fore_aft_damper_feathers_when_the_nacelle_moves_downwind(turbine):
+    damper = ForeAftDamper.of_turbine(turbine, fade=False)
+    damper.start(readings())
+    integrator = BandLimitedIntegrator(damper._velocity.corner)
+    for _ in range(3):
+        made = damper.step(readings(nacelle_acceleration_fore_aft=0.3), 0.1, demand())
+        velocity = integrator.update(0.3, 0.1)
+    assert made.pitch == pytest.approx(np.full(3, 0.2 + damper.gain * velocity))
+    assert velocity > 0.0
+    for _ in range(100):
+        made = damper.step(readings(nacelle_acceleration_fore_aft=9.0), 0.1, demand())
+        assert made.pitch.max() <= 0.2 + damper.limit + 1e-12
+
+
+def test_side_side_damper_adds_torque_against_the_motion(turbine):
+    damper = SideSideDamper.of_turbine(turbine)
+    damper.start(readings())
+    made = damper.step(readings(nacelle_acceleration_side_side=0.1), 0.1, demand(torque=30_000.0))
+    assert 30_000.0 < made.generator_torque <= 30_000.0 + damper.limit
+    damper.start(readings())
+    made = damper.step(readings(nacelle_acceleration_side_side=-0.1), 0.1, demand(torque=30_000.0))
+    assert 30_000.0 - damper.limit <= made.generator_torque < 30_000.0
+    assert damper.step(readings(nacelle_acceleration_side_side=1.0), 0.1, demand(torque=0.0)).generator_torque == 0.0
+
+
+# ---- yaw ----
+
+
+def test_yaw_waits_turns_and_stops(turbine):
+    drive = YawByDeadBand.of_turbine(turbine)
+    error, turned = math.radians(12.0), 0
+    drive.start(readings(yaw_error=0.0))
+    waited = 0
+    for _ in range(3000):
+        rate = drive.step(readings(yaw_error=error), 0.1, demand()).yaw_rate
+        waited += rate == 0.0 and turned == 0
+        turned += rate > 0.0
+        assert rate in (0.0, drive.rate)
+        error -= rate * 0.1
+    # a first-order filter reaches 8 of 12 degrees after tau ln 3
+    assert waited == pytest.approx(10 * 30.0 * math.log(3.0), abs=2)
+    assert abs(error) < math.radians(2.0)
+    assert drive.turning == 0
+
+
+def test_yaw_turns_to_the_other_side_too(turbine):
+    drive = YawByDeadBand.of_turbine(turbine)
+    drive.start(readings())
+    for _ in range(1000):
+        rate = drive.step(readings(yaw_error=-0.4), 0.1, demand()).yaw_rate
+    assert rate == -turbine.nacelle.max_yaw_rate
+
+
+# ---- rotor table, estimator, ROSCO-like ----
+
+
+def made_up_table():
+    """Smooth coefficients with the optimum 0.5 at 8."""
+    ratio, pitch = np.linspace(2, 14, 49), np.radians(np.linspace(0, 24, 25))
+    power = 0.5 - 0.02 * (ratio[:, None] - 8.0) ** 2 - 2.0 * pitch
+    return RotorTable("made up", 63.0, 1.225, ratio, pitch, power, 0.8 + 0 * power, "test")
+
+
+def test_table_interpolates_and_finds_its_optimum(tmp_path):
+    table = made_up_table()
+    assert table.optimum == pytest.approx((8.0, 0.5))
+    assert table.power_coefficient(8.0, 0.1) == pytest.approx(0.3)
+    assert table.best_pitch(9.0) == 0.0
+    table.save(tmp_path / "table.json")
+    assert RotorTable.load(tmp_path / "table.json").power == pytest.approx(table.power, abs=1e-5)
+    wind, speed = 10.0, 8.0 * 10.0 / 63.0
+    assert table.torque(wind, speed, 0.0) * speed == pytest.approx(0.5 * 1.225 * math.pi * 63.0**2 * 1000.0 * 0.5)
+
+
+def test_stored_tables(turbine):
+    ratio, best = rotor_table(turbine).optimum
+    assert 7.5 < ratio < 8.5
+    assert 0.48 < best < 0.53  # blade-element momentum theory 0.482, the converged lattice 0.49
+    assert rotor_table(load_turbine("iea_15mw")).optimum[1] < 0.54
+
+
+def test_estimator_finds_a_steady_wind():
+    table, inertia = made_up_table(), 4e7
+    speed = 8.0 * 9.0 / 63.0
+    moment = table.torque(9.0, speed, 0.0)
+    steady = readings(rotor_speed=speed, generator_torque=moment, pitch_1=0.0, pitch_2=0.0, pitch_3=0.0)
+    estimator = WindEstimator(table, inertia)
+    assert estimator.start(steady) == pytest.approx(9.0, abs=0.25)
+    for _ in range(300):
+        wind = estimator.update(steady, 0.1)
+    assert wind == pytest.approx(9.0, abs=1e-6)
+
+
+def test_estimator_decays_at_its_bandwidth_for_any_step():
+    table = made_up_table()
+    speed = 8.0 * 9.0 / 63.0
+    moment = table.torque(9.0, speed, 0.0)
+    steady = readings(rotor_speed=speed, generator_torque=moment, pitch_1=0.0, pitch_2=0.0, pitch_3=0.0)
+    for dt in (0.1, 0.5):
+        estimator = WindEstimator(table, 4e7, bandwidth=0.5)
+        estimator.start(steady)
+        estimator.wind = 9.05
+        for _ in range(round(2.0 / dt)):
+            estimator.update(steady, dt)
+        assert estimator.wind - 9.0 == pytest.approx(0.05 * math.exp(-0.5 * 2.0), rel=0.05)
+
+
+def test_pitch_schedule(turbine):
+    winds, pitch = pitch_schedule(rotor_table(turbine), turbine, 8.0)
+    assert not pitch[(winds > 6.0) & (winds < 11.0)].any()
+    _, shaved = pitch_schedule(rotor_table(turbine), turbine, 8.0, thrust_limit=0.8)
+    assert (shaved >= pitch).all()
+    assert np.interp(11.0, winds, shaved) > math.radians(1.0)
+    table = rotor_table(turbine)
+    speed = turbine.drivetrain.rated_rotor_speed
+    unshaved = table.thrust_force(11.0, speed, float(np.interp(11.0, winds, pitch)))
+    assert table.thrust_force(11.0, speed, float(np.interp(11.0, winds, shaved))) < 0.85 * unshaved
+
+
+def test_low_wind_pitch_of_the_15mw():
+    turbine = load_turbine("iea_15mw")
+    winds, pitch = pitch_schedule(rotor_table(turbine), turbine, rotor_table(turbine).optimum[0])
+    assert np.interp(4.0, winds, pitch) > math.radians(1.0)  # the rotor may not turn slower than 5 rpm
+    assert np.interp(9.0, winds, pitch) == 0.0
+
+
+def test_retuned_gain(turbine):
+    base = make_controller("discon", turbine).parameters
+    retuned = retuned_parameters(turbine, 0.8)
+    assert retuned.torque.region_2_gain == pytest.approx(0.8 * base.torque.region_2_gain)
+    assert retuned_parameters(turbine).torque.region_2_gain < base.torque.region_2_gain
+    table = rotor_table(turbine)
+    # torque of the gain at the optimum is what the air gives there
+    speed = table.optimum[0] * 8.0 / table.radius
+    assert gain_of_table(turbine, table) * (97 * speed) ** 2 * 97 == pytest.approx(
+        0.5 * table.air_density * math.pi * table.radius**2 * 8.0**3 * table.optimum[1] / speed, rel=1e-6
+    )
+
+
+# ---- every controller ----
+
+EVERY = [*CONTROLLERS, "rosco+ipc+tower_dampers+yaw", "retuned+constrained_ipc+yaw"]
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("turbine_name", ["nrel_5mw", "iea_15mw"])
+def test_start_is_bumpless(name, turbine_name):
+    turbine = load_turbine(turbine_name)
+    rated = turbine.drivetrain.rated_rotor_speed
+    torque = NREL_5MW.torque.rated_power / 122.9
+    if turbine_name == "iea_15mw":
+        torque = 15e6 / rated / turbine.drivetrain.generator_efficiency
+    now = readings(
+        generator_speed=rated * turbine.drivetrain.gear_ratio, rotor_speed=rated, generator_torque=torque, azimuth=0.0,
+        root_flap_moment_1=7e6, root_flap_moment_2=7e6, root_flap_moment_3=7e6,
+    )  # fmt: skip
+    controller = make_controller(name, turbine)
+    controller.start(now, demand(0.2, torque))
+    made = controller.step(now, 0.1)
+    assert made.pitch == pytest.approx(np.full(3, 0.2), abs=0.2 * turbine.pitch.max_rate * 0.1)
+    assert made.generator_torque == pytest.approx(torque, rel=5e-3)
+    assert made.yaw_rate == 0.0
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_copy_continues_identically(name, turbine):
+    controller = make_controller(name, turbine)
+    controller.start(varied(0), demand())
+    for k in range(40):
+        controller.step(varied(k), 0.1)
+    other = copy.deepcopy(controller)
+    first = [controller.step(varied(k), 0.1) for k in range(40, 60)]
+    second = [other.step(varied(k), 0.1) for k in range(40, 60)]
+    for a, b in zip(first, second, strict=True):
+        assert np.array_equal(a.pitch, b.pitch)
+        assert (a.yaw_rate, a.generator_torque) == (b.yaw_rate, b.generator_torque)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_only_the_named_channels_are_read(name, turbine):
+    controller = make_controller(name, turbine)
+    named = {channel: varied(1)[channel] for channel in controller.channels}
+    controller.start(named, demand())
+    assert np.isfinite(controller.step(named, 0.2).pitch).all()
+
+
+def test_combined_starts_again(turbine):
+    controller = make_controller("rosco+ipc+tower_dampers+yaw", turbine)
+    runs = []
+    for _ in range(2):
+        controller.start(varied(0), demand())
+        runs.append([controller.step(varied(k), 0.1) for k in range(20)])
+    for a, b in zip(*runs, strict=True):
+        assert np.array_equal(a.pitch, b.pitch)
+
+
+# ---- names ----
+
+
+def test_names_and_parameters(turbine):
+    assert isinstance(make_controller("discon", turbine), DisconController)
+    controller = make_controller("ipc+yaw", turbine, bandwidth=0.3, dead_band=0.1, ipc__limit=0.02)
+    assert isinstance(controller, Combined)
+    assert isinstance(controller.base, DisconController)
+    assert controller.additions[0].harmonics[0].parameters.limit == 0.02
+    assert controller.additions[1].dead_band == 0.1
+    assert make_controller(controller, turbine) is controller
+    assert isinstance(make_controller(lambda t, gain: DisconController(), turbine, gain=1), DisconController)
+    for name in CONTROLLERS:
+        assert isinstance(make_controller(name, turbine), Controller)
+        assert all(key != "turbine" for key in controller_parameters(name))
+    assert set(BASES) <= set(CONTROLLERS)
+
+
+@pytest.mark.parametrize("name", ["pid", "ipc+discon", "ipc+ipc", "", "discon+"])
+def test_unknown_names_list_those_allowed(name, turbine):
+    with pytest.raises(ValueError, match="discon, retuned, rosco"):
+        make_controller(name, turbine)
+
+
+def test_wrong_parameters_are_named(turbine):
+    with pytest.raises(ValueError, match=r"no parameter 'gain' .*bandwidth"):
+        make_controller("ipc", turbine, gain=1.0)
+    with pytest.raises(ValueError, match="fore_aft_damper__damping"):
+        make_controller("tower_dampers", turbine, damping=0.1)
+    with pytest.raises(TypeError, match="no parameters"):
+        make_controller(DisconController(), turbine, gain=1.0)
+    with pytest.raises(TypeError, match="a name"):
+        make_controller(3, turbine)
+    with pytest.raises(TypeError, match="no Controller"):
+        make_controller(lambda t: 3, turbine)

@@ -1,0 +1,67 @@
+"""Controllers that read signals and answer with demands: baselines, additions to them, and the wind estimator.
+
+`make_controller` makes any of them by name. docs/baselines.md says what each does and what it was measured to do.
+"""
+
+from wt_gym.control.controllers.catalogue import (
+    ADDITIONS,
+    BASES,
+    CONTROLLERS,
+    controller_parameters,
+    make_controller,
+)
+from wt_gym.control.controllers.controller import Addition, Combined, Controller, Readings
+from wt_gym.control.controllers.discon import (
+    NREL_5MW,
+    BaselineController,
+    BaselineParameters,
+    BaselineState,
+    DisconController,
+)
+from wt_gym.control.controllers.fading import AboveRated, FadeParameters
+from wt_gym.control.controllers.individual_pitch import (
+    HarmonicPitch,
+    HarmonicPitchParameters,
+    IndividualPitch,
+    from_fixed_frame,
+    to_fixed_frame,
+)
+from wt_gym.control.controllers.retuned import retuned_parameters
+from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
+from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
+from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
+from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.controllers.yaw import YawByDeadBand
+
+__all__ = [
+    "ADDITIONS",
+    "BASES",
+    "CONTROLLERS",
+    "NREL_5MW",
+    "AboveRated",
+    "Addition",
+    "BaselineController",
+    "BaselineParameters",
+    "BaselineState",
+    "Combined",
+    "Controller",
+    "DisconController",
+    "FadeParameters",
+    "ForeAftDamper",
+    "HarmonicPitch",
+    "HarmonicPitchParameters",
+    "IndividualPitch",
+    "Readings",
+    "RoscoLikeController",
+    "RoscoLikeParameters",
+    "RotorTable",
+    "SideSideDamper",
+    "WindEstimator",
+    "YawByDeadBand",
+    "controller_parameters",
+    "from_fixed_frame",
+    "make_controller",
+    "retuned_parameters",
+    "rotor_table",
+    "to_fixed_frame",
+]

@@ -1,0 +1,200 @@
+"""Controllers by name, with gains by rule for any turbine."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.control.controllers.controller import Addition, Combined, Controller
+from wt_gym.control.controllers.discon import BaselineParameters, DisconController
+from wt_gym.control.controllers.individual_pitch import IndividualPitch
+from wt_gym.control.controllers.retuned import retuned_parameters
+from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
+from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
+from wt_gym.control.controllers.yaw import YawByDeadBand
+
+if TYPE_CHECKING:
+    from wt_gym.turbines import Turbine
+
+__all__ = ["ADDITIONS", "BASES", "CONTROLLERS", "controller_parameters", "make_controller"]
+
+
+def _discon(turbine: Turbine) -> Controller:
+    """The published baseline controller (`discon`)."""
+    return DisconController(BaselineParameters.from_turbine(turbine))
+
+
+def _retuned(turbine: Turbine, gain_factor: float | None = None) -> Controller:
+    """The baseline with a region-2 gain that fits the turbine as simulated (`retuned`)."""
+    return DisconController(retuned_parameters(turbine, gain_factor))
+
+
+def _rosco(turbine: Turbine, **parameters) -> Controller:
+    """Tip-speed-ratio tracking with a wind estimate, set-point smoothing, peak shaving (`rosco_like`)."""
+    return RoscoLikeController.of_turbine(turbine, **parameters)
+
+
+def _ipc(turbine: Turbine, **parameters) -> Addition:
+    """Individual pitch against the load once per revolution (`individual_pitch`)."""
+    return IndividualPitch.of_turbine(turbine, **parameters)
+
+
+def _ipc_2p(turbine: Turbine, second_harmonic: float = 0.5, **parameters) -> Addition:
+    """Individual pitch against the loads once and twice per revolution."""
+    return IndividualPitch.of_turbine(turbine, second_harmonic=second_harmonic, **parameters)
+
+
+def _constrained_ipc(turbine: Turbine, level: float = 0.1, **parameters) -> Addition:
+    """Individual pitch that acts only where the moment in the fixed frame leaves a band of this level."""
+    return IndividualPitch.of_turbine(turbine, level=level, **parameters)
+
+
+def _fore_aft_damper(turbine: Turbine, **parameters) -> Addition:
+    """Damper of the tower's fore-aft motion by collective pitch (`tower_dampers`)."""
+    return ForeAftDamper.of_turbine(turbine, **parameters)
+
+
+def _side_side_damper(turbine: Turbine, **parameters) -> Addition:
+    """Damper of the tower's side-side motion by generator torque (`tower_dampers`)."""
+    return SideSideDamper.of_turbine(turbine, **parameters)
+
+
+def _yaw(turbine: Turbine, **parameters) -> Addition:
+    """Yaw by dead-band (`yaw`)."""
+    return YawByDeadBand.of_turbine(turbine, **parameters)
+
+
+BASES: dict[str, Callable[..., Controller]] = {"discon": _discon, "retuned": _retuned, "rosco": _rosco}
+"""Controllers that decide on pitch and torque."""
+ADDITIONS: dict[str, Callable[..., Addition]] = {
+    "ipc": _ipc,
+    "ipc_2p": _ipc_2p,
+    "constrained_ipc": _constrained_ipc,
+    "fore_aft_damper": _fore_aft_damper,
+    "side_side_damper": _side_side_damper,
+    "yaw": _yaw,
+}
+"""What changes the demand of a controller."""
+SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper")}
+"""Names that stand for several additions."""
+CONTROLLERS = (*BASES, *ADDITIONS, *SHORT_FOR)
+"""Every name; an addition without a base stands on "discon"."""
+
+_BEHIND = {
+    "rosco": (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine),
+    "ipc": (IndividualPitch.of_turbine,),
+    "ipc_2p": (IndividualPitch.of_turbine,),
+    "constrained_ipc": (IndividualPitch.of_turbine,),
+    "fore_aft_damper": (ForeAftDamper.of_turbine,),
+    "side_side_damper": (SideSideDamper.of_turbine,),
+    "yaw": (YawByDeadBand,),
+}
+"""Where the parameters of a name end up."""
+
+
+def controller_parameters(name: str) -> dict[str, Any]:
+    """Parameters of one name of the catalogue with their defaults.
+
+    Examples
+    --------
+    >>> controller_parameters("retuned")
+    {'gain_factor': None}
+    """
+    _parts(name)
+    makers = [{**BASES, **ADDITIONS}[part] for part in SHORT_FOR.get(name, (name,))]
+    makers += [maker for part in SHORT_FOR.get(name, (name,)) for maker in _BEHIND.get(part, ())]
+    found: dict[str, Any] = {}
+    for maker in makers:
+        for key, parameter in inspect.signature(maker).parameters.items():
+            if parameter.kind is not inspect.Parameter.VAR_KEYWORD and key not in ("turbine", "rate"):
+                found.setdefault(key, parameter.default)
+    return found
+
+
+def _parts(choice: str) -> tuple[str, ...]:
+    """Base and additions of a name, checked."""
+    parts = [part for name in choice.split("+") for part in SHORT_FOR.get(name, (name,))]
+    unknown = [part for part in parts if part not in BASES and part not in ADDITIONS]
+    if unknown:
+        raise ValueError(
+            f"unknown controller {choice!r}: {', '.join(map(repr, unknown))} is none of {', '.join(CONTROLLERS)}; "
+            "several are joined with '+', for example 'retuned+ipc+yaw'"
+        )
+    if parts[0] not in BASES:
+        parts.insert(0, "discon")
+    if any(part in BASES for part in parts[1:]) or len(set(parts)) < len(parts):
+        raise ValueError(
+            f"controller {choice!r} must be one of {', '.join(BASES)} first, then additions "
+            f"({', '.join(ADDITIONS)}), each once"
+        )
+    return tuple(parts)
+
+
+def make_controller(
+    choice: str | Controller | Callable[[Turbine], Controller], turbine: Turbine, **parameters
+) -> Controller:
+    """Make a controller for a turbine.
+
+    Parameters
+    ----------
+    choice : str, Controller or callable
+        Names of `CONTROLLERS` joined with ``+``: one of `BASES` (by default "discon") and additions, for example
+        ``"discon"``, ``"ipc"`` (the same as ``"discon+ipc"``), ``"rosco+constrained_ipc+tower_dampers+yaw"``. Or a
+        controller, which is returned as it is, or a function that makes one for the turbine.
+    turbine : Turbine
+    **parameters
+        Of the parts, see `controller_parameters`. One that belongs to several parts of the name is told apart by the
+        name of the part and two underscores: ``ipc__limit=0.05``. For a function they are its keyword arguments.
+
+    Returns
+    -------
+    Controller
+        Not started.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, which lists those allowed, or a parameter that no part has or that several have.
+    TypeError
+        If a function gives no controller, or a controller comes with parameters.
+
+    Examples
+    --------
+    >>> from wt_gym.turbines import load_turbine
+    >>> controller = make_controller("ipc+yaw", load_turbine("nrel_5mw"), bandwidth=0.3)
+    """
+    if isinstance(choice, str):
+        parts = _parts(choice)
+        given = _distribute(parts, parameters)
+        base = BASES[parts[0]](turbine, **given[parts[0]])
+        additions = [ADDITIONS[part](turbine, **given[part]) for part in parts[1:]]
+        return Combined(base, *additions) if additions else base
+    if isinstance(choice, Controller) and not inspect.isclass(choice):
+        if parameters:
+            raise TypeError(f"a controller that is made already takes no parameters, got {', '.join(parameters)}")
+        return choice
+    if not callable(choice):
+        raise TypeError(
+            f"controller must be a name ({', '.join(CONTROLLERS)}), a Controller or a function, got {choice!r}"
+        )
+    made = choice(turbine, **parameters)
+    if not isinstance(made, Controller):
+        raise TypeError(f"{choice!r} gave {made!r}, which is no Controller (channels, start, step)")
+    return made
+
+
+def _distribute(parts: tuple[str, ...], parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Parameters of each part."""
+    allowed = {part: controller_parameters(part) for part in parts}
+    given: dict[str, dict[str, Any]] = {part: {} for part in parts}
+    for key, value in parameters.items():
+        part, _, name = key.rpartition("__")
+        owners = [p for p in parts if name in allowed[p] and part in ("", p)]
+        if not owners:
+            known = "; ".join(f"{p}: {', '.join(names) or 'none'}" for p, names in allowed.items())
+            raise ValueError(f"no parameter {key!r} in controller {'+'.join(parts)!r}; there are {known}")
+        if len(owners) > 1:
+            raise ValueError(f"parameter {key!r} belongs to {' and '.join(owners)}; write {owners[0]}__{name}")
+        given[owners[0]][name] = value
+    return given

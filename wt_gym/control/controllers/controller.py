@@ -1,0 +1,127 @@
+"""The contract of every controller, and how controllers are put together.
+
+A controller reads *signals*, anything that gives a channel of `wt_gym.simulation.channels` by name
+(``signals["generator_speed"]``), and answers with a `wt_gym.control.Demand`. It is stepped at any interval: at the
+simulator's own step (0.1 s in "training") or at the control step of an environment. All that it remembers lies in plain
+attributes, so that ``copy.deepcopy`` of a controller is a snapshot which continues identically.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from wt_gym.control.actions import Demand
+
+__all__ = ["Addition", "Combined", "Controller", "Readings"]
+
+
+class Readings(Protocol):
+    """What controllers read: `wt_gym.simulation.Signals`, a dict, or the channels of an observation."""
+
+    def __getitem__(self, name: str) -> float:
+        """Value of a channel in SI units; KeyError if there is none."""
+        ...
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """What decides on all demands of a turbine.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        Names of the signals that are read.
+    """
+
+    channels: tuple[str, ...]
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start bumplessly: forget everything and continue from the present demand.
+
+        Parameters
+        ----------
+        signals : Readings
+            Of the present instant.
+        demand : Demand
+            What the actuators are asked for now.
+        """
+        ...
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Give the demand that is held over the next ``dt`` [s].
+
+        Parameters
+        ----------
+        signals : Readings
+            Measured now.
+        dt : float
+            Time since the last step, and until the next one [s].
+        """
+        ...
+
+
+@runtime_checkable
+class Addition(Protocol):
+    """What changes the demand of a controller: individual pitch, a damper, a yaw drive.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        Names of the signals that are read.
+    """
+
+    channels: tuple[str, ...]
+
+    def start(self, signals: Readings) -> None:
+        """Forget everything: nothing is added at this instant."""
+        ...
+
+    def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
+        """Change a demand that is to be held over the next ``dt`` [s]; the one given stays as it is."""
+        ...
+
+
+class Combined:
+    """A controller with additions, each of which changes the demand of what stands before it.
+
+    Parameters
+    ----------
+    base : Controller
+    *additions : Addition
+        In the order in which they act.
+
+    Examples
+    --------
+    >>> from wt_gym.control.controllers import Combined, DisconController, YawByDeadBand
+    >>> from wt_gym.turbines import load_turbine
+    >>> controller = Combined(DisconController(), YawByDeadBand.of_turbine(load_turbine("nrel_5mw")))
+    >>> controller.channels
+    ('generator_speed', 'yaw_error')
+    """
+
+    def __init__(self, base: Controller, *additions: Addition):
+        if not isinstance(base, Controller):
+            raise TypeError(f"the base must be a Controller (channels, start, step), got {base!r}")
+        for addition in additions:
+            if not isinstance(addition, Addition):
+                raise TypeError(f"an addition needs channels, start and step, got {addition!r}")
+        self.base, self.additions = base, additions
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the signals that any part reads."""
+        return tuple(dict.fromkeys(name for part in (self.base, *self.additions) for name in part.channels))
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start the base from the present demand, the additions from nothing."""
+        self.base.start(signals, demand)
+        for addition in self.additions:
+            addition.start(signals)
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand of the base, changed by each addition in turn."""
+        demand = self.base.step(signals, dt)
+        for addition in self.additions:
+            demand = addition.step(signals, dt, demand)
+        return demand

@@ -1,0 +1,282 @@
+"""The NREL 5-MW baseline controller (DISCON), and its generalisation to other turbines.
+
+Variable-speed torque control and gain-scheduled collective pitch control as published by Jonkman et al. (Definition of
+a 5-MW Reference Wind Turbine, NREL/TP-500-38060, 2009, section 7). `BaselineController` works on generator speeds in SI
+units; `DisconController` puts it behind the contract of `wt_gym.control.controllers.controller`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.control.actions import Demand
+from wt_gym.control.operating_point import (
+    NREL_5MW_TORQUE_CURVE,
+    TorqueCurve,
+    design_point,
+    is_nrel_5mw,
+    rotor_inertia,
+    torque_curve,
+)
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.turbines import Turbine
+
+__all__ = ["NREL_5MW", "BaselineController", "BaselineParameters", "BaselineState", "DisconController"]
+
+
+@dataclass(frozen=True)
+class BaselineParameters:
+    """Constants of the controller; the published names are given in brackets.
+
+    Attributes
+    ----------
+    corner_frequency : float
+        Of the low-pass filter on the generator speed [rad/s] (CornerFreq).
+    proportional_gain, integral_gain : float
+        At fine pitch, from generator speed error [rad/s] to pitch [rad] (PC_KP [s], PC_KI [-]).
+    gain_doubling_pitch : float
+        Pitch at which the rotor's response has doubled and the gains are halved [rad] (PC_KK).
+    reference_speed : float
+        Generator speed held above rated wind [rad/s] (PC_RefSpd).
+    min_pitch, max_pitch, max_pitch_rate : float
+        [rad], [rad], [rad/s] (PC_MinPit, PC_MaxPit, PC_MaxRat).
+    torque : TorqueCurve
+        Regions 1 to 3 of the torque controller.
+    max_torque, max_torque_rate : float
+        [N m], [N m/s] (VS_MaxTq, VS_MaxRat).
+    region_3_min_pitch : float
+        Pitch from which on the torque controller holds constant power [rad] (VS_Rgn3MP).
+    n_blades : int
+    """
+
+    corner_frequency: float
+    proportional_gain: float
+    integral_gain: float
+    gain_doubling_pitch: float
+    reference_speed: float
+    min_pitch: float
+    max_pitch: float
+    max_pitch_rate: float
+    torque: TorqueCurve
+    max_torque: float
+    max_torque_rate: float
+    region_3_min_pitch: float
+    n_blades: int = 3
+
+    @classmethod
+    def from_turbine(cls, turbine: Turbine) -> BaselineParameters:
+        """Constants for a turbine: those published for the NREL 5-MW, else `by_rule`."""
+        return NREL_5MW if is_nrel_5mw(turbine) else cls.by_rule(turbine)
+
+    @classmethod
+    def by_rule(cls, turbine: Turbine) -> BaselineParameters:
+        """Derive the constants from a turbine.
+
+        The pitch gains place the closed-loop poles of the rotor speed (NREL/TP-500-38060, equations 7-15 and 7-16):
+        ``KP = 2 I Omega zeta omega_n / (N |dP/dtheta|)``, ``KI = I Omega omega_n^2 / (N |dP/dtheta|)``. The corner
+        frequency of the speed filter scales with the rated rotor speed.
+
+        Parameters
+        ----------
+        turbine : Turbine
+
+        Returns
+        -------
+        BaselineParameters
+        """
+        design, drivetrain, pitch = design_point(turbine), turbine.drivetrain, turbine.pitch
+        curve = torque_curve(turbine)
+        gain = (
+            rotor_inertia(turbine) * drivetrain.rated_rotor_speed
+            / (drivetrain.gear_ratio * abs(design.pitch_sensitivity) * curve.rated_power)
+        )  # fmt: skip
+        fine_pitch = max(pitch.min_pitch, 0.0)
+        return cls(
+            corner_frequency=NREL_5MW.corner_frequency * drivetrain.rated_rotor_speed / (12.1 * math.pi / 30),
+            proportional_gain=2 * gain * design.damping_ratio * design.natural_frequency,
+            integral_gain=gain * design.natural_frequency**2,
+            gain_doubling_pitch=design.gain_doubling_pitch,
+            reference_speed=drivetrain.rated_rotor_speed * drivetrain.gear_ratio,
+            min_pitch=fine_pitch,
+            max_pitch=pitch.max_pitch,
+            max_pitch_rate=pitch.max_rate,
+            torque=curve,
+            max_torque=drivetrain.max_generator_torque,
+            max_torque_rate=drivetrain.max_torque_rate,
+            region_3_min_pitch=fine_pitch + NREL_5MW.region_3_min_pitch,
+            n_blades=turbine.n_blades,
+        )
+
+
+NREL_5MW = BaselineParameters(
+    corner_frequency=1.570796,
+    proportional_gain=0.01882681,
+    integral_gain=0.008068634,
+    gain_doubling_pitch=0.1099965,
+    reference_speed=122.9096,
+    min_pitch=0.0,
+    max_pitch=1.570796,
+    max_pitch_rate=0.1396263,
+    torque=NREL_5MW_TORQUE_CURVE,
+    max_torque=47_402.91,
+    max_torque_rate=15_000.0,
+    region_3_min_pitch=0.01745329,
+)
+
+
+@dataclass(frozen=True)
+class BaselineState:
+    """What the controller remembers from one call to the next.
+
+    Attributes
+    ----------
+    filtered_speed : float
+        Generator speed behind the low-pass filter [rad/s].
+    speed_integral : float
+        Integral of the speed error [rad].
+    pitch : numpy.ndarray, shape (n_blades,)
+        Pitch commands [rad].
+    torque : float
+        Torque command [N m]; NaN before the first one of a controller started without a torque.
+    """
+
+    filtered_speed: float
+    speed_integral: float
+    pitch: np.ndarray
+    torque: float
+
+
+class BaselineController:
+    """Torque and pitch controller stepping on generator speeds.
+
+    Parameters
+    ----------
+    parameters : BaselineParameters
+        `NREL_5MW` by default.
+
+    Attributes
+    ----------
+    state : BaselineState or None
+        None before `start`.
+
+    Examples
+    --------
+    >>> controller = BaselineController()
+    >>> controller.start(generator_speed=122.9, pitch=0.18)
+    >>> pitch, torque = controller.step(generator_speed=123.0, dt=0.0125)
+    """
+
+    def __init__(self, parameters: BaselineParameters = NREL_5MW):
+        self.parameters = parameters
+        self.state: BaselineState | None = None
+
+    def start(self, generator_speed: float, pitch, torque: float = math.nan) -> None:
+        """Start bumplessly: the first command continues from the present pitch.
+
+        Parameters
+        ----------
+        generator_speed : float
+            [rad/s]
+        pitch : float or array_like, shape (n_blades,)
+            Present pitch commands [rad].
+        torque : float, optional
+            Present torque command [N m]; without it the first torque is not limited in rate.
+        """
+        p = self.parameters
+        pitch = np.broadcast_to(np.asarray(pitch, dtype=np.float64), p.n_blades).copy()
+        integral = pitch[0] / (self._gain_factor(pitch) * p.integral_gain)
+        self.state = BaselineState(float(generator_speed), float(integral), pitch, float(torque))
+
+    def step(self, generator_speed: float, dt: float) -> tuple[np.ndarray, float]:
+        """Advance by one call.
+
+        Parameters
+        ----------
+        generator_speed : float
+            Measured speed of the high-speed shaft [rad/s].
+        dt : float
+            Time since the last call [s].
+
+        Returns
+        -------
+        pitch : numpy.ndarray, shape (n_blades,)
+            Pitch commands [rad].
+        torque : float
+            Generator torque command [N m].
+
+        Raises
+        ------
+        RuntimeError
+            If the controller was not started.
+        """
+        if self.state is None:
+            raise RuntimeError("BaselineController.step was called before start")
+        memory = math.exp(-dt * self.parameters.corner_frequency)
+        filtered = (1.0 - memory) * generator_speed + memory * self.state.filtered_speed
+        torque = self._torque(filtered, dt)
+        pitch, integral = self._pitch(filtered, dt)
+        self.state = BaselineState(filtered, integral, pitch, torque)
+        return pitch.copy(), torque
+
+    def _torque(self, filtered_speed: float, dt: float) -> float:
+        """Torque command [N m]: law of the region, saturation, rate limit."""
+        p, previous = self.parameters, self.state.torque
+        pitched = self.state.pitch[0] >= p.region_3_min_pitch
+        torque = min(p.torque.torque(filtered_speed, constant_power=bool(pitched)), p.max_torque)
+        if math.isnan(previous):
+            return torque
+        step = p.max_torque_rate * dt
+        return min(max(torque, previous - step), previous + step)
+
+    def _pitch(self, filtered_speed: float, dt: float) -> tuple[np.ndarray, float]:
+        """Pitch commands [rad] and integral of the speed error [rad]: gain-scheduled PI with anti-windup."""
+        p, previous = self.parameters, self.state.pitch
+        factor = self._gain_factor(previous)
+        error = filtered_speed - p.reference_speed
+        to_integral = 1.0 / (factor * p.integral_gain)
+        integral = self.state.speed_integral + error * dt
+        integral = min(max(integral, p.min_pitch * to_integral), p.max_pitch * to_integral)
+        demand = factor * (p.proportional_gain * error + p.integral_gain * integral)
+        demand = min(max(demand, p.min_pitch), p.max_pitch)
+        step = p.max_pitch_rate * dt
+        pitch = np.clip(demand, previous - step, previous + step)
+        return np.clip(pitch, p.min_pitch, p.max_pitch), integral
+
+    def _gain_factor(self, pitch: np.ndarray) -> float:
+        """Gain reduction for the stronger response of the rotor at larger pitch [-]."""
+        return 1.0 / (1.0 + pitch[0] / self.parameters.gain_doubling_pitch)
+
+
+class DisconController:
+    """`BaselineController` behind the contract: reads the generator speed, demands pitch and torque; yaw rests.
+
+    Parameters
+    ----------
+    parameters : BaselineParameters
+        `NREL_5MW` by default; `BaselineParameters.from_turbine` gives those of any turbine.
+    """
+
+    channels = ("generator_speed",)
+
+    def __init__(self, parameters: BaselineParameters = NREL_5MW):
+        self.law = BaselineController(parameters)
+
+    @property
+    def parameters(self) -> BaselineParameters:
+        """Constants of the law."""
+        return self.law.parameters
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start bumplessly from the present demand."""
+        self.law.start(signals["generator_speed"], demand.pitch, demand.generator_torque)
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand for the next ``dt`` [s]."""
+        pitch, torque = self.law.step(signals["generator_speed"], dt)
+        return Demand(pitch, 0.0, torque)

@@ -1,0 +1,79 @@
+"""How far additions that cost power below rated may act."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt_gym.control.sensors import LowPass
+
+__all__ = ["AboveRated", "FadeParameters"]
+
+
+def _ramp(value: float, low: float, high: float) -> float:
+    """Rise from 0 at low to 1 at high with continuous slope."""
+    x = min(max((value - low) / (high - low), 0.0), 1.0)
+    return x * x * (3.0 - 2.0 * x)
+
+
+@dataclass(frozen=True)
+class FadeParameters:
+    """Where an addition begins to act and where it acts in full.
+
+    Attributes
+    ----------
+    pitch : (float, float)
+        Collective pitch above fine pitch [rad].
+    speed : (float, float)
+        Rotor speed over rated speed [-].
+    time_constant : float
+        Of the low-pass filter on the pitch [s], so that a swing of the collective pitch does not switch.
+    """
+
+    pitch: tuple[float, float] = (math.radians(0.5), math.radians(3.0))
+    speed: tuple[float, float] = (0.85, 0.95)
+    time_constant: float = 5.0
+
+    def __post_init__(self):
+        for name in ("pitch", "speed"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"fade {name} must be two rising numbers, got {getattr(self, name)!r}")
+
+
+class AboveRated:
+    """Factor from 0 (below rated: leave the blades where they make the most power) to 1 (well above it).
+
+    The product of a ramp in the collective pitch, low-pass filtered, and one in the rotor speed: blades at fine pitch
+    mean that the wind is too weak for rated power.
+
+    Parameters
+    ----------
+    parameters : FadeParameters
+    fine_pitch : float
+        [rad].
+    rated_speed : float
+        Of the rotor [rad/s].
+    """
+
+    def __init__(self, parameters: FadeParameters, fine_pitch: float, rated_speed: float):
+        self.parameters, self.fine_pitch, self.rated_speed = parameters, fine_pitch, rated_speed
+        self._pitch = LowPass(parameters.time_constant)
+
+    @classmethod
+    def of_turbine(cls, turbine, parameters: FadeParameters | None = None) -> AboveRated:
+        """Of a turbine."""
+        fine = max(turbine.pitch.min_pitch, 0.0)
+        return cls(parameters or FadeParameters(), fine, turbine.drivetrain.rated_rotor_speed)
+
+    def start(self, pitch: float) -> None:
+        """Start in steady state at a collective pitch [rad]."""
+        self._pitch.reset(pitch)
+
+    def update(self, pitch, rotor_speed: float, dt: float) -> float:
+        """Factor after a step of ``dt`` [s] with these pitch demands [rad] at a rotor speed [rad/s]."""
+        p = self.parameters
+        filtered = self._pitch.update(float(np.mean(pitch)), dt)
+        return _ramp(filtered - self.fine_pitch, *p.pitch) * _ramp(rotor_speed / self.rated_speed, *p.speed)

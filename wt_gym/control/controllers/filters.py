@@ -1,0 +1,47 @@
+"""Filters of controllers, exact for an input held over each step, whatever its length."""
+
+from __future__ import annotations
+
+import math
+
+from wt_gym.control.sensors import LowPass
+
+__all__ = ["BandLimitedIntegrator", "LowPass"]
+
+
+class BandLimitedIntegrator:
+    """Integral of a signal without its slow part: ``s / (s + w)^2``, a high-pass filter twice over the integral.
+
+    Far above the corner it integrates; a constant input, and a drifting one, give nothing in the end. From an
+    acceleration it makes the velocity of a vibration. With ``e = exp(-w dt)`` the two states, both from the input u,
+
+        ``x1 <- e x1 + (1 - e) u / w``,
+        ``x2 <- e x2 + dt e x1 + (1 - e - w dt e) u / w^2``,
+
+    give the output ``x1 - w x2`` exactly for an input held over dt.
+
+    Parameters
+    ----------
+    corner : float
+        w [rad/s].
+    """
+
+    def __init__(self, corner: float):
+        if not 0.0 < corner < math.inf:
+            raise ValueError(f"the corner of a band-limited integrator must be positive, got {corner!r} rad/s")
+        self.corner = float(corner)
+        self._first = self._second = 0.0
+
+    def reset(self, value: float = 0.0) -> float:
+        """Start in the steady state of a constant input: nothing comes out."""
+        self._first, self._second = value / self.corner, value / self.corner**2
+        return 0.0
+
+    def update(self, value: float, dt: float) -> float:
+        """Take the input of a step of ``dt`` [s] and return the output at its end."""
+        w = self.corner
+        e = math.exp(-w * dt)
+        first = self._first
+        self._first = e * first + (1.0 - e) / w * value
+        self._second = e * self._second + dt * e * first + (1.0 - e - w * dt * e) / w**2 * value
+        return self._first - w * self._second

@@ -1,0 +1,273 @@
+"""Individual pitch control: the flapwise moments of the blades in the fixed frame, driven to zero or into a band.
+
+The multi-blade (Coleman) transform takes the moments of the turning blades to a tilt and a yaw component; what is
+constant in the rotating frame's harmonic is constant there, so an integrator per component suffices (Bossanyi, Wind
+Energy 6 (2003) 119; azimuth lead of the inverse transform: Mulders et al., arXiv:1808.08976; twice-per-revolution loads
+by the transform of twice the azimuth: van Engelen, EWEC 2006). The band on the 2-norm of the two components follows
+Hummel, Kober and Mulders, Wind Energ. Sci. 10 (2025) 2005.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.fading import AboveRated, FadeParameters
+from wt_gym.control.controllers.rotor_rules import actuator_lag, flap_moment_at_rated, flap_moment_sensitivity
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.turbines import Turbine
+
+__all__ = ["HarmonicPitch", "HarmonicPitchParameters", "IndividualPitch", "from_fixed_frame", "to_fixed_frame"]
+
+
+def _angles(azimuth: float, n_blades: int, harmonic: int) -> np.ndarray:
+    return harmonic * (azimuth + 2.0 * np.pi * np.arange(n_blades) / n_blades)
+
+
+def to_fixed_frame(values, azimuth: float, harmonic: int = 1) -> tuple[float, float]:
+    """Cosine (tilt) and sine (yaw) component of a quantity of the blades.
+
+    ``2/B sum x_b cos(n psi_b)`` and ``2/B sum x_b sin(n psi_b)`` with ``psi_b = azimuth + 2 pi b / B``, b = 0 … B - 1.
+
+    Parameters
+    ----------
+    values : array_like, shape (n_blades,)
+    azimuth : float
+        Of blade 1, zero when it points up [rad].
+    harmonic : int
+        n: 1 for loads once per revolution, 2 for twice.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    angle = _angles(azimuth, len(values), harmonic)
+    scale = 2.0 / len(values)
+    return scale * float(values @ np.cos(angle)), scale * float(values @ np.sin(angle))
+
+
+def from_fixed_frame(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> np.ndarray:
+    """Values of the blades ``tilt cos(n psi_b) + yaw sin(n psi_b)``, shape (n_blades,); see `to_fixed_frame`."""
+    angle = _angles(azimuth, n_blades, harmonic)
+    return tilt * np.cos(angle) + yaw * np.sin(angle)
+
+
+@dataclass(frozen=True)
+class HarmonicPitchParameters:
+    """Constants of the control of one harmonic.
+
+    Attributes
+    ----------
+    harmonic : int
+        1 or 2, in revolutions.
+    integral_gain : float
+        From moment to rate of pitch [rad/(N m s)].
+    proportional_gain : float
+        From moment to pitch [rad/(N m)].
+    level : float
+        Moment (2-norm of tilt and yaw) up to which nothing is done [N m]; zero drives the moment to zero.
+    leak : float
+        Rate at which the pitch returns while the moment is inside a band [1/s]; without a band it is not used.
+    limit : float
+        Largest amplitude [rad].
+    rate_limit : float
+        Largest rate of the amplitude in the fixed frame [rad/s].
+    lead : float
+        Time by which the pitch of the blades is led [s], beside half a step: the lag of the drive.
+    """
+
+    harmonic: int = 1
+    integral_gain: float = 0.0
+    proportional_gain: float = 0.0
+    level: float = 0.0
+    leak: float = 0.0
+    limit: float = math.radians(4.0)
+    rate_limit: float = math.radians(1.5)
+    lead: float = 0.0
+
+    def __post_init__(self):
+        if self.harmonic not in (1, 2):
+            raise ValueError(f"harmonic must be 1 or 2, got {self.harmonic!r}")
+        for name in ("integral_gain", "proportional_gain", "level", "leak", "limit", "rate_limit"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be finite and not negative, got {getattr(self, name)!r}")
+
+
+class HarmonicPitch:
+    """Tilt and yaw pitch of one harmonic: an integrator each, or a proportional-integral law.
+
+    With the moment M = (tilt, yaw) and its part beyond the band, ``e = M max(0, 1 - level/|M|)``,
+
+        ``I <- I + (integral_gain e - leak I [if |M| < level]) dt`` (the leak by its exponential),
+        ``theta = I + proportional_gain e``.
+
+    Positive pitch feathers and lowers the moment, hence the signs. The rate of theta, and theta itself, are limited in
+    their 2-norm; the integral is set to what the limits let through (anti-windup).
+
+    Parameters
+    ----------
+    parameters : HarmonicPitchParameters
+
+    Attributes
+    ----------
+    pitch : numpy.ndarray, shape (2,)
+        Tilt and yaw component after the last step [rad].
+    moment : numpy.ndarray, shape (2,)
+        Tilt and yaw component measured last [N m].
+    """
+
+    def __init__(self, parameters: HarmonicPitchParameters):
+        self.parameters = parameters
+        self.start()
+
+    def start(self) -> None:
+        """Forget everything."""
+        self.pitch, self.moment, self._integral = np.zeros(2), np.zeros(2), np.zeros(2)
+
+    def step(self, moments, azimuth: float, rotor_speed: float, dt: float, share: float = 1.0) -> np.ndarray:
+        """Pitch to be added to each blade [rad], shape (n_blades,).
+
+        Parameters
+        ----------
+        moments : array_like, shape (n_blades,)
+            Flapwise root moments [N m].
+        azimuth, rotor_speed, dt : float
+            [rad], [rad/s], [s].
+        share : float
+            Of the gains and of the limit that may be used, 0 … 1; at 0 the pitch returns at the rate limit.
+        """
+        p = self.parameters
+        self.moment = np.array(to_fixed_frame(moments, azimuth, p.harmonic))
+        size = float(np.hypot(*self.moment))
+        error = self.moment * (1.0 - p.level / size) if size > p.level else np.zeros(2)
+        if size < p.level:
+            self._integral = self._integral * math.exp(-p.leak * dt)
+        integral = self._integral + share * p.integral_gain * dt * error
+        proportional = share * p.proportional_gain * error
+        wanted = _within(integral + proportional, share * p.limit)
+        self.pitch = self.pitch + _within(wanted - self.pitch, p.rate_limit * dt)
+        # without saturation this is the integral again; what did not get through does not pile up
+        self._integral = self.pitch - proportional
+        # held over a step, the pitch is on average half a step late
+        lead = rotor_speed * (p.lead + 0.5 * dt)
+        return from_fixed_frame(*self.pitch, azimuth + lead, len(moments), p.harmonic)
+
+
+def _within(vector: np.ndarray, size: float) -> np.ndarray:
+    """Vector shortened to a size."""
+    length = float(np.hypot(*vector))
+    return vector if length <= size else vector * (size / length)
+
+
+class IndividualPitch:
+    """Addition that pitches each blade against its once- and, if wanted, twice-per-revolution flapwise moment.
+
+    Below rated it fades out (`AboveRated`): there it would cost power. No blade is pitched below the lower limit of
+    the pitch drive, which would turn the pitch of one blade into collective pitch.
+
+    Parameters
+    ----------
+    harmonics : sequence of HarmonicPitchParameters
+    fade : AboveRated or None
+        None: always in full.
+    n_blades : int
+    pitch_limits : (float, float)
+        [rad].
+
+    Attributes
+    ----------
+    harmonics : tuple of HarmonicPitch
+    share : float
+        In which it acts at the moment.
+    """
+
+    def __init__(self, harmonics, fade: AboveRated | None, n_blades: int = 3, pitch_limits=(0.0, math.pi / 2)):
+        self.harmonics = tuple(HarmonicPitch(p) for p in harmonics)
+        if n_blades < 3:
+            raise ValueError(f"individual pitch in the fixed frame needs at least 3 blades, got {n_blades}")
+        self.fade, self.n_blades, self.pitch_limits = fade, n_blades, tuple(pitch_limits)
+        self.share, self._fresh = 0.0, True
+        self._moment_names = tuple(f"root_flap_moment_{b + 1}" for b in range(n_blades))
+        self.channels = ("azimuth", "rotor_speed", *self._moment_names)
+
+    @classmethod
+    def of_turbine(
+        cls,
+        turbine: Turbine,
+        bandwidth: float = 0.2,
+        proportional_time: float = 0.0,
+        level: float = 0.0,
+        leak_time: float = 10.0,
+        limit: float = math.radians(4.0),
+        rate_limit: float = math.radians(1.5),
+        lead: float | None = None,
+        second_harmonic: float = 0.0,
+        fade: FadeParameters | bool = True,
+    ) -> IndividualPitch:
+        """Gains by rule for a turbine.
+
+        Parameters
+        ----------
+        turbine : Turbine
+        bandwidth : float
+            Of the integral loop in rated rotor speeds [-]: the integral gain is
+            ``bandwidth * Omega / flap_moment_sensitivity``, 3.9e-9 rad/(N m s) for the NREL 5-MW.
+        proportional_time : float
+            Proportional over integral gain [s]; zero for integral control.
+        level : float
+            Edge of the band, in `flap_moment_at_rated` [-].
+        leak_time : float
+            Time constant of the return inside the band [s].
+        limit, rate_limit : float
+            Of the amplitude [rad], [rad/s].
+        lead : float, optional
+            [s]; by default `actuator_lag`.
+        second_harmonic : float
+            Gain of the second harmonic over that of the first; zero leaves it out. Its limit is half that of the first.
+        fade : FadeParameters or bool
+            False: always in full.
+        """
+        speed, sensitivity = turbine.drivetrain.rated_rotor_speed, flap_moment_sensitivity(turbine)
+        gain = bandwidth * speed / sensitivity
+        first = HarmonicPitchParameters(
+            harmonic=1,
+            integral_gain=gain,
+            proportional_gain=proportional_time * gain,
+            level=level * flap_moment_at_rated(turbine),
+            leak=1.0 / leak_time,
+            limit=limit,
+            rate_limit=rate_limit,
+            lead=actuator_lag(turbine) if lead is None else lead,
+        )
+        harmonics = [first]
+        if second_harmonic > 0.0:
+            second = {"harmonic": 2, "integral_gain": second_harmonic * gain, "limit": 0.5 * limit}
+            second |= {"proportional_gain": second_harmonic * first.proportional_gain, "level": 0.5 * first.level}
+            harmonics.append(HarmonicPitchParameters(**{**asdict(first), **second}))
+        fading = None
+        if fade is not False:
+            fading = AboveRated.of_turbine(turbine, None if fade is True else fade)
+        limits = (turbine.pitch.min_pitch, turbine.pitch.max_pitch)
+        return cls(harmonics, fading, turbine.n_blades, limits)
+
+    def start(self, signals: Readings) -> None:
+        """Forget everything: nothing is added at this instant."""
+        for harmonic in self.harmonics:
+            harmonic.start()
+        self._fresh = True
+
+    def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
+        """Add the pitch of all harmonics."""
+        speed, azimuth = signals["rotor_speed"], signals["azimuth"]
+        moments = [signals[name] for name in self._moment_names]
+        self.share = 1.0
+        if self.fade is not None:
+            if self._fresh:
+                self.fade.start(float(np.mean(demand.pitch)))
+            self.share = self.fade.update(demand.pitch, speed, dt)
+        self._fresh = False
+        added = sum(h.step(moments, azimuth, speed, dt, self.share) for h in self.harmonics)
+        return Demand(np.clip(demand.pitch + added, *self.pitch_limits), demand.yaw_rate, demand.generator_torque)

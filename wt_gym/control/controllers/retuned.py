@@ -1,0 +1,54 @@
+"""The baseline controller with a region-2 gain that fits the turbine as simulated.
+
+The published gain belongs to the rotor of blade-element momentum theory. The lattice's rotor has its best power at a
+higher tip-speed ratio, so that a smaller gain makes more power. `FOUND` holds the multiple of the published gain that
+made the most power in coupled runs; docs/baselines.md says how it was found. Any other turbine gets the gain of the
+optimum of its own table, ``rho pi R^5 Cp / (2 lambda^3 N^3)`` times the gearbox efficiency.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from wt_gym.control.controllers.discon import BaselineParameters
+from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
+
+if TYPE_CHECKING:
+    from wt_gym.turbines import Turbine
+
+__all__ = ["FOUND", "gain_of_table", "retuned_parameters", "with_region_2_gain"]
+
+FOUND: dict[str, float] = {}
+"""Multiple of the published region-2 gain by the name of the turbine."""
+
+
+def gain_of_table(turbine: Turbine, table: RotorTable) -> float:
+    """Region-2 gain that holds a rotor at the optimum of its table [N m/(rad/s)^2, high-speed shaft]."""
+    ratio, best = table.optimum
+    drivetrain = turbine.drivetrain
+    moment = 0.5 * table.air_density * math.pi * table.radius**5 * best / ratio**3
+    return moment * drivetrain.gearbox_efficiency / drivetrain.gear_ratio**3
+
+
+def with_region_2_gain(parameters: BaselineParameters, gain: float) -> BaselineParameters:
+    """Return constants with another region-2 gain [N m/(rad/s)^2]."""
+    return replace(parameters, torque=replace(parameters.torque, region_2_gain=gain))
+
+
+def retuned_parameters(turbine: Turbine, gain_factor: float | None = None) -> BaselineParameters:
+    """Constants of the baseline controller with a region-2 gain for the turbine as simulated.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    gain_factor : float, optional
+        Multiple of the gain of `BaselineParameters.from_turbine`; by default what was found for this turbine, else what
+        its table gives.
+    """
+    parameters = BaselineParameters.from_turbine(turbine)
+    factor = FOUND.get(turbine.name) if gain_factor is None else gain_factor
+    if factor is None:
+        return with_region_2_gain(parameters, gain_of_table(turbine, rotor_table(turbine)))
+    return with_region_2_gain(parameters, factor * parameters.torque.region_2_gain)

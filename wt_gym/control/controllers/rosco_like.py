@@ -1,0 +1,270 @@
+"""A controller of the kind of ROSCO: it tracks the best tip-speed ratio with an estimate of the wind.
+
+After the description of NREL's reference open-source controller (Abbas, Zalkind, Pao and Wright, Wind Energ. Sci. 7
+(2022) 53), written anew and smaller: a proportional-integral law for the torque that follows the tip-speed ratio, the
+gain-scheduled pitch law of the baseline, set points of both moved apart so that only one acts at a time (section 3.4),
+and a lower limit of the pitch that rises with the estimated wind: for power where the rotor cannot turn slowly enough,
+and near rated to cut the peak of the thrust ("peak shaving", section 3.3).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.discon import BaselineParameters
+from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
+from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.sensors import LowPass
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.turbines import Turbine
+
+__all__ = ["RoscoLikeController", "RoscoLikeParameters", "pitch_schedule"]
+
+
+def pitch_schedule(
+    table: RotorTable, turbine: Turbine, tip_speed_ratio: float, thrust_limit: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Least pitch over the wind: the best one below rated, and what keeps the thrust below a limit.
+
+    Parameters
+    ----------
+    table : RotorTable
+    turbine : Turbine
+    tip_speed_ratio : float
+        That is tracked while the rotor's speed range allows.
+    thrust_limit : float
+        Largest steady thrust over the peak that it has without a limit [-]; 1 limits nothing.
+
+    Returns
+    -------
+    wind : numpy.ndarray, shape (n,)
+        [m/s].
+    pitch : numpy.ndarray, shape (n,)
+        [rad].
+    """
+    drivetrain, radius = turbine.drivetrain, table.radius
+    winds = np.linspace(turbine.cut_in, turbine.cut_out, 89)
+    speeds = np.clip(tip_speed_ratio * winds / radius, drivetrain.min_rotor_speed, drivetrain.rated_rotor_speed)
+    fine = max(turbine.pitch.min_pitch, 0.0)
+    # where the rotor tracks the best ratio, fine pitch is best; only a ratio above it, at low wind, asks for more
+    ratios = speeds * radius / winds
+    best = np.array([table.best_pitch(r) if r > 1.02 * tip_speed_ratio else fine for r in ratios])
+    best = np.maximum(best, fine)
+    rated = drivetrain.rated_power / drivetrain.generator_efficiency
+    powers = [table.torque(*point) * point[1] for point in zip(winds, speeds, best, strict=True)]
+    below_rated = np.array(powers) < rated
+    peak = max(
+        table.thrust_force(*p) for p in zip(winds[below_rated], speeds[below_rated], best[below_rated], strict=True)
+    )
+    pitch = []
+    for wind, speed, least in zip(winds, speeds, best, strict=True):
+        angles = np.linspace(least, table.pitch[-1], 241)
+        within = [table.thrust_force(wind, speed, a) <= thrust_limit * peak for a in angles]
+        pitch.append(angles[int(np.argmax(within))] if thrust_limit < 1.0 and any(within) else least)
+    return winds, np.array(pitch)
+
+
+@dataclass(frozen=True)
+class RoscoLikeParameters:
+    """Constants of the controller.
+
+    Attributes
+    ----------
+    baseline : BaselineParameters
+        Speed filter, pitch gains and limits.
+    speed_per_wind : float
+        Generator speed to be tracked per wind speed [rad/m]: tip-speed ratio times gear ratio over radius.
+    torque_gain, torque_integral_gain : float
+        From generator speed error to torque [N m s], [N m].
+    min_speed, rated_speed : float
+        Of the generator [rad/s].
+    rated_torque : float
+        [N m].
+    wind_time_constant : float
+        Of the filter on the estimated wind [s].
+    pitch_to_speed, torque_to_speed : float
+        Set-point smoothing: how far the set points move, in rated speeds, for pitch over its range and for torque
+        missing to rated [-].
+    smoothing_time_constant : float
+        [s].
+    schedule_wind, schedule_pitch : numpy.ndarray, shape (n,)
+        Least pitch over the wind [m/s], [rad].
+    """
+
+    baseline: BaselineParameters
+    speed_per_wind: float
+    torque_gain: float
+    torque_integral_gain: float
+    min_speed: float
+    rated_speed: float
+    rated_torque: float
+    wind_time_constant: float
+    pitch_to_speed: float
+    torque_to_speed: float
+    smoothing_time_constant: float
+    schedule_wind: np.ndarray
+    schedule_pitch: np.ndarray
+
+    @classmethod
+    def from_turbine(
+        cls,
+        turbine: Turbine,
+        tip_speed_ratio: float | None = None,
+        thrust_limit: float = 1.0,
+        torque_frequency: float = 0.25,
+        torque_damping: float = 1.0,
+        wind_time_constant: float = 3.0,
+        pitch_to_speed: float = 1.0,
+        torque_to_speed: float = 0.1,
+        smoothing_time_constant: float = 5.0,
+    ) -> RoscoLikeParameters:
+        """By rule.
+
+        The torque gains place the poles of the rotor speed at ``torque_frequency`` [rad/s] and ``torque_damping``:
+        ``J dw/dt = Q(w) - N M`` with ``dQ/dw = -P/w^2`` at the best power in half the rated wind.
+
+        Parameters
+        ----------
+        turbine : Turbine
+        tip_speed_ratio : float, optional
+            By default that of the largest power in the turbine's table.
+        thrust_limit : float
+            Peak shaving, see `pitch_schedule`.
+        torque_frequency, torque_damping, wind_time_constant : float
+        pitch_to_speed, torque_to_speed, smoothing_time_constant : float
+        """
+        table, drivetrain = rotor_table(turbine), turbine.drivetrain
+        baseline = BaselineParameters.from_turbine(turbine)
+        ratio = table.optimum[0] if tip_speed_ratio is None else tip_speed_ratio
+        inertia, gear = rotor_inertia(turbine), drivetrain.gear_ratio
+        wind = 0.5 * turbine.rated_wind_speed
+        speed = ratio * wind / table.radius
+        slope = -table.torque(wind, speed, float(table.pitch[0])) / speed
+        to_generator = drivetrain.gearbox_efficiency / gear**2
+        gain = max(2.0 * torque_damping * torque_frequency * inertia + slope, 0.0) * to_generator
+        winds, pitch = pitch_schedule(table, turbine, ratio, thrust_limit)
+        rated_speed = drivetrain.rated_rotor_speed * gear
+        return cls(
+            baseline=baseline,
+            speed_per_wind=ratio * gear / table.radius,
+            torque_gain=gain,
+            torque_integral_gain=torque_frequency**2 * inertia * to_generator,
+            min_speed=drivetrain.min_rotor_speed * gear,
+            rated_speed=rated_speed,
+            rated_torque=baseline.torque.rated_power / rated_speed,
+            wind_time_constant=wind_time_constant,
+            pitch_to_speed=pitch_to_speed,
+            torque_to_speed=torque_to_speed,
+            smoothing_time_constant=smoothing_time_constant,
+            schedule_wind=winds,
+            schedule_pitch=pitch,
+        )
+
+
+class RoscoLikeController:
+    """Tip-speed-ratio tracking, set-point smoothing and a least pitch over the estimated wind.
+
+    Each step, with the filtered generator speed w and estimated wind v:
+
+    1. set points: ``w_torque = clip(lambda v N / R, w_min, w_rated)`` and ``w_pitch = w_rated``. The shift
+       ``d = k_p (theta - theta_min)/(theta_max - theta_min) - k_t (M_rated - M)/M_rated``, low-pass filtered, lowers
+       ``w_torque`` where positive (pitched: the torque stays at its upper end) and raises ``w_pitch`` where negative;
+    2. torque ``M = K_P (w - w_torque) + I``, I its integral with K_I; both within 0 and the torque of rated power,
+       ``P/w``, at most a tenth above rated torque; limited in rate;
+    3. pitch: the baseline's gain-scheduled law on ``w - w_pitch``, within theta_min(v) and the upper limit, limited in
+       rate.
+
+    Parameters
+    ----------
+    parameters : RoscoLikeParameters
+    estimator : WindEstimator
+
+    Attributes
+    ----------
+    wind : float
+        Estimated rotor-effective wind behind the filter [m/s].
+    """
+
+    def __init__(self, parameters: RoscoLikeParameters, estimator: WindEstimator):
+        self.parameters, self.estimator = parameters, estimator
+        self.channels = tuple(dict.fromkeys(("generator_speed", *estimator.channels)))
+        self._speed = LowPass(1.0 / parameters.baseline.corner_frequency)
+        self._wind = LowPass(parameters.wind_time_constant)
+        self._shift = LowPass(parameters.smoothing_time_constant)
+        self._pitch = self._torque = self._pitch_integral = self._torque_integral = math.nan
+
+    @property
+    def wind(self) -> float:
+        """Estimated rotor-effective wind behind the filter [m/s]."""
+        return self._wind.value
+
+    @classmethod
+    def of_turbine(cls, turbine: Turbine, estimator_bandwidth: float = 0.5, **parameters) -> RoscoLikeController:
+        """By rule; parameters as those of `RoscoLikeParameters.from_turbine`."""
+        estimator = WindEstimator.of_turbine(turbine, estimator_bandwidth)
+        return cls(RoscoLikeParameters.from_turbine(turbine, **parameters), estimator)
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start bumplessly from the mean of the pitch demands and the torque demand."""
+        p = self.parameters
+        self._speed.reset(signals["generator_speed"])
+        self._wind.reset(self.estimator.start(signals))
+        self._pitch, self._torque = float(np.mean(demand.pitch)), float(demand.generator_torque)
+        self._shift.reset(self._wanted_shift(self._least_pitch()))
+        torque_error, pitch_error = self._errors()
+        self._torque_integral = self._torque - p.torque_gain * torque_error
+        proportional = p.baseline.proportional_gain * pitch_error
+        self._pitch_integral = (self._pitch / self._gain_factor() - proportional) / p.baseline.integral_gain
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand for the next ``dt`` [s]."""
+        p, b = self.parameters, self.parameters.baseline
+        speed = self._speed.update(signals["generator_speed"], dt)
+        self._wind.update(self.estimator.update(signals, dt), dt)
+        least = self._least_pitch()
+        self._shift.update(self._wanted_shift(least), dt)
+        torque_error, pitch_error = self._errors()
+
+        highest = min(b.torque.rated_power / max(speed, 1e-3), 1.1 * p.rated_torque, b.max_torque)
+        integral = self._torque_integral + p.torque_integral_gain * torque_error * dt
+        self._torque_integral = min(max(integral, 0.0), highest)
+        torque = min(max(p.torque_gain * torque_error + self._torque_integral, 0.0), highest)
+        self._torque += min(max(torque - self._torque, -b.max_torque_rate * dt), b.max_torque_rate * dt)
+
+        factor = self._gain_factor()
+        integral = self._pitch_integral + pitch_error * dt
+        to_integral = 1.0 / (factor * b.integral_gain)
+        self._pitch_integral = min(max(integral, least * to_integral), b.max_pitch * to_integral)
+        pitch = factor * (b.proportional_gain * pitch_error + b.integral_gain * self._pitch_integral)
+        pitch = min(max(pitch, least), b.max_pitch)
+        self._pitch += min(max(pitch - self._pitch, -b.max_pitch_rate * dt), b.max_pitch_rate * dt)
+        return Demand(np.full(b.n_blades, self._pitch), 0.0, self._torque)
+
+    def _errors(self) -> tuple[float, float]:
+        """Generator speed errors of torque and pitch [rad/s]."""
+        p, speed = self.parameters, self._speed.value
+        shift = self._shift.value * p.rated_speed
+        tracked = min(max(p.speed_per_wind * self.wind, p.min_speed), p.rated_speed)
+        return speed - (tracked - max(shift, 0.0)), speed - (p.rated_speed - min(shift, 0.0))
+
+    def _wanted_shift(self, least: float) -> float:
+        """Shift of the set points in rated speeds [-]."""
+        p, b = self.parameters, self.parameters.baseline
+        pitched = (self._pitch - least) / (b.max_pitch - b.min_pitch)
+        return p.pitch_to_speed * pitched - p.torque_to_speed * (p.rated_torque - self._torque) / p.rated_torque
+
+    def _least_pitch(self) -> float:
+        """Lower limit of the pitch [rad]."""
+        return float(np.interp(self.wind, self.parameters.schedule_wind, self.parameters.schedule_pitch))
+
+    def _gain_factor(self) -> float:
+        """Gain reduction for the stronger response of the rotor at larger pitch [-]."""
+        return 1.0 / (1.0 + self._pitch / self.parameters.baseline.gain_doubling_pitch)

@@ -1,0 +1,134 @@
+"""A rotor measured in the simulator: coefficients over tip-speed ratio and pitch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import wt_gym
+from wt_gym.control.controllers.rotor_table import RotorTable
+from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.sensors import LowPass
+from wt_gym.simulation import Simulator
+from wt_gym.simulation.drives import TorqueCommand
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.wind import SteadyInflow
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from wt_gym.turbines import Turbine
+
+__all__ = ["measure_rotor"]
+
+PITCH_DEG = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 10.0, 12.5, 15.0, 18.0, 21.0, 24.0)
+"""Pitch above fine pitch [deg]."""
+TIP_SPEED_RATIO = (2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 8.0, 8.5, 9.0, 9.5, 10.0, 11.0, 12.0, 13.0)
+SETTLING = 12.0
+"""Time at each point before the mean [s], at rated speed; longer in proportion at lower speeds."""
+LOWEST_COEFFICIENT = -0.15
+"""Power coefficient at which a row ends: no controller takes a rotor that far; the row goes on with its last slopes."""
+
+_INERTIAS_PER_SECOND = 0.3
+"""Feedback on the speed with which the machine holds it, in inertias of the rotor a second."""
+_FEEDFORWARD_LAG = 1.0
+"""Time constant of the moment of the air that the machine takes up [s]: not so fast as to drive the shaft's torsion."""
+
+
+@dataclass(frozen=True)
+class _Machine(TorqueCommand):
+    """Generator law without limits, which can drive the rotor as well."""
+
+    def first(self, value, speed):
+        """Any torque [N m]."""
+        return np.array([value])
+
+    def balance(self, moment, speed):
+        """The torque that balances the moment [N m]."""
+        return moment / self.drivetrain.gear_ratio
+
+    def follow(self, command, demand, dt, speed):
+        """Take over the demand [N m] at once."""
+        command[0] = demand
+
+
+def measure_rotor(
+    turbine: Turbine, fidelity="training", progress: Callable[[int, int], None] | None = None
+) -> RotorTable:
+    """Measure the coefficients of a turbine in the simulator.
+
+    The generator is replaced by a machine that can also drive, and holds the speed. Row by row of constant pitch, the
+    wind falls through the tip-speed ratios; each point settles, then the mean over about a revolution is taken. The
+    rotor turns at rated speed, slower where that would need a wind far above that in which a turbine has such a pitch.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    fidelity : str or Fidelity
+    progress : callable, optional
+        Called with the number of rows done and of all rows.
+
+    Returns
+    -------
+    RotorTable
+    """
+    radius, rated = turbine.rotor_diameter / 2, turbine.drivetrain.rated_rotor_speed
+    pitches = max(turbine.pitch.min_pitch, 0.0) + np.radians(PITCH_DEG)
+    simulator = Simulator(
+        turbine,
+        SteadyInflow(turbine.rated_wind_speed, turbine.hub_height),
+        fidelity,
+        generator=_Machine(turbine.drivetrain),
+    )
+    power, thrust = (np.zeros((len(TIP_SPEED_RATIO), len(pitches))) for _ in range(2))
+    for j, pitch in enumerate(pitches):
+        # above rated, wind and pitch go together: 24 degrees belong to more than twice the rated wind speed
+        strongest = turbine.rated_wind_speed * (1.1 + PITCH_DEG[j] / 20.0)
+        running = False
+        for i, ratio in enumerate(TIP_SPEED_RATIO):
+            if i > 1 and power[i - 1, j] < LOWEST_COEFFICIENT:
+                for values in (power, thrust):
+                    slope = (values[i - 1, j] - values[i - 2, j]) / (TIP_SPEED_RATIO[i - 1] - TIP_SPEED_RATIO[i - 2])
+                    values[i, j] = values[i - 1, j] + slope * (ratio - TIP_SPEED_RATIO[i - 1])
+                continue
+            speed = min(rated, ratio * strongest / radius)
+            wind = speed * radius / ratio
+            simulator.inflow = SteadyInflow(wind, turbine.hub_height)
+            if not running:
+                simulator.reset(rotor_speed=speed, pitch=pitch)
+            power[i, j], thrust[i, j] = _settled(simulator, speed, pitch, SETTLING * rated / speed)
+            running = True
+        if progress is not None:
+            progress(j + 1, len(pitches))
+    return RotorTable(
+        turbine=turbine.name,
+        radius=radius,
+        air_density=turbine.air_density,
+        tip_speed_ratio=np.array(TIP_SPEED_RATIO),
+        pitch=pitches,
+        power=power,
+        thrust=thrust,
+        made_by=f"wt_gym {wt_gym.__version__}, fidelity {fidelity_of(fidelity).name!r}",
+    )
+
+
+def _settled(simulator, speed: float, pitch: float, settling: float) -> tuple[float, float]:
+    """Power and thrust coefficient, with the rotor held at a speed [rad/s] and pitch [rad]."""
+    turbine, dt = simulator.turbine, simulator.time_step
+    radius, gear = turbine.rotor_diameter / 2, turbine.drivetrain.gear_ratio
+    stiffness = _INERTIAS_PER_SECOND * rotor_inertia(turbine)
+    signals = simulator.signals
+    moment = LowPass(_FEEDFORWARD_LAG)
+    moment.reset(signals["aero_torque"])
+    settle, average = round(settling / dt), round(2 * math.pi / speed / dt)
+    rows = []
+    for _ in range(settle + average):
+        held = moment.update(signals["aero_torque"], dt) + stiffness * (signals["generator_speed"] / gear - speed)
+        signals = simulator.advance(dt, pitch=pitch, generator_torque=held / gear)
+        rows.append((signals["aero_power"], signals["aero_thrust"]))
+    power, thrust = np.mean(rows[settle:], axis=0)
+    pressure = 0.5 * turbine.air_density * math.pi * radius**2 * simulator.inflow.mean_speed**2
+    return power / (pressure * simulator.inflow.mean_speed), thrust / pressure

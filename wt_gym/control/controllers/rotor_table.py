@@ -1,0 +1,194 @@
+"""Power and thrust coefficients of a rotor over tip-speed ratio and pitch, as the simulator makes them.
+
+Controllers that estimate the wind or limit the thrust need the quasi-steady rotor. The tables of the catalogue's
+turbines lie beside this file and were made by ``scripts/rotor_table.py``: the rotor of the coupled simulator (lattice,
+wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a steady uniform wind until
+the wake has settled (`rotor_measurement.measure_rotor`). Any other turbine is measured on demand, which takes minutes,
+and kept in the cache folder of the user.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from wt_gym.turbines import Turbine
+
+__all__ = ["RotorTable", "rotor_table"]
+
+_DATA = Path(__file__).parent / "data"
+_known: dict[str, RotorTable] = {}
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class RotorTable:
+    """Power and thrust coefficients, bilinear between the points and held beyond the ends.
+
+    Attributes
+    ----------
+    turbine : str
+        Name.
+    radius : float
+        To which coefficients and tip-speed ratio refer, half the rotor diameter [m].
+    air_density : float
+        [kg/m^3].
+    tip_speed_ratio : numpy.ndarray, shape (n,)
+        Ascending.
+    pitch : numpy.ndarray, shape (m,)
+        Ascending [rad].
+    power, thrust : numpy.ndarray, shape (n, m)
+        Coefficients of the aerodynamic power and of the force of the air along the shaft [-].
+    made_by : str
+        Fidelity and version with which the table was measured.
+    """
+
+    turbine: str
+    radius: float
+    air_density: float
+    tip_speed_ratio: np.ndarray
+    pitch: np.ndarray
+    power: np.ndarray
+    thrust: np.ndarray
+    made_by: str
+
+    def __deepcopy__(self, memo) -> RotorTable:
+        """A table never changes: copies of controllers share it."""
+        return self
+
+    @cached_property
+    def _rows(self) -> tuple[list, list, list, list]:
+        """Grid and values as lists: single look-ups in them are faster than in arrays."""
+        return self.tip_speed_ratio.tolist(), self.pitch.tolist(), self.power.tolist(), self.thrust.tolist()
+
+    def _interpolate(self, values: list, ratio: float, pitch: float) -> float:
+        ratios, pitches = self._rows[:2]
+        i, u = _place(ratios, ratio)
+        j, v = _place(pitches, pitch)
+        low, high = values[i], values[i + 1]
+        return (1 - u) * ((1 - v) * low[j] + v * low[j + 1]) + u * ((1 - v) * high[j] + v * high[j + 1])
+
+    def power_coefficient(self, ratio: float, pitch: float) -> float:
+        """Power coefficient at a tip-speed ratio and a pitch [rad]."""
+        return self._interpolate(self._rows[2], ratio, pitch)
+
+    def thrust_coefficient(self, ratio: float, pitch: float) -> float:
+        """Thrust coefficient at a tip-speed ratio and a pitch [rad]."""
+        return self._interpolate(self._rows[3], ratio, pitch)
+
+    def torque(self, wind: float, rotor_speed: float, pitch: float) -> float:
+        """Moment of the air about the shaft [N m] in a wind [m/s], at a rotor speed [rad/s] and pitch [rad]."""
+        coefficient = self.power_coefficient(rotor_speed * self.radius / wind, pitch)
+        return 0.5 * self.air_density * math.pi * self.radius**2 * wind**3 * coefficient / rotor_speed
+
+    def thrust_force(self, wind: float, rotor_speed: float, pitch: float) -> float:
+        """Force of the air along the shaft [N]; arguments as `torque`."""
+        coefficient = self.thrust_coefficient(rotor_speed * self.radius / wind, pitch)
+        return 0.5 * self.air_density * math.pi * self.radius**2 * wind**2 * coefficient
+
+    @cached_property
+    def optimum(self) -> tuple[float, float]:
+        """Tip-speed ratio and power coefficient of the largest power at the finest pitch of the table.
+
+        The top of the parabola through the highest point and its neighbours.
+        """
+        column = self.power[:, 0]
+        k = int(np.clip(np.argmax(column), 1, len(column) - 2))
+        a, b, c = np.polyfit(self.tip_speed_ratio[k - 1 : k + 2], column[k - 1 : k + 2], 2)
+        top = float(-b / (2 * a)) if a < 0 else float(self.tip_speed_ratio[k])
+        return top, float(np.polyval((a, b, c), top))
+
+    def best_pitch(self, ratio: float) -> float:
+        """Pitch of the largest power at a tip-speed ratio [rad], among the pitches of the table and between them."""
+        fine = np.linspace(self.pitch[0], self.pitch[-1], 20 * len(self.pitch))
+        return float(fine[np.argmax([self.power_coefficient(ratio, p) for p in fine])])
+
+    def save(self, path: Path) -> None:
+        """Write the table as JSON."""
+        content = {
+            "turbine": self.turbine,
+            "radius": self.radius,
+            "air_density": self.air_density,
+            "made_by": self.made_by,
+            "tip_speed_ratio": self.tip_speed_ratio.tolist(),
+            "pitch_deg": np.degrees(self.pitch).round(6).tolist(),
+        }
+        rows = {
+            name: [[round(x, 5) for x in row] for row in getattr(self, name).tolist()] for name in ("power", "thrust")
+        }
+        text = json.dumps(content, indent=1)[:-2]
+        for name, values in rows.items():
+            text += f',\n "{name}": [\n  ' + ",\n  ".join(json.dumps(row) for row in values) + "\n ]"
+        path.write_text(text + "\n}\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: Path) -> RotorTable:
+        """Read what `save` wrote."""
+        content = json.loads(path.read_text(encoding="utf-8"))
+        arrays = {name: np.array(content[name], dtype=np.float64) for name in ("tip_speed_ratio", "power", "thrust")}
+        plain = {name: content[name] for name in ("turbine", "radius", "air_density", "made_by")}
+        return cls(**plain, **arrays, pitch=np.radians(content["pitch_deg"]))
+
+
+def _place(grid: list, value: float) -> tuple[int, float]:
+    """Interval of an ascending grid and the fraction in it, held at the ends."""
+    k = min(max(bisect_right(grid, value) - 1, 0), len(grid) - 2)
+    return k, min(max((value - grid[k]) / (grid[k + 1] - grid[k]), 0.0), 1.0)
+
+
+def rotor_table(turbine: Turbine) -> RotorTable:
+    """Table of a turbine: stored for those of the catalogue, else from the cache, else measured (minutes).
+
+    Parameters
+    ----------
+    turbine : Turbine
+
+    Returns
+    -------
+    RotorTable
+    """
+    from wt_gym.simulation.state import fingerprint  # the simulator is heavy, and rarely needed here
+
+    key = fingerprint(turbine)
+    if key not in _known:
+        _known[key] = _stored(turbine) or _cached(turbine, key)
+    return _known[key]
+
+
+def _stored(turbine: Turbine) -> RotorTable | None:
+    """Table beside this file for a turbine of this name and size."""
+    for path in sorted(_DATA.glob("rotor_*.json")):
+        table = RotorTable.load(path)
+        if table.turbine == turbine.name and math.isclose(table.radius, turbine.rotor_diameter / 2, rel_tol=1e-6):
+            return table
+    return None
+
+
+def _cached(turbine: Turbine, key: str) -> RotorTable:
+    """Table from the user's cache folder, measured if it is not there."""
+    from wt_gym.wind.box_cache import cache_directory
+
+    folder = cache_directory()
+    path = folder.parent / "rotor" / f"{key[:20]}.json" if folder is not None else None
+    if path is not None and path.is_file():
+        return RotorTable.load(path)
+    from wt_gym.control.controllers.rotor_measurement import measure_rotor  # brings the simulator
+
+    _log.warning("no rotor table for %s: it is measured now, which takes minutes", turbine.name)
+    table = measure_rotor(turbine)
+    if path is not None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            table.save(path)
+        except OSError as error:
+            _log.warning("the rotor table of %s is not kept: %s", turbine.name, error)
+    return table

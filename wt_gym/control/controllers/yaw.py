@@ -1,0 +1,83 @@
+"""Yaw by dead-band: the nacelle turns only when it has stood wrong for a while, then until it faces the wind.
+
+The habit of real yaw drives, which are slow and wear: the reading of the vane, averaged over about a minute, must leave
+a dead-band of several degrees before the drive starts (compare ROSCO's Y_ErrThresh of 4 … 8 degrees and
+Y_uSwitch; Bossanyi et al., Energy Procedia 35 (2013) 177).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from wt_gym.control.actions import Demand
+from wt_gym.control.sensors import LowPass
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.turbines import Turbine
+
+__all__ = ["YawByDeadBand"]
+
+
+class YawByDeadBand:
+    """Addition that turns the nacelle into the wind at the greatest rate of its drive.
+
+    At rest the yaw error passes a slow low-pass filter; the drive starts when that leaves the dead-band. Turning, a
+    faster filter is read, and the drive stops when the error has become small or has changed sign; the slow filter then
+    goes on from that reading. A filter of time constant tau delays as much as an average over 2 tau.
+
+    Parameters
+    ----------
+    rate : float
+        Of the drive [rad/s].
+    dead_band : float
+        Filtered yaw error beyond which the drive starts [rad].
+    stop : float
+        Error at which it stops [rad].
+    slow, fast : float
+        Time constants at rest and while turning [s].
+
+    Attributes
+    ----------
+    turning : int
+        +1 or -1 while the drive turns, else 0.
+    """
+
+    channels = ("yaw_error",)
+
+    def __init__(
+        self,
+        rate: float,
+        dead_band: float = math.radians(8.0),
+        stop: float = math.radians(0.5),
+        slow: float = 30.0,
+        fast: float = 5.0,
+    ):
+        if not 0.0 <= stop < dead_band:
+            raise ValueError(f"a yaw drive needs 0 <= stop < dead_band, got {stop!r} and {dead_band!r} rad")
+        self.rate, self.dead_band, self.stop = float(rate), float(dead_band), float(stop)
+        self._slow, self._fast, self.turning = LowPass(slow), LowPass(fast), 0
+
+    @classmethod
+    def of_turbine(cls, turbine: Turbine, **parameters) -> YawByDeadBand:
+        """With the yaw drive of a turbine; parameters as those of the class."""
+        return cls(turbine.nacelle.max_yaw_rate, **parameters)
+
+    def start(self, signals: Readings) -> None:
+        """Start at rest, as if the present error had been there for long, but no further than the dead-band."""
+        error = signals["yaw_error"]
+        self._slow.reset(min(max(error, -self.dead_band), self.dead_band))
+        self._fast.reset(error)
+        self.turning = 0
+
+    def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
+        """Set the yaw rate."""
+        error = signals["yaw_error"]
+        slow, fast = self._slow.update(error, dt), self._fast.update(error, dt)
+        if self.turning == 0 and abs(slow) > self.dead_band:
+            self.turning = 1 if slow > 0.0 else -1
+        elif self.turning != 0 and self.turning * fast <= self.stop:
+            self.turning = 0
+            self._slow.reset(fast)
+        return Demand(demand.pitch, self.turning * self.rate, demand.generator_torque)
