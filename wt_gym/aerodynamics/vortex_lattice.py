@@ -21,6 +21,9 @@ __all__ = ["VortexLattice"]
 
 PASSES = 25
 """Most passes between a prescribed wake and the circulation of the blades."""
+BALANCED, ROUGHLY_BALANCED = 2e-5, 2e-3
+"""Change of the circulation in a pass, over the circulation, with which a balance is found, or good enough on the way
+to another wake."""
 UNBALANCED = 0.05
 """Largest change of the circulation in the last of them, over the circulation."""
 
@@ -151,17 +154,27 @@ class VortexLattice:
         """
         wake_rows, ages = self._checked_rows(wake_rows, ages)
         change = self._balance(state, nodes, velocities, wind, wake_rows, ages, far_wake)
+        self._accept(state, place=False, all_rows=True)
         if not change <= UNBALANCED:
             raise AerodynamicsError(
                 f"blades and prescribed wake find no balance: the circulation still changes by {change:.3g} of its "
                 f"size after {PASSES} passes; rows of the wake may lie too close together"
             )
 
-    def _balance(self, state, nodes, velocities, wind, wake_rows, ages, far_wake):
-        """Start with a prescribed wake; returns the change of the circulation in the last pass, over its size."""
+    def _balance(self, state, nodes, velocities, wind, wake_rows, ages, far_wake, tolerance=BALANCED, guess=None):
+        """Start with a prescribed wake, but for the velocities with which it moves on.
+
+        Returns the change of the circulation in the last pass, over its size.
+
+        The wake answers a change of circulation with about half its size. From pass to pass half of the change is
+        taken at first, then what a secant through the last two passes wants (Aitken's relaxation, Irons & Tuck 1969).
+        ``guess`` is the circulation (n_blades, n_chord, n_span) to begin with.
+        """
         n_rows = len(wake_rows)
         self._clear(state, nodes)
         a = state.arrays
+        if guess is not None:
+            a.gamma[:] = guess
         a.wake[1 : n_rows + 1] = wake_rows
         shedding_edge(a.nodes, self.arrays.shed_nodes, a.wake[0])
         place_newest_row(a.nodes, self.arrays.shed_nodes, a.wake[1].copy(), 1.0, a.wake)
@@ -170,20 +183,23 @@ class VortexLattice:
         a.shed[1 : n_rows + 1] = -np.arange(1, n_rows + 1)
         a.n_rows[0] = n_rows
         a.far_wake_on[0] = int(far_wake)
+        share, last = 0.5, None
         for _ in range(PASSES):
             before = self._shed_circulation(a)
             a.wake_gamma[:n_rows] = before
             a.prepared[0] = 0
             self._solve(state, nodes, velocities, wind, 0.0, first=True, place=False)
-            change = np.abs(self._shed_circulation(a) - before).max()
-            # The wake answers a change of circulation with about half its size: half a step converges fast.
-            a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings] = 0.5 * (self._shed_circulation(a) + before)
-            if change <= 2e-5 * np.abs(before).max():
+            step = self._shed_circulation(a) - before
+            change = np.abs(step).max()
+            if last is not None and (square := np.sum((step - last) ** 2)) > 0.0:
+                share = min(max(-share * float(np.sum(last * (step - last)) / square), 0.2), 1.0)
+            last = step
+            a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings] = before + share * step
+            if change <= tolerance * np.abs(before).max():
                 break
         a.wake_gamma[:n_rows] = self._shed_circulation(a)
         a.prepared[0] = 0
         self._solve(state, nodes, velocities, wind, 0.0, first=True, place=False)
-        self._accept(state, place=False, all_rows=True)
         return float(change / max(np.abs(before).max(), 1e-9))
 
     def _shed_circulation(self, a):
@@ -191,8 +207,9 @@ class VortexLattice:
         return a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings]
 
     def initialise_helix(
-        self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5
-    ) -> None:
+        self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5, induced=None,
+        tolerance=BALANCED,
+    ) -> float:  # fmt: skip
         """Start a rotor with a full wake of helices in the momentum balance of its own thrust.
 
         Without a wake where there is no such balance, as for a rotor that is driven backwards in still air.
@@ -209,6 +226,16 @@ class VortexLattice:
             Aerodynamic time step that will follow [s].
         passes : int
             Fixed-point passes between thrust and wake.
+        induced : float, optional
+            To begin with, together with the circulation in the state, as an earlier call for nearly the same rotor has
+            left them [m/s]; by default a fifth of the wind, and no circulation.
+        tolerance : float
+            Relative change of the circulation in the last pass with which blades and wake are in balance.
+
+        Returns
+        -------
+        induced : float
+            Velocity of the wake at the rotor along the axis [m/s].
 
         Raises
         ------
@@ -236,19 +263,26 @@ class VortexLattice:
         shedding_edge(nodes, self.arrays.shed_nodes, edge)
         # Rows closer than those that a hundredth of the speed of the tips parts do not come to a balance.
         closest = 0.01 * float(np.linalg.norm(velocities, axis=-1).max())
-        induced, slowest = -0.2 * speed, 2.0 * closest
-        for _ in range(passes):
+        guess, slowest = None if induced is None else state.arrays.gamma.copy(), 2.0 * closest
+        if induced is None:
+            induced = -0.2 * speed
+        for k in range(passes):
             rows = self._helix(edge, centre, axis, rotor_speed, ages, stream, induced, slowest, radius)
-            if not self._balance(state, nodes, velocities, wind, rows, ages, far_wake=True) <= UNBALANCED:
+            enough = tolerance if k == passes - 1 else max(tolerance, ROUGHLY_BALANCED)
+            change = self._balance(state, nodes, velocities, wind, rows, ages, True, enough, guess)
+            if not change <= UNBALANCED:
                 self.reset(state, nodes, velocities, wind)
-                return
+                return induced
+            guess = state.arrays.gamma.copy()
             thrust = float(state.nodal_forces.sum(axis=(0, 1, 2)) @ axis)
             # T = -2 rho A (U + v) v, also for a rotor that drives the air. Beyond v = -0.4 U the wake is turbulent and
             # the start need not be better; in still air it is carried away by what a hovering rotor induces.
             pressure = thrust / (2.0 * self.air_density * np.pi * radius**2) * np.copysign(1.0, stream @ axis)
             target = np.sqrt(0.25 * speed**2 - min(pressure, 0.24 * speed**2)) - 0.5 * speed
             induced, slowest = 0.5 * (induced + target), max(0.5 * np.sqrt(abs(pressure)), closest)
+        self._accept(state, place=False, all_rows=True)
         state.arrays.shed[1:] = -numbers
+        return float(induced)
 
     def convect_wake(self, state: AeroState, inflow, time: float, dt: float) -> None:
         """Move the free wake from ``time`` to ``time + dt``.

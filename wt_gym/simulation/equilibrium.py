@@ -6,8 +6,11 @@ from wt_gym.errors import SimulationError
 
 __all__ = ["elastic_equilibrium", "highest_frequency"]
 
+RENEWED = 6
+"""Steps of Newton's method with the same derivatives."""
 
-def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iterations=12, tolerance=1e-9):
+
+def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iterations=24, tolerance=1e-9):
     """Newton's method for elastic coordinates that do not accelerate; the rotor's own acceleration stays free.
 
     Parameters
@@ -37,13 +40,15 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
         return system.rates(state, inputs, work)[u]
 
     jacobian = np.zeros((len(u), len(q)))
-    for _ in range(iterations):
+
+    for k in range(iterations):
         r = residual(y)
-        for k, i in enumerate(q):
-            origin = y[i]
-            y[i] = origin + step
-            jacobian[:, k] = (residual(y) - r) / step
-            y[i] = origin
+        if k % RENEWED == 0:  # nearly linear: the first derivatives serve for a while
+            for i, place in enumerate(q):
+                origin = y[place]
+                y[place] = origin + step
+                jacobian[:, i] = (residual(y) - r) / step
+                y[place] = origin
         change = np.linalg.solve(jacobian, -r)
         y[q] += change
         if np.abs(change).max() < tolerance * max(1.0, np.abs(y[q]).max()):
