@@ -5,21 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from wt_gym.errors import SimulationError
+from wt_gym.simulation import Signals
+from wt_gym.simulation.channels import channel_table
 
 
-class ScriptedSignals:
-    """Signals by name."""
-
-    def __init__(self, values: dict[str, float]):
-        self._values = values
-
-    def __getitem__(self, name: str) -> float:
-        return self._values[name]
-
-    @property
-    def values(self) -> np.ndarray:
-        """All values, shape (n,)."""
-        return np.array(list(self._values.values()))
+def scripted_signals(values: dict[str, float], n_blades: int = 3) -> Signals:
+    """Signals with these values, zero where nothing is said."""
+    return Signals(np.array([values.get(c.name, 0.0) for c in channel_table(n_blades)]), n_blades)
 
 
 class ScriptedSimulator:
@@ -54,7 +46,7 @@ class ScriptedSimulator:
                 f"tip_clearance_{blade}": 12.0, f"tip_clearance_min_{blade}": 11.0,
             }  # fmt: skip
         self._set_speed(rotor_speed)
-        return ScriptedSignals(dict(self._values))
+        return scripted_signals(self._values, self.turbine.n_blades)
 
     def advance(self, duration, pitch, yaw_rate, generator_torque):
         """Take over the demands and the scripted values."""
@@ -71,7 +63,7 @@ class ScriptedSimulator:
         self._set_speed(self._values["rotor_speed"])
         if "rotor_speed_max" in scripted:
             self._values["rotor_speed_max"] = scripted["rotor_speed_max"]
-        return ScriptedSignals(dict(self._values))
+        return scripted_signals(self._values, self.turbine.n_blades)
 
     def _set_speed(self, rotor_speed: float) -> None:
         drivetrain = self.turbine.drivetrain

@@ -23,9 +23,14 @@ def hold():
     return Demand(np.full(3, 0.1), 0.0, 20e3)
 
 
+def decoded(action_map, action, previous):
+    """Demand at the end of a step with an action from a demand."""
+    return action_map.demand(action_map.decode(np.asarray(action), action_map.start(previous)))
+
+
 def test_rates_of_the_nrel_5mw(turbine, hold):
     action_map = ActionMap(turbine, DT)
-    demand = action_map.decode(np.array([1.0, -1.0, 0.5]), hold)
+    demand = decoded(action_map, np.array([1.0, -1.0, 0.5]), hold)
     np.testing.assert_allclose(demand.pitch, 0.1 + math.radians(8.0) * DT, rtol=1e-6)
     assert demand.yaw_rate == pytest.approx(-math.radians(0.3), rel=1e-6)
     assert demand.generator_torque == pytest.approx(20e3 + 0.5 * 15e3 * DT, rel=1e-9)
@@ -38,31 +43,102 @@ def test_a_turbine_without_yaw_drive_has_no_yaw_component(turbine, hold, mode, p
     action_map, full = ActionMap(fixed, DT, mode, pitch), ActionMap(turbine, DT, mode, pitch)
     assert action_map.names == tuple(name for name in full.names if name != "yaw_rate")
     action = np.linspace(-0.9, 0.9, action_map.size)
-    demand, other = action_map.decode(action, hold), full.decode(np.insert(action, -1, 0.0), hold)
+    demand, other = decoded(action_map, action, hold), decoded(full, np.insert(action, -1, 0.0), hold)
     np.testing.assert_array_equal(demand.pitch, other.pitch)
     assert (demand.yaw_rate, demand.generator_torque) == (0.0, other.generator_torque)
     np.testing.assert_allclose(action_map.encode(demand, hold), action, atol=1e-12)
 
 
 def test_zero_rates_hold_the_demands_exactly(turbine, hold):
-    demand = ActionMap(turbine, DT).decode(np.zeros(3), hold)
+    demand = decoded(ActionMap(turbine, DT), np.zeros(3), hold)
     assert np.array_equal(demand.pitch, hold.pitch)
     assert (demand.yaw_rate, demand.generator_torque) == (0.0, 20e3)
 
 
-def test_absolute_demands_span_the_limits(turbine, hold):
-    action_map = ActionMap(turbine, DT, mode="absolute")
-    low, high = action_map.decode(-np.ones(3), hold), action_map.decode(np.ones(3), hold)
-    np.testing.assert_allclose(low.pitch, turbine.pitch.min_pitch)
-    np.testing.assert_allclose(high.pitch, turbine.pitch.max_pitch)
-    assert low.generator_torque == 0.0
-    assert high.generator_torque == pytest.approx(47_402.91, rel=1e-6)
+def test_absolute_demands_lie_about_the_operating_points_of_the_winds(turbine, hold):
+    """5 degrees beyond them on both sides, within the limits of the turbine."""
+    action_map = ActionMap(turbine, DT, mode="absolute", wind_speeds=(15.0, 15.0))
+    point = math.radians(10.45)
+    for action, offset in ((-1.0, -5.0), (0.0, 0.0), (1.0, 5.0)):
+        demand = decoded(action_map, [action, 0.0, action], hold)
+        np.testing.assert_allclose(demand.pitch, point + math.radians(offset), rtol=1e-3)
+    assert demand.generator_torque == pytest.approx(47_402.91, rel=1e-6)
+    wide = ActionMap(turbine, DT, mode="absolute", wind_speeds=(6.0, 18.0))
+    assert wide.low[0] == turbine.pitch.min_pitch
+    assert wide.high[0] == pytest.approx(math.radians(14.92 + 5.0), rel=1e-3)
+
+
+class TestResidual:
+    """Offsets from the demand of a controller."""
+
+    base = Demand(np.array([0.10, 0.11, 0.12]), 1e-3, 40e3)
+
+    def map(self, turbine, **choices):
+        return ActionMap(turbine, DT, "residual", **choices)
+
+    def test_zero_is_the_controller(self, turbine, hold):
+        for pitch in ("collective", "individual", "fixed-frame"):
+            action_map = self.map(turbine, pitch=pitch)
+            aim = action_map.decode(np.zeros(action_map.size), action_map.start(hold))
+            demand = action_map.demand(aim, self.base, azimuth=1.0, rotor_speed=1.2)
+            np.testing.assert_array_equal(demand.pitch, self.base.pitch)
+            assert (demand.yaw_rate, demand.generator_torque) == (1e-3, 40e3)
+
+    def test_offsets_move_with_the_action_and_end_at_their_limits(self, turbine, hold):
+        action_map = self.map(turbine)
+        assert action_map.names == ("pitch_offset_rate", "yaw_rate", "generator_torque_offset_rate")
+        aim = action_map.decode(np.array([1.0, 0.0, -1.0]), action_map.start(hold))
+        rated = 5_296_610.0 / 121.6805
+        assert aim.pitch[0] == pytest.approx(math.radians(1.5) * DT)
+        assert aim.generator_torque == pytest.approx(-0.05 * rated * DT, rel=1e-3)
+        for _ in range(100):
+            aim = action_map.decode(np.array([1.0, 0.0, -1.0]), aim)
+        assert aim.pitch[0] == pytest.approx(math.radians(4.0))
+        assert aim.generator_torque == pytest.approx(-0.1 * rated, rel=1e-3)
+        demand = action_map.demand(aim, self.base)
+        np.testing.assert_allclose(demand.pitch, self.base.pitch + math.radians(4.0))
+
+    def test_tilt_and_yaw_reach_the_blades_with_the_azimuth_ahead(self, turbine, hold):
+        """Blade 1 up, a delay of 0.1 s: it gets the tilt of the azimuth that it has then."""
+        action_map = self.map(turbine, pitch="fixed-frame", components=("pitch",), delay=0.1)
+        assert action_map.names == ("pitch_mean_offset_rate", "pitch_tilt_offset_rate", "pitch_yaw_offset_rate")
+        aim = action_map.decode(np.array([0.0, 1.0, -0.5]), action_map.start(hold))
+        step = math.radians(1.5) * DT
+        psi = 0.12 + 2.0 * np.pi / 3.0 * np.arange(3)
+        expected = self.base.pitch + step * np.cos(psi) - 0.5 * step * np.sin(psi)
+        np.testing.assert_allclose(action_map.demand(aim, self.base, 0.0, 1.2).pitch, expected, rtol=1e-12)
+
+    def test_components_left_out_are_the_controllers(self, turbine, hold):
+        for mode in ("rate", "absolute", "residual"):
+            action_map = ActionMap(turbine, DT, mode, components=("torque",))
+            assert action_map.needs_controller
+            assert action_map.size == 1
+            demand = action_map.demand(action_map.decode(np.array([0.5]), action_map.start(hold)), self.base)
+            np.testing.assert_array_equal(demand.pitch, self.base.pitch)
+            assert demand.yaw_rate == 1e-3
+            assert demand.generator_torque != 40e3
+        assert not ActionMap(turbine, DT, components=("pitch", "torque")).needs_controller
+
+    def test_spans_can_be_chosen(self, turbine, hold):
+        action_map = self.map(turbine, spans={"pitch": 0.01, "pitch_rate": 0.1, "torque": 1e3})
+        aim = action_map.decode(np.ones(3), action_map.start(hold))
+        assert (aim.pitch[0], aim.generator_torque) == (0.01, pytest.approx(0.05 * 43528.0 * DT, rel=1e-2))
+        with pytest.raises(ValueError, match="action_spans has no 'blade'; there are"):
+            self.map(turbine, spans={"blade": 1.0})
+        with pytest.raises(ValueError, match=r"action_spans\['pitch_rate'\] must be positive and at most"):
+            self.map(turbine, spans={"pitch_rate": 1.0})
+
+    def test_controllers_run_beneath(self, turbine, hold):
+        with pytest.raises(ValueError, match="let it run beneath"):
+            self.map(turbine).encode(self.base, hold)
+        with pytest.raises(ValueError, match="let it run beneath"):
+            ActionMap(turbine, DT, pitch="fixed-frame").encode(self.base, hold)
 
 
 def test_individual_pitch_moves_each_blade(turbine, hold):
     action_map = ActionMap(turbine, DT, pitch="individual")
     assert action_map.names == ("pitch_1_rate", "pitch_2_rate", "pitch_3_rate", "yaw_rate", "generator_torque_rate")
-    demand = action_map.decode(np.array([1.0, 0.0, -1.0, 0.0, 0.0]), hold)
+    demand = decoded(action_map, np.array([1.0, 0.0, -1.0, 0.0, 0.0]), hold)
     step = math.radians(8.0) * DT
     np.testing.assert_allclose(demand.pitch, [0.1 + step, 0.1, 0.1 - step], rtol=1e-6)
 
@@ -70,11 +146,11 @@ def test_individual_pitch_moves_each_blade(turbine, hold):
 def test_demands_end_at_the_limits_of_the_turbine(turbine):
     action_map = ActionMap(turbine, DT)
     at_bottom = Demand(np.full(3, turbine.pitch.min_pitch), 0.0, 0.0)
-    demand = action_map.decode(-np.ones(3), at_bottom)
+    demand = decoded(action_map, -np.ones(3), at_bottom)
     np.testing.assert_array_equal(demand.pitch, turbine.pitch.min_pitch)
     assert demand.generator_torque == 0.0
     at_top = Demand(np.full(3, turbine.pitch.max_pitch), 0.0, turbine.drivetrain.max_generator_torque)
-    demand = action_map.decode(np.ones(3), at_top)
+    demand = decoded(action_map, np.ones(3), at_top)
     np.testing.assert_array_equal(demand.pitch, turbine.pitch.max_pitch)
     assert demand.generator_torque == turbine.drivetrain.max_generator_torque
 
@@ -86,7 +162,7 @@ def test_encode_is_the_inverse_of_decode(turbine, hold, mode, pitch):
     rng = np.random.default_rng(3)
     for _ in range(20):
         action = rng.uniform(-0.9, 0.9, action_map.size)
-        demand = action_map.decode(action, hold)
+        demand = decoded(action_map, action, hold)
         np.testing.assert_allclose(action_map.encode(demand, hold), action, atol=1e-12)
 
 
@@ -115,7 +191,10 @@ def test_rounding_beyond_one_is_put_on_one(turbine):
     np.testing.assert_array_equal(ActionMap(turbine, DT).validate([1.0 + 5e-7, -1.0 - 5e-7, 0.0]), [1.0, -1.0, 0.0])
 
 
-@pytest.mark.parametrize("kwargs", [{"mode": "speed"}, {"pitch": "cyclic"}, {"control_dt": 0.0}])
+@pytest.mark.parametrize(
+    "kwargs",
+    [{"mode": "speed"}, {"pitch": "cyclic"}, {"control_dt": 0.0}, {"components": ("nacelle",)}, {"components": ()}],
+)
 def test_unknown_choices_are_refused(turbine, kwargs):
     with pytest.raises(ValueError, match="got"):
         ActionMap(turbine, **{"control_dt": DT} | kwargs)

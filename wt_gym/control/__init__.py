@@ -1,6 +1,6 @@
 """The physical layer between an agent and a turbine: actions to actuator demands, sensors, steady operating points."""
 
-from wt_gym.control.actions import ActionMap, Demand
+from wt_gym.control.actions import ACTION_MODES, COMPONENTS, PITCH_FORMS, ActionMap, Aim, Demand
 from wt_gym.control.operating_point import (
     DesignPoint,
     OperatingPoint,
@@ -9,13 +9,18 @@ from wt_gym.control.operating_point import (
     operating_point,
     torque_curve,
 )
-from wt_gym.control.sensors import Channel, LowPass, NacelleAnemometer
+from wt_gym.control.sensors import Channel, Lidar, LowPass, NacelleAnemometer
 
 __all__ = [
+    "ACTION_MODES",
+    "COMPONENTS",
+    "PITCH_FORMS",
     "ActionMap",
+    "Aim",
     "Channel",
     "Demand",
     "DesignPoint",
+    "Lidar",
     "LowPass",
     "NacelleAnemometer",
     "OperatingPoint",

@@ -1,21 +1,38 @@
-"""From a normalised action to the demands on pitch servos, yaw drive and generator, and back."""
+"""From a normalised action to the demands on pitch drives, yaw drive and generator, and back."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.control.coleman import FIXED_FRAME, to_blades
+from wt_gym.control.operating_point import operating_point, torque_curve
 from wt_gym.errors import ActionError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from wt_gym.turbines import Turbine
 
-__all__ = ["ActionMap", "Demand"]
+__all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "ActionMap", "Aim", "Demand"]
 
+ACTION_MODES = ("rate", "absolute", "residual")
+PITCH_FORMS = ("collective", "individual", "fixed-frame")
+COMPONENTS = ("pitch", "yaw", "torque")
+SPANS = ("pitch", "pitch_rate", "yaw_rate", "torque", "torque_rate")
 # An action may leave [-1, 1] by float32 rounding of a policy's output, by no more.
 _ROUNDING = 1e-6
+CYCLIC = math.radians(4.0)
+"""Greatest pitch in tilt and yaw, and greatest residual pitch [rad]."""
+RESIDUAL_PITCH_RATE = math.radians(1.5)
+"""Greatest rate of residual pitch [rad/s]; the baseline controller uses 0.6 deg/s in the mean."""
+RESIDUAL_TORQUE, RESIDUAL_TORQUE_RATE = 0.1, 0.05
+"""Greatest residual torque and its rate, over the rated torque [-], [1/s]."""
+MARGIN = math.radians(5.0)
+"""By which the range of absolute pitch goes beyond the operating points [rad]."""
 
 
 @dataclass(frozen=True)
@@ -37,14 +54,40 @@ class Demand:
     generator_torque: float
 
 
+@dataclass(frozen=True)
+class Aim:
+    """What the actions of an agent ask for, in the coordinates of its action; offsets in mode "residual".
+
+    Attributes
+    ----------
+    pitch : numpy.ndarray, shape (n_pitch,)
+        Of all blades, of each, or mean, tilt and yaw [rad].
+    yaw_rate : float
+        [rad/s]
+    generator_torque : float
+        [N m]
+    """
+
+    pitch: np.ndarray
+    yaw_rate: float
+    generator_torque: float
+
+
 class ActionMap:
     """Meaning of the components of an action in [-1, 1].
 
-    Components are, in this order, pitch (one, or one a blade), yaw (none for a turbine whose greatest yaw rate is 0),
-    generator torque. In mode ``"rate"`` pitch and torque components are rates of the demand, held over a control step:
-    the demand moves by ``action * max_rate * control_dt``. In mode ``"absolute"`` they are the demands themselves, from
-    the lower limit (-1) to the upper one (+1). The yaw component is a rate in both modes, because a yaw drive turns at
-    a rate and holds otherwise. Demands end at the limits of the turbine.
+    Components are, in this order, pitch, yaw (none for a turbine whose greatest yaw rate is 0), generator torque, as
+    far as they are chosen. Pitch has one component ("collective"), one a blade ("individual"), or mean, tilt and yaw
+    ("fixed-frame", see `coleman`), of which the blades get their share at every step of the simulator, with an azimuth
+    that leads by the delay of the drives.
+
+    - ``"rate"``: rates of the demand, held over a control step: it moves by ``action * rate * control_dt``.
+    - ``"absolute"``: the demand itself; pitch from the operating points of the winds and 5 degrees beyond them on both
+      sides, within the limits, torque from 0 to the largest. Tilt and yaw are the demands themselves about nothing.
+    - ``"residual"``: rates of an offset from the demand of a controller that runs beneath; offsets end at their limits.
+
+    The yaw component is a rate in all modes, because a yaw drive turns at a rate and holds otherwise. Demands end at
+    the limits of the turbine. What an action has no component for is left to the controller.
 
     Parameters
     ----------
@@ -52,8 +95,16 @@ class ActionMap:
         Its pitch system, drivetrain and nacelle set the limits.
     control_dt : float
         Control step [s].
-    mode : {"rate", "absolute"}
-    pitch : {"collective", "individual"}
+    mode : {"rate", "absolute", "residual"}
+    pitch : {"collective", "individual", "fixed-frame"}
+    components : sequence of {"pitch", "yaw", "torque"}
+    spans : mapping, optional
+        Other spans than the default ones: "pitch_rate" [rad/s], "yaw_rate" [rad/s], "torque_rate" [N m/s]: greatest
+        rates; "pitch" [rad], "torque" [N m]: limits of the offsets (of tilt and yaw in all modes).
+    wind_speeds : (float, float), optional
+        Range of the mean winds, for mode "absolute" [m/s]; by default that in which the turbine operates.
+    delay : float
+        Time from the demand to the middle of its effect, by which the azimuth leads [s].
 
     Attributes
     ----------
@@ -62,45 +113,142 @@ class ActionMap:
     low, high : numpy.ndarray, shape (n,)
         Physical value of an action component at -1 and +1.
     size : int
+    components : tuple of str
     has_yaw : bool
         Whether there is a yaw component.
 
     Raises
     ------
     ValueError
-        If ``mode``, ``pitch`` or ``control_dt`` is not one of those allowed.
+        If a choice is none of those allowed.
     """
 
-    def __init__(self, turbine: Turbine, control_dt: float, mode: str = "rate", pitch: str = "collective"):
-        if mode not in ("rate", "absolute"):
-            raise ValueError(f"action_mode must be 'rate' or 'absolute', got {mode!r}")
-        if pitch not in ("collective", "individual"):
-            raise ValueError(f"pitch must be 'collective' or 'individual', got {pitch!r}")
+    def __init__(
+        self,
+        turbine: Turbine,
+        control_dt: float,
+        mode: str = "rate",
+        pitch: str = "collective",
+        components: Sequence[str] = COMPONENTS,
+        spans: Mapping[str, float] | None = None,
+        wind_speeds: tuple[float, float] | None = None,
+        delay: float = 0.0,
+    ):
+        for name, value, allowed in (("action_mode", mode, ACTION_MODES), ("pitch", pitch, PITCH_FORMS)):
+            if value not in allowed:
+                raise ValueError(f"{name} must be one of {allowed}, got {value!r}")
         if not control_dt > 0:
             raise ValueError(f"control_dt must be positive, got {control_dt!r} s")
-        self.mode, self.pitch, self.control_dt = mode, pitch, float(control_dt)
+        self.mode, self.pitch, self.control_dt, self.delay = mode, pitch, float(control_dt), float(delay)
         self.n_blades = turbine.n_blades
-        self.n_pitch = turbine.n_blades if pitch == "individual" else 1
+        if pitch == "fixed-frame" and self.n_blades < 3:
+            raise ValueError(f"pitch='fixed-frame' needs three blades or more, the turbine has {self.n_blades}")
+        self.components = self._chosen(components, turbine)
+        self.has_yaw = "yaw" in self.components
         self.pitch_limits = (turbine.pitch.min_pitch, turbine.pitch.max_pitch)
         self.torque_limits = (0.0, turbine.drivetrain.max_generator_torque)
-        self.max_pitch_rate = turbine.pitch.max_rate
+        self.max_pitch_rate, self.max_torque_rate = turbine.pitch.max_rate, turbine.drivetrain.max_torque_rate
         self.max_yaw_rate = turbine.nacelle.max_yaw_rate
-        self.max_torque_rate = turbine.drivetrain.max_torque_rate
-        self.has_yaw = self.max_yaw_rate > 0.0
-
-        names = [f"pitch_{b + 1}" for b in range(self.n_pitch)] if pitch == "individual" else ["pitch"]
-        rate, torque_rate = self.max_pitch_rate, self.max_torque_rate
-        if mode == "rate":
-            rows = [(f"{name}_rate", "rad/s", -rate, rate) for name in names]
-            last = ("generator_torque_rate", "N m/s", -torque_rate, torque_rate)
-        else:
-            rows = [(name, "rad", *self.pitch_limits) for name in names]
-            last = ("generator_torque", "N m", *self.torque_limits)
-        if self.has_yaw:
-            rows.append(("yaw_rate", "rad/s", -self.max_yaw_rate, self.max_yaw_rate))
-        self.names, self.units, low, high = zip(*rows, last, strict=True)
+        self._spans = self._chosen_spans(spans, turbine)
+        self._coordinates = {
+            "collective": ("pitch",),
+            "individual": tuple(f"pitch_{b + 1}" for b in range(self.n_blades)),
+            "fixed-frame": tuple(f"pitch_{name}" for name in FIXED_FRAME),
+        }[pitch]
+        self.n_pitch = len(self._coordinates)
+        self.pitch_low, self.pitch_high = self._pitch_range()
+        rows = self._rows(turbine, wind_speeds)
+        self.names, self.units, low, high = zip(*rows, strict=True)
         self.low, self.high, self.size = np.array(low), np.array(high), len(self.names)
         self.low.flags.writeable = self.high.flags.writeable = False
+
+    # ---- what the components mean ----
+
+    @property
+    def needs_controller(self) -> bool:
+        """Whether a controller runs beneath the action."""
+        return self.mode == "residual" or "pitch" not in self.components or "torque" not in self.components
+
+    @property
+    def torque_offset_limit(self) -> float:
+        """Greatest residual torque [N m]."""
+        return self._spans["torque"]
+
+    @property
+    def turns_with_rotor(self) -> bool:
+        """Whether the demand changes with the azimuth within a control step."""
+        return self.pitch == "fixed-frame" and "pitch" in self.components
+
+    def _chosen(self, components, turbine) -> tuple[str, ...]:
+        unknown = [name for name in components if name not in COMPONENTS]
+        if unknown or isinstance(components, str) or not len(components):
+            raise ValueError(f"action_components must name some of {COMPONENTS}, got {components!r}")
+        chosen = tuple(name for name in COMPONENTS if name in components)
+        if turbine.nacelle.max_yaw_rate > 0.0:
+            return chosen
+        if chosen == ("yaw",):
+            raise ValueError("action_components is ('yaw',), but this turbine has no yaw drive (greatest rate 0)")
+        return tuple(name for name in chosen if name != "yaw")
+
+    def _chosen_spans(self, spans, turbine) -> dict[str, float]:
+        """Spans of this mode, with those that the user wants otherwise."""
+        curve = torque_curve(turbine)
+        rated_torque = curve.rated_power / curve.rated_generator_speed
+        residual = self.mode == "residual"
+        chosen = {
+            "pitch": CYCLIC,
+            "pitch_rate": RESIDUAL_PITCH_RATE if residual or self.pitch == "fixed-frame" else self.max_pitch_rate,
+            "yaw_rate": self.max_yaw_rate,
+            "torque": RESIDUAL_TORQUE * rated_torque,
+            "torque_rate": RESIDUAL_TORQUE_RATE * rated_torque if residual else self.max_torque_rate,
+        }
+        most = {"pitch_rate": self.max_pitch_rate, "yaw_rate": self.max_yaw_rate, "torque_rate": self.max_torque_rate}
+        for name, value in (spans or {}).items():
+            if name not in SPANS:
+                raise ValueError(f"action_spans has no {name!r}; there are {SPANS}")
+            if not 0.0 < value <= most.get(name, math.inf):
+                raise ValueError(f"action_spans[{name!r}] must be positive and at most {most.get(name)}, got {value!r}")
+            chosen[name] = float(value)
+        return chosen
+
+    def _pitch_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """Limits of the pitch coordinates (n_pitch,) [rad]."""
+        around = np.full(self.n_pitch, self._spans["pitch"])
+        low, high = -around, around
+        if self.mode != "residual":
+            own = 1 if self.pitch == "fixed-frame" else self.n_pitch  # tilt and yaw lie about nothing
+            low[:own], high[:own] = self.pitch_limits
+        return low, high
+
+    def _rows(self, turbine, wind_speeds) -> list[tuple[str, str, float, float]]:
+        """Name, unit, and value at -1 and +1 of each component."""
+        spans, rows = self._spans, []
+        suffix = "_offset_rate" if self.mode == "residual" else "_rate"
+        torque = (f"generator_torque{suffix}", "N m/s", -spans["torque_rate"], spans["torque_rate"])
+        pitch = [(f"{name}{suffix}", "rad/s", -spans["pitch_rate"], spans["pitch_rate"]) for name in self._coordinates]
+        if self.mode == "absolute":
+            low, high, top = self._operating_range(turbine, wind_speeds)
+            pitch = [(name, "rad", low, high) for name in self._coordinates]
+            if self.pitch == "fixed-frame":
+                pitch[1:] = [(name, "rad", -spans["pitch"], spans["pitch"]) for name in self._coordinates[1:]]
+            torque = ("generator_torque", "N m", 0.0, top)
+        if "pitch" in self.components:
+            rows += pitch
+        if self.has_yaw:
+            rows.append(("yaw_rate", "rad/s", -spans["yaw_rate"], spans["yaw_rate"]))
+        if "torque" in self.components:
+            rows.append(torque)
+        return rows
+
+    def _operating_range(self, turbine, wind_speeds) -> tuple[float, float, float]:
+        """Lowest and highest absolute pitch [rad], highest torque [N m]."""
+        low, high = wind_speeds or (turbine.cut_in, turbine.cut_out)
+        points = [operating_point(turbine, float(v)) for v in np.linspace(low, high, 25)]
+        pitches = [point.pitch for point in points]
+        low, high = self.pitch_limits
+        return max(min(pitches) - MARGIN, low), min(max(pitches) + MARGIN, high), self.torque_limits[1]
+
+    # ---- from actions to demands ----
 
     def validate(self, action) -> np.ndarray:
         """Return an action as float64, or refuse it.
@@ -132,31 +280,88 @@ class ActionMap:
             raise ActionError(f"action components must be finite and within [-1, 1], got {wrong}")
         return np.clip(values, -1.0, 1.0)
 
-    def decode(self, action: np.ndarray, previous: Demand) -> Demand:
-        """Demands for the next control step.
+    def start(self, demand: Demand) -> Aim:
+        """Aim with which an episode starts from a demand."""
+        if self.mode == "residual":
+            return Aim(np.zeros(self.n_pitch), 0.0, 0.0)
+        pitch = np.asarray(demand.pitch, dtype=np.float64)
+        mean = pitch[0] + (pitch - pitch[0]).mean()  # exactly that of equal blades
+        if self.pitch == "collective":
+            pitch = np.array([mean])
+        elif self.pitch == "fixed-frame":
+            pitch = np.array([mean, 0.0, 0.0])
+        return Aim(pitch.copy(), 0.0, demand.generator_torque)
+
+    def decode(self, action: np.ndarray, previous: Aim) -> Aim:
+        """Aim at the end of the next control step.
 
         Parameters
         ----------
         action : numpy.ndarray, shape (size,)
             A validated action.
-        previous : Demand
-            Demands of the step before (used in mode ``"rate"``).
+        previous : Aim
+            At the end of the step before.
+
+        Returns
+        -------
+        Aim
+        """
+        physical = self.low + 0.5 * (action + 1.0) * (self.high - self.low)
+        moves, dt = self.mode != "absolute", self.control_dt
+        pitch, yaw_rate, torque = previous.pitch, 0.0, previous.generator_torque
+        if "pitch" in self.components:
+            wanted = physical[: self.n_pitch]
+            pitch = np.clip(pitch + wanted * dt if moves else wanted, self.pitch_low, self.pitch_high)
+        if self.has_yaw:
+            yaw_rate = float(physical[self.names.index("yaw_rate")])
+        if "torque" in self.components:
+            wanted = float(physical[-1])
+            limit = self._spans["torque"]
+            low, high = (-limit, limit) if self.mode == "residual" else self.torque_limits
+            torque = min(max(torque + wanted * dt if moves else wanted, low), high)
+        return Aim(pitch, yaw_rate, torque)
+
+    def demand(self, aim: Aim, base: Demand | None = None, azimuth: float = 0.0, rotor_speed: float = 0.0) -> Demand:
+        """Demand on the drives.
+
+        Parameters
+        ----------
+        aim : Aim
+        base : Demand, optional
+            Of the controller beneath; needed where `needs_controller`.
+        azimuth, rotor_speed : float
+            Of blade 1 [rad] and of the rotor [rad/s], for pitch in the fixed frame.
 
         Returns
         -------
         Demand
         """
-        physical = self.low + 0.5 * (action + 1.0) * (self.high - self.low)
-        pitch, torque = physical[: self.n_pitch], physical[-1]
-        if self.mode == "rate":
-            pitch = previous.pitch + pitch * self.control_dt
-            torque = previous.generator_torque + torque * self.control_dt
-        pitch = np.clip(np.broadcast_to(pitch, self.n_blades), *self.pitch_limits)
-        yaw_rate = float(physical[-2]) if self.has_yaw else 0.0
-        return Demand(pitch, yaw_rate, float(np.clip(torque, *self.torque_limits)))
+        pitch, yaw_rate, torque = aim.pitch, aim.yaw_rate, aim.generator_torque
+        if self.pitch == "fixed-frame":
+            pitch = to_blades(pitch, azimuth + rotor_speed * self.delay, self.n_blades)
+        residual = self.mode == "residual"
+        if "pitch" not in self.components:
+            pitch = base.pitch
+        elif residual:
+            pitch = base.pitch + pitch
+        if "torque" not in self.components:
+            torque = base.generator_torque
+        elif residual:
+            torque = base.generator_torque + torque
+        if base is not None and (residual or not self.has_yaw):
+            yaw_rate += base.yaw_rate
+        low, high = self.pitch_limits
+        pitch = np.minimum(np.maximum(pitch, low), high)
+        if pitch.size != self.n_blades:
+            pitch = np.full(self.n_blades, pitch[0])
+        return Demand(
+            pitch,
+            min(max(yaw_rate, -self.max_yaw_rate), self.max_yaw_rate),
+            min(max(torque, self.torque_limits[0]), self.torque_limits[1]),
+        )
 
     def encode(self, demand: Demand, previous: Demand) -> np.ndarray:
-        """Give the action whose `decode` is the wanted demand, or the nearest one the actuators' rates allow.
+        """Give the action whose demand is the wanted one, or the nearest one that the spans allow.
 
         Parameters
         ----------
@@ -167,15 +372,25 @@ class ActionMap:
         -------
         numpy.ndarray, shape (size,)
             Within [-1, 1].
+
+        Raises
+        ------
+        ValueError
+            For residual actions and pitch in the fixed frame: controllers run beneath those.
         """
+        if self.mode == "residual" or self.pitch == "fixed-frame":
+            raise ValueError(
+                f"a controller's demand cannot be written as an action of mode {self.mode!r} with pitch "
+                f"{self.pitch!r}; let it run beneath: controller=..., and take zero actions"
+            )
         pitch, torque = np.asarray(demand.pitch, dtype=np.float64), demand.generator_torque
         if self.mode == "rate":
             pitch = (pitch - previous.pitch) / self.control_dt
             torque = (torque - previous.generator_torque) / self.control_dt
         if self.pitch == "collective":
             pitch = pitch.mean(keepdims=True)
-        yaw_rate = [demand.yaw_rate] if self.has_yaw else []
-        physical = np.concatenate([pitch, yaw_rate, [torque]])
+        parts = {"pitch": pitch, "yaw": [demand.yaw_rate], "torque": [torque]}
+        physical = np.concatenate([parts[name] for name in self.components])
         return np.clip(2.0 * (physical - self.low) / (self.high - self.low) - 1.0, -1.0, 1.0)
 
     def table(self) -> list[dict]:

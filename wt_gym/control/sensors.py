@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Channel", "LowPass", "NacelleAnemometer"]
+__all__ = ["Channel", "Lidar", "LowPass", "NacelleAnemometer"]
 
 
 @dataclass(frozen=True)
@@ -106,3 +106,72 @@ class NacelleAnemometer:
             [rad]
         """
         return self._speed.update(np.hypot(wind_x, wind_y), dt), self._direction.update(yaw_error, dt)
+
+
+@dataclass(frozen=True)
+class Lidar:
+    """A lidar on the nacelle: what the wind will be, by beams on a cone about the shaft.
+
+    At each range the reading is the mean over the beams of the speed along the beam, divided by the cosine of the
+    cone's half angle: the wind along the shaft, if it is uniform. A point is measured, no volume; the wind is the
+    undisturbed one, without the rotor's induction.
+
+    Parameters
+    ----------
+    ranges : tuple of float
+        Distances ahead of the rotor [m].
+    half_angle : float
+        Of the cone [rad].
+    n_beams : int
+        Evenly spaced, the first one upward.
+
+    Raises
+    ------
+    ValueError
+        For ranges that are not positive, an angle outside [0, 80 degrees] or no beam.
+    """
+
+    ranges: tuple[float, ...]
+    half_angle: float = math.radians(15.0)
+    n_beams: int = 4
+
+    def __post_init__(self):
+        if not len(self.ranges) or not all(0.0 < r < math.inf for r in self.ranges):
+            raise ValueError(f"a lidar needs positive ranges [m], got {self.ranges!r}")
+        if not 0.0 <= self.half_angle <= math.radians(80.0) or self.n_beams < 1:
+            raise ValueError(
+                f"a lidar needs a half angle of 0 to 80 degrees and a beam, got {self.half_angle!r} rad and "
+                f"{self.n_beams!r} beams"
+            )
+
+    @classmethod
+    def for_rotor(cls, diameter: float) -> Lidar:
+        """Ranges of a half, one and one and a half rotor diameters [m]."""
+        return cls((0.5 * diameter, diameter, 1.5 * diameter))
+
+    def read(self, inflow, time: float, yaw: float, height: float) -> np.ndarray:
+        """Measure.
+
+        Parameters
+        ----------
+        inflow : Inflow
+        time : float
+            [s]
+        yaw : float
+            Of the nacelle [rad].
+        height : float
+            Of the hub [m].
+
+        Returns
+        -------
+        numpy.ndarray, shape (n_ranges,)
+            [m/s]
+        """
+        angle = 2.0 * math.pi * np.arange(self.n_beams) / self.n_beams
+        side = math.tan(self.half_angle) * np.array([np.sin(angle), np.cos(angle)])  # level, upward
+        ahead = np.array([-math.cos(yaw), -math.sin(yaw), 0.0])
+        across = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
+        beams = ahead + side[0][:, None] * across + side[1][:, None] * np.array([0.0, 0.0, 1.0])
+        points = np.multiply.outer(np.asarray(self.ranges), beams) + np.array([0.0, 0.0, height])
+        # the speed along a beam over the cosine is the product with a beam that is one long along the shaft
+        return -np.einsum("rbc,bc->rb", np.asarray(inflow.velocity(points, time)), beams).mean(axis=1)

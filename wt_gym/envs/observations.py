@@ -1,23 +1,47 @@
-"""The observation: which quantities an agent measures, over which range and scale."""
+"""The observation: which quantities an agent measures, over which range and scale, with noise, delay and memory."""
 
 from __future__ import annotations
 
+import copy
 import math
+from collections import deque
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.constants import GRAVITY
-from wt_gym.control import ActionMap, Channel, Demand, NacelleAnemometer, torque_curve
+from wt_gym.control import ActionMap, Aim, Channel, Demand, Lidar, NacelleAnemometer, torque_curve
+from wt_gym.control.coleman import FIXED_FRAME, directions
 from wt_gym.envs.layout import ObservationLayout
+from wt_gym.simulation.channels import channel_table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
 
-__all__ = ["OBSERVATION_GROUPS", "Observer", "blade_static_moment", "reference_flap_moment"]
+__all__ = [
+    "DEFAULT_GROUPS",
+    "OBSERVATION_GROUPS",
+    "RESIDUAL_GROUPS",
+    "Observer",
+    "Situation",
+    "blade_static_moment",
+    "reference_flap_moment",
+]
 
-OBSERVATION_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
+OBSERVATION_GROUPS = (
+    "rotor", "power", "pitch", "wind", "blades", "fixed_frame", "tower", "azimuth", "controller", "offsets", "lidar",
+    "previous_action",
+)  # fmt: skip
+DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
+_BLADE_SIGNALS = ("tip_out_of_plane", "tip_in_plane", "root_flap_moment", "root_edge_moment")
+_MEMORY = ("_anemometer", "_wind_reading", "_pitch_before", "_pitch_now", "_dt", "_readings")
+RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
+"""What is observed by default on top of a controller, in coordinates that do not turn with the rotor."""
 
 
 def reference_flap_moment(turbine: Turbine) -> float:
@@ -34,67 +58,164 @@ def blade_static_moment(turbine: Turbine) -> float:
     return float(GRAVITY * np.trapezoid(structure.inertia[:, 0, 0] * structure.station, structure.station))
 
 
+@dataclass(frozen=True)
+class Situation:
+    """All that can be observed after a control step.
+
+    Attributes
+    ----------
+    signals : Signals
+    demand : Demand
+        Present demands on the actuators.
+    aim : Aim
+        Of the agent; its offsets in mode "residual".
+    base : Demand or None
+        Of the controller beneath.
+    action : numpy.ndarray, shape (n_act,)
+        That led here.
+    inflow : Inflow
+    """
+
+    signals: Signals
+    demand: Demand
+    aim: Aim
+    base: Demand | None
+    action: np.ndarray
+    inflow: Inflow
+
+
 class Observer:
-    """Turns the signals of the simulator into observations.
+    """Turns what is the case into observations.
 
     Parameters
     ----------
     turbine : Turbine
     action : ActionMap
-        Collective maps give one pitch, individual ones one a blade.
-    groups : sequence of str
-        Some of `OBSERVATION_GROUPS`, in any order; the observation keeps the order of that tuple.
+        Collective maps give one pitch, others one a blade.
+    choice : sequence of str
+        Groups (`OBSERVATION_GROUPS`) and single channels, in any order; groups come in the order of that tuple, then
+        single channels as named.
     noise_level : float
         Factor on the noise of every sensor; zero for none.
+    delay : int
+        Control steps by which every reading is late.
+    history : int
+        Readings in an observation: this one, then those before it.
+    lidar : Lidar, optional
 
     Raises
     ------
     ValueError
-        If a group is unknown or none is given, or the noise level is negative or not finite.
+        If a group or channel is unknown or none is given, or noise, delay or history is out of range.
     """
 
-    def __init__(self, turbine: Turbine, action: ActionMap, groups=OBSERVATION_GROUPS, noise_level: float = 0.0):
-        unknown = [group for group in groups if group not in OBSERVATION_GROUPS]
-        if unknown or not groups:
-            raise ValueError(f"observation must name some of {OBSERVATION_GROUPS}, got {tuple(groups)}")
+    def __init__(
+        self,
+        turbine: Turbine,
+        action: ActionMap,
+        choice: Sequence[str] = DEFAULT_GROUPS,
+        noise_level: float = 0.0,
+        delay: int = 0,
+        history: int = 1,
+        lidar: Lidar | None = None,
+    ):
         if not 0.0 <= noise_level < math.inf:
             raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
+        if history < 1 or history != int(history):
+            raise ValueError(f"history must be a whole number of readings, at least 1, got {history!r}")
         self._turbine, self._action, self._noise_level = turbine, action, noise_level
+        self._delay, self._history = int(delay), int(history)
         self._anemometer = NacelleAnemometer()
-        builders = {
-            "rotor": self._rotor,
-            "power": self._power,
-            "pitch": self._pitch,
-            "wind": self._wind,
-            "blades": self._blades,
-            "tower": self._tower,
-            "azimuth": self._azimuth,
-            "previous_action": self._previous_action,
-        }
-        self.groups = tuple(group for group in OBSERVATION_GROUPS if group in groups)
-        self.layout = ObservationLayout([channel for group in self.groups for channel in builders[group]()])
+        self._lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
+        self.groups, channels = self._choose(choice)
+        layers = [channels] + [
+            [replace(c, name=f"{c.name}@{k}", description=f"{c.description}, {k} steps ago") for c in channels]
+            for k in range(1, self._history)
+        ]
+        self.layout = ObservationLayout([channel for layer in layers for channel in layer])
+        self._noise = np.array([channel.noise for channel in channels])
+        self._prepare([channel.name for channel in channels])
 
-    def reset(self, signals: Signals) -> None:
+    def _choose(self, choice) -> tuple[tuple[str, ...], list[Channel]]:
+        """Groups and channels that are observed."""
+        if isinstance(choice, str) or not len(choice):
+            raise ValueError(f"observation must name groups of {OBSERVATION_GROUPS} or channels, got {choice!r}")
+        builders = {
+            "rotor": self._rotor, "power": self._power, "pitch": self._pitch, "wind": self._wind,
+            "blades": self._blades, "fixed_frame": self._fixed_frame, "tower": self._tower, "azimuth": self._azimuth,
+            "controller": self._controller, "offsets": self._offsets, "lidar": self._lidar_channels,
+            "previous_action": self._previous_action,
+        }  # fmt: skip
+        groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
+        singles = {c.name: c for build in (*builders.values(), self._more) for c in build(any_form=True)}
+        unknown = [name for name in choice if name not in OBSERVATION_GROUPS and name not in singles]
+        if unknown:
+            raise ValueError(
+                f"observation has no {unknown}; there are the groups {OBSERVATION_GROUPS} and the channels "
+                f"{tuple(singles)}"
+            )
+        channels = [channel for group in groups for channel in builders[group]()]
+        taken = {channel.name for channel in channels}
+        wanted = [name for name in dict.fromkeys(choice) if name not in OBSERVATION_GROUPS and name not in taken]
+        return groups, channels + [singles[name] for name in wanted]
+
+    def _prepare(self, names) -> None:
+        """Sort the channels: those that the simulator has come from its vector at once, others from functions."""
+        index = {c.name: i for i, c in enumerate(channel_table(self._turbine.n_blades))}
+        own = [name for name in names if self._special(name) is None]
+        self._at = np.array([names.index(name) for name in own], dtype=np.int64)
+        self._from = np.array([index[name] for name in own], dtype=np.int64)
+        cyclic = [(k, *part) for k, name in enumerate(names) if (part := self._fixed_frame_part(name))]
+        self._cyclic_at = np.array([k for k, _, _ in cyclic], dtype=np.int64)
+        self._cyclic_part = np.array([part for _, _, part in cyclic], dtype=np.int64)
+        first = np.array([index[f"{signal}_1"] for _, signal, _ in cyclic], dtype=np.int64)
+        self._cyclic_from = first[:, None] + np.arange(self._turbine.n_blades)
+        self._functions = [(k, f) for k, name in enumerate(names) if callable(f := self._special(name))]
+        self._mean = np.array([[1.0], [2.0], [2.0]]) / self._turbine.n_blades
+        self._sees_lidar = any(name.startswith("lidar_") for name in names)
+        self._size = len(names)
+
+    def __getstate__(self):
+        """What a copy or a pickle takes along: functions are made anew."""
+        kept = dict(self.__dict__)
+        del kept["_functions"]
+        return kept
+
+    def __setstate__(self, kept) -> None:
+        """Take over a state and make the functions."""
+        self.__dict__.update(kept)
+        self._prepare([channel.name for channel in self.layout.channels[: self._size]])
+
+    def memory(self) -> dict:
+        """Give what the sensors remember within an episode, a copy, for `recall`."""
+        return copy.deepcopy({name: self.__dict__[name] for name in _MEMORY})
+
+    def recall(self, memory: dict) -> None:
+        """Continue with a memory."""
+        self.__dict__.update(copy.deepcopy(memory))
+
+    # ---- readings ----
+
+    def reset(self, situation: Situation) -> None:
         """Start the filters in steady state."""
+        signals = situation.signals
         self._wind_reading = self._anemometer.reset(signals["wind_x"], signals["wind_y"], signals["yaw_error"])
+        self._pitch_before = self._pitch_now = self._blade_pitch(signals)
+        self._dt = math.inf
+        self._readings: deque[np.ndarray] = deque(maxlen=self._delay + self._history)
 
     def advance(self, signals: Signals, dt: float) -> None:
         """Let the filters take the signals of a step of length ``dt`` [s]."""
         wind = signals["wind_x"], signals["wind_y"], signals["yaw_error"]
         self._wind_reading = self._anemometer.update(*wind, dt)
+        self._pitch_before, self._pitch_now, self._dt = self._pitch_now, self._blade_pitch(signals), dt
 
-    def observe(
-        self, signals: Signals, demand: Demand, action: np.ndarray, rng: np.random.Generator
-    ) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Measure.
+    def observe(self, situation: Situation, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
+        """Measure once a control step.
 
         Parameters
         ----------
-        signals : Signals
-        demand : Demand
-            Present demands on the actuators.
-        action : numpy.ndarray, shape (n_act,)
-            The action that led here.
+        situation : Situation
         rng : numpy.random.Generator
             Source of the measurement noise.
 
@@ -104,109 +225,216 @@ class Observer:
         saturated : tuple of str
             Sensors at the end of their range.
         """
-        values = np.array([self._read(name, signals, demand, action) for name in self.layout.names])
+        values = np.empty(self._size)
+        values[self._at] = situation.signals.values[self._from]
+        if len(self._cyclic_at):
+            turning = directions(situation.signals["azimuth"], self._turbine.n_blades) * self._mean
+            of_blades = situation.signals.values[self._cyclic_from]
+            values[self._cyclic_at] = (of_blades * turning[self._cyclic_part]).sum(axis=1)
+        if self._sees_lidar:
+            self._lidar_reading = self._lidar.read(
+                situation.inflow, situation.signals["time"], situation.signals["yaw"], self._turbine.hub_height
+            )
+        for k, function in self._functions:
+            values[k] = function(situation)
         if self._noise_level > 0:
-            values += self._noise_level * self.layout.noise * rng.standard_normal(len(values))
-        return self.layout.normalise(values)
+            values += self._noise_level * self._noise * rng.standard_normal(self._size)
+        readings = self._readings
+        readings.append(values)
+        late = [readings[max(len(readings) - 1 - self._delay - k, 0)] for k in range(self._history)]
+        return self.layout.normalise(late[0] if self._history == 1 else np.concatenate(late))
 
-    def _read(self, name: str, signals: Signals, demand: Demand, action: np.ndarray) -> float:
-        """Value of a channel in physical units."""
-        if name.startswith("previous_"):
-            return action[self._action.names.index(name.removeprefix("previous_"))]
-        match name:
-            case "wind_speed":
-                return self._wind_reading[0]
-            case "yaw_error":
-                return self._wind_reading[1]
-            case "azimuth_sin":
-                return math.sin(signals["azimuth"])
-            case "azimuth_cos":
-                return math.cos(signals["azimuth"])
-            case "generator_torque_demand":
-                return demand.generator_torque
-            case "pitch" | "pitch_rate":
-                return float(np.mean([signals[f"{name}_{b + 1}"] for b in range(self._turbine.n_blades)]))
-            case "pitch_demand":
-                return float(np.mean(demand.pitch))
+    def _blade_pitch(self, signals) -> np.ndarray:
+        return np.array([signals[f"pitch_{b + 1}"] for b in range(self._turbine.n_blades)])
+
+    @staticmethod
+    def _fixed_frame_part(name) -> tuple[str, int] | None:
+        """Signal of the blades and number of the coordinate, of a channel in the fixed frame."""
+        signal, _, part = name.rpartition("_")
+        return (signal, FIXED_FRAME.index(part)) if part in FIXED_FRAME and signal in _BLADE_SIGNALS else None
+
+    def _special(self, name):
+        """Function that reads a channel, True for one in the fixed frame, None for one that the simulator has."""
+        if name.startswith("previous_") and name.removeprefix("previous_") in self._action.names:
+            k = self._action.names.index(name.removeprefix("previous_"))
+            return lambda s: s.action[k]
+        if name.startswith("lidar_"):
+            k = int(name.removeprefix("lidar_")) - 1
+            return lambda s: self._lidar_reading[k]
         if name.startswith("pitch_demand_"):
-            return demand.pitch[int(name.rsplit("_", 1)[1]) - 1]
-        return signals[name]
+            b = int(name.rsplit("_", 1)[1]) - 1
+            return lambda s: s.demand.pitch[b]
+        if name.startswith("pitch_rate_"):
+            b = int(name.rsplit("_", 1)[1]) - 1
+            return lambda s: (self._pitch_now[b] - self._pitch_before[b]) / self._dt
+        if name.startswith("pitch_offset_"):
+            k = int(name.rsplit("_", 1)[1]) - 1
+            return lambda s: s.aim.pitch[k]
+        if self._fixed_frame_part(name) is not None:
+            return True
+        return {
+            "wind_speed": lambda s: self._wind_reading[0],
+            "yaw_error": lambda s: self._wind_reading[1],
+            "azimuth_sin": lambda s: math.sin(s.signals["azimuth"]),
+            "azimuth_cos": lambda s: math.cos(s.signals["azimuth"]),
+            "generator_torque_demand": lambda s: s.demand.generator_torque,
+            "pitch": lambda s: self._pitch_now.mean(),
+            "pitch_rate": lambda s: (self._pitch_now - self._pitch_before).mean() / self._dt,
+            "pitch_demand": lambda s: s.demand.pitch.mean(),
+            "controller_pitch": lambda s: s.base.pitch.mean(),
+            "controller_torque": lambda s: s.base.generator_torque,
+            "torque_offset": lambda s: s.aim.generator_torque,
+        }.get(name)
+
+    # ---- channels; scales are the standard deviations under the baseline controller in turbulence of class B ----
 
     def _per_blade(self, name: str, *args) -> list[Channel]:
         """The same channel for every blade."""
         *numbers, text = args
         return [Channel(f"{name}_{b + 1}", *numbers, f"{text}, blade {b + 1}") for b in range(self._turbine.n_blades)]
 
-    def _rotor(self) -> list[Channel]:
+    def _rotor(self, any_form=False) -> list[Channel]:
         drivetrain = self._turbine.drivetrain
         rated, ratio = drivetrain.rated_rotor_speed, drivetrain.gear_ratio
         rows = (("rotor_speed", rated, "rotor speed"), ("generator_speed", rated * ratio, "generator speed, HSS"))
         return [Channel(name, "rad/s", w, 0.1 * w, 0.0, 2 * w, 1e-3 * w, text) for name, w, text in rows]
 
-    def _power(self) -> list[Channel]:
-        power = self._turbine.drivetrain.rated_power
+    def _torque_row(self) -> tuple[float, float, float]:
         curve = torque_curve(self._turbine)
-        torque, limit = curve.rated_power / curve.rated_generator_speed, self._action.torque_limits[1]
-        return [
-            Channel("generator_power", "W", 0.0, power, -power, 2 * power, 5e-3 * power, "electrical power"),
-            Channel("generator_torque", "N m", 0.0, torque, -limit, 2 * limit, 5e-3 * torque, "generator torque, HSS"),
-            Channel("generator_torque_demand", "N m", 0.0, torque, 0.0, limit, 0.0, "demanded generator torque, HSS"),
-        ]
+        torque = curve.rated_power / curve.rated_generator_speed
+        return 0.8 * torque, 0.25 * torque, self._action.torque_limits[1]
 
-    def _pitch(self) -> list[Channel]:
+    def _power(self, any_form=False) -> list[Channel]:
+        power = self._turbine.drivetrain.rated_power
+        middle, scale, limit = self._torque_row()
+        return [
+            Channel("generator_power", "W", 0.8 * power, 0.25 * power, -power, 2 * power, 5e-3 * power,
+                    "electrical power"),
+            Channel("generator_torque", "N m", middle, scale, -limit, 2 * limit, 0.02 * scale, "generator torque, HSS"),
+            Channel("generator_torque_demand", "N m", middle, scale, 0.0, limit, 0.0, "demanded generator torque, HSS"),
+        ]  # fmt: skip
+
+    def _pitch(self, any_form=False) -> list[Channel]:
         low, high = self._action.pitch_limits
-        rate, scale, noise = self._action.max_pitch_rate, 0.2, math.radians(0.05)
+        rate, noise = self._action.max_pitch_rate, math.radians(0.05)
         # A servo may overshoot its limits and its greatest rate a little.
         margin = 0.1
         rows = (
-            ("pitch", "rad", 0.0, scale, low - margin, high + margin, noise, "blade pitch"),
-            ("pitch_rate", "rad/s", 0.0, rate, -2 * rate, 2 * rate, 0.02 * rate, "blade pitch rate"),
-            ("pitch_demand", "rad", 0.0, scale, low, high, 0.0, "demanded blade pitch"),
+            ("pitch", "rad", 0.1, 0.1, low - margin, high + margin, noise, "blade pitch"),
+            ("pitch_rate", "rad/s", 0.0, 0.15 * rate, -2 * rate, 2 * rate, 0.02 * rate, "blade pitch rate of the step"),
+            ("pitch_demand", "rad", 0.1, 0.1, low, high, 0.0, "demanded blade pitch"),
         )
-        if self._action.pitch == "collective":
-            return [Channel(*row[:-1], f"{row[-1]}, mean of the blades") for row in rows]
-        return [channel for row in rows for channel in self._per_blade(*row)]
+        mean = [Channel(*row[:-1], f"{row[-1]}, mean of the blades") for row in rows]
+        each = [channel for row in rows for channel in self._per_blade(*row)]
+        if any_form:
+            return mean + each
+        return mean if self._action.pitch == "collective" else each
 
-    def _wind(self) -> list[Channel]:
+    def _wind(self, any_form=False) -> list[Channel]:
         return [
-            Channel("wind_speed", "m/s", 12.0, 6.0, 0.0, 60.0, 0.2, "nacelle anemometer, filtered over 1 s"),
-            Channel("yaw_error", "rad", 0.0, 0.2, -math.pi, math.pi, 0.02, "wind vane, filtered over 5 s"),
+            Channel("wind_speed", "m/s", 12.0, 4.0, 0.0, 60.0, 0.2, "nacelle anemometer, filtered over 1 s"),
+            Channel("yaw_error", "rad", 0.0, 0.1, -math.pi, math.pi, 0.02, "wind vane, filtered over 5 s"),
         ]
 
-    def _blades(self) -> list[Channel]:
+    def _blade_rows(self):
+        """Name, unit, offset and scale of a blade, offset and scale of mean and of tilt and yaw, reference, text."""
         tip = 0.1 * self._turbine.blade.length
         flap, edge = reference_flap_moment(self._turbine), blade_static_moment(self._turbine)
-        rows = (
-            ("tip_out_of_plane", "m", 0.0, tip, -10 * tip, 10 * tip, 0.01 * tip, "tip deflection, positive downwind"),
-            ("tip_in_plane", "m", 0.0, tip, -10 * tip, 10 * tip, 0.01 * tip, "tip deflection in the rotor plane"),
-            ("root_flap_moment", "N m", 0.0, flap, -10 * flap, 10 * flap, 0.01 * flap, "flapwise root moment"),
-            ("root_edge_moment", "N m", 0.0, edge, -20 * edge, 20 * edge, 0.01 * edge, "edgewise root moment"),
+        return (
+            ("tip_out_of_plane", "m", (0.53, 0.2), (0.53, 0.2), (0.08, 0.075), tip, "tip deflection downwind"),
+            ("tip_in_plane", "m", (-0.1, 0.075), (-0.1, 0.025), (0.0, 0.025), tip, "tip deflection in the rotor plane"),
+            ("root_flap_moment", "N m", (0.5, 0.18), (0.5, 0.15), (0.07, 0.075), flap, "flapwise root moment"),
+            ("root_edge_moment", "N m", (0.0, 0.75), (0.2, 0.1), (0.0, 0.5), edge, "edgewise root moment"),
         )
-        return [channel for row in rows for channel in self._per_blade(*row)]
 
-    def _tower(self) -> list[Channel]:
-        top = 0.005 * self._turbine.hub_height
-        rows = (("fore_aft", "fore-aft, positive downwind"), ("side_side", "side-side"))
+    def _blades(self, any_form=False) -> list[Channel]:
+        channels = []
+        for name, unit, (middle, scale), _, _, size, text in self._blade_rows():
+            reach = 20 * size if name == "root_edge_moment" else 10 * size
+            row = (unit, middle * size, scale * size, -reach, reach, 0.01 * size, text)
+            channels += self._per_blade(name, *row)
+        return channels
+
+    def _fixed_frame(self, any_form=False) -> list[Channel]:
+        channels = []
+        for name, unit, _, mean, cyclic, size, text in self._blade_rows():
+            if not any_form and name not in ("tip_out_of_plane", "root_flap_moment"):
+                continue
+            reach = 20 * size
+            channels += [
+                Channel(f"{name}_{part}", unit, middle * size, scale * size, -reach, reach, 0.005 * size,
+                        f"{text}, {part} of the blades")
+                for part, (middle, scale) in zip(FIXED_FRAME, (mean, cyclic, cyclic), strict=True)
+            ]  # fmt: skip
+        return channels
+
+    def _tower(self, any_form=False) -> list[Channel]:
+        height = self._turbine.hub_height
+        reach, rows = 0.1 * height, (("fore_aft", 3.1e-3, 9e-4, 0.11), ("side_side", -5e-4, 2.5e-4, 0.065))
         displacement = [
-            Channel(f"tower_top_{axis}", "m", 0.0, top, -20 * top, 20 * top, 0.01 * top, f"tower-top position {text}")
-            for axis, text in rows
-        ]
+            Channel(f"tower_top_{axis}", "m", middle * height, scale * height, -reach, reach, 5e-5 * height,
+                    f"tower-top position {axis.replace('_', '-')}")
+            for axis, middle, scale, _ in rows
+        ]  # fmt: skip
         acceleration = [
-            Channel(
-                f"nacelle_acceleration_{axis}", "m/s^2", 0.0, 1.0, -20.0, 20.0, 0.01, f"nacelle acceleration {text}"
-            )
-            for axis, text in rows
-        ]
+            Channel(f"nacelle_acceleration_{axis}", "m/s^2", 0.0, scale, -20.0, 20.0, 0.01,
+                    f"nacelle acceleration {axis.replace('_', '-')}")
+            for axis, _, _, scale in rows
+        ]  # fmt: skip
         return displacement + acceleration
 
-    def _azimuth(self) -> list[Channel]:
+    def _azimuth(self, any_form=False) -> list[Channel]:
         return [
-            Channel(f"azimuth_{name}", "-", 0.0, 1.0, -1.0, 1.0, 0.0, f"{text} of the azimuth of blade 1 (0 = up)")
+            Channel(f"azimuth_{name}", "-", 0.0, 0.7, -1.0, 1.0, 0.0, f"{text} of the azimuth of blade 1 (0 = up)")
             for name, text in (("sin", "sine"), ("cos", "cosine"))
         ]
 
-    def _previous_action(self) -> list[Channel]:
+    def _controller(self, any_form=False) -> list[Channel]:
+        if not self._action.needs_controller:
+            return []
+        low, high = self._action.pitch_limits
+        middle, scale, limit = self._torque_row()
+        return [
+            Channel("controller_pitch", "rad", 0.1, 0.1, low, high, 0.0, "pitch that the controller beneath demands"),
+            Channel("controller_torque", "N m", middle, scale, 0.0, limit, 0.0, "torque that it demands, HSS"),
+        ]
+
+    def _offsets(self, any_form=False) -> list[Channel]:
+        if self._action.mode != "residual":
+            return []
+        channels = []
+        if "pitch" in self._action.components:
+            limit = self._action.pitch_high
+            channels += [
+                Channel(f"pitch_offset_{k + 1}", "rad", 0.0, 0.5 * limit[k], -limit[k], limit[k], 0.0,
+                        f"residual pitch, coordinate {k + 1} of the action")
+                for k in range(self._action.n_pitch)
+            ]  # fmt: skip
+        if "torque" in self._action.components:
+            limit = self._action.torque_offset_limit
+            channels.append(Channel("torque_offset", "N m", 0.0, 0.5 * limit, -limit, limit, 0.0, "residual torque"))
+        return channels
+
+    def _lidar_channels(self, any_form=False) -> list[Channel]:
+        return [
+            Channel(f"lidar_{k + 1}", "m/s", 12.0, 4.0, 0.0, 60.0, 0.1,
+                    f"wind {distance:.0f} m ahead, mean over the beams of a cone")
+            for k, distance in enumerate(self._lidar.ranges)
+        ]  # fmt: skip
+
+    def _previous_action(self, any_form=False) -> list[Channel]:
         return [
             Channel(f"previous_{name}", "-", 0.0, 1.0, -1.0, 1.0, 0.0, f"last action, component {name}")
             for name in self._action.names
         ]
+
+    def _more(self, any_form=False) -> list[Channel]:
+        """Channels of no group."""
+        moment = reference_flap_moment(self._turbine) * 3 / (self._turbine.rotor_diameter / 3)
+        moment *= self._turbine.hub_height  # of the Betz thrust at rated wind
+        return [
+            Channel("tower_base_fore_aft_moment", "N m", 0.55 * moment, 0.15 * moment, -10 * moment, 10 * moment,
+                    0.005 * moment, "tower-base moment, positive for a downwind push"),
+            Channel("tower_base_side_side_moment", "N m", 0.055 * moment, 0.04 * moment, -10 * moment, 10 * moment,
+                    0.005 * moment, "tower-base moment about the wind's direction"),
+        ]  # fmt: skip

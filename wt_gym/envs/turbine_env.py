@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -10,10 +12,11 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from wt_gym.control import ActionMap, Demand, operating_point
+from wt_gym.control import COMPONENTS, ActionMap, Aim, Demand, operating_point
+from wt_gym.control.controllers import make_controller
 from wt_gym.envs import rewards
 from wt_gym.envs.layout import EnvLayout
-from wt_gym.envs.observations import OBSERVATION_GROUPS, Observer
+from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, Situation
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
@@ -22,15 +25,34 @@ from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from wt_gym.control import Lidar
+    from wt_gym.control.controllers import Controller
     from wt_gym.envs.rewards import RewardTerm
-    from wt_gym.simulation import Fidelity, Signals
+    from wt_gym.envs.wind_sampler import EpisodeWind
+    from wt_gym.simulation import Fidelity, Signals, SimulatorState
     from wt_gym.wind import Inflow
 
-__all__ = ["WindTurbineEnv"]
+__all__ = ["EnvSnapshot", "WindTurbineEnv"]
 
 _RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitch", "azimuth", "generator_torque")
+
+# What an episode remembers beside the simulator, the sensors and the random numbers
+_SNAPSHOT = ("signals", "demand", "base", "aim", "controller", "reward_terms", "_action", "_observation", "_steps",
+             "_running")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EnvSnapshot:
+    """An environment in the middle of an episode, see `WindTurbineEnv.snapshot`."""
+
+    simulator: SimulatorState | None
+    kept: dict
+    sensors: dict
+    wind: EpisodeWind
+    random: dict
+    twin: EnvSnapshot | None
 
 
 class WindTurbineEnv(gym.Env):
@@ -41,51 +63,75 @@ class WindTurbineEnv(gym.Env):
 
     ## Action space
 
-    ``Box(-1, 1, (3,), float32)``, held over a control step of ``control_dt``. With ``action_mode="rate"`` (default) an
-    action moves the demands on the actuators; numbers for the NREL 5-MW:
+    ``Box(-1, 1, (n,), float32)``, held over a control step of ``control_dt``. What it means is chosen by three
+    arguments; components come in the order pitch, yaw, torque.
 
-    | # | action                          | at -1       | at +1      | unit   |
-    |---|---------------------------------|-------------|------------|--------|
-    | 0 | collective pitch rate           | -8          | 8          | deg/s  |
-    | 1 | yaw rate                        | -0.3        | 0.3        | deg/s  |
-    | 2 | generator torque rate (HSS)     | -15         | 15         | kN m/s |
+    ``action_mode``: ``"rate"`` (default) moves the demands on the drives; ``"absolute"`` gives the demands, pitch over
+    the operating points of the winds that are drawn and 5 degrees beyond them on both sides, torque from 0 to the
+    largest; ``"residual"`` moves offsets from the demands of a ``controller`` that runs beneath at the step of
+    the simulator: the zero action is the controller. Numbers for the NREL 5-MW:
 
-    With ``action_mode="absolute"`` components 0 and 2 are the demands themselves, from the lower to the upper limit of
-    the turbine (0 to 90 deg, 0 to 47.4 kN m); yaw remains a rate. With ``pitch="individual"`` component 0 becomes one a
-    blade, blade 1 first. Positive pitch feathers; positive yaw is counter-clockwise seen from above. A turbine without
-    yaw drive (greatest yaw rate 0) has no yaw component. Demands stop at the limits of the turbine; servos, with their
-    own dynamics and greatest rates, follow the demands. An action that is not finite, of another shape or beyond
-    [-1, 1] by more than rounding raises `wt_gym.errors.ActionError`, leaves the state as it was, and the episode can go
-    on.
+    | component      | rate, at -1 and +1 | absolute (wind 6 to 18 m/s) | residual: rate, limit of the offset |
+    |----------------|--------------------|-----------------------------|-------------------------------------|
+    | pitch          | -8, 8 deg/s        | 0, 20 deg                   | 1.5 deg/s, 4 deg                    |
+    | pitch tilt, yaw| -1.5, 1.5 deg/s    | -4, 4 deg                   | 1.5 deg/s, 4 deg                    |
+    | yaw            | -0.3, 0.3 deg/s    | -0.3, 0.3 deg/s             | 0.3 deg/s, none                     |
+    | torque (HSS)   | -15, 15 kN m/s     | 0, 47.4 kN m                | 2.2 kN m/s, 4.4 kN m                |
+
+    ``pitch``: ``"collective"`` one component for all blades; ``"individual"`` one a blade, blade 1 first;
+    ``"fixed-frame"`` mean, tilt and yaw in the frame that does not turn (`wt_gym.control.coleman`), of which every
+    blade gets its share at every step of the simulator. ``action_components`` leaves components out: pitch and torque
+    are then the controller's, yaw rests unless the controller yaws. ``action_spans`` changes rates and limits. Residual
+    offsets are narrow enough for a random policy to survive.
+
+    Positive pitch feathers; positive yaw is counter-clockwise seen from above. A turbine without yaw drive (greatest
+    yaw rate 0) has no yaw component. Within a control step demands move evenly, and stop at the limits of the turbine;
+    drives, with their own dynamics and greatest rates, follow the demands. An action that is not finite, of another
+    shape or beyond [-1, 1] by more than rounding raises `wt_gym.errors.ActionError`, leaves the state as it was, and
+    the episode can go on. ``env.unwrapped.layout.action.table()`` has the numbers of every choice.
 
     ## Observation space
 
-    ``Box(float32)``, ``(value - offset) / scale`` of each measured quantity; a sensor at the end of its range stays
-    there, and is then named in ``info["saturated"]``. Numbers for the NREL 5-MW and the default arguments, 31 channels:
+    ``Box(float32)``, ``(value - offset) / scale`` of each measured quantity, with scales that are about the standard
+    deviation under the baseline controller in turbulence; a sensor at the end of its range stays there, and is then
+    named in ``info["saturated"]``. ``observation`` names groups and single channels. Numbers for the NREL 5-MW:
 
     | group           | quantity                                   | offset | scale  | min    | max    | unit    |
     |-----------------|--------------------------------------------|--------|--------|--------|--------|---------|
     | rotor           | rotor speed                                | 12.1   | 1.21   | 0      | 24.2   | rpm     |
     | rotor           | generator speed                            | 1173.7 | 117.4  | 0      | 2347   | rpm     |
-    | power           | electrical power                           | 0      | 5      | -5     | 10     | MW      |
-    | power           | generator torque                           | 0      | 43.5   | -47.4  | 94.8   | kN m    |
-    | power           | generator torque demand                    | 0      | 43.5   | 0      | 47.4   | kN m    |
-    | pitch           | pitch, mean of the blades                  | 0      | 11.5   | -5.7   | 95.7   | deg     |
-    | pitch           | pitch rate, mean of the blades             | 0      | 8      | -16    | 16     | deg/s   |
-    | pitch           | pitch demand                               | 0      | 11.5   | 0      | 90     | deg     |
-    | wind            | nacelle anemometer (1 s filter)            | 12     | 6      | 0      | 60     | m/s     |
-    | wind            | yaw error, wind vane (5 s filter)          | 0      | 11.5   | -180   | 180    | deg     |
-    | blades          | tip deflection out of plane, 3 blades      | 0      | 6.15   | -61.5  | 61.5   | m       |
-    | blades          | tip deflection in plane, 3 blades          | 0      | 6.15   | -61.5  | 61.5   | m       |
-    | blades          | flapwise root moment, 3 blades             | 0      | 12.4   | -124   | 124    | MN m    |
-    | blades          | edgewise root moment, 3 blades             | 0      | 3.56   | -71    | 71     | MN m    |
-    | tower           | tower-top displacement fore-aft, side-side | 0      | 0.45   | -9     | 9      | m       |
-    | tower           | nacelle acceleration fore-aft, side-side   | 0      | 1      | -20    | 20     | m/s^2   |
-    | azimuth         | sine and cosine of the azimuth             | 0      | 1      | -1     | 1      | -       |
-    | previous_action | last action, 3 components                  | 0      | 1      | -1     | 1      | -       |
+    | power           | electrical power                           | 4      | 1.25   | -5     | 10     | MW      |
+    | power           | generator torque                           | 34.8   | 10.9   | -47.4  | 94.8   | kN m    |
+    | power           | generator torque demand                    | 34.8   | 10.9   | 0      | 47.4   | kN m    |
+    | pitch           | pitch, mean or of 3 blades                 | 5.7    | 5.7    | -5.7   | 95.7   | deg     |
+    | pitch           | pitch rate over the step                   | 0      | 1.2    | -16    | 16     | deg/s   |
+    | pitch           | pitch demand                               | 5.7    | 5.7    | 0      | 90     | deg     |
+    | wind            | nacelle anemometer (1 s filter)            | 12     | 4      | 0      | 60     | m/s     |
+    | wind            | yaw error, wind vane (5 s filter)          | 0      | 5.7    | -180   | 180    | deg     |
+    | blades          | tip deflection out of plane, 3 blades      | 3.26   | 1.23   | -61.5  | 61.5   | m       |
+    | blades          | tip deflection in plane, 3 blades          | -0.62  | 0.46   | -61.5  | 61.5   | m       |
+    | blades          | flapwise root moment, 3 blades             | 6.2    | 2.2    | -124   | 124    | MN m    |
+    | blades          | edgewise root moment, 3 blades             | 0      | 2.7    | -71    | 71     | MN m    |
+    | fixed_frame     | tip deflection out of plane: mean          | 3.26   | 1.23   | -123   | 123    | m       |
+    | fixed_frame     | the same: tilt, yaw                        | 0.49   | 0.46   | -123   | 123    | m       |
+    | fixed_frame     | flapwise root moment: mean                 | 6.2    | 1.9    | -247   | 247    | MN m    |
+    | fixed_frame     | the same: tilt, yaw                        | 0.87   | 0.93   | -247   | 247    | MN m    |
+    | tower           | tower-top displacement fore-aft            | 0.28   | 0.081  | -9     | 9      | m       |
+    | tower           | the same, side-side                        | -0.045 | 0.0225 | -9     | 9      | m       |
+    | tower           | nacelle acceleration fore-aft              | 0      | 0.11   | -20    | 20     | m/s^2   |
+    | tower           | the same, side-side                        | 0      | 0.065  | -20    | 20     | m/s^2   |
+    | azimuth         | sine and cosine of the azimuth             | 0      | 0.7    | -1     | 1      | -       |
+    | controller      | pitch and torque demanded by it            | as above                                     |
+    | offsets         | residual pitch coordinates, torque         | 0      | half the limit                      |
+    | lidar           | wind 0.5, 1 and 1.5 diameters ahead        | 12     | 4      | 0      | 60     | m/s     |
+    | previous_action | last action                                | 0      | 1      | -1     | 1      | -       |
 
-    Individual pitch observes pitch, rate and demand of each blade. ``env.unwrapped.layout`` holds names, units, scales
-    and ranges for every turbine and choice of arguments; `wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
+    By default residual actions see rotor, power, pitch, wind, fixed_frame, tower, controller and offsets, others rotor,
+    power, pitch, wind, blades, tower, azimuth and previous_action. Single channels beyond the groups: the moments of
+    the tower base, and mean, tilt and yaw of any signal of the blades, for example ``"root_edge_moment_yaw"``.
+    ``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more.
+    ``env.unwrapped.layout`` holds names, units, scales and ranges for every turbine and choice of arguments;
+    `wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
 
     ## Reward
 
@@ -163,22 +209,40 @@ class WindTurbineEnv(gym.Env):
         Of the simulator: ``"training"``, ``"engineering"``, ``"reference"`` or one's own.
     control_dt : float
         Control step [s], a multiple of the simulator's step.
-    episode_length : float
-        Time after which an episode is truncated [s].
-    action_mode : {"rate", "absolute"}
-    pitch : {"collective", "individual"}
+    episode_length : float or None
+        Time after which an episode is truncated [s]; None: never, for a time limit from outside.
+    action_mode : {"rate", "absolute", "residual"}
+    pitch : {"collective", "individual", "fixed-frame"}
+    action_components : sequence of {"pitch", "yaw", "torque"}
+    action_spans : mapping, optional
+        Other rates and limits, see `wt_gym.control.ActionMap`.
+    controller : str, Controller or callable
+        What runs beneath residual actions, or decides on components left out: a name for
+        `wt_gym.control.controllers.make_controller`, a controller, or a function that makes one for a turbine.
     reward : mapping or iterable of RewardTerm, optional
         Weights by name, or terms of one's own; see `wt_gym.envs.rewards.compose`.
+    relative_reward : bool
+        Take off what the controller alone earns in the same wind: a second turbine runs beside the first, at twice the
+        cost.
+    vector_reward : bool
+        Give the terms as an array instead of their sum, as multi-objective libraries take it; named in
+        ``reward_names``, with a ``reward_space``.
     termination_penalty : float
         Subtracted from the reward when an episode is terminated.
     overspeed_limit : float
         Highest rotor speed over rated rotor speed.
     standstill_limit : float
         Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards.
-    observation : sequence of str
-        Groups to observe.
+    observation : sequence of str, optional
+        Groups and channels to observe.
     sensor_noise : float
         Level of white measurement noise; 0 none, 1 typical instruments.
+    sensor_delay : float
+        Time by which readings are late [s], a multiple of ``control_dt``.
+    history : int
+        Readings in an observation: the present one, then those of the steps before.
+    lidar : Lidar, optional
+        Ranges and cone of the group "lidar".
     render_mode : {"rgb_array"}, optional
         Picture of turbine and wake with the recent course of the key signals.
 
@@ -204,15 +268,23 @@ class WindTurbineEnv(gym.Env):
         wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
         fidelity: str | Fidelity = "training",
         control_dt: float = 0.2,
-        episode_length: float = 120.0,
+        episode_length: float | None = 120.0,
         action_mode: str = "rate",
         pitch: str = "collective",
+        action_components: Sequence[str] = COMPONENTS,
+        action_spans: Mapping[str, float] | None = None,
+        controller: str | Controller | Callable = "discon",
         reward: Mapping[str, float] | Iterable[RewardTerm] | None = None,
+        relative_reward: bool = False,
+        vector_reward: bool = False,
         termination_penalty: float = 50.0,
         overspeed_limit: float = 1.25,
         standstill_limit: float = 0.2,
-        observation: Sequence[str] = OBSERVATION_GROUPS,
+        observation: Sequence[str] | None = None,
         sensor_noise: float = 0.0,
+        sensor_delay: float = 0.0,
+        history: int = 1,
+        lidar: Lidar | None = None,
         render_mode: str | None = None,
     ):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
@@ -229,23 +301,39 @@ class WindTurbineEnv(gym.Env):
         self.termination_penalty = float(termination_penalty)
         self.overspeed_limit, self.standstill_limit = float(overspeed_limit), float(standstill_limit)
         self.control_dt, self.fidelity = float(control_dt), fidelity
-        action = ActionMap(self.turbine, control_dt, action_mode, pitch)
-        self._check_control_step()
-        if not 0.0 < episode_length < math.inf:
-            raise ValueError(f"episode_length must be positive and finite, got {episode_length!r} s")
-        self._max_steps = round(episode_length / control_dt)
-        if not (self._max_steps >= 1 and math.isclose(self._max_steps * control_dt, episode_length, rel_tol=1e-9)):
-            raise ValueError(
-                f"episode_length must be a positive multiple of control_dt = {control_dt} s, got {episode_length!r} s"
-            )
-        self._observer = Observer(self.turbine, action, observation, sensor_noise)
+        self._inner_dt, self._substeps = self._inner_steps()
+        self._max_steps = self._steps_in("episode_length", episode_length, least=1) if episode_length else None
+        servo = self.turbine.pitch.servo_frequency
+        # a command is reached at the end of a step, half a step late by an ideal drive or twice 1/frequency by a servo
+        delay = 1.5 * self._inner_dt if servo is None else self._inner_dt + 2.0 / servo
+        action = ActionMap(
+            self.turbine, control_dt, action_mode, pitch, action_components, action_spans, self.wind.speeds, delay
+        )
+        self.controller = make_controller(controller, self.turbine) if action.needs_controller else None
+        if observation is None:
+            observation = RESIDUAL_GROUPS if action_mode == "residual" else DEFAULT_GROUPS
+        late = self._steps_in("sensor_delay", sensor_delay, least=0)
+        self._observer = Observer(self.turbine, action, observation, sensor_noise, late, history, lidar)
         self.layout = EnvLayout(self.turbine, self._observer.layout, action, self.control_dt)
         self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
         self.observation_space = spaces.Box(self._observer.layout.low, self._observer.layout.high, dtype=np.float32)
+        self._vector_reward = bool(vector_reward)
+        if vector_reward:
+            names = [term.name for term in self.reward_terms]
+            self.reward_names = (*names, "termination")
+            self.reward_space = spaces.Box(-np.inf, np.inf, (len(self.reward_names),), np.float32)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
         self.simulator: Simulator | None = None
         self.signals: Signals | None = None
+        self._twin = None
+        if relative_reward:
+            self._twin = WindTurbineEnv(
+                self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, fidelity, control_dt,
+                None, "residual", "collective", ("pitch",), None, copy.deepcopy(controller), copy.deepcopy(reward),
+                termination_penalty=termination_penalty, overspeed_limit=overspeed_limit,
+                standstill_limit=standstill_limit, observation=("rotor",),
+            )  # fmt: skip
         self._renderer = self._make_renderer()
         self._running = False
 
@@ -286,24 +374,31 @@ class WindTurbineEnv(gym.Env):
         speed, pitch = float(options.get("rotor_speed", start.rotor_speed)), float(options.get("pitch", start.pitch))
         torque = min(start.generator_torque, available_torque(self.turbine.drivetrain, speed))
         torque = float(options.get("generator_torque", torque))
-        self._place_simulator()
-        self.signals = self.simulator.reset(
-            rotor_speed=speed,
-            pitch=pitch,
-            azimuth=float(options.get("azimuth", azimuth)),
-            yaw=0.0,
-            generator_torque=torque,
-        )
-        self.demand = Demand(np.full(self.turbine.n_blades, pitch), 0.0, torque)
-        self._action = np.zeros(self.layout.action.size)
-        rewards.reset(self.reward_terms, self.turbine, self.signals)
-        self._steps, self._running = 0, True
-        self._observer.reset(self.signals)
+        self._begin(self.episode_wind, speed, pitch, float(options.get("azimuth", azimuth)), torque)
+        if self._twin is not None:
+            self._twin._begin(self.episode_wind, speed, pitch, float(options.get("azimuth", azimuth)), torque)
         observation, saturated = self._observe()
         if self._renderer is not None:
             self._renderer.reset()
             self._renderer.record(self.signals)
         return observation, self._info(saturated)
+
+    def _begin(self, wind, rotor_speed, pitch, azimuth, torque) -> None:
+        """Start simulator, controller, sensors and reward in a wind."""
+        self.episode_wind = wind
+        self._place_simulator()
+        self.signals = self.simulator.reset(
+            rotor_speed=rotor_speed, pitch=pitch, azimuth=azimuth, yaw=0.0, generator_torque=torque
+        )
+        self.demand = self.base = Demand(np.full(self.turbine.n_blades, pitch), 0.0, torque)
+        self.aim = self.layout.action.start(self.demand)
+        if self.controller is not None:
+            self.controller.start(self.signals, self.demand)
+        self._action = np.zeros(self.layout.action.size)
+        self._steps, self._running = 0, True
+        self._observer.reset(self._situation())
+        self._observation = None
+        rewards.reset(self.reward_terms, self.turbine, self.signals)
 
     def step(self, action):
         """Advance by one control step.
@@ -316,6 +411,7 @@ class WindTurbineEnv(gym.Env):
         -------
         observation : numpy.ndarray, float32
         reward : float
+            With ``vector_reward`` an array, float32, of the terms and "termination", named in ``reward_names``.
         terminated, truncated : bool
         info : dict
 
@@ -329,34 +425,115 @@ class WindTurbineEnv(gym.Env):
         if not self._running:
             raise ResetNeeded("the episode is over, or none was started: call reset() before step()")
         values = self.layout.action.validate(action)
-        demand = self.layout.action.decode(values, self.demand)
-        before = self.signals
+        aim, before = self.layout.action.decode(values, self.aim), self.signals
         try:
-            after = self.simulator.advance(
-                self.control_dt, pitch=demand.pitch, yaw_rate=demand.yaw_rate, generator_torque=demand.generator_torque
-            )
+            after = self._advance(aim)
             self._check_finite(after)
         except SimulationError as error:
             return self._fail(error)
-        self.signals, self.demand, self._action = after, demand, values
+        self.signals, self.aim, self._action = after, aim, values
         self._steps += 1
         self._observer.advance(after, self.control_dt)
         if self._renderer is not None:
             self._renderer.record(after)
 
         inflow = self.episode_wind.inflow
-        transition = rewards.Transition(self.turbine, before, after, self.control_dt, inflow, values)
+        transition = rewards.Transition(self.turbine, before, after, self.control_dt, inflow=inflow, action=values)
         reward, terms = rewards.total(self.reward_terms, transition)
         ending = self._ending()
         if ending is not None:
             reward, terms = self._punish(reward, terms)
+        reward, terms = self._compared(reward, terms)
         observation, saturated = self._observe()
-        truncated = ending is None and self._steps >= self._max_steps
+        truncated = ending is None and self._max_steps is not None and self._steps >= self._max_steps
         self._running = ending is None and not truncated
         info = self._info(saturated) | {"reward_terms": terms}
         if ending is not None:
             info["termination"] = ending
-        return observation, reward, ending is not None, truncated, info
+        return observation, self._returned(reward, terms), ending is not None, truncated, info
+
+    def _advance(self, aim: Aim) -> Signals:
+        """Simulate a control step, in which the demand moves to the aim at every step of the simulator."""
+        action, start, n, signals, seen = self.layout.action, self.aim, self._substeps, self.signals, None
+        for k in range(1, n + 1):
+            pitch = start.pitch + k / n * (aim.pitch - start.pitch)
+            torque = start.generator_torque + k / n * (aim.generator_torque - start.generator_torque)
+            if self.controller is not None:
+                self.base = self.controller.step(signals, self._inner_dt)
+            self.demand = action.demand(
+                Aim(pitch, aim.yaw_rate, torque), self.base, signals["azimuth"], signals["rotor_speed"]
+            )
+            signals = self.simulator.advance(
+                self._inner_dt,
+                pitch=self.demand.pitch,
+                yaw_rate=self.demand.yaw_rate,
+                generator_torque=self.demand.generator_torque,
+            )
+            seen = signals if seen is None else signals.after(seen)
+        return seen
+
+    def _compared(self, reward, terms) -> tuple[float, dict[str, float]]:
+        """Reward and terms less those that the controller alone earns in the same wind."""
+        twin = self._twin
+        if twin is None or not twin._running:
+            return reward, terms
+        _, other, _, _, info = twin.step(np.zeros(twin.layout.action.size))
+        names = dict.fromkeys((*terms, *info["reward_terms"]))
+        return reward - other, {name: terms.get(name, 0.0) - info["reward_terms"].get(name, 0.0) for name in names}
+
+    def _returned(self, reward, terms):
+        """What `step` returns as reward."""
+        if not self._vector_reward:
+            return reward
+        return np.array([terms.get(name, 0.0) for name in self.reward_names], dtype=np.float32)
+
+    # ---- snapshots ----
+
+    def snapshot(self) -> EnvSnapshot:
+        """All from which the episode continues bit for bit: simulator, controller, filters, reward, random state.
+
+        For planning: take one, try actions, `restore` it.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            If no episode was started.
+        """
+        if self.simulator is None or self.signals is None:
+            raise ResetNeeded("there is nothing to take a snapshot of: call reset() first")
+        kept = {name: self.__dict__[name] for name in _SNAPSHOT}
+        return EnvSnapshot(
+            self.simulator.state() if self._running else None,
+            copy.deepcopy(kept),
+            self._observer.memory(),
+            self.episode_wind,
+            copy.deepcopy(self.np_random.bit_generator.state),
+            None if self._twin is None else self._twin.snapshot(),
+        )
+
+    def restore(self, snapshot: EnvSnapshot) -> np.ndarray:
+        """Continue from a snapshot of this environment or of one made with the same arguments.
+
+        Returns
+        -------
+        observation : numpy.ndarray, float32
+            That of the snapshot; with sensor noise it is drawn anew.
+
+        Raises
+        ------
+        wt_gym.errors.SimulationError
+            If the snapshot belongs to another turbine or fidelity.
+        """
+        self.episode_wind = snapshot.wind
+        self._place_simulator()
+        if snapshot.simulator is not None:
+            self.simulator.restore(snapshot.simulator)
+        self.__dict__.update(copy.deepcopy(snapshot.kept))
+        self._observer.recall(snapshot.sensors)
+        self.np_random.bit_generator.state = copy.deepcopy(snapshot.random)
+        if self._twin is not None:
+            self._twin.restore(snapshot.twin)
+        return None if self._observation is None else self._observation.copy()
 
     def render(self):
         """Return a picture of the turbine and its wake, uint8 array of shape (height, width, 3), or None."""
@@ -378,8 +555,8 @@ class WindTurbineEnv(gym.Env):
 
         return Renderer(self.turbine)
 
-    def _check_control_step(self) -> None:
-        """Refuse a control step that the simulator cannot take."""
+    def _inner_steps(self) -> tuple[float, int]:
+        """Step of the simulator [s] and how many make a control step."""
         step = fidelity_of(self.fidelity).step_for(self.turbine.drivetrain.rated_rotor_speed)
         count = round(self.control_dt / step)
         if count < 1 or abs(count * step - self.control_dt) > 1e-6 * step:
@@ -387,6 +564,16 @@ class WindTurbineEnv(gym.Env):
                 f"control_dt must be a multiple of the simulator's aerodynamic step of {step:.6g} s, "
                 f"got {self.control_dt!r} s"
             )
+        return step, count
+
+    def _steps_in(self, name, time, least) -> int:
+        """Control steps in a time [s]."""
+        count = round(time / self.control_dt) if math.isfinite(time) else -1
+        if not (count >= least and math.isclose(count * self.control_dt, time, rel_tol=1e-9, abs_tol=1e-12)):
+            raise ValueError(
+                f"{name} must be a multiple of control_dt = {self.control_dt} s, at least {least} of them, got {time!r}"
+            )
+        return count
 
     def _place_simulator(self) -> None:
         """Put the simulator into the wind of the episode."""
@@ -395,8 +582,12 @@ class WindTurbineEnv(gym.Env):
         else:
             self.simulator.inflow = self.episode_wind.inflow
 
+    def _situation(self) -> Situation:
+        return Situation(self.signals, self.demand, self.aim, self.base, self._action, self.episode_wind.inflow)
+
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
-        return self._observer.observe(self.signals, self.demand, self._action, self.np_random)
+        self._observation, saturated = self._observer.observe(self._situation(), self.np_random)
+        return self._observation.copy(), saturated
 
     def _info(self, saturated: tuple[str, ...]) -> dict[str, Any]:
         return {
@@ -437,4 +628,4 @@ class WindTurbineEnv(gym.Env):
         observation, saturated = self._observe()
         reward, terms = self._punish(0.0, {term.name: 0.0 for term in self.reward_terms})
         info = self._info(saturated) | {"reward_terms": terms, "termination": "failure", "failure": str(error)}
-        return observation, reward, True, False, info
+        return observation, self._returned(reward, info["reward_terms"]), True, False, info

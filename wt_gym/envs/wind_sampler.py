@@ -74,6 +74,8 @@ class WindSampler:
 
     Attributes
     ----------
+    speeds : (float, float)
+        Range of the mean speeds [m/s].
     seeds : tuple of int or None
         Turbulence seeds that episodes draw from: none in steady wind, unknown (None) with an inflow of one's own.
 
@@ -103,11 +105,11 @@ class WindSampler:
         if not self._pool:
             raise InflowError("wind_seeds must name at least one seed")
         if isinstance(kind, str):
-            self._speeds = self._range(wind_speed)
+            self.speeds = self._range(wind_speed)
             if kind == "turbulent":
-                turbulence_sigma(self._speeds[0], self._class)  # refuses an unknown class now, not at the first reset
+                turbulence_sigma(self.speeds[0], self._class)  # refuses an unknown class now, not at the first reset
         else:
-            self._speeds = (kind.mean_speed, kind.mean_speed)
+            self.speeds = (kind.mean_speed, kind.mean_speed)
         self.seeds = {"turbulent": self._pool, "steady": ()}[kind] if isinstance(kind, str) else None
 
     def sample(
@@ -136,7 +138,7 @@ class WindSampler:
             If a fixed value is not allowed, or belongs to a wind that has none.
         """
         # Always three draws, so that fixing one of them leaves the others as they were.
-        drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self._speeds), rng.choice(self._pool), rng.random()
+        drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self.speeds), rng.choice(self._pool), rng.random()
         turbulent = self._kind == "turbulent"
         self._refuse_useless(wind_speed, wind_seed, time_offset)
         if not isinstance(self._kind, str):

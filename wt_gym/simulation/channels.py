@@ -134,6 +134,9 @@ class Signals:
         raise AttributeError(f"no signal {name!r}; the signals are {', '.join(index)}")
 
     def __getitem__(self, name):
+        place = _layout(self.n_blades)[0].get(name)
+        if place is not None:
+            return self.values.item(place)
         try:
             return getattr(self, name)
         except AttributeError as error:
