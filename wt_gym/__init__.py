@@ -12,6 +12,9 @@ id                                   turbine and wind
 ``wt_gym/IEA15MW-Turbulent-v0``      IEA 15-MW, IEC Kaimal turbulence
 ===================================  ==============================================================
 
+and the tasks of `wt_gym.tasks`: ``wt_gym/LoadReduction-v0``, ``wt_gym/FullRange-v0``, ``wt_gym/MaxPower-v0``,
+``wt_gym/Yaw-v0``, ``wt_gym/Gusts-v0`` and ``wt_gym/IEA15MW-LoadReduction-v0``.
+
 Examples
 --------
 >>> import gymnasium as gym, wt_gym
@@ -19,6 +22,8 @@ Examples
 """
 
 from gymnasium.envs.registration import register
+
+from wt_gym.tasks import TASKS
 
 __all__ = ["__version__"]
 __version__ = "0.1.0"
@@ -33,3 +38,11 @@ for _turbine_label, _turbine_name in _TURBINES.items():
             entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
             kwargs={"turbine": _turbine_name, "inflow": _inflow_kind},
         )
+
+for _task in TASKS.values():
+    register(
+        id=f"wt_gym/{_task.name}-v0",
+        entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
+        kwargs=_task.arguments,
+        max_episode_steps=_task.max_episode_steps,
+    )

@@ -100,8 +100,8 @@ def test_baseline_serves_vector_environments():
 def test_stable_baselines_can_evaluate_the_baseline():
     vec = DummyVecEnv([lambda: gym.make(STEADY, wind_speed=11.0, episode_length=10.0)])
     mean, _ = evaluate_policy(BaselineAgent.from_env(vec), vec, n_eval_episodes=1, warn=False)
-    # 10 s of nearly full power.
-    assert 7.0 < mean < 10.0
+    # 10 s of nearly all that the wind allows, measured by the design's power coefficient
+    assert 9.0 < mean < 11.0
 
 
 @pytest.mark.parametrize("observation", [("rotor", "pitch"), ("power", "pitch"), ("rotor", "power")])

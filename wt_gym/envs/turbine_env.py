@@ -195,8 +195,9 @@ class WindTurbineEnv(gym.Env):
     ----------
     turbine : str, path or Turbine
         Name in the catalogue, a windIO v2 file, or a turbine.
-    inflow : {"steady", "turbulent"} or Inflow
-        Steady sheared wind, IEC Kaimal turbulence, or an inflow of one's own.
+    inflow : {"steady", "turbulent", "gusts"}, Inflow, sequence of Inflow or callable
+        Steady sheared wind, IEC Kaimal turbulence, IEC transients, or inflows of one's own: one, several to draw from,
+        or a function of a random generator.
     wind_speed : float or (float, float)
         Mean wind speed at hub height, or the range it is drawn from at each reset [m/s].
     shear_exponent : float
@@ -205,6 +206,10 @@ class WindTurbineEnv(gym.Env):
         Default: that of the turbine.
     wind_seeds : sequence of int
         Turbulence seeds to draw from, by default `TRAINING_WIND_SEEDS`; `EVALUATION_WIND_SEEDS` are disjoint from them.
+    wind_direction : float or (float, float)
+        Of the wind at the start against the nacelle, or the range it is drawn from [rad].
+    wind_wander : (float, float), optional
+        Standard deviation [rad] and time constant [s] with which the direction wanders from then on.
     fidelity : str or Fidelity
         Of the simulator: ``"training"``, ``"engineering"``, ``"reference"`` or one's own.
     control_dt : float
@@ -266,6 +271,8 @@ class WindTurbineEnv(gym.Env):
         shear_exponent: float = 0.2,
         turbulence_class: str | None = None,
         wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
+        wind_direction: float | tuple[float, float] = 0.0,
+        wind_wander: tuple[float, float] | None = None,
         fidelity: str | Fidelity = "training",
         control_dt: float = 0.2,
         episode_length: float | None = 120.0,
@@ -296,7 +303,9 @@ class WindTurbineEnv(gym.Env):
         if not 0.0 <= termination_penalty < math.inf:
             raise ValueError(f"termination_penalty must be finite and not negative, got {termination_penalty!r}")
         self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
-        self.wind = WindSampler(self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds)
+        self.wind = WindSampler(
+            self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander
+        )
         self.reward_terms = rewards.compose(reward)
         self.termination_penalty = float(termination_penalty)
         self.overspeed_limit, self.standstill_limit = float(overspeed_limit), float(standstill_limit)
@@ -329,10 +338,10 @@ class WindTurbineEnv(gym.Env):
         self._twin = None
         if relative_reward:
             self._twin = WindTurbineEnv(
-                self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, fidelity, control_dt,
-                None, "residual", "collective", ("pitch",), None, copy.deepcopy(controller), copy.deepcopy(reward),
-                termination_penalty=termination_penalty, overspeed_limit=overspeed_limit,
-                standstill_limit=standstill_limit, observation=("rotor",),
+                self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, fidelity=fidelity,
+                control_dt=control_dt, episode_length=None, action_mode="residual", action_components=("pitch",),
+                controller=copy.deepcopy(controller), reward=reward, termination_penalty=termination_penalty,
+                overspeed_limit=overspeed_limit, standstill_limit=standstill_limit, observation=("rotor",),
             )  # fmt: skip
         self._renderer = self._make_renderer()
         self._running = False

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.errors import InflowError
-from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind import Inflow, SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
 from wt_gym.wind.iec import turbulence_sigma
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 __all__ = ["EVALUATION_WIND_SEEDS", "TRAINING_WIND_SEEDS", "EpisodeWind", "WindSampler"]
 
@@ -26,6 +25,9 @@ TRAINING_WIND_SEEDS = tuple(range(1, 25))
 EVALUATION_WIND_SEEDS = tuple(range(1001, 1025))
 """Wind seeds held back for evaluation: no default environment ever trains on them."""
 
+KINDS = ("steady", "turbulent", "gusts")
+WANDERING = 1200.0
+"""Time over which a wandering direction is drawn [s]; after it the direction stays."""
 # Boxes are synthesised at multiples of this speed [m/s] and carried along at the speed wanted.
 _BOX_SPEED_STEP = 6.0
 
@@ -61,8 +63,11 @@ class WindSampler:
     Parameters
     ----------
     turbine : Turbine
-    kind : "steady", "turbulent" or Inflow
-        An inflow of one's own is used as it is in every episode.
+    kind : "steady", "turbulent", "gusts", Inflow, sequence of Inflow or callable
+        "gusts": a transient of IEC 61400-1 (EOG, EDC, ECD, EWS) on a steady wind, drawn with its sign and its beginning
+        (5 to 15 s after the start). An inflow of one's own is used as it is in every episode; of a sequence one is
+        drawn; a callable gets the random generator and gives the inflow of the episode, for example one of many files
+        with an offset in time.
     wind_speed : float or (float, float)
         Mean speed at hub height [m/s], or a range to draw it from uniformly. Ignored (None) with one's own inflow.
     shear_exponent : float
@@ -71,6 +76,10 @@ class WindSampler:
         ``"A+"``, ``"A"``, ``"B"`` or ``"C"``; default: the turbine's.
     wind_seeds : sequence of int
         Pool of turbulence seeds.
+    direction : float or (float, float)
+        Direction of the wind at the start against the nacelle, or the range it is drawn from [rad].
+    wander : (float, float), optional
+        Standard deviation [rad] and time constant [s] with which the direction wanders from then on.
 
     Attributes
     ----------
@@ -93,9 +102,14 @@ class WindSampler:
         shear_exponent: float = 0.2,
         turbulence_class: str | None = None,
         wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
+        direction: float | tuple[float, float] = 0.0,
+        wander: tuple[float, float] | None = None,
     ):
-        if isinstance(kind, str) and kind not in ("steady", "turbulent"):
-            raise InflowError(f"inflow must be 'steady', 'turbulent' or an Inflow, got {kind!r}")
+        if isinstance(kind, str) and kind not in KINDS:
+            raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {kind!r}")
+        if not isinstance(kind, str) and not callable(kind):
+            kind = self._own_inflows(kind)
+        self._directions, self._wander = self._checked_direction(direction, wander)
         self._turbine, self._kind = turbine, kind
         self._shear_exponent = shear_exponent
         self._class = turbulence_class or turbine.turbulence_class
@@ -108,9 +122,12 @@ class WindSampler:
             self.speeds = self._range(wind_speed)
             if kind == "turbulent":
                 turbulence_sigma(self.speeds[0], self._class)  # refuses an unknown class now, not at the first reset
+        elif callable(kind):
+            self.speeds = (turbine.cut_in, turbine.cut_out)
         else:
-            self.speeds = (kind.mean_speed, kind.mean_speed)
-        self.seeds = {"turbulent": self._pool, "steady": ()}[kind] if isinstance(kind, str) else None
+            means = [inflow.mean_speed for inflow in kind]
+            self.speeds = (min(means), max(means))
+        self.seeds = (self._pool if kind == "turbulent" else ()) if isinstance(kind, str) else None
 
     def sample(
         self,
@@ -139,19 +156,66 @@ class WindSampler:
         """
         # Always three draws, so that fixing one of them leaves the others as they were.
         drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self.speeds), rng.choice(self._pool), rng.random()
-        turbulent = self._kind == "turbulent"
+        turbulent = isinstance(self._kind, str) and self._kind == "turbulent"
         self._refuse_useless(wind_speed, wind_seed, time_offset)
         if not isinstance(self._kind, str):
-            return EpisodeWind(self._kind, self._kind.mean_speed, -1, 0.0)
+            own = self._kind(rng) if callable(self._kind) else self._kind[int(rng.integers(len(self._kind)))]
+            return self._turned(EpisodeWind(own, own.mean_speed, -1, 0.0), rng)
         speed = self._checked_speed(wind_speed) if wind_speed is not None else float(drawn_speed)
+        if self._kind == "gusts":
+            return self._turned(EpisodeWind(self._gust(speed, rng), speed, -1, 0.0), rng)
         steady = SteadyInflow(speed, self._turbine.hub_height, shear_exponent=self._shear_exponent)
         if not turbulent:
-            return EpisodeWind(steady, speed, -1, 0.0)
+            return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng)
         seed = self._checked_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
         box = self._box(speed, seed)
         if time_offset is None:
             time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * box.duration
-        return EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset)
+        return self._turned(EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset), rng)
+
+    def _gust(self, speed: float, rng: np.random.Generator) -> TransientInflow:
+        """Draw a transient of IEC 61400-1."""
+        turbine, make = self._turbine, ("eog", "edc", "ecd", "vertical", "horizontal")[int(rng.integers(5))]
+        sign, start = 1 if rng.random() < 0.5 else -1, 5.0 + 10.0 * rng.random()
+        where = speed, turbine.hub_height, turbine.rotor_diameter
+        if make == "eog":
+            return TransientInflow.eog(*where, self._class, turbine.iec_class, start_time=start)
+        if make == "edc":
+            return TransientInflow.edc(*where, self._class, sign=sign, start_time=start)
+        if make == "ecd":
+            return TransientInflow.ecd(*where, sign=sign, start_time=start)
+        return TransientInflow.ews(*where, self._class, axis=make, sign=sign, start_time=start)
+
+    def _turned(self, wind: EpisodeWind, rng: np.random.Generator) -> EpisodeWind:
+        """Give the wind its direction."""
+        if self._directions == (0.0, 0.0) and self._wander is None:
+            return wind
+        start = float(rng.uniform(*self._directions))
+        if self._wander is None:
+            turned = TurningInflow(wind.inflow, np.zeros(1), np.array([start]))
+        else:
+            turned = TurningInflow.wandering(wind.inflow, start, *self._wander, WANDERING, rng)
+        return replace(wind, inflow=turned)
+
+    @staticmethod
+    def _own_inflows(kind) -> tuple[Inflow, ...]:
+        """Inflows of the user."""
+        own = tuple(kind) if isinstance(kind, Iterable) else (kind,)
+        wrong = [inflow for inflow in own if not isinstance(inflow, Inflow)]
+        if wrong or not own:
+            raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {wrong or kind!r}")
+        return own
+
+    @staticmethod
+    def _checked_direction(direction, wander):
+        ends = np.atleast_1d(np.asarray(direction, dtype=np.float64))
+        if ends.size not in (1, 2) or not np.all(np.abs(ends) <= np.pi) or ends[0] > ends[-1]:
+            raise InflowError(
+                f"wind_direction must be an angle or a range (low, high) within +-pi rad, got {direction!r}"
+            )
+        if wander is not None and not (len(wander) == 2 and wander[0] >= 0.0 and wander[1] > 0.0):
+            raise InflowError(f"wind_wander must be a deviation [rad] and a positive time constant [s], got {wander!r}")
+        return (float(ends[0]), float(ends[-1])), wander
 
     def _box(self, speed: float, seed: int) -> TurbulenceBox:
         """Turbulence carried along at a speed."""
@@ -195,11 +259,11 @@ class WindSampler:
 
     def _refuse_useless(self, wind_speed, wind_seed, time_offset) -> None:
         """Refuse options that the kind of wind would ignore."""
-        if self._kind == "turbulent":
+        if isinstance(self._kind, str) and self._kind == "turbulent":
             return
         if wind_seed is not None or time_offset is not None:
             raise InflowError("wind_seed and time_offset belong to turbulent wind; this environment's wind has none")
-        if wind_speed is not None and self._kind != "steady":
+        if wind_speed is not None and not isinstance(self._kind, str):
             raise InflowError("wind_speed cannot be chosen: this environment was made with an inflow of its own")
 
     @staticmethod

@@ -10,5 +10,6 @@ from wt_gym.wind.steady import SteadyInflow
 from wt_gym.wind.transient import TransientInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
 from wt_gym.wind.turbulent import TurbulentInflow
+from wt_gym.wind.turning import TurningInflow
 
-__all__ = ["Inflow", "SteadyInflow", "TransientInflow", "TurbulenceBox", "TurbulentInflow"]
+__all__ = ["Inflow", "SteadyInflow", "TransientInflow", "TurbulenceBox", "TurbulentInflow", "TurningInflow"]

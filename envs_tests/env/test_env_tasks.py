@@ -1,0 +1,257 @@
+"""Modes of action, controllers beneath, tasks, snapshots: on the real simulator."""
+
+import copy
+import itertools
+import pickle
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+from agents.closed_loop import run_baseline
+from wt_gym.control import ACTION_MODES, PITCH_FORMS
+from wt_gym.control.coleman import to_fixed_frame
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.simulation import Simulator
+from wt_gym.tasks import TASKS
+from wt_gym.wind import SteadyInflow
+
+TURBULENT = "wt_gym/NREL5MW-Turbulent-v0"
+RESIDUAL = {"action_mode": "residual", "pitch": "fixed-frame"}
+
+
+def play(env, rng, steps):
+    """Observations, rewards and ends of some random steps."""
+    out = []
+    for _ in range(steps):
+        observation, reward, terminated, truncated, _ = env.step(rng.uniform(-1.0, 1.0, env.action_space.shape))
+        out.append((observation, reward, terminated, truncated))
+    return out
+
+
+def same(first, second):
+    return all(np.array_equal(a[0], b[0]) and a[1:] == b[1:] for a, b in zip(first, second, strict=True))
+
+
+# ---- contract of every choice ----
+
+
+@pytest.mark.parametrize(("mode", "pitch"), list(itertools.product(ACTION_MODES, PITCH_FORMS)))
+def test_both_checkers_have_nothing_to_say(mode, pitch):
+    env = gym.make(TURBULENT, action_mode=mode, pitch=pitch, episode_length=10.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sb3_check_env(env)
+        check_env(env.unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_tasks_start_step_and_tell_their_length(name):
+    env = gym.make(f"wt_gym/{name}-v0")
+    assert env.spec.max_episode_steps * env.unwrapped.control_dt == TASKS[name].episode
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sb3_check_env(env)
+    observation, _ = env.reset(seed=4)
+    for _ in range(3):
+        observation, reward, terminated, truncated, _ = env.step(np.zeros(env.action_space.shape, dtype=np.float32))
+    assert env.observation_space.contains(observation)
+    assert np.isfinite(reward)
+    assert not terminated
+    assert not truncated
+
+
+def test_the_time_limit_of_a_task_is_a_truncation():
+    env = gym.make("wt_gym/LoadReduction-v0", max_episode_steps=4)
+    env.reset(seed=0)
+    ends = [env.step(np.zeros(3, dtype=np.float32))[2:4] for _ in range(4)]
+    assert ends == [(False, False)] * 3 + [(False, True)]
+
+
+# ---- a controller beneath ----
+
+
+def test_zero_residual_is_the_controller_at_the_step_of_the_simulator():
+    wind = SteadyInflow(14.0, shear_exponent=0.2)
+    run = run_baseline(Simulator("nrel_5mw", inflow=wind), 6.0).to_dataset().isel(time=slice(0, None, 2))
+    env = WindTurbineEnv(inflow=wind, episode_length=6.0, **RESIDUAL)
+    env.reset(seed=0, options={"azimuth": 0.0, "generator_torque": float(run.generator_torque[0])})
+    found = [env.signals.values]
+    for _ in range(30):
+        env.step(np.zeros(env.action_space.shape))
+        found.append(env.signals.values)
+    for name in ("rotor_speed", "pitch_1", "generator_power", "root_flap_moment_2", "tower_top_fore_aft"):
+        column = [c.name for c in env_channels()].index(name)
+        found_values = [values[column] for values in found]
+        np.testing.assert_allclose(found_values, run[name].values, rtol=1e-5, atol=1e-9)
+
+
+def env_channels():
+    from wt_gym.simulation.channels import channel_table
+
+    return channel_table(3)
+
+
+def test_pitch_in_the_fixed_frame_arrives_at_its_azimuth():
+    """Two degrees of tilt, held: what the blades do, seen from the fixed frame, is tilt within a degree of azimuth."""
+    env = WindTurbineEnv(inflow=SteadyInflow(14.0), episode_length=30.0, action_components=("pitch",), **RESIDUAL)
+    env.reset(seed=0)
+    for k in range(60):
+        env.step(np.array([0.0, 1.0 if k < 10 else 0.0, 0.0]))
+        if k < 20:
+            continue
+        mean, tilt, yaw = to_fixed_frame(env.signals.pitch - env.base.pitch, env.signals["azimuth"])
+        assert tilt == pytest.approx(np.radians(3.0), rel=0.01)
+        assert abs(np.degrees(np.arctan2(yaw, tilt))) < 1.0
+        assert abs(mean) < 0.1 * tilt
+
+
+def test_random_residual_policies_survive():
+    """Three winds here; two hundred episodes: scripts/survival.py."""
+    for wind_speed, seed in ((6.0, 1), (12.0, 2), (18.0, 3)):
+        env = gym.make(TURBULENT, wind_speed=wind_speed, episode_length=40.0, **RESIDUAL)
+        env.reset(seed=seed)
+        ends = play(env, np.random.default_rng(seed), 200)
+        assert [end[2] for end in ends] == [False] * 200
+        assert ends[-1][3]
+
+
+def test_components_left_out_are_the_controllers():
+    """Torque alone in rate mode: the pitch follows the controller beneath."""
+    env = WindTurbineEnv(inflow=SteadyInflow(16.0), action_components=("torque",), episode_length=10.0)
+    env.reset(seed=0)
+    for _ in range(10):
+        env.step(np.zeros(1))
+    np.testing.assert_array_equal(env.demand.pitch, env.base.pitch)
+    assert env.demand.generator_torque == env.aim.generator_torque
+
+
+def test_a_constant_residual_against_the_controller_alone():
+    """Relative rewards: nothing for doing nothing, the difference otherwise."""
+    env = WindTurbineEnv(inflow=SteadyInflow(9.0), relative_reward=True, episode_length=20.0, **RESIDUAL)
+    env.reset(seed=0)
+    for _ in range(10):
+        _, reward, _, _, info = env.step(np.zeros(env.action_space.shape))
+        assert reward == 0.0
+        assert set(info["reward_terms"].values()) == {0.0}
+    total = sum(env.step(np.array([1.0, 0.0, 0.0, 0.0, 0.0]))[1] for _ in range(20))
+    assert total < -0.05  # four degrees of pitch below rated cost power
+
+
+def test_vector_reward_has_the_terms_and_a_space():
+    env = WindTurbineEnv(inflow=SteadyInflow(9.0), vector_reward=True, episode_length=2.0)
+    env.reset(seed=0)
+    _, reward, _, _, info = env.step(np.zeros(3))
+    assert env.reward_space.contains(reward)
+    assert env.reward_names[-1] == "termination"
+    np.testing.assert_allclose(reward[:-1], [info["reward_terms"][n] for n in env.reward_names[:-1]], rtol=1e-6)
+
+
+# ---- observations ----
+
+
+def test_delay_and_history_repeat_what_was_seen():
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-0.3, 0.3, (12, 5))
+    seen = {}
+    for name, choice in (("now", {}), ("late", {"sensor_delay": 0.6}), ("both", {"sensor_delay": 0.2, "history": 2})):
+        env = WindTurbineEnv(inflow=SteadyInflow(11.0), episode_length=10.0, **RESIDUAL, **choice)
+        first, _ = env.reset(seed=0, options={"azimuth": 1.0})
+        seen[name] = np.array([first, *(env.step(action)[0] for action in actions)])
+    now, size = seen["now"], seen["now"].shape[1]
+    np.testing.assert_array_equal(seen["late"][3:], now[:-3])
+    np.testing.assert_array_equal(seen["late"][:3], now[[0, 0, 0]])
+    np.testing.assert_array_equal(seen["both"][2:, :size], now[1:-1])
+    np.testing.assert_array_equal(seen["both"][2:, size:], now[:-2])
+    assert env.layout.observation.names[size] == "rotor_speed@1"
+
+
+def test_single_channels_and_lidar():
+    """The lidar reads the wind along the shaft, also of a wind that is sheared or turned with the nacelle."""
+    choice = ("root_flap_moment_tilt", "tower_base_fore_aft_moment", "lidar", "rotor_speed")
+    env = WindTurbineEnv(inflow=SteadyInflow(11.0), observation=choice, episode_length=10.0)
+    observation, _ = env.reset(seed=0)
+    names = env.layout.observation.names
+    assert names == ("lidar_1", "lidar_2", "lidar_3", *choice[:2], "rotor_speed")
+    for k in (1, 2, 3):
+        assert env.layout.observation.value(observation, f"lidar_{k}") == pytest.approx(11.0, rel=1e-5)
+    moments = [env.signals[f"root_flap_moment_{b}"] for b in (1, 2, 3)]
+    tilt = to_fixed_frame(moments, env.signals["azimuth"])[1]
+    assert env.layout.observation.value(observation, "root_flap_moment_tilt") == pytest.approx(tilt, rel=1e-4)
+    with pytest.raises(ValueError, match=r"observation has no \['lidar_9'\]; there are the groups"):
+        WindTurbineEnv(observation=("rotor", "lidar_9"))
+
+
+# ---- snapshots and copies in the middle of an episode ----
+
+
+@pytest.fixture(scope="module")
+def started():
+    env = WindTurbineEnv(
+        inflow="turbulent", wind_speed=13.0, sensor_noise=1.0, sensor_delay=0.2, history=2, episode_length=60.0,
+        **RESIDUAL,
+    )  # fmt: skip
+    env.reset(seed=5)
+    play(env, np.random.default_rng(0), 7)
+    return env
+
+
+def test_an_environment_continues_from_its_snapshot(started):
+    taken = started.snapshot()
+    first = play(started, np.random.default_rng(1), 6)
+    play(started, np.random.default_rng(2), 6)
+    started.restore(taken)
+    assert same(play(started, np.random.default_rng(1), 6), first)
+    started.restore(taken)
+    assert same(play(started, np.random.default_rng(1), 6), first)
+
+
+@pytest.mark.parametrize("make", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_copies_and_pickles_go_the_same_way(started, make):
+    taken = started.snapshot()
+    other = make(started)
+    first = play(started, np.random.default_rng(3), 5)
+    assert same(play(other, np.random.default_rng(3), 5), first)
+    started.restore(taken)
+
+
+def test_an_episode_that_is_over_stays_over_after_restoring(started):
+    taken = started.snapshot()
+    env = WindTurbineEnv(inflow=SteadyInflow(11.0), episode_length=0.4)
+    env.reset(seed=0)
+    env.step(np.zeros(3))
+    before = env.snapshot()
+    assert env.step(np.zeros(3))[3]
+    over = env.snapshot()
+    env.restore(before)
+    assert env.step(np.zeros(3))[3]
+    env.restore(over)
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(np.zeros(3))
+    started.restore(taken)
+
+
+# ---- winds ----
+
+
+def test_directions_gusts_and_lists_are_drawn():
+    env = WindTurbineEnv(inflow="steady", wind_speed=9.0, wind_direction=(-0.3, 0.3), observation=("wind",))
+    drawn = []
+    for seed in range(8):
+        observation, _ = env.reset(seed=seed)
+        drawn.append(env.layout.observation.value(observation, "yaw_error"))
+    assert min(drawn) < -0.05 < 0.05 < max(drawn)
+    assert np.abs(drawn).max() <= 0.3 + 1e-6
+    env = WindTurbineEnv(inflow=[SteadyInflow(8.0), SteadyInflow(10.0)])
+    assert {env.reset(seed=seed)[1]["wind_speed"] for seed in range(8)} == {8.0, 10.0}
+    env = WindTurbineEnv(inflow=lambda rng: SteadyInflow(float(rng.uniform(9.0, 9.5))))
+    assert 9.0 <= env.reset(seed=1)[1]["wind_speed"] <= 9.5
+    env = WindTurbineEnv(inflow="gusts", wind_speed=10.0)
+    kinds = set()
+    for seed in range(24):
+        env.reset(seed=seed)
+        kinds.add(env.episode_wind.inflow.kind[:3])
+    assert kinds == {"EOG", "EDC", "ECD", "EWS"}

@@ -1,0 +1,119 @@
+"""Tasks: environments as people train on them, each with its wind, its action and its score.
+
+Importing this module loads nothing heavy; `wt_gym` registers the tasks under ``wt_gym/<name>-v0``. Any argument of
+`wt_gym.envs.turbine_env.WindTurbineEnv` can be given to ``gymnasium.make`` on top.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+__all__ = ["TASKS", "Task"]
+
+_CONTROL_DT = 0.2
+
+
+@dataclass(frozen=True)
+class Task:
+    """One task.
+
+    Attributes
+    ----------
+    name : str
+        ``wt_gym/<name>-v0`` is the id.
+    goal : str
+        What is to be done, in one sentence.
+    score : str
+        What counts, as metrics of `wt_gym.analysis.metrics`, against the controller beneath in the same winds.
+    episode : float
+        Length of an episode [s]; ``max_episode_steps`` of the id.
+    arguments : dict
+        Of the environment.
+    """
+
+    name: str
+    goal: str
+    score: str
+    episode: float
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def max_episode_steps(self) -> int:
+        """Control steps of an episode."""
+        return round(self.episode / _CONTROL_DT)
+
+
+_RESIDUAL = {"turbine": "nrel_5mw", "inflow": "turbulent", "action_mode": "residual", "episode_length": None}
+_FIXED_FRAME = {**_RESIDUAL, "pitch": "fixed-frame"}
+
+TASKS = {
+    task.name: task
+    for task in (
+        Task(
+            "LoadReduction",
+            "Spare blades and tower above rated wind by pitch in the fixed frame on top of the baseline controller.",
+            "flap DEL at no less than 99.5 % of the energy; pitch travel beside it",
+            60.0,
+            {**_FIXED_FRAME, "action_components": ("pitch",), "wind_speed": (12.0, 20.0)},
+        ),
+        Task(
+            "FullRange",
+            "The same over the whole range of winds, with torque too.",
+            "flap and tower DEL weighted over the winds, energy, pitch travel",
+            60.0,
+            {**_FIXED_FRAME, "action_components": ("pitch", "torque"), "wind_speed": (5.0, 22.0)},
+        ),
+        Task(
+            "MaxPower",
+            "Make the most of winds below rated by collective pitch and torque.",
+            "energy, corrected for the rotor's kinetic energy, at no higher DELs",
+            60.0,
+            {
+                **_RESIDUAL,
+                "action_components": ("pitch", "torque"),
+                "wind_speed": (5.0, 10.0),
+                "reward": {"blade_fatigue": 0.0, "tower_fore_aft_fatigue": 0.0, "tower_side_side_fatigue": 0.0},
+            },
+        ),
+        Task(
+            "Yaw",
+            "Keep the rotor in a wind whose direction is drawn and wanders, with a vane that is noisy and slow.",
+            "energy against yaw travel",
+            300.0,
+            {
+                **_RESIDUAL,
+                "action_components": ("yaw",),
+                "wind_speed": (6.0, 14.0),
+                "wind_direction": (-0.35, 0.35),
+                "wind_wander": (0.15, 120.0),
+                "sensor_noise": 1.0,
+                "observation": ("rotor", "power", "wind", "tower", "previous_action"),
+                "history": 3,
+            },
+        ),
+        Task(
+            "Gusts",
+            "Survive the transients of IEC 61400-1 (gust, change of direction, both, shear) with the least loads.",
+            "share of survived episodes, largest flap and tower moments, largest rotor speed",
+            40.0,
+            {
+                **_FIXED_FRAME,
+                "inflow": "gusts",
+                "action_components": ("pitch", "torque"),
+                "wind_speed": (6.0, 22.0),
+            },
+        ),
+        Task(
+            "IEA15MW-LoadReduction",
+            "Load reduction on a turbine of three times the power: does a method carry over?",
+            "as LoadReduction",
+            60.0,
+            {
+                **_FIXED_FRAME,
+                "turbine": "iea_15mw",
+                "action_components": ("pitch",),
+                "wind_speed": (11.0, 20.0),
+            },
+        ),
+    )
+}
+"""Tasks by name."""
