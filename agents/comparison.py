@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import stdtrit
 
 from agents.closed_loop import run_controller
 from wt_gym.analysis.metrics import run_metrics
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["COLUMNS", "Case", "ControllerRuns", "inflow_of", "run_cases", "table"]
+__all__ = ["COLUMNS", "Case", "ControllerRuns", "change", "inflow_of", "run_cases", "table"]
 
 COLUMNS = (
     ("mean_power", "power"),
@@ -109,34 +110,52 @@ def run_cases(
 
 
 def table(runs: list[ControllerRuns]) -> str:
-    """Markdown: per wind speed, the means over the seeds; loads and power as changes against the first controller."""
-    lines = [
-        "| wind | controller | " + " | ".join(name for _, name in COLUMNS) + " |",
-        "|---" * (len(COLUMNS) + 2) + "|",
-    ]
-    speeds = sorted({case.wind_speed for case in runs[0].metrics})
-    for speed in speeds:
-        reference = _means(runs[0], runs[0], speed)
+    """Markdown by wind speed: the first controller's means over the seeds, and the changes of the others against it.
+
+    A change is the mean over the seeds of the relative change in the same wind; from three seeds on with the half width
+    of its 95 % interval (Student's t). Duty cycle, torque rate and greatest speed are means, not changes.
+    """
+    head = ["wind", "controller", *(name for _, name in COLUMNS)]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for speed in sorted({case.wind_speed for case in runs[0].metrics}):
         for run in runs:
-            mean = _means(run, runs[0], speed)
-            if mean is None or reference is None:
-                lines.append(f"| {speed:g} | {run.name} | failed: {'; '.join(run.failures.values())} |")
-                continue
-            cells = [_cell(key, mean[key], reference[key], run is runs[0]) for key, _ in COLUMNS]
+            cells = [_cell(key, run, runs[0], speed) for key, _ in COLUMNS]
             lines.append(f"| {speed:g} | {run.name} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
-def _means(run: ControllerRuns, reference: ControllerRuns, speed: float) -> dict[str, float] | None:
-    """Mean metrics over the seeds of a wind speed in which both ran."""
-    cases = [c for c in run.metrics if c.wind_speed == speed and c in reference.metrics]
-    if not cases:
-        return None
-    return {key: float(np.mean([run.metrics[c][key] for c in cases])) for key, _ in COLUMNS}
+def change(run: ControllerRuns, reference: ControllerRuns, wind_speed: float, metric: str) -> tuple[float, float]:
+    """Mean relative change of a metric over the seeds of a wind speed, and the half width of its 95 % interval.
+
+    Returns
+    -------
+    mean, half_width : float
+        NaN where no run, or fewer than three, can be compared.
+    """
+    ratios = np.array([new / old - 1.0 for new, old in _pairs(run, reference, wind_speed, metric)])
+    if ratios.size == 0:
+        return float("nan"), float("nan")
+    if ratios.size < _LEAST_FOR_INTERVAL:
+        return float(ratios.mean()), float("nan")
+    half = stdtrit(ratios.size - 1, 0.975) * ratios.std(ddof=1) / np.sqrt(ratios.size)
+    return float(ratios.mean()), float(half)
 
 
-def _cell(key: str, value: float, reference: float, first: bool) -> str:
+_LEAST_FOR_INTERVAL = 3
+
+
+def _pairs(run: ControllerRuns, reference: ControllerRuns, wind_speed: float, metric: str) -> list[tuple[float, float]]:
+    """Values of a metric in the winds of a speed in which both ran: of the run and of the reference."""
+    cases = [c for c in run.metrics if c.wind_speed == wind_speed and c in reference.metrics]
+    return [(run.metrics[c][metric], reference.metrics[c][metric]) for c in cases]
+
+
+def _cell(key: str, run: ControllerRuns, reference: ControllerRuns, speed: float) -> str:
     """One number as the table shows it."""
+    pairs = _pairs(run, reference, speed, key)
+    if not pairs:
+        return "failed"
+    value = float(np.mean([new for new, _ in pairs]))
     match key:
         case "pitch_duty_cycle":
             return f"{value:.3f}"
@@ -144,8 +163,9 @@ def _cell(key: str, value: float, reference: float, first: bool) -> str:
             return f"{value / 1e3:.1f} kN m/s"
         case "rotor_speed_max":
             return f"{value * 30 / np.pi:.1f} rpm"
-        case "mean_power" if first:
+        case "mean_power" if run is reference:
             return f"{value / 1e6:.3f} MW"
-        case _ if first:
+        case _ if run is reference:
             return f"{value / 1e6:.2f} MN m"
-    return f"{100 * (value / reference - 1):+.1f} %"
+    mean, half = change(run, reference, speed, key)
+    return f"{100 * mean:+.1f} %" if np.isnan(half) else f"{100 * mean:+.1f} ± {100 * half:.1f} %"

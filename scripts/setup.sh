@@ -18,7 +18,7 @@ set_up() {
     rm -f "$stamp"
     "$python" -m venv .venv
     .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
-        --editable '.[train,test]'
+        --editable '.[train,test,tune]'
     echo "$want" >"$stamp"
     echo "set up in ${SECONDS} s"
 }

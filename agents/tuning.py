@@ -1,0 +1,232 @@
+"""Tuning of a controller's parameters on training winds, for a stated cost.
+
+The search is Optuna's (CMA-ES for several numbers needs its extra; the tree-structured Parzen estimator, its default,
+takes few trials well). The result is a record: cost, search space, winds, versions and every trial.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import wt_gym
+from agents.comparison import Case, run_cases
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from wt_gym.turbines import Turbine
+
+__all__ = ["SPACES", "Cost", "Range", "TuningTask", "tune"]
+
+
+@dataclass(frozen=True)
+class Range:
+    """Where a parameter is searched, evenly in itself or in its logarithm."""
+
+    low: float
+    high: float
+    log: bool = False
+
+
+SPACES: dict[str, dict[str, Range]] = {
+    "retuned": {"gain_factor": Range(0.5, 1.2)},
+    "rosco": {
+        "tip_speed_ratio": Range(6.0, 12.0),
+        "thrust_limit": Range(0.75, 1.0),
+        "torque_frequency": Range(0.05, 0.6, log=True),
+        "wind_time_constant": Range(0.5, 15.0, log=True),
+    },
+    "ipc": {"bandwidth": Range(0.03, 1.0, log=True), "lead": Range(0.0, 0.5), "proportional_time": Range(0.0, 1.0)},
+    "ipc_2p": {
+        "bandwidth": Range(0.03, 1.0, log=True),
+        "lead": Range(0.0, 0.5),
+        "second_harmonic": Range(0.05, 2.0, log=True),
+    },
+    "constrained_ipc": {
+        "level": Range(0.02, 0.3),
+        "bandwidth": Range(0.03, 1.0, log=True),
+        "lead": Range(0.0, 0.5),
+        "leak_time": Range(1.0, 60.0, log=True),
+    },
+    "fore_aft_damper": {"damping": Range(0.01, 0.3, log=True)},
+    "side_side_damper": {"damping": Range(0.005, 0.1, log=True)},
+    "yaw": {"dead_band": Range(0.05, 0.3), "slow": Range(10.0, 120.0, log=True)},
+}
+"""Search spaces of the names of the catalogue; a combined controller has those of all its parts."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Weighted sum of the changes against a reference in the same wind, averaged over the winds; less is better.
+
+    ``sum w_k (x_k / x_k,ref - 1)``; power counts as a loss. The duty cycle is absolute (its reference is nearly zero).
+
+    Attributes
+    ----------
+    weights : dict
+        By the keys of `wt_gym.analysis.metrics`.
+    """
+
+    weights: dict[str, float] = field(
+        default_factory=lambda: {
+            "mean_power": -5.0,
+            "blade_flap_del": 1.0,
+            "tower_fore_aft_del": 0.5,
+            "tower_side_side_del": 0.1,
+            "pitch_duty_cycle": 0.5,
+        }
+    )
+
+    def of(self, metrics: dict[str, float], reference: dict[str, float]) -> float:
+        """Cost of a run against the reference in the same wind."""
+        total = 0.0
+        for key, weight in self.weights.items():
+            absolute = key == "pitch_duty_cycle"
+            change = metrics[key] - reference[key] if absolute else metrics[key] / reference[key] - 1.0
+            total += weight * change
+        return float(total)
+
+
+FAILURE_COST = 10.0
+"""Of a wind in which the simulation failed."""
+
+
+@dataclass(frozen=True)
+class TuningTask:
+    """What is tuned, where, and by which cost.
+
+    Attributes
+    ----------
+    controller : str
+        Name in the catalogue.
+    reference : str
+        Controller that the cost compares with.
+    winds : tuple of float
+        [m/s].
+    seeds : tuple of int
+        Turbulence seeds, of `TRAINING_WIND_SEEDS`.
+    duration, skip : float
+        Measured time and time before it [s].
+    fidelity : str
+    cost : Cost
+    space : dict of Range, optional
+        By default those of the parts of the name in `SPACES`.
+
+    Raises
+    ------
+    ValueError
+        If a seed is not one of training, or nothing is known to search.
+    """
+
+    controller: str
+    reference: str = "discon"
+    winds: tuple[float, ...] = (12.0, 15.0, 18.0)
+    seeds: tuple[int, ...] = (1, 2)
+    duration: float = 150.0
+    skip: float = 30.0
+    fidelity: str = "training"
+    cost: Cost = field(default_factory=Cost)
+    space: dict[str, Range] | None = None
+
+    def __post_init__(self):
+        held_back = sorted(set(self.seeds) - set(TRAINING_WIND_SEEDS))
+        if held_back:
+            raise ValueError(f"tuning takes training seeds (1 … 24) only, got {held_back}")
+        if self.space is None:
+            parts = self.controller.replace("tower_dampers", "fore_aft_damper+side_side_damper").split("+")
+            several = len(parts) > 1
+            found = {
+                f"{part}__{name}" if several else name: interval
+                for part in parts
+                for name, interval in SPACES.get(part, {}).items()
+            }
+            object.__setattr__(self, "space", found)
+        if not self.space:
+            raise ValueError(f"nothing to tune in {self.controller!r}; known are {', '.join(SPACES)}")
+
+
+def tune(
+    turbine: Turbine,
+    task: TuningTask,
+    trials: int,
+    seed: int = 0,
+    output: Path | None = None,
+    progress: Callable[[int, float, dict], None] | None = None,
+) -> dict[str, Any]:
+    """Search the parameters of least cost.
+
+    The first trial is the controller's defaults, where they lie in the search space.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    task : TuningTask
+    trials : int
+    seed : int
+        Of the search.
+    output : Path, optional
+        JSON file with the record, written after every trial.
+    progress : callable, optional
+        Called with number, cost and parameters of every trial.
+
+    Returns
+    -------
+    dict
+        The record: ``best`` (parameters, cost), ``trials``, ``task``, ``versions``.
+    """
+    import optuna  # in the extra "tune"
+
+    from wt_gym.control.controllers import controller_parameters
+
+    cases = [Case(wind, number) for wind in task.winds for number in task.seeds]
+
+    def runs(choice: str, parameters: dict):
+        return run_cases(turbine, {choice: (choice, parameters)}, cases, task.duration, task.skip, task.fidelity)[0]
+
+    reference = runs(task.reference, {})
+    if reference.failures:
+        raise RuntimeError(f"the reference {task.reference!r} failed: {reference.failures}")
+
+    def cost(trial) -> float:
+        parameters = {
+            name: trial.suggest_float(name, interval.low, interval.high, log=interval.log)
+            for name, interval in task.space.items()
+        }
+        run = runs(task.controller, parameters)
+        single = [
+            task.cost.of(run.metrics[case], reference.metrics[case]) if case in run.metrics else FAILURE_COST
+            for case in cases
+        ]
+        return float(np.mean(single))
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed))
+    if "+" not in task.controller and "tower_dampers" not in task.controller:
+        defaults = controller_parameters(task.controller)
+        usable = {k: defaults[k] for k in task.space if isinstance(defaults.get(k), float)}
+        study.enqueue_trial({k: v for k, v in usable.items() if task.space[k].low <= v <= task.space[k].high})
+    record: dict[str, Any] = {
+        "task": asdict(task),
+        "turbine": turbine.name,
+        "search": {"sampler": "TPE", "seed": seed},
+        "versions": {"wt_gym": wt_gym.__version__, "optuna": optuna.__version__, "python": platform.python_version()},
+        "trials": [],
+    }
+
+    def note(_, trial) -> None:
+        record["trials"].append({"cost": trial.value, "parameters": trial.params})
+        record["best"] = min(record["trials"], key=lambda row: row["cost"])
+        if output is not None:
+            output.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        if progress is not None:
+            progress(trial.number, trial.value, trial.params)
+
+    study.optimize(cost, n_trials=trials, callbacks=[note])
+    return record

@@ -1,0 +1,80 @@
+"""Controllers of the library behind the observation and action of an environment."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import wt_gym  # noqa: F401 - registers the environments
+from agents.baseline import BaselineAgent
+from agents.controller_agent import ControllerAgent
+from wt_gym.control.controllers import make_controller
+
+TURBULENT = "wt_gym/NREL5MW-Turbulent-v0"
+
+
+@pytest.fixture(scope="module")
+def envs():
+    """One environment a choice of arguments."""
+    made = {}
+
+    def make(**arguments):
+        key = tuple(sorted(arguments.items()))
+        if key not in made:
+            made[key] = gym.make(TURBULENT, wind_speed=15.0, **arguments)
+        return made[key]
+
+    return make
+
+
+@pytest.mark.parametrize("mode", ["rate", "absolute"])
+@pytest.mark.parametrize("name", ["discon", "ipc+tower_dampers"])
+def test_demands_are_those_of_the_controller(envs, mode, name):
+    env = envs(action_mode=mode, pitch="individual")
+    raw, agent = env.unwrapped, ControllerAgent.from_env(env, name)
+    controller = make_controller(name, raw.turbine)
+    observation, _ = env.reset(seed=1)
+    controller.start(raw.signals, raw.demand)
+    for _ in range(25):
+        expected = controller.step(raw.signals, raw.control_dt)
+        action, _ = agent.predict(observation)
+        assert action.dtype == np.float32
+        observation, *_ = env.step(action)
+        # float32 of observation and action
+        np.testing.assert_allclose(raw.demand.pitch, expected.pitch, atol=1e-4)
+        assert raw.demand.generator_torque == pytest.approx(expected.generator_torque, rel=1e-3)
+
+
+def test_discon_is_the_baseline_agent(envs):
+    env = envs(action_mode="rate", pitch="collective")
+    actions = []
+    for agent in (BaselineAgent.from_env(env), ControllerAgent.from_env(env)):
+        observation, _ = env.reset(seed=3)
+        taken = []
+        for _ in range(20):
+            taken.append(agent.predict(observation)[0])
+            observation, *_ = env.step(taken[-1])
+        actions.append(taken)
+    np.testing.assert_allclose(*actions, atol=1e-5)
+
+
+def test_a_new_episode_starts_afresh_and_a_batch_is_many(envs):
+    env = envs(action_mode="rate", pitch="individual")
+    agent = ControllerAgent.from_env(env, "rosco+ipc")
+    first, _ = env.reset(seed=1)
+    one, _ = agent.predict(first)
+    observation = first
+    for _ in range(5):
+        observation, *_ = env.step(agent.predict(observation)[0])
+    again, _ = agent.predict(first)
+    np.testing.assert_array_equal(one, again)
+    batch, state = agent.predict(np.stack([first, first]), None, np.ones(2, dtype=bool))
+    np.testing.assert_array_equal(batch, np.stack([one, one]))
+    assert state is None
+
+
+def test_missing_channels_and_collective_pitch_are_refused(envs):
+    blind = gym.make(TURBULENT, wind_speed=15.0, pitch="individual", observation=("rotor", "power", "pitch"))
+    with pytest.raises(KeyError, match=r"azimuth_sin and azimuth_cos .*it has rotor_speed"):
+        ControllerAgent.from_env(blind, "ipc")
+    with pytest.raises(ValueError, match="individual"):
+        ControllerAgent.from_env(envs(action_mode="rate", pitch="collective"), "ipc")

@@ -1,0 +1,67 @@
+"""Tuning and comparison with a made-up simulator: the search finds the least cost, the record says how."""
+
+import json
+import math
+
+import pytest
+
+from agents import tuning
+from agents.comparison import Case, ControllerRuns, change, table
+from agents.tuning import Cost, Range, TuningTask, tune
+from wt_gym.turbines import load_turbine
+
+METRICS = {
+    "mean_power": 5e6, "blade_flap_del": 6e6, "blade_edge_del": 6e6, "tower_fore_aft_del": 1.5e7,
+    "tower_side_side_del": 6e6, "pitch_duty_cycle": 0.04, "torque_rate": 400.0, "rotor_speed_max": 1.3,
+}  # fmt: skip
+
+
+def made_up(turbine, controllers, cases, *_):
+    """Metrics whose flap load is least at bandwidth 0.3."""
+    runs = []
+    for label, (_, parameters) in controllers.items():
+        load = 6e6 * (0.8 + math.log(parameters["bandwidth"] / 0.3) ** 2) if parameters else 6e6
+        runs.append(ControllerRuns(label, {c: METRICS | {"blade_flap_del": load} for c in cases}, {}))
+    return runs
+
+
+def test_the_search_finds_the_least_cost_and_says_how(monkeypatch, tmp_path):
+    optuna = pytest.importorskip("optuna")
+    monkeypatch.setattr(tuning, "run_cases", made_up)
+    task = TuningTask("ipc", seeds=(3,), space={"bandwidth": Range(0.03, 1.0, log=True)})
+    path = tmp_path / "tuned.json"
+    record = tune(load_turbine("nrel_5mw"), task, trials=30, output=path)
+    assert record["best"]["cost"] == pytest.approx(-0.2, abs=0.01)
+    assert record["best"]["parameters"]["bandwidth"] == pytest.approx(0.3, rel=0.15)
+    assert record["trials"][0]["parameters"] == {"bandwidth": 0.2}  # the default comes first
+    read = json.loads(path.read_text())
+    assert read["task"]["seeds"] == [3]
+    assert read["task"]["cost"]["weights"]["mean_power"] == -5.0
+    assert read["versions"]["optuna"] == optuna.__version__
+    assert len(read["trials"]) == 30
+
+
+def test_cost():
+    worse = METRICS | {"mean_power": 0.99 * 5e6, "blade_flap_del": 0.9 * 6e6, "pitch_duty_cycle": 0.14}
+    assert Cost().of(worse, METRICS) == pytest.approx(5 * 0.01 - 0.1 + 0.5 * 0.1)
+
+
+def test_held_back_seeds_and_empty_spaces_are_refused():
+    with pytest.raises(ValueError, match="1001"):
+        TuningTask("ipc", seeds=(1, 1001))
+    with pytest.raises(ValueError, match="nothing to tune"):
+        TuningTask("discon")
+    assert set(TuningTask("ipc+yaw").space) >= {"ipc__bandwidth", "yaw__dead_band"}
+
+
+def test_changes_and_table():
+    cases = [Case(15.0, seed) for seed in (1, 2, 3)]
+    first = ControllerRuns("discon", {c: METRICS for c in cases}, {})
+    factors = (0.7, 0.8, 0.9)
+    other = {c: METRICS | {"blade_flap_del": f * 6e6} for c, f in zip(cases, factors, strict=True)}
+    second = ControllerRuns("ipc", other, {})
+    mean, half = change(second, first, 15.0, "blade_flap_del")
+    assert mean == pytest.approx(-0.2)
+    assert half == pytest.approx(4.303 * 0.1 / math.sqrt(3), rel=1e-3)
+    assert "-20.0 ± 24.8 %" in table([first, second])
+    assert math.isnan(change(second, first, 12.0, "blade_flap_del")[0])
