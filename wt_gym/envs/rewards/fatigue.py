@@ -45,8 +45,8 @@ class BladeFatigue:
 
     def __init__(
         self,
-        weight: float = 0.4,
-        scale: float = 0.4,
+        weight: float = 1.5,
+        scale: float = 0.35,
         fixed_frame: float = 0.5,
         time_constant: float = 10.0,
         name: str = "blade_fatigue",
@@ -122,8 +122,8 @@ class TowerForeAftFatigue(_TowerFatigue):
 
     def __init__(
         self,
-        weight: float = 0.2,
-        scale: float = 0.4,
+        weight: float = 1.0,
+        scale: float = 0.33,
         time_constant: float = 10.0,
         name: str = "tower_fore_aft_fatigue",
     ):
@@ -147,8 +147,8 @@ class TowerSideSideFatigue(_TowerFatigue):
 
     def __init__(
         self,
-        weight: float = 0.1,
-        scale: float = 0.1,
+        weight: float = 0.2,
+        scale: float = 0.08,
         time_constant: float = 10.0,
         name: str = "tower_side_side_fatigue",
     ):

@@ -39,7 +39,7 @@ class ActuatorUse:
 class Overspeed:
     """Penalty on rotor speed above ``margin`` times rated: x = excess / (``scale`` * rated)."""
 
-    weight: float = 0.6
+    weight: float = 0.4
     margin: float = 1.02
     scale: float = 0.1
     name: str = "overspeed"
