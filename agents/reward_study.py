@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,8 @@ from scipy.stats import spearmanr
 
 from agents.baseline import BaselineController, BaselineParameters
 from wt_gym.analysis.metrics import run_metrics
+from wt_gym.control import Demand
+from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs import rewards
 from wt_gym.envs.wind_sampler import WindSampler
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = [
     "BASELINE",
     "COST_WEIGHTS",
+    "LIBRARY",
     "LOADS",
     "RELATIVE",
     "StudyController",
@@ -181,8 +184,15 @@ def controllers() -> dict[str, StudyController]:
     }
 
 
+LIBRARY = (
+    "retuned", "rosco", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper", "side_side_damper",
+    "rosco+ipc+tower_dampers",
+)  # fmt: skip
+"""Controllers of the library on which the weights of the reward were not chosen."""
+
+
 class _Loop:
-    """A study controller at work, one call a step of the simulator."""
+    """A study controller at work, one call a step of the simulator (`wt_gym.control.controllers.Controller`)."""
 
     # Largest individual pitch [rad] and the lag of the drive that the azimuth is led by [s].
     _MOST_INDIVIDUAL, _LAG = math.radians(6.0), 0.2
@@ -197,8 +207,8 @@ class _Loop:
         self.tilt_yaw = np.zeros(2)
         self.velocity = np.zeros(2)  # of the tower top along and across the nacelle, high-passed [m/s]
 
-    def step(self, signals: Signals, dt: float) -> tuple[np.ndarray, float]:
-        """Demands on pitch [rad], shape (n_blades,), and torque [N m]."""
+    def step(self, signals: Signals, dt: float) -> Demand:
+        """Demand for the next step."""
         d, limits, time = self.description, self.turbine.drivetrain, signals.time
         pitch, torque = self.baseline.step(signals.generator_speed, dt)
         if d.constant_torque:
@@ -210,7 +220,8 @@ class _Loop:
         if d.individual != 0.0:
             pitch = pitch + self._individual(signals, dt)
         low, high = self.turbine.pitch.min_pitch, self.turbine.pitch.max_pitch
-        return np.clip(pitch, max(low, 0.0), high), min(max(torque, 0.0), limits.max_generator_torque)
+        torque = min(max(torque, 0.0), limits.max_generator_torque)
+        return Demand(np.clip(pitch, max(low, 0.0), high), 0.0, torque)
 
     def _individual(self, signals: Signals, dt: float) -> np.ndarray:
         """Individual pitch [rad], shape (n_blades,): integrals of the tilt and yaw moments, turned back to the blades.
@@ -260,7 +271,7 @@ def wind(turbine: Turbine, wind_speed: float, seed: int) -> Inflow:
 
 
 def simulate(
-    controller: StudyController,
+    controller: StudyController | str,
     simulator: Simulator,
     duration: float = 160.0,
     control_dt: float = CONTROL_DT,
@@ -269,8 +280,8 @@ def simulate(
 
     Parameters
     ----------
-    controller : StudyController
-        Called at every step of the simulator.
+    controller : StudyController or str
+        Called at every step of the simulator; a name is one of `wt_gym.control.controllers.make_controller`.
     simulator : Simulator
         Is reset.
     duration : float
@@ -285,15 +296,21 @@ def simulate(
     """
     turbine = simulator.turbine
     start = operating_point(turbine, simulator.inflow.mean_speed)
-    pitch = max(start.pitch, controller.fine_pitch)
-    signals = simulator.reset(start.rotor_speed, pitch, yaw=controller.yaw, generator_torque=start.generator_torque)
-    loop, rows = _Loop(controller, turbine, signals), [signals.values]
+    varied = isinstance(controller, StudyController)
+    pitch, yaw = (max(start.pitch, controller.fine_pitch), controller.yaw) if varied else (start.pitch, 0.0)
+    signals = simulator.reset(start.rotor_speed, pitch, yaw=yaw, generator_torque=start.generator_torque)
+    if varied:
+        loop = _Loop(controller, turbine, signals)
+    else:
+        loop = make_controller(controller, turbine)
+        loop.start(signals, Demand(signals.pitch.copy(), 0.0, signals.generator_torque))
+    rows = [signals.values]
     count = round(control_dt / simulator.time_step)
     for _ in range(round(duration / control_dt)):
         merged = None
         for _ in range(count):
-            pitch, torque = loop.step(signals, simulator.time_step)
-            signals = simulator.advance(simulator.time_step, pitch=pitch, generator_torque=torque)
+            demand = loop.step(signals, simulator.time_step)
+            signals = simulator.advance(simulator.time_step, **asdict(demand))
             merged = signals if merged is None else signals.after(merged)
         rows.append(merged.values)
     return np.array(rows)

@@ -52,6 +52,7 @@ def simulate(arguments: argparse.Namespace) -> None:
         (name, controller, wind, seed)
         for seed in arguments.seeds for wind in arguments.winds for name, controller in study.controllers().items()
     ]  # fmt: skip
+    runs += [(name, name, wind, arguments.seeds[0]) for wind in arguments.winds for name in study.LIBRARY]
     rows, started = [], time.monotonic()
     arguments.runs.mkdir(parents=True, exist_ok=True)
     for k, (name, controller, wind, seed) in enumerate(runs, start=1):
