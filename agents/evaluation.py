@@ -32,6 +32,7 @@ __all__ = ["BASELINE", "Agent", "EvaluationConfig", "default_names", "evaluate",
 BASELINE = "Baseline PI"
 # A metric of a few samples says nothing: runs that end earlier than this after the skipped start have none.
 _LEAST_MEASURED = 2.0
+_ENDLESS = 10**9  # control steps
 
 
 class Agent(Protocol):
@@ -52,7 +53,7 @@ class EvaluationConfig:
     env_kwargs : dict
         Arguments of the environment besides episode length.
     winds : tuple of Wind
-        By default two held-back turbulence seeds at 12 m/s.
+        By default two held-back turbulence seeds at 15 m/s.
     duration : float
         Length of a run [s].
     skip : float
@@ -61,9 +62,9 @@ class EvaluationConfig:
         Of the environment (measurement noise).
     """
 
-    env_id: str = "wt_gym/NREL5MW-Turbulent-v0"
+    env_id: str = "wt_gym/LoadReduction-v0"
     env_kwargs: dict[str, Any] = field(default_factory=dict)
-    winds: tuple[Wind, ...] = tuple(Wind(12.0, seed) for seed in EVALUATION_WIND_SEEDS[:2])
+    winds: tuple[Wind, ...] = tuple(Wind(15.0, seed) for seed in EVALUATION_WIND_SEEDS[:2])
     duration: float = 600.0
     skip: float = 30.0
     seed: int = 0
@@ -75,15 +76,16 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
     Parameters
     ----------
     choice : str
-        ``"baseline"``, ``"constant"``, or the path of a trained model or its folder.
+        ``"baseline"`` (the controller beneath residual actions, else the baseline controller), ``"constant"``, or the
+        path of a trained model or its folder.
     layout : EnvLayout
 
     Returns
     -------
     Agent
     """
-    if choice == "baseline":
-        return BaselineAgent(layout)
+    if choice == "baseline":  # beneath residual actions runs a controller already
+        return ConstantAgent(layout) if layout.action.mode == "residual" else BaselineAgent(layout)
     if choice == "constant":
         return ConstantAgent(layout)
     from agents.trained import TrainedAgent  # torch takes seconds to import
@@ -121,7 +123,8 @@ def evaluate(agents: Mapping[str, str | Agent], config: EvaluationConfig, *, pro
         )
     if "episode_length" in config.env_kwargs:
         raise ValueError("episode_length follows from the duration of the evaluation; leave it out of env_kwargs")
-    env = gym.make(config.env_id, **config.env_kwargs, episode_length=config.duration)
+    # the duration of the evaluation is the only limit, whatever the length of a task's episodes
+    env = gym.make(config.env_id, **config.env_kwargs, episode_length=config.duration, max_episode_steps=_ENDLESS)
     try:
         layout = layout_of(env)
         ready = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}

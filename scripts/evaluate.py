@@ -16,9 +16,9 @@ def parse_arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the yardstick")
-    parser.add_argument("--env", default="wt_gym/NREL5MW-Turbulent-v0", help="environment id (default: %(default)s)")
+    parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/evaluation", help="folder for the results (default: %(default)s)")
-    parser.add_argument("--wind-speed", type=float, nargs="+", default=[12.0], metavar="M_S", help="mean speeds [m/s]")
+    parser.add_argument("--wind-speed", type=float, nargs="+", default=[15.0], metavar="M_S", help="mean speeds [m/s]")
     parser.add_argument(
         "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: two held back)"
     )

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Train a PPO policy on a wt_gym environment.
 
-Writes the model, its normalisation statistics, checkpoints and a record of the training into a folder that
+Writes the model, the statistics of its rewards, checkpoints and a record of the training into a folder that
 scripts/evaluate.py takes.
 """
 
@@ -12,7 +12,7 @@ import json
 def parse_arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--env", default="wt_gym/NREL5MW-Turbulent-v0", help="environment id (default: %(default)s)")
+    parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/ppo", help="folder for the results (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=200_000, help="environment steps (default: %(default)s)")
     parser.add_argument("--max-seconds", type=float, help="stop after this wall time")

@@ -145,6 +145,7 @@ def trained(tmp_path_factory):
         batch_size=32,
         n_epochs=2,
         checkpoint_steps=128,
+        normalise_observations=True,
     )
     return folder, train(config, folder, progress=False)
 
