@@ -91,8 +91,11 @@ class ControllerAgent:
         self.layout = layout
         self.controller = make_controller(controller, layout.turbine, **parameters)
         action = layout.action
-        if action.mode not in ("rate", "absolute"):
-            raise ValueError(f"a ControllerAgent needs rate or absolute actions, got action_mode {action.mode!r}")
+        if action.mode not in ("rate", "absolute") or action.pitch == "fixed-frame":
+            raise ValueError(
+                "a ControllerAgent needs rate or absolute actions on the blades, got "
+                f"action_mode {action.mode!r} with pitch {action.pitch!r}; residual actions have controller=... beneath"
+            )
         if "azimuth" in self.controller.channels and action.pitch != "individual":
             raise ValueError(f"a controller of individual pitch needs pitch='individual', got {action.pitch!r}")
         if action.pitch == "individual":

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from agents.comparison import Case, change, run_cases, table
+from agents.closed_loop import run_controller
+from agents.comparison import Case, change, inflow_of, run_cases, table
 from validation.case import CaseResult, Check, Curve, Figure, case
+from wt_gym.control.controllers import WindEstimator, make_controller
+from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 
 WINDS = (12.0, 15.0, 18.0)
@@ -60,3 +63,38 @@ def controllers() -> CaseResult:
         curves.append(Curve(np.array(duty), np.array(loads), f"{wind:g} m/s", "o"))
     figure = Figure(tuple(curves), "pitch duty cycle", "flap DEL against the baseline [%]")
     return CaseResult(checks, {"Front of load against pitch travel": figure}, table(runs))
+
+
+@case(
+    "wind-estimate",
+    "Wind estimated from speed, torque and pitch against the rotor-effective wind of the inflow",
+    "rotor-effective wind: mean of the undisturbed wind over the disc",
+)
+def wind_estimate() -> CaseResult:
+    """8, 12 and 16 m/s, one seed of 200 s each, under the baseline controller."""
+    turbine, checks, lines, figures = load_turbine("nrel_5mw"), [], [], {}
+    simulator, dt, skip = None, 0.1, 300
+    for wind in (8.0, 12.0, 16.0):
+        inflow = inflow_of(turbine, Case(wind, SEEDS[0]))
+        simulator = simulator or Simulator(turbine, inflow)
+        simulator.inflow = inflow
+        estimator, found = WindEstimator.of_turbine(turbine), []
+
+        def take(signals, estimator=estimator, found=found):
+            if not found:
+                estimator.start(signals)
+            found.append(estimator.update(signals, dt))
+
+        run_controller(simulator, make_controller("discon", turbine), 200.0, dt, take)
+        times = dt * np.arange(1, len(found) + 1)[skip:]
+        estimate, truth = np.array(found[skip:]), inflow.rotor_effective_speed(times, turbine.rotor_diameter)
+        correlation, error = float(np.corrcoef(estimate, truth)[0, 1]), estimate - truth
+        rms, bias = float(np.sqrt(np.mean(error**2))), float(error.mean())
+        lines.append(f"{wind:g} m/s: correlation {correlation:.3f}, rms {rms:.2f} m/s, mean error {bias:+.2f} m/s")
+        checks += [
+            Check(f"correlation at {wind:g} m/s", ">= 0.9", correlation, 0.0),
+            Check(f"root mean square of the error at {wind:g} m/s", "<= 0.8", rms, 0.0, "m/s"),
+        ]
+        pair = (Curve(times, truth, "rotor-effective wind"), Curve(times, estimate, "estimate"))
+        figures[f"{wind:g} m/s"] = Figure(pair, "time [s]", "wind [m/s]")
+    return CaseResult(checks, figures, "\n".join(lines))

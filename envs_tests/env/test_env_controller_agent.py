@@ -78,3 +78,16 @@ def test_missing_channels_and_collective_pitch_are_refused(envs):
         ControllerAgent.from_env(blind, "ipc")
     with pytest.raises(ValueError, match="individual"):
         ControllerAgent.from_env(envs(action_mode="rate", pitch="collective"), "ipc")
+    residual = gym.make(TURBULENT, wind_speed=15.0, action_mode="residual", pitch="fixed-frame")
+    with pytest.raises(ValueError, match="beneath"):
+        ControllerAgent.from_env(residual, "discon")
+
+
+def test_controllers_run_beneath_residual_actions():
+    env = gym.make(TURBULENT, wind_speed=15.0, action_mode="residual", pitch="fixed-frame", controller="ipc+yaw")
+    env.reset(seed=1)
+    for _ in range(10):
+        env.step(np.zeros(env.action_space.shape, np.float32))
+    raw = env.unwrapped
+    assert np.ptp(raw.demand.pitch) > 1e-3
+    np.testing.assert_allclose(raw.demand.pitch, raw.base.pitch)

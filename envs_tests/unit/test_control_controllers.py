@@ -26,11 +26,11 @@ from wt_gym.control.controllers import (
     WindEstimator,
     YawByDeadBand,
     controller_parameters,
-    from_fixed_frame,
+    from_harmonic,
     make_controller,
     retuned_parameters,
     rotor_table,
-    to_fixed_frame,
+    to_harmonic,
 )
 from wt_gym.control.controllers.filters import BandLimitedIntegrator
 from wt_gym.control.controllers.retuned import gain_of_table
@@ -99,9 +99,9 @@ def test_band_limited_integrator_starts_at_rest():
 
 @pytest.mark.parametrize("harmonic", [1, 2])
 @pytest.mark.parametrize("azimuth", [0.0, 0.9, 4.0])
-def test_fixed_frame_and_back(harmonic, azimuth):
-    blades = from_fixed_frame(2.0, -3.0, azimuth, 3, harmonic)
-    assert to_fixed_frame(blades + 5.0, azimuth, harmonic) == pytest.approx((2.0, -3.0))
+def test_harmonic_and_back(harmonic, azimuth):
+    blades = from_harmonic(2.0, -3.0, azimuth, 3, harmonic)
+    assert to_harmonic(blades + 5.0, azimuth, harmonic) == pytest.approx((2.0, -3.0))
     assert blades[0] == pytest.approx(2 * math.cos(harmonic * azimuth) - 3 * math.sin(harmonic * azimuth))
     angle = harmonic * (azimuth + 2 * math.pi / 3)
     assert blades[1] == pytest.approx(2 * math.cos(angle) - 3 * math.sin(angle))
@@ -142,16 +142,16 @@ def test_discon_is_the_published_law():
 def test_integral_pitch_follows_its_formula():
     p = HarmonicPitchParameters(integral_gain=4e-9, limit=1.0, rate_limit=1.0, lead=0.05)
     law = HarmonicPitch(p)
-    moments = 1e6 * (8.0 + from_fixed_frame(2.0, -1.0, 0.7))
+    moments = 1e6 * (8.0 + from_harmonic(2.0, -1.0, 0.7))
     for k in range(1, 6):
         pitch = law.step(moments, 0.7, RATED, 0.1)
         assert law.pitch == pytest.approx(np.array([2e6, -1e6]) * 4e-9 * 0.1 * k)
-        assert pitch == pytest.approx(from_fixed_frame(*law.pitch, 0.7 + RATED * (0.05 + 0.05)))
+        assert pitch == pytest.approx(from_harmonic(*law.pitch, 0.7 + RATED * (0.05 + 0.05)))
 
 
 def test_proportional_part():
     law = HarmonicPitch(HarmonicPitchParameters(integral_gain=4e-9, proportional_gain=1e-9, limit=1.0, rate_limit=10.0))
-    moments = 1e6 * from_fixed_frame(2.0, 0.0, 0.0)
+    moments = 1e6 * from_harmonic(2.0, 0.0, 0.0)
     law.step(moments, 0.0, RATED, 0.1)
     law.step(moments, 0.0, RATED, 0.1)
     assert law.pitch[0] == pytest.approx(2e6 * (2 * 0.1 * 4e-9 + 1e-9))
@@ -161,7 +161,7 @@ def test_proportional_part():
 
 def test_limits_hold_and_do_not_wind_up():
     law = HarmonicPitch(HarmonicPitchParameters(integral_gain=1e-7, limit=0.05, rate_limit=0.02))
-    up = 1e6 * from_fixed_frame(3.0, 4.0, 0.0)
+    up = 1e6 * from_harmonic(3.0, 4.0, 0.0)
     before = law.pitch
     for _ in range(200):
         law.step(up, 0.0, RATED, 0.1)
@@ -176,9 +176,9 @@ def test_limits_hold_and_do_not_wind_up():
 def test_band_is_left_alone_and_its_edge_is_held():
     p = HarmonicPitchParameters(integral_gain=4e-9, level=1e6, leak=0.1, limit=1.0, rate_limit=1.0)
     law = HarmonicPitch(p)
-    law.step(1e6 * from_fixed_frame(0.6, 0.7, 0.0), 0.0, RATED, 0.1)
+    law.step(1e6 * from_harmonic(0.6, 0.7, 0.0), 0.0, RATED, 0.1)
     assert not law.pitch.any()
-    law.step(1e6 * from_fixed_frame(1.2, 1.6, 0.0), 0.0, RATED, 0.1)  # norm 2: half of it is beyond the band
+    law.step(1e6 * from_harmonic(1.2, 1.6, 0.0), 0.0, RATED, 0.1)  # norm 2: half of it is beyond the band
     assert law.pitch == pytest.approx(np.array([0.6e6, 0.8e6]) * 4e-9 * 0.1)
     held = law.pitch
     law.step(np.zeros(3), 0.0, RATED, 0.5)
@@ -194,7 +194,7 @@ def test_individual_pitch_adds_to_the_demand_and_fades(turbine):
     above = addition.step(readings(), 0.1, demand())
     assert above.pitch.mean() == pytest.approx(0.2)
     gain = 0.2 * turbine.drivetrain.rated_rotor_speed / flap_moment_sensitivity(turbine)
-    expected = np.array(to_fixed_frame((8e6, 6e6, 5e6), 0.4)) * gain * 0.1
+    expected = np.array(to_harmonic((8e6, 6e6, 5e6), 0.4)) * gain * 0.1
     assert addition.harmonics[0].pitch == pytest.approx(expected)
     # the blade with the largest moment is feathered most
     assert np.argmax(above.pitch) == 0

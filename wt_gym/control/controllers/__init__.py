@@ -23,8 +23,8 @@ from wt_gym.control.controllers.individual_pitch import (
     HarmonicPitch,
     HarmonicPitchParameters,
     IndividualPitch,
-    from_fixed_frame,
-    to_fixed_frame,
+    from_harmonic,
+    to_harmonic,
 )
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
@@ -59,9 +59,9 @@ __all__ = [
     "WindEstimator",
     "YawByDeadBand",
     "controller_parameters",
-    "from_fixed_frame",
+    "from_harmonic",
     "make_controller",
     "retuned_parameters",
     "rotor_table",
-    "to_fixed_frame",
+    "to_harmonic",
 ]

@@ -23,14 +23,10 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["HarmonicPitch", "HarmonicPitchParameters", "IndividualPitch", "from_fixed_frame", "to_fixed_frame"]
+__all__ = ["HarmonicPitch", "HarmonicPitchParameters", "IndividualPitch", "from_harmonic", "to_harmonic"]
 
 
-def _angles(azimuth: float, n_blades: int, harmonic: int) -> np.ndarray:
-    return harmonic * (azimuth + 2.0 * np.pi * np.arange(n_blades) / n_blades)
-
-
-def to_fixed_frame(values, azimuth: float, harmonic: int = 1) -> tuple[float, float]:
+def to_harmonic(values, azimuth: float, harmonic: int = 1) -> tuple[float, float]:
     """Cosine (tilt) and sine (yaw) component of a quantity of the blades.
 
     ``2/B sum x_b cos(n psi_b)`` and ``2/B sum x_b sin(n psi_b)`` with ``psi_b = azimuth + 2 pi b / B``, b = 0 … B - 1.
@@ -43,16 +39,19 @@ def to_fixed_frame(values, azimuth: float, harmonic: int = 1) -> tuple[float, fl
     harmonic : int
         n: 1 for loads once per revolution, 2 for twice.
     """
-    values = np.asarray(values, dtype=np.float64)
-    angle = _angles(azimuth, len(values), harmonic)
-    scale = 2.0 / len(values)
-    return scale * float(values @ np.cos(angle)), scale * float(values @ np.sin(angle))
+    # numbers one by one: arrays of three are slow
+    n_blades, cosine, sine = len(values), 0.0, 0.0
+    for b, value in enumerate(values):
+        angle = harmonic * (azimuth + 2.0 * math.pi * b / n_blades)
+        cosine += value * math.cos(angle)
+        sine += value * math.sin(angle)
+    return 2.0 / n_blades * cosine, 2.0 / n_blades * sine
 
 
-def from_fixed_frame(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> np.ndarray:
-    """Values of the blades ``tilt cos(n psi_b) + yaw sin(n psi_b)``, shape (n_blades,); see `to_fixed_frame`."""
-    angle = _angles(azimuth, n_blades, harmonic)
-    return tilt * np.cos(angle) + yaw * np.sin(angle)
+def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> np.ndarray:
+    """Values of the blades ``tilt cos(n psi_b) + yaw sin(n psi_b)``, shape (n_blades,); see `to_harmonic`."""
+    angles = [harmonic * (azimuth + 2.0 * math.pi * b / n_blades) for b in range(n_blades)]
+    return np.array([tilt * math.cos(angle) + yaw * math.sin(angle) for angle in angles])
 
 
 @dataclass(frozen=True)
@@ -110,13 +109,6 @@ class HarmonicPitch:
     Parameters
     ----------
     parameters : HarmonicPitchParameters
-
-    Attributes
-    ----------
-    pitch : numpy.ndarray, shape (2,)
-        Tilt and yaw component after the last step [rad].
-    moment : numpy.ndarray, shape (2,)
-        Tilt and yaw component measured last [N m].
     """
 
     def __init__(self, parameters: HarmonicPitchParameters):
@@ -125,14 +117,24 @@ class HarmonicPitch:
 
     def start(self) -> None:
         """Forget everything."""
-        self.pitch, self.moment, self._integral = np.zeros(2), np.zeros(2), np.zeros(2)
+        self._pitch = self._moment = self._integral = (0.0, 0.0)
+
+    @property
+    def pitch(self) -> np.ndarray:
+        """Tilt and yaw component after the last step [rad], shape (2,)."""
+        return np.array(self._pitch)
+
+    @property
+    def moment(self) -> np.ndarray:
+        """Tilt and yaw component measured last [N m], shape (2,)."""
+        return np.array(self._moment)
 
     def step(self, moments, azimuth: float, rotor_speed: float, dt: float, share: float = 1.0) -> np.ndarray:
         """Pitch to be added to each blade [rad], shape (n_blades,).
 
         Parameters
         ----------
-        moments : array_like, shape (n_blades,)
+        moments : sequence of float, length n_blades
             Flapwise root moments [N m].
         azimuth, rotor_speed, dt : float
             [rad], [rad/s], [s].
@@ -140,26 +142,30 @@ class HarmonicPitch:
             Of the gains and of the limit that may be used, 0 … 1; at 0 the pitch returns at the rate limit.
         """
         p = self.parameters
-        self.moment = np.array(to_fixed_frame(moments, azimuth, p.harmonic))
-        size = float(np.hypot(*self.moment))
-        error = self.moment * (1.0 - p.level / size) if size > p.level else np.zeros(2)
-        if size < p.level:
-            self._integral = self._integral * math.exp(-p.leak * dt)
-        integral = self._integral + share * p.integral_gain * dt * error
-        proportional = share * p.proportional_gain * error
-        wanted = _within(integral + proportional, share * p.limit)
-        self.pitch = self.pitch + _within(wanted - self.pitch, p.rate_limit * dt)
+        self._moment = to_harmonic(moments, azimuth, p.harmonic)
+        size = math.hypot(*self._moment)
+        beyond = 1.0 - p.level / size if size > p.level else 0.0
+        kept = math.exp(-p.leak * dt) if size < p.level else 1.0
+        integrated, proportional = share * p.integral_gain * dt * beyond, share * p.proportional_gain * beyond
+        wanted = [
+            kept * integral + (integrated + proportional) * moment
+            for integral, moment in zip(self._integral, self._moment, strict=True)
+        ]
+        wanted = _within(wanted, share * p.limit)
+        now = self._pitch
+        move = _within([w - x for w, x in zip(wanted, now, strict=True)], p.rate_limit * dt)
+        self._pitch = (now[0] + move[0], now[1] + move[1])
         # without saturation this is the integral again; what did not get through does not pile up
-        self._integral = self.pitch - proportional
+        self._integral = tuple(x - proportional * m for x, m in zip(self._pitch, self._moment, strict=True))
         # held over a step, the pitch is on average half a step late
         lead = rotor_speed * (p.lead + 0.5 * dt)
-        return from_fixed_frame(*self.pitch, azimuth + lead, len(moments), p.harmonic)
+        return from_harmonic(*self._pitch, azimuth + lead, len(moments), p.harmonic)
 
 
-def _within(vector: np.ndarray, size: float) -> np.ndarray:
+def _within(vector: list[float], size: float) -> list[float]:
     """Vector shortened to a size."""
-    length = float(np.hypot(*vector))
-    return vector if length <= size else vector * (size / length)
+    length = math.hypot(*vector)
+    return vector if length <= size else [x * size / length for x in vector]
 
 
 class IndividualPitch:
@@ -270,4 +276,6 @@ class IndividualPitch:
             self.share = self.fade.update(demand.pitch, speed, dt)
         self._fresh = False
         added = sum(h.step(moments, azimuth, speed, dt, self.share) for h in self.harmonics)
-        return Demand(np.clip(demand.pitch + added, *self.pitch_limits), demand.yaw_rate, demand.generator_torque)
+        low, high = self.pitch_limits
+        pitch = np.minimum(np.maximum(demand.pitch + added, low), high)
+        return Demand(pitch, demand.yaw_rate, demand.generator_torque)
