@@ -395,9 +395,9 @@ def _difference(row: Mapping, base: Mapping) -> dict:
     return change | {"cost": cost(change)}
 
 
-def cost(change: Mapping[str, float]) -> float:
-    """Relative change of the cost of energy by differences to the baseline, `COST_WEIGHTS` [-]."""
-    return sum(weight * change[key] for key, weight in COST_WEIGHTS.items())
+def cost(change: Mapping[str, float], weights: Mapping[str, float] | None = None) -> float:
+    """Relative change of the cost of energy by differences to the baseline, by default with `COST_WEIGHTS` [-]."""
+    return sum(weight * change[key] for key, weight in (COST_WEIGHTS if weights is None else weights).items())
 
 
 def total_rate(row: Mapping[str, float], weights: Mapping[str, float] | None = None) -> float:

@@ -11,6 +11,7 @@ printed as one JSON object last.
 
 import argparse
 import csv
+import itertools
 import json
 import sys
 import time
@@ -26,6 +27,9 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--csv", type=Path, default=ROOT / "docs" / "data" / "reward_study.csv", help="table of runs")
     parser.add_argument(
         "--runs", type=Path, metavar="FOLDER", help="make the table from the runs in this folder; simulate missing ones"
+    )
+    parser.add_argument(
+        "--library", action="store_true", help="with --runs: the controllers of the library too, with the first seed"
     )
     parser.add_argument("--winds", type=float, nargs="+", default=[8.0, 12.0, 16.0], metavar="M_S")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1001, 1002], help="turbulence seeds")
@@ -52,7 +56,8 @@ def simulate(arguments: argparse.Namespace) -> None:
         (name, controller, wind, seed)
         for seed in arguments.seeds for wind in arguments.winds for name, controller in study.controllers().items()
     ]  # fmt: skip
-    runs += [(name, name, wind, arguments.seeds[0]) for wind in arguments.winds for name in study.LIBRARY]
+    if arguments.library:
+        runs += [(name, name, wind, arguments.seeds[0]) for wind in arguments.winds for name in study.LIBRARY]
     rows, started = [], time.monotonic()
     arguments.runs.mkdir(parents=True, exist_ok=True)
     for k, (name, controller, wind, seed) in enumerate(runs, start=1):
@@ -84,9 +89,13 @@ def analyse(rows: list[dict], weights: dict[str, float]) -> dict:
     """Correlations of the terms with the loads and of the total with the lifetime cost."""
     from agents import reward_study as study
 
-    runs, lifetimes = study.differences(rows), study.lifetime(rows)
+    first = rows[0]["seed"]
+    known = [row for row in rows if row["controller"] not in study.LIBRARY]
+    unseen = [row for row in rows if row["controller"] in (study.BASELINE, *study.LIBRARY) and row["seed"] == first]
+    runs, lifetimes, library = study.differences(known), study.lifetime(known), study.lifetime(unseen)
+    by_seed = {seed: study.lifetime(row for row in known if row["seed"] == seed) for seed in {r["seed"] for r in known}}
     former = study.FORMER_WEIGHTS
-    for row in (*runs, *lifetimes):
+    for row in (*runs, *lifetimes, *library, *itertools.chain(*by_seed.values())):
         row["total"], row["former_total"] = study.total_rate(row, weights), study.total_rate(row, former)
     columns = (*study.LOADS, "mean_power", "pitch_duty", "cost")
     rates = [key for key in rows[0] if key in {term.name for term in study.study_terms()}]
@@ -97,9 +106,40 @@ def analyse(rows: list[dict], weights: dict[str, float]) -> dict:
             for rate in (*rates, "former_total", "total")
         }
 
+    def against_cost(chosen: list[dict], **factors: float) -> float:
+        costs = [
+            study.cost(row, {key: w * factors.get(key, 1.0) for key, w in study.COST_WEIGHTS.items()}) for row in chosen
+        ]
+        return study.correlation([row["total"] for row in chosen], costs)
+
+    def mild(chosen: list[dict]) -> dict:
+        kept = sorted(chosen, key=lambda row: row["cost"])[: 2 * len(chosen) // 3 + 1]
+        costs = [row["cost"] for row in kept]
+        return {"count": len(kept)} | {
+            name: study.correlation([row[name] for row in kept], costs) for name in ("total", "former_total")
+        }
+
     return {
         "runs": runs,
         "lifetimes": lifetimes,
+        "library": library,
+        "by_seed": {seed: against_cost(chosen) for seed, chosen in by_seed.items()},
+        "other_weights": {
+            f"{name} x {factor:g}": study.correlation(
+                [study.total_rate(row, weights | {name: factor * weights[name]}) for row in lifetimes],
+                [row["cost"] for row in lifetimes],
+            )
+            for name in weights
+            if weights[name] > 0
+            for factor in (0.5, 2.0)
+        },
+        "with_library": against_cost([*lifetimes, *library]),
+        "mild": mild(lifetimes),
+        "other_costs": {
+            f"{key} x {factor:g}": against_cost(lifetimes, **{key: factor})
+            for key in study.COST_WEIGHTS
+            for factor in (0.5, 2.0)
+        },
         "all_runs": table(runs),
         "by_wind": {w: table([row for row in runs if row["wind_speed"] == w]) for w in {r["wind_speed"] for r in runs}},
         "lifetime": table(lifetimes),
@@ -114,14 +154,30 @@ def show(result: dict, weights: dict[str, float]) -> None:
         print(f"\nSpearman correlation, {title}\n{'':26s}" + "".join(f"{column:>11s}" for column in columns))
         for rate, values in result[key].items():
             print(f"{rate:26s}" + "".join(f"{value:+11.2f}" for value in values.values()))
-    by_wind = ((wind, table["total"]["cost"]) for wind, table in sorted(result["by_wind"].items()))
-    print("\ntotal against cost: " + ", ".join(f"{value:+.2f} at {wind:g} m/s" for wind, value in by_wind))
-    print("\nLifetime, differences to the baseline; loads and power relative, duty cycle and cost in per cent")
+    by_wind = ((f"{wind:g} m/s", table["total"]["cost"]) for wind, table in sorted(result["by_wind"].items()))
+    by_seed = ((f"seed {seed}", value) for seed, value in sorted(result["by_seed"].items()))
+    with_library = ("with the library's", result["with_library"])
+    for title, values in (
+        ("runs of one wind", by_wind),
+        ("lifetimes", (*by_seed, with_library)),
+        ("lifetimes, other weights in the cost", result["other_costs"].items()),
+        ("lifetimes, other weights in the reward", result["other_weights"].items()),
+    ):
+        print(f"\ntotal against cost, {title}: " + ", ".join(f"{value:+.2f} {label}" for label, value in values))
+    mild = result["mild"]
+    print(
+        f"\nwithout the costliest, {mild['count']} controllers: {mild['total']:+.2f}, "
+        f"reward of the first version {mild['former_total']:+.2f}"
+    )
     columns = ("flap", "edge", "fore_aft", "side_side", "mean_power", "pitch_duty", "cost")
-    print(f"{'':32s}" + "".join(f"{column:>11s}" for column in columns) + f"{'total [1/s]':>13s}")
-    for row in sorted(result["lifetimes"], key=lambda row: row["cost"]):
-        values = "".join(f"{100 * row[column]:+11.2f}" for column in columns)
-        print(f"{row['controller']:32s}{values}{row['total']:+13.4f}")
+    for title, key in (("varied", "lifetimes"), ("of the library, first seed", "library")):
+        print(
+            f"\nLifetime of the controllers {title}: differences to the baseline in per cent (duty cycle: of full use)"
+        )
+        print(f"{'':32s}" + "".join(f"{column:>11s}" for column in columns) + f"{'total [1/s]':>13s}")
+        for row in sorted(result[key], key=lambda row: row["cost"]):
+            values = "".join(f"{100 * row[column]:+11.2f}" for column in columns)
+            print(f"{row['controller']:32s}{values}{row['total']:+13.4f}")
 
 
 def draw(result: dict, folder: Path) -> Path:
@@ -146,6 +202,9 @@ def draw(result: dict, folder: Path) -> Path:
             chosen = [row for row in rows if row.get("wind_speed", 0.0) == wind]
             label = f"{wind:g} m/s" if wind else None
             axis.plot([100 * row["cost"] for row in chosen], [row[column] for row in chosen], "o", ms=5, label=label)
+        if kind == "lifetimes":
+            unseen = result["library"]
+            axis.plot([100 * row["cost"] for row in unseen], [row[column] for row in unseen], "x", ms=6, color="0.3")
         if kind == "runs":
             axis.legend(frameon=False)
         axis.set_title(f"{title}: Spearman {table[column]['cost']:+.2f}", fontsize=11)
