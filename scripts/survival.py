@@ -3,6 +3,8 @@
 
     scripts/survival.py                                   # 200 episodes of residual fixed-frame actions, 6 to 18 m/s
     scripts/survival.py --env wt_gym/FullRange-v0 --episodes 50
+
+It prints how the episodes ended.
 """
 
 import argparse

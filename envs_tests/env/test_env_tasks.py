@@ -14,6 +14,7 @@ from stable_baselines3.common.env_checker import check_env as sb3_check_env
 from agents.closed_loop import run_baseline
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
 from wt_gym.control.coleman import to_fixed_frame
+from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation import Simulator
 from wt_gym.tasks import TASKS
@@ -185,6 +186,15 @@ def test_single_channels_and_lidar():
         WindTurbineEnv(observation=("rotor", "lidar_9"))
 
 
+def test_the_estimated_wind_follows_the_wind():
+    env = WindTurbineEnv(inflow=SteadyInflow(9.0), observation=("wind_estimate",), action_mode="residual",
+                         episode_length=60.0)  # fmt: skip
+    env.reset(seed=0)
+    for _ in range(200):
+        observation, *_ = env.step(np.zeros(env.action_space.shape))
+    assert env.layout.observation.value(observation, "rotor_wind") == pytest.approx(9.0, abs=0.25)
+
+
 # ---- snapshots and copies in the middle of an episode ----
 
 
@@ -192,7 +202,7 @@ def test_single_channels_and_lidar():
 def started():
     env = WindTurbineEnv(
         inflow="turbulent", wind_speed=13.0, sensor_noise=1.0, sensor_delay=0.2, history=2, episode_length=60.0,
-        **RESIDUAL,
+        controller="ipc+tower_dampers", observation=(*RESIDUAL_GROUPS, "wind_estimate", "lidar"), **RESIDUAL,
     )  # fmt: skip
     env.reset(seed=5)
     play(env, np.random.default_rng(0), 7)

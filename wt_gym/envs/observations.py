@@ -13,6 +13,7 @@ import numpy as np
 from wt_gym.constants import GRAVITY
 from wt_gym.control import ActionMap, Aim, Channel, Demand, Lidar, NacelleAnemometer, torque_curve
 from wt_gym.control.coleman import FIXED_FRAME, directions
+from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.simulation.channels import channel_table
 
@@ -34,12 +35,12 @@ __all__ = [
 ]
 
 OBSERVATION_GROUPS = (
-    "rotor", "power", "pitch", "wind", "blades", "fixed_frame", "tower", "azimuth", "controller", "offsets", "lidar",
-    "previous_action",
+    "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
+    "offsets", "lidar", "previous_action",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
 _BLADE_SIGNALS = ("tip_out_of_plane", "tip_in_plane", "root_flap_moment", "root_edge_moment")
-_MEMORY = ("_anemometer", "_wind_reading", "_pitch_before", "_pitch_now", "_dt", "_readings")
+_MEMORY = ("_estimator", "_anemometer", "_wind_reading", "_pitch_before", "_pitch_now", "_dt", "_readings")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
 """What is observed by default on top of a controller, in coordinates that do not turn with the rotor."""
 
@@ -126,6 +127,7 @@ class Observer:
         self._turbine, self._action, self._noise_level = turbine, action, noise_level
         self._delay, self._history = int(delay), int(history)
         self._anemometer = NacelleAnemometer()
+        self._estimator: WindEstimator | None = None
         self._lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
         self.groups, channels = self._choose(choice)
         layers = [channels] + [
@@ -142,9 +144,9 @@ class Observer:
             raise ValueError(f"observation must name groups of {OBSERVATION_GROUPS} or channels, got {choice!r}")
         builders = {
             "rotor": self._rotor, "power": self._power, "pitch": self._pitch, "wind": self._wind,
-            "blades": self._blades, "fixed_frame": self._fixed_frame, "tower": self._tower, "azimuth": self._azimuth,
-            "controller": self._controller, "offsets": self._offsets, "lidar": self._lidar_channels,
-            "previous_action": self._previous_action,
+            "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
+            "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
+            "lidar": self._lidar_channels, "previous_action": self._previous_action,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
         singles = {c.name: c for build in (*builders.values(), self._more) for c in build(any_form=True)}
@@ -172,6 +174,8 @@ class Observer:
         self._cyclic_from = first[:, None] + np.arange(self._turbine.n_blades)
         self._functions = [(k, f) for k, name in enumerate(names) if callable(f := self._special(name))]
         self._mean = np.array([[1.0], [2.0], [2.0]]) / self._turbine.n_blades
+        if "rotor_wind" in names and self._estimator is None:  # another turbine's table takes a while to make
+            self._estimator = WindEstimator.of_turbine(self._turbine)
         self._sees_lidar = any(name.startswith("lidar_") for name in names)
         self._size = len(names)
 
@@ -202,12 +206,16 @@ class Observer:
         self._wind_reading = self._anemometer.reset(signals["wind_x"], signals["wind_y"], signals["yaw_error"])
         self._pitch_before = self._pitch_now = self._blade_pitch(signals)
         self._dt = math.inf
+        if self._estimator is not None:
+            self._estimator.start(signals)
         self._readings: deque[np.ndarray] = deque(maxlen=self._delay + self._history)
 
     def advance(self, signals: Signals, dt: float) -> None:
         """Let the filters take the signals of a step of length ``dt`` [s]."""
         wind = signals["wind_x"], signals["wind_y"], signals["yaw_error"]
         self._wind_reading = self._anemometer.update(*wind, dt)
+        if self._estimator is not None:
+            self._estimator.update(signals, dt)
         self._pitch_before, self._pitch_now, self._dt = self._pitch_now, self._blade_pitch(signals), dt
 
     def observe(self, situation: Situation, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -274,6 +282,7 @@ class Observer:
             return True
         return {
             "wind_speed": lambda s: self._wind_reading[0],
+            "rotor_wind": lambda s: self._estimator.wind,
             "yaw_error": lambda s: self._wind_reading[1],
             "azimuth_sin": lambda s: math.sin(s.signals["azimuth"]),
             "azimuth_cos": lambda s: math.cos(s.signals["azimuth"]),
@@ -335,6 +344,10 @@ class Observer:
             Channel("wind_speed", "m/s", 12.0, 4.0, 0.0, 60.0, 0.2, "nacelle anemometer, filtered over 1 s"),
             Channel("yaw_error", "rad", 0.0, 0.1, -math.pi, math.pi, 0.02, "wind vane, filtered over 5 s"),
         ]
+
+    def _wind_estimate(self, any_form=False) -> list[Channel]:
+        text = "rotor-effective wind, estimated from rotor speed, torque and pitch"
+        return [Channel("rotor_wind", "m/s", 12.0, 4.0, 0.0, 60.0, 0.0, text)]
 
     def _blade_rows(self):
         """Name, unit, offset and scale of a blade, offset and scale of mean and of tilt and yaw, reference, text."""

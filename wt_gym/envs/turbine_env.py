@@ -108,6 +108,7 @@ class WindTurbineEnv(gym.Env):
     | pitch           | pitch demand                               | 5.7    | 5.7    | 0      | 90     | deg     |
     | wind            | nacelle anemometer (1 s filter)            | 12     | 4      | 0      | 60     | m/s     |
     | wind            | yaw error, wind vane (5 s filter)          | 0      | 5.7    | -180   | 180    | deg     |
+    | wind_estimate   | rotor-effective wind from speed and torque | 12     | 4      | 0      | 60     | m/s     |
     | blades          | tip deflection out of plane, 3 blades      | 3.26   | 1.23   | -61.5  | 61.5   | m       |
     | blades          | tip deflection in plane, 3 blades          | -0.62  | 0.46   | -61.5  | 61.5   | m       |
     | blades          | flapwise root moment, 3 blades             | 6.2    | 2.2    | -124   | 124    | MN m    |
