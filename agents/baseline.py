@@ -44,6 +44,11 @@ class BaselineAgent:
     """
 
     def __init__(self, layout: EnvLayout, parameters: BaselineParameters | None = None):
+        if layout.action.needs_controller:
+            raise ValueError(
+                "a controller runs beneath this environment's actions already (residual actions, or components left "
+                "out): zero actions are it; choose it by controller=..."
+            )
         self.layout = layout
         self.parameters = parameters or BaselineParameters.from_turbine(layout.turbine)
         self._controller = BaselineController(self.parameters)

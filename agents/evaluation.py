@@ -156,10 +156,14 @@ def evaluate(agents: Mapping[str, str | Agent], config: EvaluationConfig, *, pro
 
 def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationConfig, line: ProgressLine) -> Run:
     """One agent in one wind."""
-    options: dict[str, Any] = {"azimuth": 0.0, "wind_speed": wind.speed}
-    if wind.seed is not None:
+    # what the wind leaves open (directions, transients, own inflows) is drawn for every wind, once for all agents
+    allowed, number = env.unwrapped.wind.options, config.winds.index(wind)
+    options: dict[str, Any] = {"azimuth": 0.0}
+    if "wind_speed" in allowed:
+        options["wind_speed"] = wind.speed
+    if wind.seed is not None and "wind_seed" in allowed:
         options["wind_seed"] = wind.seed
-    observation, info = env.reset(seed=config.seed, options=options)
+    observation, info = env.reset(seed=config.seed + 1000 * number, options=options)
     turbine_env, started = env.unwrapped, time.monotonic()
     recorder = Recorder(turbine_env.simulator, agent=name, wind_speed=wind.speed, wind_seed=info["wind_seed"])
     recorder.append(turbine_env.signals)

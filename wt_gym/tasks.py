@@ -43,7 +43,14 @@ class Task:
 
 
 _RESIDUAL = {"turbine": "nrel_5mw", "inflow": "turbulent", "action_mode": "residual", "episode_length": None}
-_FIXED_FRAME = {**_RESIDUAL, "pitch": "fixed-frame"}
+# Pitch in tilt and yaw can shake the tower sideways: with the default weight some agents treble that fatigue. The penalty
+# for an early end exceeds the worst operation of 5 per second, 100 at a discount of 0.99.
+_FIXED_FRAME = {
+    **_RESIDUAL,
+    "pitch": "fixed-frame",
+    "reward": {"tower_side_side_fatigue": 1.0},
+    "termination_penalty": 120.0,
+}
 
 TASKS = {
     task.name: task
@@ -71,17 +78,18 @@ TASKS = {
                 **_RESIDUAL,
                 "action_components": ("pitch", "torque"),
                 "wind_speed": (5.0, 10.0),
-                "reward": {"blade_fatigue": 0.0, "tower_fore_aft_fatigue": 0.0, "tower_side_side_fatigue": 0.0},
+                "reward": {"blade_fatigue": 0.3, "tower_fore_aft_fatigue": 0.2, "tower_side_side_fatigue": 0.05},
             },
         ),
         Task(
             "Yaw",
-            "Keep the rotor in a wind whose direction is drawn and wanders, with a vane that is noisy and slow.",
+            "Keep the rotor in a wind whose direction wanders, by a noisy vane, on top of the dead-band controller.",
             "energy against yaw travel",
             300.0,
             {
                 **_RESIDUAL,
                 "action_components": ("yaw",),
+                "controller": "discon+yaw",
                 "wind_speed": (6.0, 14.0),
                 "wind_direction": (-0.35, 0.35),
                 "wind_wander": (0.15, 120.0),

@@ -14,10 +14,12 @@ from stable_baselines3.common.env_checker import check_env as sb3_check_env
 from agents.closed_loop import run_baseline
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
 from wt_gym.control.coleman import to_fixed_frame
+from wt_gym.control.controllers import make_controller
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation import Simulator
 from wt_gym.tasks import TASKS
+from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 TURBULENT = "wt_gym/NREL5MW-Turbulent-v0"
@@ -265,3 +267,40 @@ def test_directions_gusts_and_lists_are_drawn():
         env.reset(seed=seed)
         kinds.add(env.episode_wind.inflow.kind[:3])
     assert kinds == {"EOG", "EDC", "ECD", "EWS"}
+
+
+def test_environments_do_not_share_a_controller():
+    """Resetting one does not start the controller of the other anew."""
+    own = make_controller("discon", load_turbine("nrel_5mw"))
+    first, second = (WindTurbineEnv(inflow=SteadyInflow(15.0), controller=own, **RESIDUAL) for _ in range(2))
+    first.reset(seed=0)
+    first.step(np.zeros(5))
+    before = copy.deepcopy(first.controller.law.state)
+    second.reset(seed=0, options={"pitch": 0.3})
+    assert first.controller is not second.controller
+    assert first.controller.law.state.filtered_speed == before.filtered_speed
+    np.testing.assert_array_equal(first.controller.law.state.pitch, before.pitch)
+
+
+def test_groups_that_are_empty_with_an_action_are_refused():
+    with pytest.raises(ValueError, match=r"observation \['offsets'\]: with this action"):
+        WindTurbineEnv(observation=("rotor", "offsets"))
+
+
+def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
+    """The twin's end is no income, and what it earned last goes on being taken off."""
+    env = WindTurbineEnv(inflow=SteadyInflow(15.0), relative_reward=True, episode_length=4.0, **RESIDUAL)
+    env.reset(seed=0)
+    env.step(np.zeros(5))
+    env._twin.overspeed_limit = 0.5
+    rewards = [env.step(np.zeros(5))[1] for _ in range(4)]
+    assert not env._twin._running
+    assert np.abs(rewards).max() < 0.1
+
+
+def test_yaw_task_is_on_top_of_the_dead_band():
+    env = gym.make("wt_gym/Yaw-v0", sensor_noise=0.0, wind_direction=0.3, wind_wander=None).unwrapped
+    env.reset(seed=0)
+    for _ in range(600):
+        env.step(np.zeros(1))
+    assert env.signals["yaw"] > 0.1  # towards the wind, within two minutes

@@ -206,8 +206,10 @@ class ActionMap:
         for name, value in (spans or {}).items():
             if name not in SPANS:
                 raise ValueError(f"action_spans has no {name!r}; there are {SPANS}")
-            if not 0.0 < value <= most.get(name, math.inf):
-                raise ValueError(f"action_spans[{name!r}] must be positive and at most {most.get(name)}, got {value!r}")
+            limit = most.get(name, math.inf)
+            if not 0.0 < value <= limit or not math.isfinite(value):
+                allowed = f"positive and at most {limit:.6g}" if name in most else "positive and finite"
+                raise ValueError(f"action_spans[{name!r}] must be {allowed}, got {value!r}")
             chosen[name] = float(value)
         return chosen
 

@@ -156,6 +156,9 @@ class Observer:
                 f"observation has no {unknown}; there are the groups {OBSERVATION_GROUPS} and the channels "
                 f"{tuple(singles)}"
             )
+        empty = [group for group in groups if not builders[group]()]
+        if empty:
+            raise ValueError(f"observation {empty}: with this action there is no controller beneath, or no offset")
         channels = [channel for group in groups for channel in builders[group]()]
         taken = {channel.name for channel in channels}
         wanted = [name for name in dict.fromkeys(choice) if name not in OBSERVATION_GROUPS and name not in taken]

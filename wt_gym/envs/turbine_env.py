@@ -39,8 +39,10 @@ __all__ = ["EnvSnapshot", "WindTurbineEnv"]
 _RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitch", "azimuth", "generator_torque")
 
 # What an episode remembers beside the simulator, the sensors and the random numbers
-_SNAPSHOT = ("signals", "demand", "base", "aim", "controller", "reward_terms", "_action", "_observation", "_steps",
-             "_running")  # fmt: skip
+_SNAPSHOT = (
+    "signals", "demand", "base", "aim", "controller", "reward_terms", "_action", "_observation", "_saturated", "_steps",
+    "_running", "_twin_terms",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -312,14 +314,18 @@ class WindTurbineEnv(gym.Env):
         self.overspeed_limit, self.standstill_limit = float(overspeed_limit), float(standstill_limit)
         self.control_dt, self.fidelity = float(control_dt), fidelity
         self._inner_dt, self._substeps = self._inner_steps()
-        self._max_steps = self._steps_in("episode_length", episode_length, least=1) if episode_length else None
+        self._max_steps = None
+        if episode_length is not None:
+            self._max_steps = self._steps_in("episode_length", episode_length, least=1)
         servo = self.turbine.pitch.servo_frequency
         # a command is reached at the end of a step, half a step late by an ideal drive or twice 1/frequency by a servo
         delay = 1.5 * self._inner_dt if servo is None else self._inner_dt + 2.0 / servo
         action = ActionMap(
             self.turbine, control_dt, action_mode, pitch, action_components, action_spans, self.wind.speeds, delay
         )
-        self.controller = make_controller(controller, self.turbine) if action.needs_controller else None
+        self.controller = None
+        if action.needs_controller or controller != "discon":  # a copy: no two environments share its memory
+            self.controller = copy.deepcopy(make_controller(controller, self.turbine))
         if observation is None:
             observation = RESIDUAL_GROUPS if action_mode == "residual" else DEFAULT_GROUPS
         late = self._steps_in("sensor_delay", sensor_delay, least=0)
@@ -336,7 +342,7 @@ class WindTurbineEnv(gym.Env):
         self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
         self.simulator: Simulator | None = None
         self.signals: Signals | None = None
-        self._twin = None
+        self._twin, self._twin_terms = None, {}
         if relative_reward:
             self._twin = WindTurbineEnv(
                 self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, fidelity=fidelity,
@@ -407,7 +413,7 @@ class WindTurbineEnv(gym.Env):
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running = 0, True
         self._observer.reset(self._situation())
-        self._observation = None
+        self._observation, self._saturated = None, ()
         rewards.reset(self.reward_terms, self.turbine, self.signals)
 
     def step(self, action):
@@ -485,11 +491,13 @@ class WindTurbineEnv(gym.Env):
     def _compared(self, reward, terms) -> tuple[float, dict[str, float]]:
         """Reward and terms less those that the controller alone earns in the same wind."""
         twin = self._twin
-        if twin is None or not twin._running:
+        if twin is None:
             return reward, terms
-        _, other, _, _, info = twin.step(np.zeros(twin.layout.action.size))
-        names = dict.fromkeys((*terms, *info["reward_terms"]))
-        return reward - other, {name: terms.get(name, 0.0) - info["reward_terms"].get(name, 0.0) for name in names}
+        if twin._running:  # when its episode has ended, what it earned last stands
+            *_, info = twin.step(np.zeros(twin.layout.action.size))
+            self._twin_terms = {name: v for name, v in info["reward_terms"].items() if name != "termination"}
+        other = self._twin_terms
+        return reward - sum(other.values()), {name: value - other.get(name, 0.0) for name, value in terms.items()}
 
     def _returned(self, reward, terms):
         """What `step` returns as reward."""
@@ -596,8 +604,8 @@ class WindTurbineEnv(gym.Env):
         return Situation(self.signals, self.demand, self.aim, self.base, self._action, self.episode_wind.inflow)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
-        self._observation, saturated = self._observer.observe(self._situation(), self.np_random)
-        return self._observation.copy(), saturated
+        self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)
+        return self._observation.copy(), self._saturated
 
     def _info(self, saturated: tuple[str, ...]) -> dict[str, Any]:
         return {
@@ -635,7 +643,7 @@ class WindTurbineEnv(gym.Env):
     def _fail(self, error: SimulationError):
         """Result of a step that the simulation did not survive: the last good observation and the penalty."""
         self._running = False
-        observation, saturated = self._observe()
+        observation, saturated = self._observation.copy(), self._saturated
         reward, terms = self._punish(0.0, {term.name: 0.0 for term in self.reward_terms})
         info = self._info(saturated) | {"reward_terms": terms, "termination": "failure", "failure": str(error)}
         return observation, self._returned(reward, info["reward_terms"]), True, False, info

@@ -129,6 +129,13 @@ class WindSampler:
             self.speeds = (min(means), max(means))
         self.seeds = (self._pool if kind == "turbulent" else ()) if isinstance(kind, str) else None
 
+    @property
+    def options(self) -> tuple[str, ...]:
+        """What `sample` can be told instead of drawing it."""
+        if not isinstance(self._kind, str):
+            return ()
+        return ("wind_speed", "wind_seed", "time_offset") if self._kind == "turbulent" else ("wind_speed",)
+
     def sample(
         self,
         rng: np.random.Generator,
@@ -159,7 +166,10 @@ class WindSampler:
         turbulent = isinstance(self._kind, str) and self._kind == "turbulent"
         self._refuse_useless(wind_speed, wind_seed, time_offset)
         if not isinstance(self._kind, str):
-            own = self._kind(rng) if callable(self._kind) else self._kind[int(rng.integers(len(self._kind)))]
+            if callable(self._kind):
+                (own,) = self._own_inflows(self._kind(rng))
+            else:
+                own = self._kind[int(rng.integers(len(self._kind)))]
             return self._turned(EpisodeWind(own, own.mean_speed, -1, 0.0), rng)
         speed = self._checked_speed(wind_speed) if wind_speed is not None else float(drawn_speed)
         if self._kind == "gusts":
