@@ -15,6 +15,7 @@ from agents.closed_loop import run_baseline
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
 from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.control.controllers import make_controller
+from wt_gym.envs import rewards
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation import Simulator
@@ -65,6 +66,13 @@ def test_tasks_start_step_and_tell_their_length(name):
     assert np.isfinite(reward)
     assert not terminated
     assert not truncated
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_ending_a_task_early_never_pays(name):
+    """The worst operation for ever, discounted by 0.99 a step, costs less than the end of the episode."""
+    env = gym.make(f"wt_gym/{name}-v0").unwrapped
+    assert -rewards.worst_rate(env.reward_terms) * env.control_dt / (1.0 - 0.99) < env.termination_penalty
 
 
 def test_the_time_limit_of_a_task_is_a_truncation():
