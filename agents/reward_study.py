@@ -20,6 +20,7 @@ from scipy.stats import spearmanr
 from agents.baseline import BaselineController, BaselineParameters
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control import Demand
+from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs import rewards
@@ -228,16 +229,14 @@ class _Loop:
 
         Faded out, if so wanted, below rated, where the blades stand at fine pitch.
         """
-        n = self.turbine.n_blades
-        azimuth = signals.azimuth + 2 * math.pi * np.arange(n) / n
-        moments = 2 / n * np.array([np.cos(azimuth), np.sin(azimuth)]) @ signals.root_flap_moment
+        moments = np.array(to_harmonic(signals.root_flap_moment, signals.azimuth))
         room = min(max(float(self.baseline.state.pitch[0]) / math.radians(5.0), 0.0), 1.0)
         room = room if self.description.faded else 1.0
         self.tilt_yaw = np.clip(
             self.tilt_yaw + self.description.individual * moments * dt, -self._MOST_INDIVIDUAL, self._MOST_INDIVIDUAL
         )
-        led = azimuth + signals.rotor_speed * (0.5 * dt + self._LAG)
-        return room * (self.tilt_yaw @ np.array([np.cos(led), np.sin(led)]))
+        led = signals.azimuth + signals.rotor_speed * (0.5 * dt + self._LAG)
+        return room * from_harmonic(*self.tilt_yaw, led, self.turbine.n_blades)
 
 
 class _FormerPower:

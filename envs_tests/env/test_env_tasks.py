@@ -19,6 +19,7 @@ from wt_gym.envs import rewards
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation import Simulator
+from wt_gym.simulation.channels import channel_table
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -95,15 +96,9 @@ def test_zero_residual_is_the_controller_at_the_step_of_the_simulator():
         env.step(np.zeros(env.action_space.shape))
         found.append(env.signals.values)
     for name in ("rotor_speed", "pitch_1", "generator_power", "root_flap_moment_2", "tower_top_fore_aft"):
-        column = [c.name for c in env_channels()].index(name)
+        column = [c.name for c in channel_table(3)].index(name)
         found_values = [values[column] for values in found]
         np.testing.assert_allclose(found_values, run[name].values, rtol=1e-5, atol=1e-9)
-
-
-def env_channels():
-    from wt_gym.simulation.channels import channel_table
-
-    return channel_table(3)
 
 
 def test_pitch_in_the_fixed_frame_arrives_at_its_azimuth():

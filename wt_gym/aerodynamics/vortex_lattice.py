@@ -207,9 +207,8 @@ class VortexLattice:
         return a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings]
 
     def initialise_helix(
-        self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5, induced=None,
-        tolerance=BALANCED,
-    ) -> float:  # fmt: skip
+        self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5, induced=None
+    ) -> float:
         """Start a rotor with a full wake of helices in the momentum balance of its own thrust.
 
         Without a wake where there is no such balance, as for a rotor that is driven backwards in still air.
@@ -229,8 +228,6 @@ class VortexLattice:
         induced : float, optional
             To begin with, together with the circulation in the state, as an earlier call for nearly the same rotor has
             left them [m/s]; by default a fifth of the wind, and no circulation.
-        tolerance : float
-            Relative change of the circulation in the last pass with which blades and wake are in balance.
 
         Returns
         -------
@@ -268,7 +265,7 @@ class VortexLattice:
             induced = -0.2 * speed
         for k in range(passes):
             rows = self._helix(edge, centre, axis, rotor_speed, ages, stream, induced, slowest, radius)
-            enough = tolerance if k == passes - 1 else max(tolerance, ROUGHLY_BALANCED)
+            enough = BALANCED if k == passes - 1 else ROUGHLY_BALANCED
             change = self._balance(state, nodes, velocities, wind, rows, ages, True, enough, guess)
             if not change <= UNBALANCED:
                 self.reset(state, nodes, velocities, wind)

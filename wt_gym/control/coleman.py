@@ -15,12 +15,12 @@ import math
 
 import numpy as np
 
-__all__ = ["FIXED_FRAME", "directions", "to_blades", "to_fixed_frame"]
+__all__ = ["FIXED_FRAME", "from_harmonic", "to_blades", "to_fixed_frame", "to_harmonic"]
 
 FIXED_FRAME = ("mean", "tilt", "yaw")
 
 
-def directions(azimuth: float, n_blades: int) -> np.ndarray:
+def _directions(azimuth: float, n_blades: int) -> np.ndarray:
     """One, cosine and sine of the azimuth of every blade (3, n_blades), blade 1 at ``azimuth`` [rad]."""
     # numbers one by one: arrays of three are slow
     psi = [azimuth + 2.0 * math.pi / n_blades * b for b in range(n_blades)]
@@ -31,9 +31,37 @@ def to_fixed_frame(values, azimuth: float) -> np.ndarray:
     """Mean, tilt and yaw (..., 3) of a value of every blade (..., n_blades), blade 1 at ``azimuth`` [rad]."""
     values = np.asarray(values, dtype=np.float64)
     n_blades = values.shape[-1]
-    return values @ directions(azimuth, n_blades).T * (np.array([1.0, 2.0, 2.0]) / n_blades)
+    return (values[..., None, :] * _directions(azimuth, n_blades)).sum(axis=-1) * (np.array([1.0, 2.0, 2.0]) / n_blades)
 
 
 def to_blades(coordinates, azimuth: float, n_blades: int) -> np.ndarray:
     """Value of every blade (..., n_blades) from mean, tilt and yaw (..., 3), blade 1 at ``azimuth`` [rad]."""
-    return np.asarray(coordinates, dtype=np.float64) @ directions(azimuth, n_blades)
+    return np.asarray(coordinates, dtype=np.float64) @ _directions(azimuth, n_blades)
+
+
+def to_harmonic(values, azimuth: float, harmonic: int = 1) -> tuple[float, float]:
+    """Cosine (tilt) and sine (yaw) component of a quantity of the blades.
+
+    ``2/B sum x_b cos(n psi_b)`` and ``2/B sum x_b sin(n psi_b)`` with ``psi_b = azimuth + 2 pi b / B``, b = 0 … B - 1.
+
+    Parameters
+    ----------
+    values : array_like, shape (n_blades,)
+    azimuth : float
+        Of blade 1, zero when it points up [rad].
+    harmonic : int
+        n: 1 for loads once per revolution, 2 for twice.
+    """
+    # numbers one by one: arrays of three are slow
+    n_blades, cosine, sine = len(values), 0.0, 0.0
+    for b, value in enumerate(values):
+        angle = harmonic * (azimuth + 2.0 * math.pi * b / n_blades)
+        cosine += value * math.cos(angle)
+        sine += value * math.sin(angle)
+    return 2.0 / n_blades * cosine, 2.0 / n_blades * sine
+
+
+def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> np.ndarray:
+    """Values of the blades ``tilt cos(n psi_b) + yaw sin(n psi_b)``, shape (n_blades,); see `to_harmonic`."""
+    angles = [harmonic * (azimuth + 2.0 * math.pi * b / n_blades) for b in range(n_blades)]
+    return np.array([tilt * math.cos(angle) + yaw * math.sin(angle) for angle in angles])

@@ -12,8 +12,9 @@ import numpy as np
 
 from wt_gym.constants import GRAVITY
 from wt_gym.control import ActionMap, Aim, Channel, Demand, Lidar, NacelleAnemometer, torque_curve
-from wt_gym.control.coleman import FIXED_FRAME, directions
+from wt_gym.control.coleman import FIXED_FRAME, to_fixed_frame
 from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.simulation.channels import channel_table
 
@@ -31,7 +32,6 @@ __all__ = [
     "Observer",
     "Situation",
     "blade_static_moment",
-    "reference_flap_moment",
 ]
 
 OBSERVATION_GROUPS = (
@@ -43,14 +43,6 @@ _BLADE_SIGNALS = ("tip_out_of_plane", "tip_in_plane", "root_flap_moment", "root_
 _MEMORY = ("_estimator", "_anemometer", "_wind_reading", "_pitch_before", "_pitch_now", "_dt", "_readings")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
 """What is observed by default on top of a controller, in coordinates that do not turn with the rotor."""
-
-
-def reference_flap_moment(turbine: Turbine) -> float:
-    """Root moment of a blade that carries its share of the Betz thrust at rated wind at 2/3 of the radius [N m]."""
-    radius = turbine.rotor_diameter / 2
-    dynamic_pressure = 0.5 * turbine.air_density * turbine.rated_wind_speed**2
-    thrust = 8 / 9 * dynamic_pressure * math.pi * radius**2
-    return thrust / turbine.n_blades * 2 / 3 * radius
 
 
 def blade_static_moment(turbine: Turbine) -> float:
@@ -174,9 +166,9 @@ class Observer:
         self._cyclic_at = np.array([k for k, _, _ in cyclic], dtype=np.int64)
         self._cyclic_part = np.array([part for _, _, part in cyclic], dtype=np.int64)
         first = np.array([index[f"{signal}_1"] for _, signal, _ in cyclic], dtype=np.int64)
+        self._cyclic_row = np.arange(len(cyclic))
         self._cyclic_from = first[:, None] + np.arange(self._turbine.n_blades)
         self._functions = [(k, f) for k, name in enumerate(names) if callable(f := self._special(name))]
-        self._mean = np.array([[1.0], [2.0], [2.0]]) / self._turbine.n_blades
         if "rotor_wind" in names and self._estimator is None:  # another turbine's table takes a while to make
             self._estimator = WindEstimator.of_turbine(self._turbine)
         self._sees_lidar = any(name.startswith("lidar_") for name in names)
@@ -239,9 +231,9 @@ class Observer:
         values = np.empty(self._size)
         values[self._at] = situation.signals.values[self._from]
         if len(self._cyclic_at):
-            turning = directions(situation.signals["azimuth"], self._turbine.n_blades) * self._mean
             of_blades = situation.signals.values[self._cyclic_from]
-            values[self._cyclic_at] = (of_blades * turning[self._cyclic_part]).sum(axis=1)
+            fixed = to_fixed_frame(of_blades, situation.signals["azimuth"])
+            values[self._cyclic_at] = fixed[self._cyclic_row, self._cyclic_part]
         if self._sees_lidar:
             self._lidar_reading = self._lidar.read(
                 situation.inflow, situation.signals["time"], situation.signals["yaw"], self._turbine.hub_height
@@ -446,8 +438,7 @@ class Observer:
 
     def _more(self, any_form=False) -> list[Channel]:
         """Channels of no group."""
-        moment = reference_flap_moment(self._turbine) * 3 / (self._turbine.rotor_diameter / 3)
-        moment *= self._turbine.hub_height  # of the Betz thrust at rated wind
+        moment = reference_tower_moment(self._turbine)
         return [
             Channel("tower_base_fore_aft_moment", "N m", 0.55 * moment, 0.15 * moment, -10 * moment, 10 * moment,
                     0.005 * moment, "tower-base moment, positive for a downwind push"),

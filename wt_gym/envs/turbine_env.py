@@ -141,7 +141,7 @@ class WindTurbineEnv(gym.Env):
     The sum of rates times ``control_dt``, so an episode's return is an integral over time that does not depend on the
     control step; each term of a step stands in ``info["reward_terms"]``. Penalties are ``-w x^2 / (1 + x^2)``, hence
     bounded. With P the electrical power, R the rated one, E the kinetic energy of the rotor up to rated speed, M the
-    root moment of the Betz thrust at rated wind (`wt_gym.envs.observations.reference_flap_moment`) and T that of the
+    root moment of the Betz thrust at rated wind (`reference_loads.reference_flap_moment`) and T that of the
     tower base; moments are those behind a high-pass filter of 10 s:
 
     | term                    | weight | rate [1/s]                                                            |

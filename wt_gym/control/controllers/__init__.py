@@ -3,6 +3,7 @@
 `make_controller` makes any of them by name. docs/baselines.md says what each does and what it was measured to do.
 """
 
+from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers.catalogue import (
     ADDITIONS,
     BASES,
@@ -19,13 +20,7 @@ from wt_gym.control.controllers.discon import (
     DisconController,
 )
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
-from wt_gym.control.controllers.individual_pitch import (
-    HarmonicPitch,
-    HarmonicPitchParameters,
-    IndividualPitch,
-    from_harmonic,
-    to_harmonic,
-)
+from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table

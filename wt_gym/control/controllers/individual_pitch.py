@@ -16,42 +16,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.actions import Demand
+from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
-from wt_gym.control.controllers.rotor_rules import actuator_lag, flap_moment_at_rated, flap_moment_sensitivity
+from wt_gym.control.controllers.rotor_rules import actuator_lag, flap_moment_sensitivity
+from wt_gym.control.reference_loads import reference_flap_moment
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["HarmonicPitch", "HarmonicPitchParameters", "IndividualPitch", "from_harmonic", "to_harmonic"]
-
-
-def to_harmonic(values, azimuth: float, harmonic: int = 1) -> tuple[float, float]:
-    """Cosine (tilt) and sine (yaw) component of a quantity of the blades.
-
-    ``2/B sum x_b cos(n psi_b)`` and ``2/B sum x_b sin(n psi_b)`` with ``psi_b = azimuth + 2 pi b / B``, b = 0 … B - 1.
-
-    Parameters
-    ----------
-    values : array_like, shape (n_blades,)
-    azimuth : float
-        Of blade 1, zero when it points up [rad].
-    harmonic : int
-        n: 1 for loads once per revolution, 2 for twice.
-    """
-    # numbers one by one: arrays of three are slow
-    n_blades, cosine, sine = len(values), 0.0, 0.0
-    for b, value in enumerate(values):
-        angle = harmonic * (azimuth + 2.0 * math.pi * b / n_blades)
-        cosine += value * math.cos(angle)
-        sine += value * math.sin(angle)
-    return 2.0 / n_blades * cosine, 2.0 / n_blades * sine
-
-
-def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> np.ndarray:
-    """Values of the blades ``tilt cos(n psi_b) + yaw sin(n psi_b)``, shape (n_blades,); see `to_harmonic`."""
-    angles = [harmonic * (azimuth + 2.0 * math.pi * b / n_blades) for b in range(n_blades)]
-    return np.array([tilt * math.cos(angle) + yaw * math.sin(angle) for angle in angles])
+__all__ = ["HarmonicPitch", "HarmonicPitchParameters", "IndividualPitch"]
 
 
 @dataclass(frozen=True)
@@ -224,7 +198,7 @@ class IndividualPitch:
         proportional_time : float
             Proportional over integral gain [s]; zero for integral control.
         level : float
-            Edge of the band, in `flap_moment_at_rated` [-].
+            Edge of the band, in `reference_flap_moment` [-].
         leak_time : float
             Time constant of the return inside the band [s].
         limit, rate_limit : float
@@ -242,7 +216,7 @@ class IndividualPitch:
             harmonic=1,
             integral_gain=gain,
             proportional_gain=proportional_time * gain,
-            level=level * flap_moment_at_rated(turbine),
+            level=level * reference_flap_moment(turbine),
             leak=1.0 / leak_time,
             limit=limit,
             rate_limit=rate_limit,

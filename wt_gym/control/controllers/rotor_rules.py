@@ -11,20 +11,10 @@ import numpy as np
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = ["TowerTop", "actuator_lag", "flap_moment_at_rated", "flap_moment_sensitivity", "tower_top"]
+__all__ = ["TowerTop", "actuator_lag", "flap_moment_sensitivity", "tower_top"]
 
 IDEAL_DRIVE_LAG = 0.05
 """Lag of an ideal pitch drive [s]: half an aerodynamic step of 0.1 s, see `wt_gym.simulation.drives.PitchDrives`."""
-
-
-def flap_moment_at_rated(turbine: Turbine) -> float:
-    """Root moment of a blade that carries its share of the Betz thrust at rated wind at 2/3 of the radius [N m].
-
-    12.4 MN m for the NREL 5-MW, whose mean flapwise moment at rated is about 10 MN m.
-    """
-    radius = turbine.rotor_diameter / 2
-    thrust = 8 / 9 * 0.5 * turbine.air_density * turbine.rated_wind_speed**2 * math.pi * radius**2
-    return thrust / turbine.n_blades * 2 / 3 * radius
 
 
 def flap_moment_sensitivity(turbine: Turbine) -> float:

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
-from wt_gym.envs.observations import reference_flap_moment
+from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs.rewards.rainflow_counter import RainflowCounter
-from wt_gym.envs.rewards.term import reference_tower_moment
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import Transition

@@ -7,11 +7,11 @@ damage of blades and tower (``docs/rewards.md``).
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
-from wt_gym.envs.observations import reference_flap_moment
-from wt_gym.envs.rewards.term import HighPass, bounded_square, reference_tower_moment
+from wt_gym.control.coleman import to_harmonic
+from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
+from wt_gym.envs.rewards.term import HighPass, bounded_square
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import Transition
@@ -27,7 +27,7 @@ class BladeFatigue:
     With m_b the high-passed moment of blade b at azimuth psi_b the tilt and yaw moments of the rotor are
     ``m_t = 2/N sum m_b cos psi_b`` and ``m_y = 2/N sum m_b sin psi_b`` (Coleman's transformation, e.g. Bir,
     NREL/CP-500-42553). The penalty is on ``x^2 = ((1 - s) mean(m_b^2) + s (m_t^2 + m_y^2) / 2) / (scale M)^2`` with M
-    of `wt_gym.envs.observations.reference_flap_moment`. For three blades ``mean(m_b^2) = m_0^2 + (m_t^2 + m_y^2) / 2``,
+    of `reference_loads.reference_flap_moment`. For three blades ``mean(m_b^2) = m_0^2 + (m_t^2 + m_y^2) / 2``,
     m_0 being the mean of the blades: the share s takes weight from m_0, which follows the turbulence that is common to
     all blades and that nobody can control much.
 
@@ -71,9 +71,7 @@ class BladeFatigue:
         moments = [
             high_pass(after[name], transition.dt) for high_pass, name in zip(self._filters, self._names, strict=True)
         ]
-        azimuths = [after["azimuth"] + 2.0 * math.pi * b / n for b in range(n)]
-        tilt = 2.0 / n * sum(m * math.cos(psi) for m, psi in zip(moments, azimuths, strict=True))
-        yaw = 2.0 / n * sum(m * math.sin(psi) for m, psi in zip(moments, azimuths, strict=True))
+        tilt, yaw = to_harmonic(moments, after["azimuth"])
         single = sum(m * m for m in moments) / n
         square = (1.0 - self.fixed_frame) * single + self.fixed_frame * 0.5 * (tilt * tilt + yaw * yaw)
         return -self.weight * bounded_square(square / (self._reference * self._reference))

@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from wt_gym.envs.observations import reference_flap_moment
-
 if TYPE_CHECKING:
     import numpy as np
 
@@ -15,7 +13,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["HighPass", "RewardTerm", "Transition", "bounded_square", "reference_tower_moment"]
+__all__ = ["HighPass", "RewardTerm", "Transition", "bounded_square"]
 
 
 @dataclass(frozen=True)
@@ -62,12 +60,6 @@ class RewardTerm(Protocol):
 def bounded_square(square: float) -> float:
     """Penalty x^2 / (1 + x^2) in [0, 1) of a square x^2."""
     return square / (1.0 + square) if square < math.inf else 1.0
-
-
-def reference_tower_moment(turbine: Turbine) -> float:
-    """Tower-base moment of the Betz thrust at rated wind [N m]."""
-    thrust = reference_flap_moment(turbine) * turbine.n_blades / (turbine.rotor_diameter / 3)
-    return thrust * turbine.hub_height
 
 
 class HighPass:
