@@ -228,7 +228,7 @@ class AeroArrays(NamedTuple):
     shed: np.ndarray  # int64 (n_max + 1,) step at which the row was shed
     free_edge: np.ndarray  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
     frame: np.ndarray  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
-    far: np.ndarray  # (7,) whether cylinders continue the wake, centre and axis of its last rows, see far_wake_kernels
+    far: np.ndarray  # (12,) whether cylinders continue the wake, centre and axis of its last rows, share of each cell
     far_tube: np.ndarray  # (5, n_sparse) start, radius and what is measured of the cylinder at each carrying node
     far_ring: np.ndarray  # (n_cell, n_sparse) ring circulation per length of their cells [m/s]
     nodes: np.ndarray  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]

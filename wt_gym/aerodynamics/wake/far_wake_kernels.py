@@ -14,10 +14,19 @@ becomes stronger; and what a gust or a change of pitch has shed acts later, and 
 
 **Speed.** The speed of a sheet is the mean of the speeds on its two sides. Of a cylinder with the strength g(z) in a
 wind V0 it is V0 + u(z), u the velocity of all cylinders at their own radius: half of g far behind the rotor, a quarter
-in its plane. In this proportion the vorticity slows down behind the measured rows. Turbulence spreads the vorticity
-over the width of the wake, where faster air carries it: rows that have wandered apart by s on a way z do so by a radius
-R on a way z R / s, and the deficit falls by exp(-2 (z' - z) s / (z R)). In orderly wakes s is nothing. No speed is less
-than half that of the rows (a wake that stands does not exist: beyond an induction of about 0.45 it breaks down).
+in its plane. In this proportion the vorticity slows down behind the measured rows. No speed is less than half that of
+the rows (a wake that stands does not exist: beyond an induction of about 0.45 it breaks down).
+
+**Turbulence** moves the vorticity in every direction by s = i z on the way z from the rotor: faster than random walks
+do, the eddies being larger than the wake is long. The last rows tell i by how far they have wandered apart along the
+axis; in orderly wakes it is nothing. It acts twice. Vorticity is spread over the width of the wake, where faster air
+carries it and vorticity of the other sign takes it away: on the way R / i by a radius, so the deficit falls by
+exp(-2 i (z' - z) / R). And rings no longer stand on the axis: one that is d off it acts on the rotor, for d << z, as
+one of equal impulse whose R^2 is larger by 2 d^2, one that is widened by d^2 as one whose R^2 is larger by that. With
+2 s^2 across the axis, half of it movement of the whole wake and half widening (as in 17 free turns behind the 5-MW
+rotor, class B, 8 m/s), the rings at z act by the share
+
+    f = ((z^2 + R^2) / (z^2 + R^2 + 3 s^2))^(3/2)
 """
 
 import math
@@ -27,10 +36,11 @@ import numpy as np
 from wt_gym.aerodynamics.induction.induction_kernels import FAST, FOUR_PI
 from wt_gym.compiled import kernel
 
-ACTIVE, CENTRE, AXIS, N_FAR = 0, 1, 4, 7  # entries of AeroArrays.far: 1 or 0, three coordinates, three components
+N_CELL = 5
+# entries of AeroArrays.far: 1 or 0, three coordinates, three components, share of each cell that acts
+ACTIVE, CENTRE, AXIS, SHARE, N_FAR = 0, 1, 4, 7, 7 + N_CELL
 END, RADIUS, LENGTH, SWEPT, LINE, N_TUBE = 0, 1, 2, 3, 4, 5  # rows of AeroArrays.far_tube
 WANDERED, FLUX = 0, 1  # rows of AeroWork.lines
-N_CELL = 5
 FIRST_CELL, GROWTH = 0.5, 1.4  # length of the first cell, in radii, and of each over the one before
 SLOWEST = 0.5  # speed of the far wake over that of the last rows
 MOST_INDUCTION = 1.6  # mean velocity in the far wake over the speed of the last rows
@@ -71,15 +81,15 @@ def measure_far_wake(p, a, w, n_tail, dt):
     slow = 0.05 * largest / duration
     speed = math.sqrt((speed / weight) ** 2 + slow * slow)
     limit = (1.0 + (through / (MOST_INDUCTION * speed * speed)) ** 8) ** -0.125
-    mixing = 2.0 * math.sqrt(apart2 / weight) / (way * largest)
+    wander2 = apart2 / (weight * way * way)
     wind = wind_along(p, a, first)
     for i in range(tube.shape[1]):
         flux[i] *= limit
         for m in range(N_CELL):
             a.far_ring[m, i] = a.far_ring[m, i] if follow else flux[i] / speed
     for _ in range(1 if follow else STEADY_PASSES):
-        transport(a, flux, wind, way, largest, duration, speed, slow, mixing,
-                  dt if follow else -1.0)  # fmt: skip
+        transport(a, flux, wind, way, largest, duration, speed, slow, wander2, dt if follow else -1.0)
+    share_of_cells(a, way, largest, wander2)
     far[ACTIVE] = 1.0
 
 
@@ -199,7 +209,7 @@ def mean_strength(rings, tube, largest):
 
 
 @kernel(fastmath=False)
-def transport(a, flux, wind, way, largest, duration, speed, slow, mixing, dt):
+def transport(a, flux, wind, way, largest, duration, speed, slow, wander2, dt):
     """Carry the strengths of the cells on by ``dt`` (negative: to what is steady at the present speeds).
 
     Implicit upwind differences, which neither overshoot nor limit the step. For the speed at the end of a cell, over
@@ -211,6 +221,7 @@ def transport(a, flux, wind, way, largest, duration, speed, slow, mixing, dt):
     for i in range(tube.shape[1]):
         end += tube[END, i] / tube.shape[1]
     rows = mean_strength(flux, tube, largest) / speed  # strength of the part between rotor and last rows
+    mixing = 2.0 * math.sqrt(wander2) / largest
     here = max(wind + velocity_of_cells(a, rows, way, way + end, largest), slow)
     length, z = FIRST_CELL * largest, way + end
     for m in range(N_CELL):
@@ -226,6 +237,19 @@ def transport(a, flux, wind, way, largest, duration, speed, slow, mixing, dt):
                 ring[m, i] = (ring[m, i] + dt / length * flux[i]) / (1.0 + dt / length * c)
                 flux[i] = c * ring[m, i]  # what leaves the cell enters the next
         length *= GROWTH
+
+
+@kernel(fastmath=False)
+def share_of_cells(a, way, largest, wander2):
+    """How much of each cell acts on the rotor, having wandered as far as to the middle of the cell (see above)."""
+    start, length = way, FIRST_CELL * largest
+    for i in range(a.far_tube.shape[1]):
+        start += a.far_tube[END, i] / a.far_tube.shape[1]
+    for m in range(N_CELL):
+        z2 = (start + 0.5 * length) ** 2
+        orderly = z2 + largest**2
+        a.far[SHARE + m] = (orderly / (orderly + 3.0 * wander2 * z2)) ** 1.5
+        start, length = start + length, length * GROWTH
 
 
 @kernel(fastmath=False)
@@ -247,9 +271,10 @@ def merged_change(a, m):
     Far away, cylinders of radius R are dipoles of strength gamma R^2: the mean of their areas is weighted with these.
     """
     tube, total, weight, area, start = a.far_tube, 0.0, 1e-30, 0.0, 0.0
+    here, before = a.far[SHARE + m], a.far[SHARE + m - 1]
     for i in range(tube.shape[1]):
         radius2 = tube[RADIUS, i] ** 2
-        dipole = (a.far_ring[m, i] - a.far_ring[m - 1, i]) * radius2
+        dipole = (here * a.far_ring[m, i] - before * a.far_ring[m - 1, i]) * radius2
         total += dipole
         weight += abs(dipole)
         area += abs(dipole) * radius2
@@ -288,7 +313,7 @@ def far_wake_velocity(a, table, targets, velocity, n_target, lane):
     offset, length = 0.0, FIRST_CELL * largest
     for k in range(n_tube + N_CELL - 1):
         if k < n_tube:
-            start, radius, ring = tube[END, k], tube[RADIUS, k], a.far_ring[0, k]
+            start, radius, ring = tube[END, k], tube[RADIUS, k], far[SHARE] * a.far_ring[0, k]
             soft = tube[LENGTH, k] / (tube[LENGTH, k] ** 2 + (0.05 * largest) ** 2)
             line = tube[LINE, k] * soft
         else:
