@@ -20,7 +20,7 @@ from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, 
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
-from wt_gym.simulation.drives import available_torque
+from wt_gym.simulation.drives import available_torque, pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
@@ -317,9 +317,7 @@ class WindTurbineEnv(gym.Env):
         self._max_steps = None
         if episode_length is not None:
             self._max_steps = self._steps_in("episode_length", episode_length, least=1)
-        servo = self.turbine.pitch.servo_frequency
-        # a command is reached at the end of a step, half a step late by an ideal drive or twice 1/frequency by a servo
-        delay = 1.5 * self._inner_dt if servo is None else self._inner_dt + 2.0 / servo
+        delay = pitch_delay(self.turbine.pitch, self._inner_dt)
         action = ActionMap(
             self.turbine, control_dt, action_mode, pitch, action_components, action_spans, self.wind.speeds, delay
         )
