@@ -12,8 +12,8 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from agents.baseline import BaselineAgent
 from agents.constant import ConstantAgent
+from agents.controller_agent import ControllerAgent
 from agents.progress import ProgressLine, clock
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.results import Evaluation, Run, Wind
@@ -85,7 +85,7 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
     Agent
     """
     if choice == "baseline":  # beneath residual actions runs a controller already
-        return ConstantAgent(layout) if layout.action.mode == "residual" else BaselineAgent(layout)
+        return ConstantAgent(layout) if layout.action.mode == "residual" else ControllerAgent(layout)
     if choice == "constant":
         return ConstantAgent(layout)
     from agents.trained import TrainedAgent  # torch takes seconds to import

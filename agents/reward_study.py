@@ -17,11 +17,10 @@ import numpy as np
 import xarray as xr
 from scipy.stats import spearmanr
 
-from agents.baseline import BaselineController, BaselineParameters
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control import Demand
 from wt_gym.control.coleman import from_harmonic, to_harmonic
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers import BaselineController, BaselineParameters, make_controller
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs import rewards
 from wt_gym.envs.wind_sampler import WindSampler

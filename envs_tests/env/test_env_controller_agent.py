@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from agents.baseline import BaselineAgent
 from agents.controller_agent import ControllerAgent
 from wt_gym.control.controllers import make_controller
 
@@ -44,17 +43,23 @@ def test_demands_are_those_of_the_controller(envs, mode, name):
         assert raw.demand.generator_torque == pytest.approx(expected.generator_torque, rel=1e-3)
 
 
-def test_discon_is_the_baseline_agent(envs):
-    env = envs(action_mode="rate", pitch="collective")
-    actions = []
-    for agent in (BaselineAgent.from_env(env), ControllerAgent.from_env(env)):
-        observation, _ = env.reset(seed=3)
-        taken = []
-        for _ in range(20):
-            taken.append(agent.predict(observation)[0])
-            observation, *_ = env.step(taken[-1])
-        actions.append(taken)
-    np.testing.assert_allclose(*actions, atol=1e-5)
+@pytest.mark.parametrize("mode", ["rate", "absolute"])
+@pytest.mark.parametrize("pitch", ["collective", "individual"])
+def test_late_observations_are_the_controllers_late_measurements(envs, mode, pitch):
+    """It steps on what was measured three steps ago, with its own memory, in two episodes one after the other."""
+    env = envs(action_mode=mode, pitch=pitch, sensor_delay=0.6)
+    raw, agent = env.unwrapped, ControllerAgent.from_env(env, "discon")
+    for seed in (1, 2):
+        controller = make_controller("discon", raw.turbine)
+        observation, _ = env.reset(seed=seed)
+        speeds = [raw.signals["generator_speed"]]
+        controller.start(raw.signals, raw.demand)
+        for k in range(25):
+            expected = controller.step({"generator_speed": speeds[max(k - 3, 0)]}, raw.control_dt)
+            observation, *_ = env.step(agent.predict(observation)[0])
+            speeds.append(raw.signals["generator_speed"])
+            np.testing.assert_allclose(raw.demand.pitch, expected.pitch, atol=1e-5)
+            assert raw.demand.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
 
 
 def test_a_new_episode_starts_afresh_and_a_batch_is_many(envs):
@@ -79,8 +84,10 @@ def test_missing_channels_and_collective_pitch_are_refused(envs):
     with pytest.raises(ValueError, match="individual"):
         ControllerAgent.from_env(envs(action_mode="rate", pitch="collective"), "ipc")
     residual = gym.make(TURBULENT, wind_speed=15.0, action_mode="residual", pitch="fixed-frame")
-    with pytest.raises(ValueError, match="beneath"):
-        ControllerAgent.from_env(residual, "discon")
+    partly = gym.make(TURBULENT, wind_speed=15.0, action_components=("torque",))
+    for env in (residual, partly):
+        with pytest.raises(ValueError, match="beneath"):
+            ControllerAgent.from_env(env, "discon")
 
 
 def test_controllers_run_beneath_residual_actions():

@@ -328,7 +328,7 @@ class WindTurbineEnv(gym.Env):
             observation = RESIDUAL_GROUPS if action_mode == "residual" else DEFAULT_GROUPS
         late = self._steps_in("sensor_delay", sensor_delay, least=0)
         self._observer = Observer(self.turbine, action, observation, sensor_noise, late, history, lidar)
-        self.layout = EnvLayout(self.turbine, self._observer.layout, action, self.control_dt)
+        self.layout = EnvLayout(self.turbine, self._observer.layout, action, self.control_dt, late)
         self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
         self.observation_space = spaces.Box(self._observer.layout.low, self._observer.layout.high, dtype=np.float32)
         self._vector_reward = bool(vector_reward)
