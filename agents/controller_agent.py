@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control import Aim, Demand
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers import checked_demand, make_controller
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller
@@ -163,7 +163,7 @@ class ControllerAgent:
         if start or not asked or not self._same(asked[0], seen):
             controller.start(signals, seen)
             asked.extend([seen] * (layout.delay + 1))
-        demand = controller.step(signals, layout.control_dt)
+        demand = checked_demand(controller.step(signals, layout.control_dt), controller, n_blades)
         now = seen if layout.delay == 0 else asked[-1]
         action = layout.action.encode(demand, now).astype(np.float32)
         asked.append(layout.action.decode(action.astype(np.float64), now))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ from scipy.stats import spearmanr
 
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control import Demand
+from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers import BaselineController, BaselineParameters, make_controller
 from wt_gym.control.operating_point import operating_point
@@ -305,12 +306,10 @@ def simulate(
     rows = [signals.values]
     count = round(control_dt / simulator.time_step)
     for _ in range(round(duration / control_dt)):
-        merged = None
-        for _ in range(count):
-            demand = loop.step(signals, simulator.time_step)
-            signals = simulator.advance(simulator.time_step, **asdict(demand))
-            merged = signals if merged is None else signals.after(merged)
-        rows.append(merged.values)
+        signals = advance_under(
+            lambda _, now: loop.step(now, simulator.time_step), simulator, signals, simulator.time_step, count
+        )
+        rows.append(signals.values)
     return np.array(rows)
 
 

@@ -26,6 +26,7 @@ from wt_gym.control.controllers import (
     SideSideDamper,
     WindEstimator,
     YawByDeadBand,
+    checked_demand,
     controller_parameters,
     from_harmonic,
     make_controller,
@@ -37,6 +38,7 @@ from wt_gym.control.controllers.filters import BandLimitedIntegrator
 from wt_gym.control.controllers.retuned import gain_of_table
 from wt_gym.control.controllers.rosco_like import pitch_schedule
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
+from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 RATED = 12.1 * math.pi / 30
@@ -477,5 +479,43 @@ def test_wrong_parameters_are_named(turbine):
         make_controller(DisconController(), turbine, gain=1.0)
     with pytest.raises(TypeError, match="a name"):
         make_controller(3, turbine)
-    with pytest.raises(TypeError, match="no Controller"):
+    with pytest.raises(TypeError, match="must give a Controller"):
         make_controller(lambda t: 3, turbine)
+
+
+def test_an_addition_alone_is_no_controller(turbine):
+    for addition in (ForeAftDamper.of_turbine(turbine), IndividualPitch.of_turbine(turbine)):
+        with pytest.raises(TypeError, match=r"a name \(discon, .* got the addition .*: use Combined"):
+            make_controller(addition, turbine)
+        with pytest.raises(TypeError, match="gave the addition"):
+            make_controller(lambda t, made=addition: made, turbine)
+        with pytest.raises(TypeError, match="the base must be a Controller"):
+            Combined(addition)
+        assert make_controller(Combined(DisconController(), addition), turbine).additions == (addition,)
+    with pytest.raises(TypeError, match=r"an addition needs channels, start\(signals\)"):
+        Combined(DisconController(), DisconController())
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        ((0.1, 0.0, 4e4), r"RoscoLikeController \+ YawByDeadBand gave \(0\.1"),
+        (Demand(np.zeros(2), 0.0, 4e4), r"pitch of shape \(2,\); the turbine has 3 blades"),
+        (Demand(0.1, 0.0, 4e4), r"pitch of shape \(\); the turbine has 3 blades"),
+        (Demand(np.array([0.1, math.nan, 0.1]), 0.0, 4e4), "not finite"),
+        (Demand(np.zeros(3), math.nan, 4e4), "not finite"),
+        (Demand(np.zeros(3), 0.0, math.inf), "not finite"),
+        (Demand(np.zeros(3), 0.0, None), "RoscoLikeController"),
+        (Demand(["a", "b", "c"], 0.0, 4e4), "RoscoLikeController"),
+    ],
+)
+def test_demands_without_meaning_name_the_controller(made, message, turbine):
+    controller = make_controller("rosco+yaw", turbine)
+    with pytest.raises(ControllerError, match=message):
+        checked_demand(made, controller, 3)
+    assert checked_demand(demand(), controller, 3).generator_torque == demand().generator_torque
+
+
+def test_the_baseline_refuses_another_number_of_blades():
+    with pytest.raises(ControllerError, match=r"made for 3 blades, got pitch of shape \(2,\)"):
+        DisconController().start(readings(), Demand(np.zeros(2), 0.0, 4e4))

@@ -13,12 +13,13 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from wt_gym.control import COMPONENTS, ActionMap, Aim, Demand, operating_point
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.closed_loop import advance_under
+from wt_gym.control.controllers import checked_demand, make_controller
 from wt_gym.envs import rewards
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, Situation
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
-from wt_gym.errors import SimulationError
+from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drives import available_torque, pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -433,6 +434,8 @@ class WindTurbineEnv(gym.Env):
         ------
         wt_gym.errors.ActionError
             If the action is refused; the state is unchanged.
+        wt_gym.errors.ControllerError
+            If the controller beneath gives a demand without meaning; the episode is over.
         gymnasium.error.ResetNeeded
             If no episode is running.
         """
@@ -445,6 +448,9 @@ class WindTurbineEnv(gym.Env):
             self._check_finite(after)
         except SimulationError as error:
             return self._fail(error)
+        except ControllerError:
+            self._running = False  # a part of the step may have been simulated
+            raise
         self.signals, self.aim, self._action = after, aim, values
         self._steps += 1
         self._observer.advance(after, self.control_dt)
@@ -468,23 +474,20 @@ class WindTurbineEnv(gym.Env):
 
     def _advance(self, aim: Aim) -> Signals:
         """Simulate a control step, in which the demand moves to the aim at every step of the simulator."""
-        action, start, n, signals, seen = self.layout.action, self.aim, self._substeps, self.signals, None
-        for k in range(1, n + 1):
+        start, n = self.aim, self._substeps
+
+        def demand_at(k: int, signals: Signals) -> Demand:
             pitch = start.pitch + k / n * (aim.pitch - start.pitch)
             torque = start.generator_torque + k / n * (aim.generator_torque - start.generator_torque)
             if self.controller is not None:
-                self.base = self.controller.step(signals, self._inner_dt)
-            self.demand = action.demand(
+                base = self.controller.step(signals, self._inner_dt)
+                self.base = checked_demand(base, self.controller, self.turbine.n_blades)
+            self.demand = self.layout.action.demand(
                 Aim(pitch, aim.yaw_rate, torque), self.base, signals["azimuth"], signals["rotor_speed"]
             )
-            signals = self.simulator.advance(
-                self._inner_dt,
-                pitch=self.demand.pitch,
-                yaw_rate=self.demand.yaw_rate,
-                generator_torque=self.demand.generator_torque,
-            )
-            seen = signals if seen is None else signals.after(seen)
-        return seen
+            return self.demand
+
+        return advance_under(demand_at, self.simulator, self.signals, self._inner_dt, n)
 
     def _compared(self, reward, terms) -> tuple[float, dict[str, float]]:
         """Reward and terms less those that the controller alone earns in the same wind."""
