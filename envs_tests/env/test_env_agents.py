@@ -180,8 +180,30 @@ def test_trained_agent_normalises_the_observation(trained):
 
 def test_a_model_for_another_environment_is_refused(trained):
     env = gym.make(STEADY, pitch="individual")
-    with pytest.raises(ValueError, match="shapes"):
+    with pytest.raises(ValueError, match=r"trained with pitch as component 5 of the observation, .* has pitch_1 there"):
         load_agent(str(trained[0]), env.unwrapped.layout)
+    unknown = TrainedAgent(TrainedAgent.load(trained[0]).model)
+    with pytest.raises(ValueError, match="shapes"):
+        unknown.check_fits(env.unwrapped.layout)
+
+
+@pytest.mark.parametrize(
+    ("what", "k", "name", "message"),
+    [
+        ("observation", 4, "power", "power as component 4 of the observation, the environment has .*_demand there"),
+        ("action", 2, "torque", "torque as component 2 of the action, the environment has generator_torque_rate there"),
+    ],
+)
+def test_a_model_for_other_components_of_the_same_shape_is_refused(trained, what, k, name, message):
+    folder, record = trained
+    agent = TrainedAgent.load(folder)
+    layout = gym.make(STEADY).unwrapped.layout
+    agent.check_fits(layout)
+    names = list(record[what])
+    names[k] = name
+    agent.record = record | {what: names}
+    with pytest.raises(ValueError, match=message):
+        agent.check_fits(layout)
     with pytest.raises(FileNotFoundError, match="no trained model"):
         TrainedAgent.load(trained[0] / "nothing")
 
