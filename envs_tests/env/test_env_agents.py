@@ -219,7 +219,8 @@ def test_time_limit_ends_the_training(tmp_path):
 
 @pytest.fixture(scope="module")
 def evaluation(trained):
-    config = EvaluationConfig(winds=(Wind(12.0, 1001), Wind(16.0, 1002)), duration=15.0, skip=5.0)
+    winds = (Wind(12.0, 1001), Wind(16.0, 1002))
+    config = EvaluationConfig(env_id=TURBULENT, winds=winds, duration=15.0, skip=5.0)
     return config, evaluate({BASELINE: "baseline", "PPO": str(trained[0])}, config, progress=False)
 
 
@@ -271,11 +272,27 @@ def test_a_run_that_fails_in_its_first_step_can_be_reported(monkeypatch, tmp_pat
         ({"duration": 20.0, "skip": 30.0}, "nothing is left"),
         ({"duration": -5.0, "skip": 0.0}, "nothing is left"),
         ({"env_kwargs": {"episode_length": 50.0}}, "episode_length follows"),
+        ({"env_kwargs": {"max_episode_steps": 50}}, "max_episode_steps follows"),
     ],
 )
 def test_evaluations_without_meaning_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         evaluate({BASELINE: "baseline"}, EvaluationConfig(**changes), progress=False)
+
+
+def test_vector_rewards_are_evaluated_by_their_sum():
+    runs = [
+        evaluate(
+            {"Constant": "constant"},
+            EvaluationConfig(
+                env_id=STEADY, env_kwargs={"vector_reward": vector}, winds=(Wind(9.0),), duration=4.0, skip=1
+            ),
+            progress=False,
+        ).runs[0]
+        for vector in (False, True)
+    ]
+    assert runs[1].episode_return == pytest.approx(runs[0].episode_return, rel=1e-6)
+    assert runs[1].reward_terms == runs[0].reward_terms
 
 
 def test_evaluation_repeats_itself(evaluation):

@@ -1,5 +1,7 @@
 """The wind of an episode."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,19 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
 def test_impossible_winds_are_refused(kind, kwargs, message):
     with pytest.raises(InflowError, match=message):
         WindSampler(TURBINE, kind, **kwargs)
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_a_mean_speed_at_another_height_is_a_warning(drawn):
+    def kind(height):
+        inflow = SteadyInflow(9.0, height, shear_exponent=0.2)
+        return (lambda rng: inflow) if drawn else [inflow]
+
+    with pytest.warns(UserWarning, match="holds at 10 m, the hub of NREL.* is at 90 m"):
+        WindSampler(TURBINE, kind(10.0), None).sample(np.random.default_rng(0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        WindSampler(TURBINE, kind(90.5), None).sample(np.random.default_rng(0))
 
 
 def test_only_turbulent_wind_has_known_seeds():

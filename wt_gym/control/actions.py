@@ -180,6 +180,7 @@ class ActionMap:
         return self.pitch == "fixed-frame" and "pitch" in self.components
 
     def _chosen(self, components, turbine) -> tuple[str, ...]:
+        components = components if isinstance(components, str) else tuple(components)
         unknown = [name for name in components if name not in COMPONENTS]
         if unknown or isinstance(components, str) or not len(components):
             raise ValueError(f"action_components must name some of {COMPONENTS}, got {components!r}")

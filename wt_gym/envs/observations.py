@@ -132,7 +132,8 @@ class Observer:
 
     def _choose(self, choice) -> tuple[tuple[str, ...], list[Channel]]:
         """Groups and channels that are observed."""
-        if isinstance(choice, str) or not len(choice):
+        choice = choice if isinstance(choice, str) else tuple(choice)
+        if isinstance(choice, str) or not choice:
             raise ValueError(f"observation must name groups of {OBSERVATION_GROUPS} or channels, got {choice!r}")
         builders = {
             "rotor": self._rotor, "power": self._power, "pitch": self._pitch, "wind": self._wind,

@@ -42,13 +42,13 @@ _RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitc
 # What an episode remembers beside the simulator, the sensors and the random numbers
 _SNAPSHOT = (
     "signals", "demand", "base", "aim", "controller", "reward_terms", "_action", "_observation", "_saturated", "_steps",
-    "_running", "_twin_terms",
+    "_running", "_failed", "_twin_terms",
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class EnvSnapshot:
-    """An environment in the middle of an episode, see `WindTurbineEnv.snapshot`."""
+    """An environment in the middle or at the end of an episode, see `WindTurbineEnv.snapshot`."""
 
     simulator: SimulatorState | None
     kept: dict
@@ -56,6 +56,7 @@ class EnvSnapshot:
     wind: EpisodeWind
     random: dict
     twin: EnvSnapshot | None
+    pictured: tuple | None
 
 
 class WindTurbineEnv(gym.Env):
@@ -343,14 +344,15 @@ class WindTurbineEnv(gym.Env):
         self.signals: Signals | None = None
         self._twin, self._twin_terms = None, {}
         if relative_reward:
+            # its winds are those drawn here, so that it has none of its own to choose from
             self._twin = WindTurbineEnv(
-                self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, fidelity=fidelity,
+                self.turbine, "steady", (self.turbine.cut_in, self.turbine.cut_out), fidelity=fidelity,
                 control_dt=control_dt, episode_length=None, action_mode="residual", action_components=("pitch",),
-                controller=copy.deepcopy(controller), reward=reward, termination_penalty=termination_penalty,
+                controller=copy.deepcopy(controller), reward=self.reward_terms, termination_penalty=termination_penalty,
                 overspeed_limit=overspeed_limit, standstill_limit=standstill_limit, observation=("rotor",),
             )  # fmt: skip
         self._renderer = self._make_renderer()
-        self._running = False
+        self._running = self._failed = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Start an episode.
@@ -410,7 +412,7 @@ class WindTurbineEnv(gym.Env):
         if self.controller is not None:
             self.controller.start(self.signals, self.demand)
         self._action = np.zeros(self.layout.action.size)
-        self._steps, self._running = 0, True
+        self._steps, self._running, self._failed = 0, True, False
         self._observer.reset(self._situation())
         self._observation, self._saturated = None, ()
         rewards.reset(self.reward_terms, self.turbine, self.signals)
@@ -511,7 +513,9 @@ class WindTurbineEnv(gym.Env):
     def snapshot(self) -> EnvSnapshot:
         """All from which the episode continues bit for bit: simulator, controller, filters, reward, random state.
 
-        For planning: take one, try actions, `restore` it.
+        For planning: take one, try actions, `restore` it. An episode that is over is kept as such: after restoring it
+        `step` asks for a reset, and `render` shows its last instant. With a ``render_mode`` the course of the signals
+        in the picture is kept too.
 
         Raises
         ------
@@ -522,12 +526,13 @@ class WindTurbineEnv(gym.Env):
             raise ResetNeeded("there is nothing to take a snapshot of: call reset() first")
         kept = {name: self.__dict__[name] for name in _SNAPSHOT}
         return EnvSnapshot(
-            self.simulator.state() if self._running else None,
+            None if self._failed else self.simulator.state(),
             copy.deepcopy(kept),
             self._observer.memory(),
             self.episode_wind,
             copy.deepcopy(self.np_random.bit_generator.state),
             None if self._twin is None else self._twin.snapshot(),
+            None if self._renderer is None else self._renderer.memory(),
         )
 
     def restore(self, snapshot: EnvSnapshot) -> np.ndarray:
@@ -552,16 +557,23 @@ class WindTurbineEnv(gym.Env):
         self.np_random.bit_generator.state = copy.deepcopy(snapshot.random)
         if self._twin is not None:
             self._twin.restore(snapshot.twin)
+        if self._renderer is not None:  # a snapshot of an environment without pictures holds the present signals only
+            self._renderer.recall(snapshot.pictured or ())
+            if not snapshot.pictured:
+                self._renderer.record(self.signals)
         return None if self._observation is None else self._observation.copy()
 
     def render(self):
-        """Return a picture of the turbine and its wake, uint8 array of shape (height, width, 3), or None."""
+        """Return a picture of the turbine and its wake, uint8 array of shape (height, width, 3), or None.
+
+        Of a simulation that failed it shows what was drawn last.
+        """
         if self._renderer is None:
             gym.logger.warn("render() was called without a render_mode; make the environment with 'rgb_array'")
             return None
         if self.signals is None:
             raise ResetNeeded("render() needs a started episode: call reset() first")
-        return self._renderer.draw(self.simulator.geometry())
+        return self._renderer.draw(None if self._failed else self.simulator.geometry())
 
     def close(self) -> None:
         """Release the simulator and the renderer."""
@@ -643,7 +655,7 @@ class WindTurbineEnv(gym.Env):
 
     def _fail(self, error: SimulationError):
         """Result of a step that the simulation did not survive: the last good observation and the penalty."""
-        self._running = False
+        self._running, self._failed = False, True
         observation, saturated = self._observation.copy(), self._saturated
         reward, terms = self._punish(0.0, {term.name: 0.0 for term in self.reward_terms})
         info = self._info(saturated) | {"reward_terms": terms, "termination": "failure", "failure": str(error)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -30,6 +31,8 @@ WANDERING = 1200.0
 """Time over which a wandering direction is drawn [s]; after it the direction stays."""
 # Boxes are synthesised at multiples of this speed [m/s] and carried along at the speed wanted.
 _BOX_SPEED_STEP = 6.0
+# As far may hub heights of a turbulence box and its mean wind differ.
+_HUB_HEIGHT_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ class WindSampler:
         "gusts": a transient of IEC 61400-1 (EOG, EDC, ECD, EWS) on a steady wind, drawn with its sign and its beginning
         (5 to 15 s after the start). An inflow of one's own is used as it is in every episode; of a sequence one is
         drawn; a callable gets the random generator and gives the inflow of the episode, for example one of many files
-        with an offset in time.
+        with an offset in time. Its mean speed should hold at the hub: another height, by more than 1 %, is a warning.
     wind_speed : float or (float, float)
         Mean speed at hub height [m/s], or a range to draw it from uniformly. Ignored (None) with one's own inflow.
     shear_exponent : float
@@ -107,10 +110,9 @@ class WindSampler:
     ):
         if isinstance(kind, str) and kind not in KINDS:
             raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {kind!r}")
-        if not isinstance(kind, str) and not callable(kind):
-            kind = self._own_inflows(kind)
+        self._turbine = turbine
+        self._kind = kind = kind if isinstance(kind, str) or callable(kind) else self._own_inflows(kind)
         self._directions, self._wander = self._checked_direction(direction, wander)
-        self._turbine, self._kind = turbine, kind
         self._shear_exponent = shear_exponent
         self._class = turbulence_class or turbine.turbulence_class
         if not isinstance(wind_seeds, Iterable):
@@ -207,13 +209,20 @@ class WindSampler:
             turned = TurningInflow.wandering(wind.inflow, start, *self._wander, WANDERING, rng)
         return replace(wind, inflow=turned)
 
-    @staticmethod
-    def _own_inflows(kind) -> tuple[Inflow, ...]:
+    def _own_inflows(self, kind) -> tuple[Inflow, ...]:
         """Inflows of the user."""
         own = tuple(kind) if isinstance(kind, Iterable) else (kind,)
         wrong = [inflow for inflow in own if not isinstance(inflow, Inflow)]
         if wrong or not own:
             raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {wrong or kind!r}")
+        hub = self._turbine.hub_height
+        for inflow in own:
+            if abs(inflow.hub_height - hub) > _HUB_HEIGHT_TOLERANCE * hub:
+                warnings.warn(
+                    f"the mean speed of the inflow '{inflow.description}' holds at {inflow.hub_height:g} m, the hub of "
+                    f"{self._turbine.name} is at {hub:g} m: wind_speed and the start do not fit the wind at the hub",
+                    stacklevel=2,
+                )
         return own
 
     @staticmethod
