@@ -320,6 +320,21 @@ def test_directions_gusts_and_lists_are_drawn():
     assert kinds == {"EOG", "EDC", "ECD", "EWS"}
 
 
+@pytest.mark.parametrize("inflow", ["extreme", "extreme-turbulent"])
+def test_a_parked_turbine_idles_in_extreme_wind(inflow):
+    env = WindTurbineEnv(inflow=inflow, wind_seeds=(1,), standstill_limit=-0.5, episode_length=4.0)
+    env.reset(seed=0)
+    assert (env.signals["rotor_speed"], env.demand.generator_torque) == (0.0, 0.0)
+    ends = [env.step(np.zeros(3))[2] for _ in range(20)]
+    assert not any(ends)
+    assert abs(env.signals["rotor_speed"]) < 0.15 * env.turbine.drivetrain.rated_rotor_speed
+    np.testing.assert_allclose(env.signals.pitch, 0.5 * np.pi, atol=1e-3)
+    with pytest.raises(ValueError, match="starts a parked rotor"):
+        WindTurbineEnv(inflow=inflow)
+    absolute = WindTurbineEnv(inflow=inflow, standstill_limit=-0.5, action_mode="absolute")
+    assert absolute.layout.action.high[0] == pytest.approx(0.5 * np.pi)
+
+
 def test_environments_do_not_share_a_controller():
     """Resetting one does not start the controller of the other anew."""
     own = make_controller("discon", load_turbine("nrel_5mw"))

@@ -248,8 +248,9 @@ class ActionMap:
         low, high = wind_speeds or (turbine.cut_in, turbine.cut_out)
         points = [operating_point(turbine, float(v)) for v in np.linspace(low, high, 25)]
         pitches = [point.pitch for point in points]
-        low, high = self.pitch_limits
-        return max(min(pitches) - MARGIN, low), min(max(pitches) + MARGIN, high), self.torque_limits[1]
+        least, most = self.pitch_limits
+        highest = most if high > turbine.cut_out else min(max(pitches) + MARGIN, most)  # beyond cut-out blades feather
+        return max(min(pitches) - MARGIN, least), highest, self.torque_limits[1]
 
     # ---- from actions to demands ----
 

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from wt_gym.control import COMPONENTS, ActionMap, Aim, Demand, operating_point
+from wt_gym.control import COMPONENTS, ActionMap, Aim, Demand, OperatingPoint, operating_point
 from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.controllers import checked_demand, make_controller
 from wt_gym.envs import rewards
@@ -170,7 +170,9 @@ class WindTurbineEnv(gym.Env):
     (`wt_gym.control.operating_point.operating_point`): rotor speed, pitch and generator torque of the mean wind speed,
     azimuth drawn uniformly, yaw angle 0, structure and wake as ``Simulator.reset`` leaves them. At yaw angle 0 the
     nacelle faces a wind that blows along +x, as the steady and turbulent winds made here do; an inflow of one's own
-    from another direction meets the rotor with that yaw error.
+    from another direction meets the rotor with that yaw error. Extreme winds meet a parked turbine: rotor at rest,
+    blades feathered, no torque; it needs a negative ``standstill_limit``, and of the controllers beneath none is for
+    it.
     ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
     [rad/s], ``pitch`` [rad], ``azimuth`` [rad] and ``generator_torque`` [N m]. The torque is never more than a
     generator can brake with at the rotor speed (`wt_gym.simulation.drives.available_torque`): none at standstill.
@@ -200,13 +202,15 @@ class WindTurbineEnv(gym.Env):
     ----------
     turbine : str, path or Turbine
         Name in the catalogue, a windIO v2 file, or a turbine.
-    inflow : {"steady", "turbulent", "gusts"}, Inflow, sequence of Inflow or callable
-        Steady sheared wind, IEC Kaimal turbulence, IEC transients, or inflows of one's own: one, several to draw from,
-        or a function of a random generator.
+    inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, sequence of Inflow or callable
+        Steady sheared wind, IEC Kaimal turbulence, IEC transients (EOG, EDC, ECD, EWS), the IEC extreme wind model
+        (EWM) steady or turbulent, or inflows of one's own: one, several to draw from, or a function of a random
+        generator.
     wind_speed : float or (float, float)
-        Mean wind speed at hub height, or the range it is drawn from at each reset [m/s].
+        Mean wind speed at hub height, or the range it is drawn from at each reset [m/s]; extreme winds have that of the
+        turbine's class.
     shear_exponent : float
-        Of the power-law profile.
+        Of the power-law profile, before gusts too; 0.11 in extreme winds.
     turbulence_class : {"A+", "A", "B", "C"}, optional
         Default: that of the turbine.
     wind_seeds : sequence of int
@@ -214,7 +218,12 @@ class WindTurbineEnv(gym.Env):
     wind_direction : float or (float, float)
         Of the wind at the start against the nacelle, or the range it is drawn from [rad].
     wind_wander : (float, float), optional
-        Standard deviation [rad] and time constant [s] with which the direction wanders from then on.
+        Standard deviation [rad] and time constant [s], at least 1 s, with which the direction wanders from then on; it
+        is drawn for 1200 s, after which the direction stays.
+    turbulence_model : {"NTM", "ETM"}
+        Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``.
+    return_period : {50, 1}
+        Of extreme winds, in years.
     fidelity : str or Fidelity
         Of the simulator: ``"training"``, ``"engineering"``, ``"reference"`` or one's own.
     control_dt : float
@@ -242,7 +251,7 @@ class WindTurbineEnv(gym.Env):
     overspeed_limit : float
         Highest rotor speed over rated rotor speed.
     standstill_limit : float
-        Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards.
+        Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards, a negative one that too.
     observation : sequence of str, optional
         Groups and channels to observe.
     sensor_noise : float
@@ -278,6 +287,8 @@ class WindTurbineEnv(gym.Env):
         wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
         wind_direction: float | tuple[float, float] = 0.0,
         wind_wander: tuple[float, float] | None = None,
+        turbulence_model: str = "NTM",
+        return_period: int = 50,
         fidelity: str | Fidelity = "training",
         control_dt: float = 0.2,
         episode_length: float | None = 120.0,
@@ -303,14 +314,20 @@ class WindTurbineEnv(gym.Env):
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
         if not overspeed_limit > 1.0:
             raise ValueError(f"overspeed_limit must be above 1, got {overspeed_limit!r}")
-        if not 0.0 <= standstill_limit < 1.0:
-            raise ValueError(f"standstill_limit must be at least 0 and below 1, got {standstill_limit!r}")
+        if not -1.0 <= standstill_limit < 1.0:
+            raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         if not 0.0 <= termination_penalty < math.inf:
             raise ValueError(f"termination_penalty must be finite and not negative, got {termination_penalty!r}")
         self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
         self.wind = WindSampler(
-            self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander
-        )
+            self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander,
+            turbulence_model, return_period,
+        )  # fmt: skip
+        if self.wind.parks and standstill_limit >= 0.0:
+            raise ValueError(
+                f"inflow={inflow!r} starts a parked rotor, which may turn slowly to either side: standstill_limit must "
+                f"be negative, got {standstill_limit!r}"
+            )
         self.reward_terms = rewards.compose(reward)
         self.termination_penalty = float(termination_penalty)
         self.overspeed_limit, self.standstill_limit = float(overspeed_limit), float(standstill_limit)
@@ -387,7 +404,7 @@ class WindTurbineEnv(gym.Env):
         self.episode_wind = self.wind.sample(self.np_random, **wind_options)
         azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
 
-        start = operating_point(self.turbine, self.episode_wind.wind_speed)
+        start = self._start_point()
         speed, pitch = float(options.get("rotor_speed", start.rotor_speed)), float(options.get("pitch", start.pitch))
         torque = min(start.generator_torque, available_torque(self.turbine.drivetrain, speed))
         torque = float(options.get("generator_torque", torque))
@@ -399,6 +416,12 @@ class WindTurbineEnv(gym.Env):
             self._renderer.reset()
             self._renderer.record(self.signals)
         return observation, self._info(saturated)
+
+    def _start_point(self) -> OperatingPoint:
+        """Operating point of the episode's wind, or a rotor at rest with feathered blades."""
+        if self.wind.parks:
+            return OperatingPoint(0.0, min(self.turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
+        return operating_point(self.turbine, self.episode_wind.wind_speed)
 
     def _begin(self, wind, rotor_speed, pitch, azimuth, torque) -> None:
         """Start simulator, controller, sensors and reward in a wind."""
