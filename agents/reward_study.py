@@ -195,8 +195,8 @@ LIBRARY = (
 class _Loop:
     """A study controller at work, one call a step of the simulator (`wt_gym.control.controllers.Controller`)."""
 
-    # Largest individual pitch [rad] and the lag of the drive that the azimuth is led by [s].
-    _MOST_INDIVIDUAL, _LAG = math.radians(6.0), 0.2
+    # Largest individual pitch [rad]; lead of the azimuth [s]: 0.15 s of the drive (`pitch_delay`), else blade and air.
+    _MOST_INDIVIDUAL, _LEAD = math.radians(6.0), 0.25
     # Frequency that the dithers excite the tower with [rad/s], and corner of the dampers' high-pass filters.
     _TOWER, _CORNER = 2 * math.pi * 0.32, 0.2
 
@@ -235,7 +235,7 @@ class _Loop:
         self.tilt_yaw = np.clip(
             self.tilt_yaw + self.description.individual * moments * dt, -self._MOST_INDIVIDUAL, self._MOST_INDIVIDUAL
         )
-        led = signals.azimuth + signals.rotor_speed * (0.5 * dt + self._LAG)
+        led = signals.azimuth + signals.rotor_speed * self._LEAD
         return room * from_harmonic(*self.tilt_yaw, led, self.turbine.n_blades)
 
 

@@ -128,6 +128,8 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
         ("steady", {"wind_speed": 10.0, "turbulence_model": "ETM"}, "belongs to inflow='turbulent'"),
         ("steady", {"wind_speed": 10.0, "return_period": 1}, "belongs to the inflows"),
         ("extreme", {"wind_speed": None, "return_period": 10}, "return_period must be 1 or 50"),
+        ("steady", {"wind_speed": 10.0, "direction": iter((0.1, 0.2))}, "wind_direction must be an angle"),
+        ("steady", {"wind_speed": 10.0, "direction": "north"}, "wind_direction must be an angle"),
         ("steady", {"wind_speed": 10.0, "wander": 0.1}, "wind_wander must be a deviation"),
         ("steady", {"wind_speed": 10.0, "wander": "ab"}, "wind_wander must be a deviation"),
         ("steady", {"wind_speed": 10.0, "wander": (0.1, 60.0, 1.0)}, "wind_wander must be a deviation"),

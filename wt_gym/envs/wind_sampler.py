@@ -257,7 +257,10 @@ class WindSampler:
 
     @staticmethod
     def _checked_direction(direction, wander):
-        ends = np.atleast_1d(np.asarray(direction, dtype=np.float64))
+        try:
+            ends = np.atleast_1d(np.asarray(direction, dtype=np.float64))
+        except (TypeError, ValueError):
+            ends = np.empty(0)
         if ends.size not in (1, 2) or not np.all(np.abs(ends) <= np.pi) or ends[0] > ends[-1]:
             raise InflowError(
                 f"wind_direction must be an angle or a range (low, high) within +-pi rad, got {direction!r}"
