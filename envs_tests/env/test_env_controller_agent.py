@@ -6,7 +6,8 @@ import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
 from agents.controller_agent import ControllerAgent
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.coleman import from_harmonic, to_harmonic
+from wt_gym.control.controllers import IndividualPitch, make_controller
 
 TURBULENT = "wt_gym/NREL5MW-Turbulent-v0"
 
@@ -75,6 +76,44 @@ def test_a_new_episode_starts_afresh_and_a_batch_is_many(envs):
     batch, state = agent.predict(np.stack([first, first]), None, np.ones(2, dtype=bool))
     np.testing.assert_array_equal(batch, np.stack([one, one]))
     assert state is None
+
+
+class _Tilt:
+    """A turning pitch of constant tilt, through individual pitch at its limit; speed and torque held."""
+
+    channels = ("azimuth", "rotor_speed")
+
+    def __init__(self, turbine, simulator_step):
+        self.turbine, self.simulator_step = turbine, simulator_step
+
+    def start(self, signals, demand):
+        self.demand = demand
+        self.addition = IndividualPitch.of_turbine(
+            self.turbine, bandwidth=1.0, limit=0.02, rate_limit=0.06, fade=False, simulator_step=self.simulator_step
+        )
+        self.addition.start(signals)
+
+    def step(self, signals, dt):
+        moments = from_harmonic(1e7, 0.0, signals["azimuth"])
+        seen = {name: signals[name] for name in self.channels}
+        seen |= {f"root_flap_moment_{b}": moment for b, moment in enumerate(moments, start=1)}
+        return self.addition.step(seen, dt, self.demand)
+
+
+@pytest.mark.parametrize("mode", ["rate", "absolute"])
+def test_individual_pitch_at_the_control_step_arrives_at_its_azimuth(envs, mode):
+    """Two steps of the simulator in one of the controller, between which the environment moves the demand evenly."""
+    env = envs(action_mode=mode, pitch="individual")
+    raw, off = env.unwrapped, {}
+    for step in (0.1, None):
+        agent = ControllerAgent.from_env(env, _Tilt(raw.turbine, step))
+        observation, _ = env.reset(seed=1)
+        for _ in range(20):
+            observation, *_ = env.step(agent.predict(observation)[0])
+        tilt, yaw = to_harmonic(raw.signals.pitch, raw.signals["azimuth"])
+        off[step] = np.arctan2(yaw, tilt)
+    assert abs(np.degrees(off[0.1])) < 0.5
+    assert off[None] == pytest.approx(-0.05 * raw.signals["rotor_speed"], abs=0.01)  # half a step early
 
 
 def test_missing_channels_and_collective_pitch_are_refused(envs):

@@ -155,8 +155,10 @@ class IndividualPitch:
         Its limits hold, and its delay leads the azimuth.
     n_blades : int
     lead : float, optional
-        Time by which the azimuth leads [s]; by default `pitch_delay` at the interval of the controller. That is exact
-        at the step of the simulator; at twice that step it is half a step too long, 3.6 degrees for the NREL 5-MW.
+        Time by which the azimuth leads [s]; by default `pitch_delay` at the interval of the controller.
+    simulator_step : float, optional
+        Step of the simulator [s], by default the interval of the controller. At twice the step the lead is else half a
+        step too long, 3.6 degrees for the NREL 5-MW.
 
     Attributes
     ----------
@@ -166,14 +168,23 @@ class IndividualPitch:
     """
 
     def __init__(
-        self, harmonics, fade: AboveRated | None, drive: PitchSystem, n_blades: int = 3, lead: float | None = None
+        self,
+        harmonics,
+        fade: AboveRated | None,
+        drive: PitchSystem,
+        n_blades: int = 3,
+        lead: float | None = None,
+        simulator_step: float | None = None,
     ):
         self.harmonics = tuple(HarmonicPitch(p) for p in harmonics)
         if n_blades < 3:
             raise ValueError(f"individual pitch in the fixed frame needs at least 3 blades, got {n_blades}")
         if lead is not None and not 0.0 <= lead < math.inf:
             raise ValueError(f"lead must be finite and not negative, got {lead!r}")
-        self.fade, self.drive, self.n_blades, self.lead = fade, drive, n_blades, lead
+        if simulator_step is not None and not 0.0 < simulator_step < math.inf:
+            raise ValueError(f"simulator_step must be finite and positive, got {simulator_step!r}")
+        self.fade, self.drive, self.n_blades = fade, drive, n_blades
+        self.lead, self.simulator_step = lead, simulator_step
         self.share, self._fresh = 0.0, True
         self._moment_names = tuple(f"root_flap_moment_{b + 1}" for b in range(n_blades))
         self.channels = ("azimuth", "rotor_speed", *self._moment_names)
@@ -189,6 +200,7 @@ class IndividualPitch:
         limit: float = math.radians(4.0),
         rate_limit: float = math.radians(1.5),
         lead: float | None = None,
+        simulator_step: float | None = None,
         second_harmonic: float = 0.0,
         fade: FadeParameters | bool = True,
     ) -> IndividualPitch:
@@ -208,7 +220,7 @@ class IndividualPitch:
             Time constant of the return inside the band [s].
         limit, rate_limit : float
             Of the amplitude [rad], [rad/s].
-        lead : float, optional
+        lead, simulator_step : float, optional
             See the class.
         second_harmonic : float
             Gain of the second harmonic over that of the first; zero leaves it out. Its limit is half that of the first.
@@ -234,7 +246,7 @@ class IndividualPitch:
         fading = None
         if fade is not False:
             fading = AboveRated.of_turbine(turbine, None if fade is True else fade)
-        return cls(harmonics, fading, turbine.pitch, turbine.n_blades, lead)
+        return cls(harmonics, fading, turbine.pitch, turbine.n_blades, lead, simulator_step)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -252,7 +264,7 @@ class IndividualPitch:
                 self.fade.start(float(np.mean(demand.pitch)))
             self.share = self.fade.update(demand.pitch, speed, dt)
         self._fresh = False
-        lead = speed * (pitch_delay(self.drive, dt) if self.lead is None else self.lead)
+        lead = speed * (pitch_delay(self.drive, dt, self.simulator_step) if self.lead is None else self.lead)
         added = sum(h.step(moments, azimuth, dt, lead, self.share) for h in self.harmonics)
         pitch = np.minimum(np.maximum(demand.pitch + added, self.drive.min_pitch), self.drive.max_pitch)
         return Demand(pitch, demand.yaw_rate, demand.generator_torque)
