@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control import Demand
+from wt_gym.control.controllers import checked_demand
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.operating_point import operating_point
 from wt_gym.simulation import Recorder
@@ -61,7 +62,7 @@ def run_controller(
     recorder = Recorder(simulator, controller=name, control_interval_s=dt)
     recorder.append(signals)
     for _ in range(round(duration / dt)):
-        demand = controller.step(signals, dt)
+        demand = checked_demand(controller.step(signals, dt), controller, simulator.turbine.n_blades)
         signals = simulator.advance(
             dt, pitch=demand.pitch, yaw_rate=demand.yaw_rate, generator_torque=demand.generator_torque
         )

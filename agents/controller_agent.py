@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 import math
+from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.control import Demand
-from wt_gym.control.controllers import make_controller
+from wt_gym.control import Aim, Demand
+from wt_gym.control.controllers import checked_demand, make_controller
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller
@@ -64,10 +65,11 @@ class ObservedSignals:
 class ControllerAgent:
     """A controller with stable-baselines3's ``predict``, for rate and absolute actions.
 
-    It reads the signals and the present demands from the observation, steps the controller by the control step and
-    gives the action that asks for the controller's demand. The agent remembers one controller an environment. Where the
-    observed demands are not those that the controller asked for (a new episode, a handover), it starts afresh and
-    bumplessly from them; ``episode_start`` says the same.
+    It reads the signals and the demands from the observation, steps the controller by the control step and gives the
+    action that asks for the controller's demand. The agent remembers one controller an environment. Where the observed
+    demands are not those that the agent asked for (a new episode, a handover), it starts afresh and bumplessly from
+    them; ``episode_start`` says the same. Late observations (``sensor_delay``) show what it asked for so long ago; a
+    handover in the middle of an episode then needs demands that have rested as long.
 
     Parameters
     ----------
@@ -83,18 +85,19 @@ class ControllerAgent:
     KeyError
         If the observation lacks a channel that the controller reads, or a demand.
     ValueError
-        If a controller of individual pitch meets an environment with collective pitch, or the actions are neither rates
-        nor absolute demands.
+        If a controller of individual pitch meets an environment with collective pitch, the actions are neither rates
+        nor absolute demands, or a controller runs beneath them already.
     """
 
     def __init__(self, layout: EnvLayout, controller: str | Controller = "discon", **parameters):
         self.layout = layout
         self.controller = make_controller(controller, layout.turbine, **parameters)
         action = layout.action
-        if action.mode not in ("rate", "absolute") or action.pitch == "fixed-frame":
+        if action.needs_controller or action.pitch == "fixed-frame":
             raise ValueError(
-                "a ControllerAgent needs rate or absolute actions on the blades, got "
-                f"action_mode {action.mode!r} with pitch {action.pitch!r}; residual actions have controller=... beneath"
+                "a ControllerAgent needs rate or absolute actions for the pitch of blades and for torque, got "
+                f"action_mode {action.mode!r} with pitch {action.pitch!r} and components {action.components}; beneath "
+                "others runs controller=..."
             )
         if "azimuth" in self.controller.channels and action.pitch != "individual":
             raise ValueError(f"a controller of individual pitch needs pitch='individual', got {action.pitch!r}")
@@ -119,7 +122,8 @@ class ControllerAgent:
     def reset(self) -> None:
         """Forget everything: the next `predict` starts afresh."""
         self._controllers: list[Controller] = []
-        self._asked: list[Demand | None] = []
+        # of an environment: what it was asked for, from the demand that the next observation shows to the present one
+        self._asked: list[deque[Aim | Demand]] = []
 
     def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
         """Action for an observation, as stable-baselines3's models give it.
@@ -143,28 +147,29 @@ class ControllerAgent:
         batch = np.atleast_2d(observation)
         if len(self._controllers) != len(batch):
             self._controllers = [copy.deepcopy(self.controller) for _ in batch]
-            self._asked = [None] * len(batch)
+            self._asked = [deque(maxlen=self.layout.delay + 1) for _ in batch]
         starts = np.zeros(len(batch), dtype=bool) if episode_start is None else np.atleast_1d(episode_start)
         actions = [self._act(k, row, bool(start)) for k, (row, start) in enumerate(zip(batch, starts, strict=True))]
-        actions = np.array(actions, dtype=np.float32)
+        actions = np.array(actions)
         return (actions if observation.ndim == 2 else actions[0]), state
 
     def _act(self, k: int, observation: np.ndarray, start: bool) -> np.ndarray:
         """Action of environment k."""
-        layout, signals, controller = self.layout, self._signals, self._controllers[k]
+        layout, signals, controller, asked = self.layout, self._signals, self._controllers[k], self._asked[k]
         signals.observation = observation
         n_blades = layout.action.n_blades
         pitch = np.broadcast_to([signals[name] for name in self._pitch_names], n_blades).astype(np.float64)
-        now = Demand(pitch, 0.0, signals["generator_torque_demand"])
-        if start or not self._as_asked(self._asked[k], now):
-            controller.start(signals, now)
-        demand = controller.step(signals, layout.control_dt)
-        action = layout.action.encode(demand, now)
-        self._asked[k] = layout.action.decode(action, now)
+        seen = Demand(pitch, 0.0, signals["generator_torque_demand"])
+        if start or not asked or not self._same(asked[0], seen):
+            controller.start(signals, seen)
+            asked.extend([seen] * (layout.delay + 1))
+        demand = checked_demand(controller.step(signals, layout.control_dt), controller, n_blades)
+        now = seen if layout.delay == 0 else asked[-1]
+        action = layout.action.encode(demand, now).astype(np.float32)
+        asked.append(layout.action.decode(action.astype(np.float64), now))
         return action
 
-    def _as_asked(self, asked: Demand | None, now: Demand) -> bool:
+    def _same(self, asked: Aim | Demand, seen: Demand) -> bool:
         """Whether the observed demands are those asked for."""
-        if asked is None or abs(asked.generator_torque - now.generator_torque) > self._torque_tolerance:
-            return False
-        return bool(np.all(np.abs(asked.pitch - now.pitch) <= self._pitch_tolerance))
+        same_torque = abs(asked.generator_torque - seen.generator_torque) <= self._torque_tolerance
+        return bool(same_torque and np.all(np.abs(asked.pitch - seen.pitch) <= self._pitch_tolerance))

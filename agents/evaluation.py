@@ -12,8 +12,8 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from agents.baseline import BaselineAgent
 from agents.constant import ConstantAgent
+from agents.controller_agent import ControllerAgent
 from agents.progress import ProgressLine, clock
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.results import Evaluation, Run, Wind
@@ -85,7 +85,7 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
     Agent
     """
     if choice == "baseline":  # beneath residual actions runs a controller already
-        return ConstantAgent(layout) if layout.action.mode == "residual" else BaselineAgent(layout)
+        return ConstantAgent(layout) if layout.action.mode == "residual" else ControllerAgent(layout)
     if choice == "constant":
         return ConstantAgent(layout)
     from agents.trained import TrainedAgent  # torch takes seconds to import
@@ -113,16 +113,17 @@ def evaluate(agents: Mapping[str, str | Agent], config: EvaluationConfig, *, pro
     Raises
     ------
     ValueError
-        If the runs are too short to leave something to measure, or the arguments of the environment hold an episode
-        length.
+        If the runs are too short to leave something to measure, or the arguments of the environment hold a length of
+        the episodes.
     """
     if not (config.skip >= 0.0 and config.duration >= config.skip + _LEAST_MEASURED):
         raise ValueError(
             f"nothing is left to evaluate: the duration of {config.duration:g} s must exceed the skipped start of "
             f"{config.skip:g} s (at least 0) by {_LEAST_MEASURED:g} s or more"
         )
-    if "episode_length" in config.env_kwargs:
-        raise ValueError("episode_length follows from the duration of the evaluation; leave it out of env_kwargs")
+    for name in ("episode_length", "max_episode_steps"):
+        if name in config.env_kwargs:
+            raise ValueError(f"{name} follows from the duration of the evaluation; leave it out of env_kwargs")
     # the duration of the evaluation is the only limit, whatever the length of a task's episodes
     env = gym.make(config.env_id, **config.env_kwargs, episode_length=config.duration, max_episode_steps=_ENDLESS)
     try:
@@ -173,7 +174,7 @@ def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationCo
         action, state = agent.predict(observation, state=state, episode_start=episode_start, deterministic=True)
         observation, reward, terminated, truncated, info = env.step(action)
         episode_start, done = np.zeros(1, dtype=bool), terminated or truncated
-        total += reward
+        total += float(np.sum(reward))  # one number, or its terms with vector_reward
         for key, value in info["reward_terms"].items():
             terms[key] = terms.get(key, 0.0) + value
         if "failure" not in info:  # the signals of a failed step are those of the step before

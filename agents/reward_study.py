@@ -10,18 +10,18 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 from scipy.stats import spearmanr
 
-from agents.baseline import BaselineController, BaselineParameters
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control import Demand
+from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.coleman import from_harmonic, to_harmonic
-from wt_gym.control.controllers import make_controller
+from wt_gym.control.controllers import BaselineController, BaselineParameters, make_controller
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs import rewards
 from wt_gym.envs.wind_sampler import WindSampler
@@ -195,8 +195,8 @@ LIBRARY = (
 class _Loop:
     """A study controller at work, one call a step of the simulator (`wt_gym.control.controllers.Controller`)."""
 
-    # Largest individual pitch [rad] and the lag of the drive that the azimuth is led by [s].
-    _MOST_INDIVIDUAL, _LAG = math.radians(6.0), 0.2
+    # Largest individual pitch [rad]; lead of the azimuth [s]: 0.15 s of the drive (`pitch_delay`), else blade and air.
+    _MOST_INDIVIDUAL, _LEAD = math.radians(6.0), 0.25
     # Frequency that the dithers excite the tower with [rad/s], and corner of the dampers' high-pass filters.
     _TOWER, _CORNER = 2 * math.pi * 0.32, 0.2
 
@@ -235,7 +235,7 @@ class _Loop:
         self.tilt_yaw = np.clip(
             self.tilt_yaw + self.description.individual * moments * dt, -self._MOST_INDIVIDUAL, self._MOST_INDIVIDUAL
         )
-        led = signals.azimuth + signals.rotor_speed * (0.5 * dt + self._LAG)
+        led = signals.azimuth + signals.rotor_speed * self._LEAD
         return room * from_harmonic(*self.tilt_yaw, led, self.turbine.n_blades)
 
 
@@ -306,12 +306,10 @@ def simulate(
     rows = [signals.values]
     count = round(control_dt / simulator.time_step)
     for _ in range(round(duration / control_dt)):
-        merged = None
-        for _ in range(count):
-            demand = loop.step(signals, simulator.time_step)
-            signals = simulator.advance(simulator.time_step, **asdict(demand))
-            merged = signals if merged is None else signals.after(merged)
-        rows.append(merged.values)
+        signals = advance_under(
+            lambda _, now: loop.step(now, simulator.time_step), simulator, signals, simulator.time_step, count
+        )
+        rows.append(signals.values)
     return np.array(rows)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import re
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -112,8 +113,17 @@ class TrainedAgent:
         Raises
         ------
         ValueError
-            With the shapes of both.
+            With the first component in which they differ from the record of the training, or, without one, with the
+            shapes of both.
         """
+        for what, offered in (("observation", layout.observation.names), ("action", layout.action.names)):
+            wanted = (self.record or {}).get(what, offered)
+            for k, (trained, found) in enumerate(zip_longest(wanted, offered)):
+                if trained != found:
+                    raise ValueError(
+                        f"the model was trained with {trained or 'nothing'} as component {k} of the {what}, the "
+                        f"environment has {found or 'nothing'} there"
+                    )
         wanted = (self.model.observation_space.shape, self.model.action_space.shape)
         offered = ((len(layout.observation),), (layout.action.size,))
         if wanted != offered:

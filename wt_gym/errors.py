@@ -1,6 +1,6 @@
 """Exceptions raised at the doors of wt_gym: each names what was given, what is allowed and where."""
 
-__all__ = ["ActionError", "InflowError", "SimulationError", "TurbineDefinitionError", "WtGymError"]
+__all__ = ["ActionError", "ControllerError", "InflowError", "SimulationError", "TurbineDefinitionError", "WtGymError"]
 
 
 class WtGymError(Exception):
@@ -17,6 +17,10 @@ class InflowError(WtGymError, ValueError):
 
 class ActionError(WtGymError, ValueError):
     """An action or command has the wrong shape, is not finite or lies outside its space."""
+
+
+class ControllerError(WtGymError, ValueError):
+    """A controller gave a demand that the turbine cannot be asked for; the controller is to be mended, no action."""
 
 
 class SimulationError(WtGymError, RuntimeError):

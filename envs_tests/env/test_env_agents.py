@@ -14,8 +14,8 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import wt_gym  # noqa: F401 - registers the environments
-from agents.baseline import BaselineAgent, BaselineController
 from agents.constant import ConstantAgent
+from agents.controller_agent import ControllerAgent
 from agents.evaluation import BASELINE, EvaluationConfig, default_names, evaluate, load_agent
 from agents.train import TrainingConfig, train
 from agents.trained import TrainedAgent
@@ -23,6 +23,7 @@ from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.analysis.summary import summarise
+from wt_gym.control.controllers import BaselineController
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation import Simulator
 
@@ -45,7 +46,7 @@ def demands(env, agent, steps=25, **options):
 @pytest.mark.parametrize("pitch", ["collective", "individual"])
 def test_baseline_demands_what_its_controller_commands(mode, pitch):
     env = gym.make(TURBULENT, wind_speed=13.0, action_mode=mode, pitch=pitch)
-    agent, controller = BaselineAgent.from_env(env), BaselineController()
+    agent, controller = ControllerAgent.from_env(env), BaselineController()
     observation, _ = env.reset(seed=1)
     raw = env.unwrapped
     controller.start(raw.signals["generator_speed"], raw.demand.pitch, raw.demand.generator_torque)
@@ -57,36 +58,21 @@ def test_baseline_demands_what_its_controller_commands(mode, pitch):
         assert raw.demand.generator_torque == pytest.approx(expected_torque, rel=2e-5)
 
 
-def test_baseline_memory_travels_as_state_or_inside():
-    env = gym.make(TURBULENT, wind_speed=13.0)
-    inside, outside = BaselineAgent.from_env(env), BaselineAgent.from_env(env)
-    observation, _ = env.reset(seed=2)
-    state, start = None, np.ones(1, dtype=bool)
-    for _ in range(10):
-        action, _ = inside.predict(observation)
-        outside.reset()  # whatever it remembers itself must not matter
-        other, state = outside.predict(observation, state, start)
-        start = np.zeros(1, dtype=bool)
-        assert np.array_equal(action, other)
-        assert action.dtype == np.float32
-        observation, *_ = env.step(action)
-
-
 def test_baseline_starts_afresh_in_a_new_episode():
     env = gym.make(TURBULENT)
-    agent = BaselineAgent.from_env(env)
+    agent = ControllerAgent.from_env(env)
     demands(env, agent, wind_speed=16.0)
     again = demands(env, agent, wind_speed=9.0)
-    fresh = demands(env, BaselineAgent.from_env(env), wind_speed=9.0)
+    fresh = demands(env, ControllerAgent.from_env(env), wind_speed=9.0)
     np.testing.assert_allclose(again, fresh)
 
 
 def test_baseline_serves_vector_environments():
     vec = gym.make_vec(TURBULENT, num_envs=2, vectorization_mode="sync", wind_speed=13.0)
-    agent = BaselineAgent.from_env(vec)
+    agent = ControllerAgent.from_env(vec)
     observations, _ = vec.reset(seed=[1, 2])
     single = gym.make(TURBULENT, wind_speed=13.0)
-    one = BaselineAgent.from_env(single)
+    one = ControllerAgent.from_env(single)
     observation, _ = single.reset(seed=1)
     for _ in range(5):
         actions, _ = agent.predict(observations)
@@ -99,7 +85,7 @@ def test_baseline_serves_vector_environments():
 
 def test_stable_baselines_can_evaluate_the_baseline():
     vec = DummyVecEnv([lambda: gym.make(STEADY, wind_speed=11.0, episode_length=10.0)])
-    mean, _ = evaluate_policy(BaselineAgent.from_env(vec), vec, n_eval_episodes=1, warn=False)
+    mean, _ = evaluate_policy(ControllerAgent.from_env(vec), vec, n_eval_episodes=1, warn=False)
     # 10 s of nearly all that the wind allows, measured by the design's power coefficient
     assert 9.0 < mean < 11.0
 
@@ -108,12 +94,12 @@ def test_stable_baselines_can_evaluate_the_baseline():
 def test_baseline_needs_its_measurements(observation):
     env = gym.make(STEADY, observation=observation)
     with pytest.raises(KeyError, match="the observation has no channel"):
-        BaselineAgent.from_env(env)
+        ControllerAgent.from_env(env)
 
 
 def test_baseline_holds_rated_speed_above_rated_wind():
     env = gym.make(STEADY, wind_speed=16.0, episode_length=60.0)
-    agent = BaselineAgent.from_env(env)
+    agent = ControllerAgent.from_env(env)
     observation, _ = env.reset(seed=0)
     truncated = False
     while not truncated:
@@ -194,8 +180,30 @@ def test_trained_agent_normalises_the_observation(trained):
 
 def test_a_model_for_another_environment_is_refused(trained):
     env = gym.make(STEADY, pitch="individual")
-    with pytest.raises(ValueError, match="shapes"):
+    with pytest.raises(ValueError, match=r"trained with pitch as component 5 of the observation, .* has pitch_1 there"):
         load_agent(str(trained[0]), env.unwrapped.layout)
+    unknown = TrainedAgent(TrainedAgent.load(trained[0]).model)
+    with pytest.raises(ValueError, match="shapes"):
+        unknown.check_fits(env.unwrapped.layout)
+
+
+@pytest.mark.parametrize(
+    ("what", "k", "name", "message"),
+    [
+        ("observation", 4, "power", "power as component 4 of the observation, the environment has .*_demand there"),
+        ("action", 2, "torque", "torque as component 2 of the action, the environment has generator_torque_rate there"),
+    ],
+)
+def test_a_model_for_other_components_of_the_same_shape_is_refused(trained, what, k, name, message):
+    folder, record = trained
+    agent = TrainedAgent.load(folder)
+    layout = gym.make(STEADY).unwrapped.layout
+    agent.check_fits(layout)
+    names = list(record[what])
+    names[k] = name
+    agent.record = record | {what: names}
+    with pytest.raises(ValueError, match=message):
+        agent.check_fits(layout)
     with pytest.raises(FileNotFoundError, match="no trained model"):
         TrainedAgent.load(trained[0] / "nothing")
 
@@ -211,7 +219,8 @@ def test_time_limit_ends_the_training(tmp_path):
 
 @pytest.fixture(scope="module")
 def evaluation(trained):
-    config = EvaluationConfig(winds=(Wind(12.0, 1001), Wind(16.0, 1002)), duration=15.0, skip=5.0)
+    winds = (Wind(12.0, 1001), Wind(16.0, 1002))
+    config = EvaluationConfig(env_id=TURBULENT, winds=winds, duration=15.0, skip=5.0)
     return config, evaluate({BASELINE: "baseline", "PPO": str(trained[0])}, config, progress=False)
 
 
@@ -263,11 +272,27 @@ def test_a_run_that_fails_in_its_first_step_can_be_reported(monkeypatch, tmp_pat
         ({"duration": 20.0, "skip": 30.0}, "nothing is left"),
         ({"duration": -5.0, "skip": 0.0}, "nothing is left"),
         ({"env_kwargs": {"episode_length": 50.0}}, "episode_length follows"),
+        ({"env_kwargs": {"max_episode_steps": 50}}, "max_episode_steps follows"),
     ],
 )
 def test_evaluations_without_meaning_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         evaluate({BASELINE: "baseline"}, EvaluationConfig(**changes), progress=False)
+
+
+def test_vector_rewards_are_evaluated_by_their_sum():
+    runs = [
+        evaluate(
+            {"Constant": "constant"},
+            EvaluationConfig(
+                env_id=STEADY, env_kwargs={"vector_reward": vector}, winds=(Wind(9.0),), duration=4.0, skip=1
+            ),
+            progress=False,
+        ).runs[0]
+        for vector in (False, True)
+    ]
+    assert runs[1].episode_return == pytest.approx(runs[0].episode_return, rel=1e-6)
+    assert runs[1].reward_terms == runs[0].reward_terms
 
 
 def test_evaluation_repeats_itself(evaluation):

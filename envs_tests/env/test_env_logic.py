@@ -10,6 +10,7 @@ from scripted_simulator import ScriptedSimulator
 
 from wt_gym.envs import turbine_env
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 HOLD = np.zeros(3, dtype=np.float32)
@@ -223,6 +224,35 @@ def test_a_turbine_without_yaw_drive_has_no_yaw_action(make_env):
     assert env.layout.observation.names[-2:] == ("previous_pitch_rate", "previous_generator_torque_rate")
     _, reward, *_ = env.step(np.zeros(2, dtype=np.float32))
     assert np.isfinite(reward)
+
+
+class Broken:
+    """A controller that demands what it was made with, from its third step on."""
+
+    channels = ()
+
+    def __init__(self, pitch):
+        self.pitch = pitch
+
+    def start(self, signals, demand):
+        self.first, self.steps = demand, 0
+
+    def step(self, signals, dt):
+        self.steps += 1
+        return self.first if self.steps < 3 else replace(self.first, pitch=self.pitch)
+
+
+@pytest.mark.parametrize("pitch", [np.full(3, np.nan), np.zeros(2), 0.1])
+def test_a_broken_controller_beneath_is_named_and_ends_the_episode(make_env, pitch):
+    env = make_env(action_mode="residual", controller=Broken(pitch))
+    env.reset(seed=0)
+    env.step(HOLD)
+    with pytest.raises(ControllerError, match="the controller Broken demands"):
+        env.step(HOLD)
+    with pytest.raises(ResetNeeded):
+        env.step(HOLD)
+    env.reset(seed=0)
+    env.step(HOLD)
 
 
 def test_step_needs_reset(make_env):

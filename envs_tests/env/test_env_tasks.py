@@ -18,6 +18,7 @@ from wt_gym.control.controllers import make_controller
 from wt_gym.envs import rewards
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.tasks import TASKS
@@ -249,6 +250,53 @@ def test_an_episode_that_is_over_stays_over_after_restoring(started):
     started.restore(taken)
 
 
+def test_pictures_go_back_with_the_episode():
+    """A restored picture is that of the snapshot: turbine and course of the signals, also when the episode is over."""
+    env = WindTurbineEnv(inflow=SteadyInflow(11.0), episode_length=0.6, render_mode="rgb_array")
+    env.reset(seed=0)
+    env.step(np.zeros(3))
+    middle, first = env.snapshot(), env.render()
+    for _ in range(2):
+        env.step(np.ones(3))
+    over, last = env.snapshot(), env.render()
+    env.restore(middle)
+    np.testing.assert_array_equal(env.render(), first)
+    env.step(np.zeros(3))
+    env.restore(over)
+    np.testing.assert_array_equal(env.render(), last)
+    blind = WindTurbineEnv(inflow=SteadyInflow(11.0), episode_length=0.6)
+    blind.reset(seed=0)
+    env.restore(blind.snapshot())
+    assert env.render().shape == last.shape
+    assert [row[0] for row in env._renderer.memory()] == [0.0]
+
+
+def test_a_failed_simulation_is_kept_and_shown_as_far_as_it_came(monkeypatch):
+    env = WindTurbineEnv(inflow=SteadyInflow(11.0), episode_length=10.0, render_mode="rgb_array")
+    env.reset(seed=0)
+    picture = env.render()
+    good = env.snapshot()
+
+    def fail(*_args, **_kwargs):
+        env.simulator._started = False
+        raise SimulationError("diverged")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(env.simulator, "advance", fail)
+        last, _, terminated, _, info = env.step(np.zeros(3))
+    assert (terminated, info["termination"]) == (True, "failure")
+    np.testing.assert_array_equal(env.render(), picture)
+    failed = env.snapshot()
+    env.restore(good)
+    env.step(np.zeros(3))
+    np.testing.assert_array_equal(env.restore(failed), last)
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(np.zeros(3))
+    assert env.render().shape == picture.shape
+    env.restore(good)
+    env.step(np.zeros(3))
+
+
 # ---- winds ----
 
 
@@ -272,6 +320,21 @@ def test_directions_gusts_and_lists_are_drawn():
     assert kinds == {"EOG", "EDC", "ECD", "EWS"}
 
 
+@pytest.mark.parametrize("inflow", ["extreme", "extreme-turbulent"])
+def test_a_parked_turbine_idles_in_extreme_wind(inflow):
+    env = WindTurbineEnv(inflow=inflow, wind_seeds=(1,), standstill_limit=-0.5, episode_length=4.0)
+    env.reset(seed=0)
+    assert (env.signals["rotor_speed"], env.demand.generator_torque) == (0.0, 0.0)
+    ends = [env.step(np.zeros(3))[2] for _ in range(20)]
+    assert not any(ends)
+    assert abs(env.signals["rotor_speed"]) < 0.15 * env.turbine.drivetrain.rated_rotor_speed
+    np.testing.assert_allclose(env.signals.pitch, 0.5 * np.pi, atol=1e-3)
+    with pytest.raises(ValueError, match="starts a parked rotor"):
+        WindTurbineEnv(inflow=inflow)
+    absolute = WindTurbineEnv(inflow=inflow, standstill_limit=-0.5, action_mode="absolute")
+    assert absolute.layout.action.high[0] == pytest.approx(0.5 * np.pi)
+
+
 def test_environments_do_not_share_a_controller():
     """Resetting one does not start the controller of the other anew."""
     own = make_controller("discon", load_turbine("nrel_5mw"))
@@ -288,6 +351,22 @@ def test_environments_do_not_share_a_controller():
 def test_groups_that_are_empty_with_an_action_are_refused():
     with pytest.raises(ValueError, match=r"observation \['offsets'\]: with this action"):
         WindTurbineEnv(observation=("rotor", "offsets"))
+
+
+def test_what_can_be_read_once_is_read_once():
+    """Generators of terms, winds, seeds, components and channels serve the environment and its twin."""
+    env = WindTurbineEnv(
+        inflow=(SteadyInflow(speed) for speed in (9.0,)), reward=(term for term in rewards.compose({"power": 2.0})),
+        wind_seeds=iter((1, 2)), action_components=(name for name in ("pitch",)), relative_reward=True,
+        observation=(name for name in ("rotor", "lidar_1")), episode_length=2.0, **RESIDUAL,
+    )  # fmt: skip
+    assert env.layout.observation.names == ("rotor_speed", "generator_speed", "lidar_1")
+    assert env.layout.action.components == ("pitch",)
+    _, info = env.reset(seed=0)
+    assert info["wind_speed"] == 9.0
+    _, reward, *_, info = env.step(np.zeros(3))
+    assert reward == 0.0
+    assert set(info["reward_terms"]) == {term.name for term in env._twin.reward_terms}
 
 
 def test_a_relative_reward_pays_no_luck_when_the_controller_fails():

@@ -1,5 +1,7 @@
 """The wind of an episode."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,49 @@ def test_turbulence_has_the_standard_deviation_of_its_speed(speed):
     assert box.time_step * speed == pytest.approx(0.25 * 12.0)
 
 
+@pytest.mark.parametrize("speed", [12.0, 20.0])
+def test_extreme_turbulence_is_the_same_field_at_its_own_standard_deviation(speed):
+    winds = {}
+    for model in ("NTM", "ETM"):
+        sampler = WindSampler(TURBINE, "turbulent", speed, turbulence_model=model)
+        winds[model] = sampler.sample(np.random.default_rng(0), wind_seed=5).inflow.box.fluctuation
+    normal, extreme = (turbulence_sigma(speed, "B", model, "I") for model in ("NTM", "ETM"))
+    assert extreme > 1.3 * normal
+    np.testing.assert_allclose(winds["ETM"], winds["NTM"] * extreme / normal, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize(("years", "factor"), [(50, 1.0), (1, 0.8)])
+def test_extreme_winds_are_those_of_the_class(years, factor):
+    # class I: reference speed 50 m/s
+    steady = WindSampler(TURBINE, "extreme", (6.0, 18.0), return_period=years)
+    wind = steady.sample(np.random.default_rng(0))
+    assert steady.options == ()
+    assert wind.wind_speed == pytest.approx(1.4 * 50.0 * factor)
+    speed = wind.inflow.velocity(np.array([[0.0, 0.0, 45.0]]), 0.0)[0, 0]
+    assert speed == pytest.approx(1.4 * 50.0 * factor * 0.5**0.11)
+    gusty = WindSampler(TURBINE, "extreme-turbulent", None, wind_seeds=(3,), return_period=years)
+    wind = gusty.sample(np.random.default_rng(0))
+    assert (gusty.options, gusty.seeds) == (("wind_seed", "time_offset"), (3,))
+    assert (wind.wind_speed, wind.wind_seed) == (pytest.approx(50.0 * factor), 3)
+    samples = wind.inflow.box.fluctuation
+    hub = samples[:, samples.shape[1] // 2, samples.shape[2] // 2, 0]
+    assert hub.std() == pytest.approx(0.11 * 50.0 * factor, rel=1e-3)
+    with pytest.raises(InflowError, match="follows from the turbine's class"):
+        gusty.sample(np.random.default_rng(0), wind_speed=30.0)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.3])
+def test_gusts_stand_on_the_shear_asked_for(exponent):
+    sampler, kinds = WindSampler(TURBINE, "gusts", 10.0, shear_exponent=exponent), set()
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        inflow = sampler.sample(rng).inflow
+        kinds.add(inflow.kind)
+        speed = inflow.velocity(np.array([[0.0, 0.0, 90.0], [0.0, 0.0, 45.0]]), 0.0)[:, 0]
+        np.testing.assert_allclose(speed, [10.0, 10.0 * 0.5**exponent], rtol=1e-9)
+    assert len(kinds) == 5
+
+
 def test_fixing_one_draw_leaves_the_others():
     sampler = WindSampler(TURBINE, "turbulent", (6.0, 18.0))
     free = sampler.sample(np.random.default_rng(4))
@@ -79,11 +124,37 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
         ("turbulent", {"wind_speed": 10.0, "turbulence_class": "E"}, "turbulence_class"),
         ("turbulent", {"wind_speed": 10.0, "wind_seeds": ()}, "at least one"),
         ("turbulent", {"wind_speed": 10.0, "wind_seeds": (1.5,)}, "integer"),
+        ("turbulent", {"wind_speed": 10.0, "turbulence_model": "EWM"}, "'NTM', 'ETM'"),
+        ("steady", {"wind_speed": 10.0, "turbulence_model": "ETM"}, "belongs to inflow='turbulent'"),
+        ("steady", {"wind_speed": 10.0, "return_period": 1}, "belongs to the inflows"),
+        ("extreme", {"wind_speed": None, "return_period": 10}, "return_period must be 1 or 50"),
+        ("steady", {"wind_speed": 10.0, "direction": iter((0.1, 0.2))}, "wind_direction must be an angle"),
+        ("steady", {"wind_speed": 10.0, "direction": "north"}, "wind_direction must be an angle"),
+        ("steady", {"wind_speed": 10.0, "wander": 0.1}, "wind_wander must be a deviation"),
+        ("steady", {"wind_speed": 10.0, "wander": "ab"}, "wind_wander must be a deviation"),
+        ("steady", {"wind_speed": 10.0, "wander": (0.1, 60.0, 1.0)}, "wind_wander must be a deviation"),
+        ("steady", {"wind_speed": 10.0, "wander": (-0.1, 60.0)}, "wind_wander must be a deviation"),
+        ("steady", {"wind_speed": 10.0, "wander": (np.nan, 60.0)}, "wind_wander must be a deviation"),
+        ("steady", {"wind_speed": 10.0, "wander": (0.1, np.inf)}, "wind_wander must be a deviation"),
+        ("steady", {"wind_speed": 10.0, "wander": (0.1, 0.5)}, "at least 1 s"),
     ],
 )
 def test_impossible_winds_are_refused(kind, kwargs, message):
     with pytest.raises(InflowError, match=message):
         WindSampler(TURBINE, kind, **kwargs)
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_a_mean_speed_at_another_height_is_a_warning(drawn):
+    def kind(height):
+        inflow = SteadyInflow(9.0, height, shear_exponent=0.2)
+        return (lambda rng: inflow) if drawn else [inflow]
+
+    with pytest.warns(UserWarning, match="holds at 10 m, the hub of NREL.* is at 90 m"):
+        WindSampler(TURBINE, kind(10.0), None).sample(np.random.default_rng(0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        WindSampler(TURBINE, kind(90.5), None).sample(np.random.default_rng(0))
 
 
 def test_only_turbulent_wind_has_known_seeds():

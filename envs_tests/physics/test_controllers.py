@@ -1,13 +1,16 @@
 """Controllers in the coupled simulator: loads fall, the estimated wind is the wind."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from agents.closed_loop import run_controller
 from agents.comparison import Case, inflow_of, run_cases
-from wt_gym.control.controllers import WindEstimator, make_controller
+from wt_gym.control import Demand
+from wt_gym.control.coleman import from_harmonic, to_harmonic
+from wt_gym.control.controllers import IndividualPitch, WindEstimator, make_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -31,6 +34,26 @@ def loads(turbine):
 def test_individual_pitch_lowers_the_flap_load(loads):
     assert loads["ipc"]["blade_flap_del"] < 0.85 * loads["discon"]["blade_flap_del"]
     assert loads["ipc"]["mean_power"] == pytest.approx(loads["discon"]["mean_power"], rel=2e-3)
+
+
+@pytest.mark.parametrize("frequency", [None, 4.0 * math.pi])
+def test_individual_pitch_arrives_at_its_azimuth(turbine, frequency):
+    """Against a moment in tilt the blades pitch in tilt, seen from the fixed frame when they have done so."""
+    turbine = replace(turbine, pitch=replace(turbine.pitch, servo_frequency=frequency))
+    addition = IndividualPitch.of_turbine(turbine, bandwidth=1.0, limit=0.03, rate_limit=0.06, fade=False)
+    simulator = Simulator(turbine, SteadyInflow(14.0, turbine.hub_height))
+    signals = simulator.reset(rotor_speed=1.25, pitch=0.15)
+    addition.start(signals)
+    for k in range(40):
+        moments = from_harmonic(1e7, 0.0, signals["azimuth"])
+        seen = {"azimuth": signals["azimuth"], "rotor_speed": signals["rotor_speed"]}
+        seen |= {f"root_flap_moment_{b}": moment for b, moment in enumerate(moments, start=1)}
+        demand = addition.step(seen, simulator.time_step, Demand(np.full(3, 0.15), 0.0, 43e3))
+        signals = simulator.advance(simulator.time_step, pitch=demand.pitch, generator_torque=demand.generator_torque)
+        tilt, yaw = to_harmonic(signals.pitch, signals["azimuth"])
+        if k > 20:
+            assert np.hypot(tilt, yaw) == pytest.approx(0.03, rel=0.03)
+            assert abs(np.degrees(np.arctan2(yaw, tilt))) < 0.5
 
 
 def test_side_side_damper_lowers_the_tower_load(loads):

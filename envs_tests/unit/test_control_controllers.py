@@ -2,6 +2,7 @@
 
 import copy
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from wt_gym.control.controllers import (
     SideSideDamper,
     WindEstimator,
     YawByDeadBand,
+    checked_demand,
     controller_parameters,
     from_harmonic,
     make_controller,
@@ -36,6 +38,7 @@ from wt_gym.control.controllers.filters import BandLimitedIntegrator
 from wt_gym.control.controllers.retuned import gain_of_table
 from wt_gym.control.controllers.rosco_like import pitch_schedule
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
+from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 RATED = 12.1 * math.pi / 30
@@ -140,22 +143,22 @@ def test_discon_is_the_published_law():
 
 
 def test_integral_pitch_follows_its_formula():
-    p = HarmonicPitchParameters(integral_gain=4e-9, limit=1.0, rate_limit=1.0, lead=0.05)
+    p = HarmonicPitchParameters(integral_gain=4e-9, limit=1.0, rate_limit=1.0)
     law = HarmonicPitch(p)
     moments = 1e6 * (8.0 + from_harmonic(2.0, -1.0, 0.7))
     for k in range(1, 6):
-        pitch = law.step(moments, 0.7, RATED, 0.1)
+        pitch = law.step(moments, 0.7, 0.1, lead=0.2)
         assert law.pitch == pytest.approx(np.array([2e6, -1e6]) * 4e-9 * 0.1 * k)
-        assert pitch == pytest.approx(from_harmonic(*law.pitch, 0.7 + RATED * (0.05 + 0.05)))
+        assert pitch == pytest.approx(from_harmonic(*law.pitch, 0.7 + 0.2))
 
 
 def test_proportional_part():
     law = HarmonicPitch(HarmonicPitchParameters(integral_gain=4e-9, proportional_gain=1e-9, limit=1.0, rate_limit=10.0))
     moments = 1e6 * from_harmonic(2.0, 0.0, 0.0)
-    law.step(moments, 0.0, RATED, 0.1)
-    law.step(moments, 0.0, RATED, 0.1)
+    law.step(moments, 0.0, 0.1)
+    law.step(moments, 0.0, 0.1)
     assert law.pitch[0] == pytest.approx(2e6 * (2 * 0.1 * 4e-9 + 1e-9))
-    law.step(np.zeros(3), 0.0, RATED, 0.1)  # the proportional part goes, the integral stays
+    law.step(np.zeros(3), 0.0, 0.1)  # the proportional part goes, the integral stays
     assert law.pitch[0] == pytest.approx(2e6 * 2 * 0.1 * 4e-9)
 
 
@@ -164,24 +167,24 @@ def test_limits_hold_and_do_not_wind_up():
     up = 1e6 * from_harmonic(3.0, 4.0, 0.0)
     before = law.pitch
     for _ in range(200):
-        law.step(up, 0.0, RATED, 0.1)
+        law.step(up, 0.0, 0.1)
         assert np.hypot(*(law.pitch - before)) <= 0.02 * 0.1 + 1e-12
         before = law.pitch
     assert np.hypot(*law.pitch) == pytest.approx(0.05)
     assert law.pitch == pytest.approx([0.03, 0.04])
-    law.step(-up, 0.0, RATED, 0.1)
+    law.step(-up, 0.0, 0.1)
     assert np.hypot(*law.pitch) < 0.0499  # turns back at once, however long it stood at the limit
 
 
 def test_band_is_left_alone_and_its_edge_is_held():
     p = HarmonicPitchParameters(integral_gain=4e-9, level=1e6, leak=0.1, limit=1.0, rate_limit=1.0)
     law = HarmonicPitch(p)
-    law.step(1e6 * from_harmonic(0.6, 0.7, 0.0), 0.0, RATED, 0.1)
+    law.step(1e6 * from_harmonic(0.6, 0.7, 0.0), 0.0, 0.1)
     assert not law.pitch.any()
-    law.step(1e6 * from_harmonic(1.2, 1.6, 0.0), 0.0, RATED, 0.1)  # norm 2: half of it is beyond the band
+    law.step(1e6 * from_harmonic(1.2, 1.6, 0.0), 0.0, 0.1)  # norm 2: half of it is beyond the band
     assert law.pitch == pytest.approx(np.array([0.6e6, 0.8e6]) * 4e-9 * 0.1)
     held = law.pitch
-    law.step(np.zeros(3), 0.0, RATED, 0.5)
+    law.step(np.zeros(3), 0.0, 0.5)
     assert law.pitch == pytest.approx(held * math.exp(-0.1 * 0.5))
 
 
@@ -208,9 +211,27 @@ def test_individual_pitch_stays_above_the_lower_limit(turbine):
     assert made.pitch.min() == 0.0
 
 
-def test_individual_pitch_needs_three_blades():
+@pytest.mark.parametrize("frequency", [None, 10.0])
+def test_individual_pitch_leads_by_the_delay_of_the_drive(turbine, frequency):
+    drive = replace(turbine.pitch, servo_frequency=frequency)
+    addition = IndividualPitch.of_turbine(replace(turbine, pitch=drive), second_harmonic=0.5, fade=False)
+    for dt, delay in ((0.1, 0.15 if frequency is None else 0.3), (0.05, 0.075 if frequency is None else 0.25)):
+        addition.start(readings())
+        made = addition.step(readings(), dt, demand())
+        led = 0.4 + RATED * delay
+        first, second = (from_harmonic(*h.pitch, led, harmonic=n) for n, h in enumerate(addition.harmonics, start=1))
+        assert made.pitch == pytest.approx(0.2 + first + second)
+    own = IndividualPitch.of_turbine(turbine, lead=0.3, fade=False)
+    own.start(readings())
+    made = own.step(readings(), 0.1, demand())
+    assert made.pitch == pytest.approx(0.2 + from_harmonic(*own.harmonics[0].pitch, 0.4 + RATED * 0.3))
+    with pytest.raises(ValueError, match="lead must be finite"):
+        IndividualPitch.of_turbine(turbine, lead=math.nan)
+
+
+def test_individual_pitch_needs_three_blades(turbine):
     with pytest.raises(ValueError, match="at least 3 blades"):
-        IndividualPitch([HarmonicPitchParameters()], None, n_blades=2)
+        IndividualPitch([HarmonicPitchParameters()], None, turbine.pitch, n_blades=2)
 
 
 @pytest.mark.parametrize(("name", "value"), [("harmonic", 3), ("integral_gain", -1.0), ("limit", math.nan)])
@@ -458,5 +479,43 @@ def test_wrong_parameters_are_named(turbine):
         make_controller(DisconController(), turbine, gain=1.0)
     with pytest.raises(TypeError, match="a name"):
         make_controller(3, turbine)
-    with pytest.raises(TypeError, match="no Controller"):
+    with pytest.raises(TypeError, match="must give a Controller"):
         make_controller(lambda t: 3, turbine)
+
+
+def test_an_addition_alone_is_no_controller(turbine):
+    for addition in (ForeAftDamper.of_turbine(turbine), IndividualPitch.of_turbine(turbine)):
+        with pytest.raises(TypeError, match=r"a name \(discon, .* got the addition .*: use Combined"):
+            make_controller(addition, turbine)
+        with pytest.raises(TypeError, match="gave the addition"):
+            make_controller(lambda t, made=addition: made, turbine)
+        with pytest.raises(TypeError, match="the base must be a Controller"):
+            Combined(addition)
+        assert make_controller(Combined(DisconController(), addition), turbine).additions == (addition,)
+    with pytest.raises(TypeError, match=r"an addition needs channels, start\(signals\)"):
+        Combined(DisconController(), DisconController())
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        ((0.1, 0.0, 4e4), r"RoscoLikeController \+ YawByDeadBand gave \(0\.1"),
+        (Demand(np.zeros(2), 0.0, 4e4), r"pitch of shape \(2,\); the turbine has 3 blades"),
+        (Demand(0.1, 0.0, 4e4), r"pitch of shape \(\); the turbine has 3 blades"),
+        (Demand(np.array([0.1, math.nan, 0.1]), 0.0, 4e4), "not finite"),
+        (Demand(np.zeros(3), math.nan, 4e4), "not finite"),
+        (Demand(np.zeros(3), 0.0, math.inf), "not finite"),
+        (Demand(np.zeros(3), 0.0, None), "RoscoLikeController"),
+        (Demand(["a", "b", "c"], 0.0, 4e4), "RoscoLikeController"),
+    ],
+)
+def test_demands_without_meaning_name_the_controller(made, message, turbine):
+    controller = make_controller("rosco+yaw", turbine)
+    with pytest.raises(ControllerError, match=message):
+        checked_demand(made, controller, 3)
+    assert checked_demand(demand(), controller, 3).generator_torque == demand().generator_torque
+
+
+def test_the_baseline_refuses_another_number_of_blades():
+    with pytest.raises(ControllerError, match=r"made for 3 blades, got pitch of shape \(2,\)"):
+        DisconController().start(readings(), Demand(np.zeros(2), 0.0, 4e4))

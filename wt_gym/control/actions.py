@@ -104,7 +104,7 @@ class ActionMap:
     wind_speeds : (float, float), optional
         Range of the mean winds, for mode "absolute" [m/s]; by default that in which the turbine operates.
     delay : float
-        Time from the demand to the middle of its effect, by which the azimuth leads [s].
+        Time from a demand to the pitch, by which the azimuth leads [s]; see `wt_gym.simulation.drives.pitch_delay`.
 
     Attributes
     ----------
@@ -180,6 +180,7 @@ class ActionMap:
         return self.pitch == "fixed-frame" and "pitch" in self.components
 
     def _chosen(self, components, turbine) -> tuple[str, ...]:
+        components = components if isinstance(components, str) else tuple(components)
         unknown = [name for name in components if name not in COMPONENTS]
         if unknown or isinstance(components, str) or not len(components):
             raise ValueError(f"action_components must name some of {COMPONENTS}, got {components!r}")
@@ -247,8 +248,9 @@ class ActionMap:
         low, high = wind_speeds or (turbine.cut_in, turbine.cut_out)
         points = [operating_point(turbine, float(v)) for v in np.linspace(low, high, 25)]
         pitches = [point.pitch for point in points]
-        low, high = self.pitch_limits
-        return max(min(pitches) - MARGIN, low), min(max(pitches) + MARGIN, high), self.torque_limits[1]
+        least, most = self.pitch_limits
+        highest = most if high > turbine.cut_out else min(max(pitches) + MARGIN, most)  # beyond cut-out blades feather
+        return max(min(pitches) - MARGIN, least), highest, self.torque_limits[1]
 
     # ---- from actions to demands ----
 

@@ -113,13 +113,16 @@ class Lidar:
     """A lidar on the nacelle: what the wind will be, by beams on a cone about the shaft.
 
     At each range the reading is the mean over the beams of the speed along the beam, divided by the cosine of the
-    cone's half angle: the wind along the shaft, if it is uniform. A point is measured, no volume; the wind is the
-    undisturbed one, without the rotor's induction.
+    cone's half angle: the wind along the axis, if it is uniform. A point is measured, no volume; the wind is the
+    undisturbed one, without the rotor's induction. The cone has its tip on the tower axis at hub height and a level
+    axis that yaws with the nacelle: no overhang, no tilt of the shaft, no motion of the tower. Nothing keeps a beam
+    above the ground, where the inflows have values too that mean nothing: ``range * tan(half_angle)`` should be less
+    than the hub height.
 
     Parameters
     ----------
     ranges : tuple of float
-        Distances ahead of the rotor [m].
+        Distances ahead of the tower axis, along the axis of the cone [m].
     half_angle : float
         Of the cone [rad].
     n_beams : int

@@ -119,12 +119,15 @@ class EnvLayout:
     action : ActionMap
     control_dt : float
         [s]
+    delay : int
+        Control steps by which observations are late.
     """
 
     turbine: Turbine
     observation: ObservationLayout
     action: ActionMap
     control_dt: float
+    delay: int = 0
 
 
 def layout_of(env) -> EnvLayout:

@@ -132,7 +132,8 @@ class Observer:
 
     def _choose(self, choice) -> tuple[tuple[str, ...], list[Channel]]:
         """Groups and channels that are observed."""
-        if isinstance(choice, str) or not len(choice):
+        choice = choice if isinstance(choice, str) else tuple(choice)
+        if isinstance(choice, str) or not choice:
             raise ValueError(f"observation must name groups of {OBSERVATION_GROUPS} or channels, got {choice!r}")
         builders = {
             "rotor": self._rotor, "power": self._power, "pitch": self._pitch, "wind": self._wind,
@@ -141,7 +142,8 @@ class Observer:
             "lidar": self._lidar_channels, "previous_action": self._previous_action,
         }  # fmt: skip
         groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
-        singles = {c.name: c for build in (*builders.values(), self._more) for c in build(any_form=True)}
+        others = (*self._pitch_forms(), self._every_fixed_frame(), self._more())
+        singles = {c.name: c for found in (*(build() for build in builders.values()), *others) for c in found}
         unknown = [name for name in choice if name not in OBSERVATION_GROUPS and name not in singles]
         if unknown:
             raise ValueError(
@@ -297,7 +299,7 @@ class Observer:
         *numbers, text = args
         return [Channel(f"{name}_{b + 1}", *numbers, f"{text}, blade {b + 1}") for b in range(self._turbine.n_blades)]
 
-    def _rotor(self, any_form=False) -> list[Channel]:
+    def _rotor(self) -> list[Channel]:
         drivetrain = self._turbine.drivetrain
         rated, ratio = drivetrain.rated_rotor_speed, drivetrain.gear_ratio
         rows = (("rotor_speed", rated, "rotor speed"), ("generator_speed", rated * ratio, "generator speed, HSS"))
@@ -308,7 +310,7 @@ class Observer:
         torque = curve.rated_power / curve.rated_generator_speed
         return 0.8 * torque, 0.25 * torque, self._action.torque_limits[1]
 
-    def _power(self, any_form=False) -> list[Channel]:
+    def _power(self) -> list[Channel]:
         power = self._turbine.drivetrain.rated_power
         middle, scale, limit = self._torque_row()
         return [
@@ -318,7 +320,12 @@ class Observer:
             Channel("generator_torque_demand", "N m", middle, scale, 0.0, limit, 0.0, "demanded generator torque, HSS"),
         ]  # fmt: skip
 
-    def _pitch(self, any_form=False) -> list[Channel]:
+    def _pitch(self) -> list[Channel]:
+        mean, each = self._pitch_forms()
+        return mean if self._action.pitch == "collective" else each
+
+    def _pitch_forms(self) -> tuple[list[Channel], list[Channel]]:
+        """Pitch as the mean of the blades and of each."""
         low, high = self._action.pitch_limits
         rate, noise = self._action.max_pitch_rate, math.radians(0.05)
         # A servo may overshoot its limits and its greatest rate a little.
@@ -329,18 +336,15 @@ class Observer:
             ("pitch_demand", "rad", 0.1, 0.1, low, high, 0.0, "demanded blade pitch"),
         )
         mean = [Channel(*row[:-1], f"{row[-1]}, mean of the blades") for row in rows]
-        each = [channel for row in rows for channel in self._per_blade(*row)]
-        if any_form:
-            return mean + each
-        return mean if self._action.pitch == "collective" else each
+        return mean, [channel for row in rows for channel in self._per_blade(*row)]
 
-    def _wind(self, any_form=False) -> list[Channel]:
+    def _wind(self) -> list[Channel]:
         return [
             Channel("wind_speed", "m/s", 12.0, 4.0, 0.0, 60.0, 0.2, "nacelle anemometer, filtered over 1 s"),
             Channel("yaw_error", "rad", 0.0, 0.1, -math.pi, math.pi, 0.02, "wind vane, filtered over 5 s"),
         ]
 
-    def _wind_estimate(self, any_form=False) -> list[Channel]:
+    def _wind_estimate(self) -> list[Channel]:
         text = "rotor-effective wind, estimated from rotor speed, torque and pitch"
         return [Channel("rotor_wind", "m/s", 12.0, 4.0, 0.0, 60.0, 0.0, text)]
 
@@ -355,7 +359,7 @@ class Observer:
             ("root_edge_moment", "N m", (0.0, 0.75), (0.2, 0.1), (0.0, 0.5), edge, "edgewise root moment"),
         )
 
-    def _blades(self, any_form=False) -> list[Channel]:
+    def _blades(self) -> list[Channel]:
         channels = []
         for name, unit, (middle, scale), _, _, size, text in self._blade_rows():
             reach = 20 * size if name == "root_edge_moment" else 10 * size
@@ -363,11 +367,14 @@ class Observer:
             channels += self._per_blade(name, *row)
         return channels
 
-    def _fixed_frame(self, any_form=False) -> list[Channel]:
+    def _fixed_frame(self) -> list[Channel]:
+        observed = ("tip_out_of_plane", "root_flap_moment")
+        return [channel for channel in self._every_fixed_frame() if channel.name.startswith(observed)]
+
+    def _every_fixed_frame(self) -> list[Channel]:
+        """Mean, tilt and yaw of every signal of the blades."""
         channels = []
         for name, unit, _, mean, cyclic, size, text in self._blade_rows():
-            if not any_form and name not in ("tip_out_of_plane", "root_flap_moment"):
-                continue
             reach = 20 * size
             channels += [
                 Channel(f"{name}_{part}", unit, middle * size, scale * size, -reach, reach, 0.005 * size,
@@ -376,7 +383,7 @@ class Observer:
             ]  # fmt: skip
         return channels
 
-    def _tower(self, any_form=False) -> list[Channel]:
+    def _tower(self) -> list[Channel]:
         height = self._turbine.hub_height
         reach, rows = 0.1 * height, (("fore_aft", 3.1e-3, 9e-4, 0.11), ("side_side", -5e-4, 2.5e-4, 0.065))
         displacement = [
@@ -391,13 +398,13 @@ class Observer:
         ]  # fmt: skip
         return displacement + acceleration
 
-    def _azimuth(self, any_form=False) -> list[Channel]:
+    def _azimuth(self) -> list[Channel]:
         return [
             Channel(f"azimuth_{name}", "-", 0.0, 0.7, -1.0, 1.0, 0.0, f"{text} of the azimuth of blade 1 (0 = up)")
             for name, text in (("sin", "sine"), ("cos", "cosine"))
         ]
 
-    def _controller(self, any_form=False) -> list[Channel]:
+    def _controller(self) -> list[Channel]:
         if not self._action.needs_controller:
             return []
         low, high = self._action.pitch_limits
@@ -407,7 +414,7 @@ class Observer:
             Channel("controller_torque", "N m", middle, scale, 0.0, limit, 0.0, "torque that it demands, HSS"),
         ]
 
-    def _offsets(self, any_form=False) -> list[Channel]:
+    def _offsets(self) -> list[Channel]:
         if self._action.mode != "residual":
             return []
         channels = []
@@ -423,20 +430,20 @@ class Observer:
             channels.append(Channel("torque_offset", "N m", 0.0, 0.5 * limit, -limit, limit, 0.0, "residual torque"))
         return channels
 
-    def _lidar_channels(self, any_form=False) -> list[Channel]:
+    def _lidar_channels(self) -> list[Channel]:
         return [
             Channel(f"lidar_{k + 1}", "m/s", 12.0, 4.0, 0.0, 60.0, 0.1,
                     f"wind {distance:.0f} m ahead, mean over the beams of a cone")
             for k, distance in enumerate(self._lidar.ranges)
         ]  # fmt: skip
 
-    def _previous_action(self, any_form=False) -> list[Channel]:
+    def _previous_action(self) -> list[Channel]:
         return [
             Channel(f"previous_{name}", "-", 0.0, 1.0, -1.0, 1.0, 0.0, f"last action, component {name}")
             for name in self._action.names
         ]
 
-    def _more(self, any_form=False) -> list[Channel]:
+    def _more(self) -> list[Channel]:
         """Channels of no group."""
         moment = reference_tower_moment(self._turbine)
         return [

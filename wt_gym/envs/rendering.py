@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from wt_gym.analysis.scene import trailing_strength
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
@@ -74,19 +74,28 @@ class Renderer:
         while self._history[0][0] < row[0] - _WINDOW:
             self._history.popleft()
 
-    def draw(self, geometry: Mapping[str, np.ndarray]) -> np.ndarray:
+    def memory(self) -> tuple[tuple[float, ...], ...]:
+        """Give the course of the signals, for `recall`."""
+        return tuple(self._history)
+
+    def recall(self, memory: Iterable[tuple[float, ...]]) -> None:
+        """Continue with a course of the signals."""
+        self._history = deque(memory)
+
+    def draw(self, geometry: Mapping[str, np.ndarray] | None) -> np.ndarray:
         """Draw the turbine and the recorded signals.
 
         Parameters
         ----------
-        geometry : mapping
-            As given by ``Simulator.geometry()``.
+        geometry : mapping or None
+            As given by ``Simulator.geometry()``; None leaves the turbine as it was drawn last.
 
         Returns
         -------
         numpy.ndarray, uint8, shape (height, width, 3)
         """
-        self._draw_scene(geometry)
+        if geometry is not None:
+            self._draw_scene(geometry)
         self._draw_strips()
         self._canvas.draw()
         return np.array(self._canvas.buffer_rgba())[..., :3].copy()

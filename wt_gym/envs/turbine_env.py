@@ -12,15 +12,16 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from wt_gym.control import COMPONENTS, ActionMap, Aim, Demand, operating_point
-from wt_gym.control.controllers import make_controller
+from wt_gym.control import COMPONENTS, ActionMap, Aim, Demand, OperatingPoint, operating_point
+from wt_gym.control.closed_loop import advance_under
+from wt_gym.control.controllers import checked_demand, make_controller
 from wt_gym.envs import rewards
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, Situation
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
-from wt_gym.errors import SimulationError
+from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation import Simulator
-from wt_gym.simulation.drives import available_torque
+from wt_gym.simulation.drives import available_torque, pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
@@ -41,13 +42,13 @@ _RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitc
 # What an episode remembers beside the simulator, the sensors and the random numbers
 _SNAPSHOT = (
     "signals", "demand", "base", "aim", "controller", "reward_terms", "_action", "_observation", "_saturated", "_steps",
-    "_running", "_twin_terms",
+    "_running", "_failed", "_twin_terms",
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class EnvSnapshot:
-    """An environment in the middle of an episode, see `WindTurbineEnv.snapshot`."""
+    """An environment in the middle or at the end of an episode, see `WindTurbineEnv.snapshot`."""
 
     simulator: SimulatorState | None
     kept: dict
@@ -55,6 +56,7 @@ class EnvSnapshot:
     wind: EpisodeWind
     random: dict
     twin: EnvSnapshot | None
+    pictured: tuple | None
 
 
 class WindTurbineEnv(gym.Env):
@@ -168,7 +170,9 @@ class WindTurbineEnv(gym.Env):
     (`wt_gym.control.operating_point.operating_point`): rotor speed, pitch and generator torque of the mean wind speed,
     azimuth drawn uniformly, yaw angle 0, structure and wake as ``Simulator.reset`` leaves them. At yaw angle 0 the
     nacelle faces a wind that blows along +x, as the steady and turbulent winds made here do; an inflow of one's own
-    from another direction meets the rotor with that yaw error.
+    from another direction meets the rotor with that yaw error. Extreme winds meet a parked turbine: rotor at rest,
+    blades feathered, no torque; it needs a negative ``standstill_limit``, and of the controllers beneath none is for
+    it.
     ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
     [rad/s], ``pitch`` [rad], ``azimuth`` [rad] and ``generator_torque`` [N m]. The torque is never more than a
     generator can brake with at the rotor speed (`wt_gym.simulation.drives.available_torque`): none at standstill.
@@ -198,13 +202,15 @@ class WindTurbineEnv(gym.Env):
     ----------
     turbine : str, path or Turbine
         Name in the catalogue, a windIO v2 file, or a turbine.
-    inflow : {"steady", "turbulent", "gusts"}, Inflow, sequence of Inflow or callable
-        Steady sheared wind, IEC Kaimal turbulence, IEC transients, or inflows of one's own: one, several to draw from,
-        or a function of a random generator.
+    inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, sequence of Inflow or callable
+        Steady sheared wind, IEC Kaimal turbulence, IEC transients (EOG, EDC, ECD, EWS), the IEC extreme wind model
+        (EWM) steady or turbulent, or inflows of one's own: one, several to draw from, or a function of a random
+        generator.
     wind_speed : float or (float, float)
-        Mean wind speed at hub height, or the range it is drawn from at each reset [m/s].
+        Mean wind speed at hub height, or the range it is drawn from at each reset [m/s]; extreme winds have that of the
+        turbine's class.
     shear_exponent : float
-        Of the power-law profile.
+        Of the power-law profile, before gusts too; 0.11 in extreme winds.
     turbulence_class : {"A+", "A", "B", "C"}, optional
         Default: that of the turbine.
     wind_seeds : sequence of int
@@ -212,7 +218,12 @@ class WindTurbineEnv(gym.Env):
     wind_direction : float or (float, float)
         Of the wind at the start against the nacelle, or the range it is drawn from [rad].
     wind_wander : (float, float), optional
-        Standard deviation [rad] and time constant [s] with which the direction wanders from then on.
+        Standard deviation [rad] and time constant [s], at least 1 s, with which the direction wanders from then on; it
+        is drawn for 1200 s, after which the direction stays.
+    turbulence_model : {"NTM", "ETM"}
+        Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``.
+    return_period : {50, 1}
+        Of extreme winds, in years.
     fidelity : str or Fidelity
         Of the simulator: ``"training"``, ``"engineering"``, ``"reference"`` or one's own.
     control_dt : float
@@ -240,7 +251,7 @@ class WindTurbineEnv(gym.Env):
     overspeed_limit : float
         Highest rotor speed over rated rotor speed.
     standstill_limit : float
-        Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards.
+        Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards, a negative one that too.
     observation : sequence of str, optional
         Groups and channels to observe.
     sensor_noise : float
@@ -276,6 +287,8 @@ class WindTurbineEnv(gym.Env):
         wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
         wind_direction: float | tuple[float, float] = 0.0,
         wind_wander: tuple[float, float] | None = None,
+        turbulence_model: str = "NTM",
+        return_period: int = 50,
         fidelity: str | Fidelity = "training",
         control_dt: float = 0.2,
         episode_length: float | None = 120.0,
@@ -301,14 +314,20 @@ class WindTurbineEnv(gym.Env):
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
         if not overspeed_limit > 1.0:
             raise ValueError(f"overspeed_limit must be above 1, got {overspeed_limit!r}")
-        if not 0.0 <= standstill_limit < 1.0:
-            raise ValueError(f"standstill_limit must be at least 0 and below 1, got {standstill_limit!r}")
+        if not -1.0 <= standstill_limit < 1.0:
+            raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         if not 0.0 <= termination_penalty < math.inf:
             raise ValueError(f"termination_penalty must be finite and not negative, got {termination_penalty!r}")
         self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
         self.wind = WindSampler(
-            self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander
-        )
+            self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander,
+            turbulence_model, return_period,
+        )  # fmt: skip
+        if self.wind.parks and standstill_limit >= 0.0:
+            raise ValueError(
+                f"inflow={inflow!r} starts a parked rotor, which may turn slowly to either side: standstill_limit must "
+                f"be negative, got {standstill_limit!r}"
+            )
         self.reward_terms = rewards.compose(reward)
         self.termination_penalty = float(termination_penalty)
         self.overspeed_limit, self.standstill_limit = float(overspeed_limit), float(standstill_limit)
@@ -317,9 +336,7 @@ class WindTurbineEnv(gym.Env):
         self._max_steps = None
         if episode_length is not None:
             self._max_steps = self._steps_in("episode_length", episode_length, least=1)
-        servo = self.turbine.pitch.servo_frequency
-        # a command is reached at the end of a step, half a step late by an ideal drive or twice 1/frequency by a servo
-        delay = 1.5 * self._inner_dt if servo is None else self._inner_dt + 2.0 / servo
+        delay = pitch_delay(self.turbine.pitch, self._inner_dt)
         action = ActionMap(
             self.turbine, control_dt, action_mode, pitch, action_components, action_spans, self.wind.speeds, delay
         )
@@ -330,7 +347,7 @@ class WindTurbineEnv(gym.Env):
             observation = RESIDUAL_GROUPS if action_mode == "residual" else DEFAULT_GROUPS
         late = self._steps_in("sensor_delay", sensor_delay, least=0)
         self._observer = Observer(self.turbine, action, observation, sensor_noise, late, history, lidar)
-        self.layout = EnvLayout(self.turbine, self._observer.layout, action, self.control_dt)
+        self.layout = EnvLayout(self.turbine, self._observer.layout, action, self.control_dt, late)
         self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
         self.observation_space = spaces.Box(self._observer.layout.low, self._observer.layout.high, dtype=np.float32)
         self._vector_reward = bool(vector_reward)
@@ -344,14 +361,15 @@ class WindTurbineEnv(gym.Env):
         self.signals: Signals | None = None
         self._twin, self._twin_terms = None, {}
         if relative_reward:
+            # its winds are those drawn here, so that it has none of its own to choose from
             self._twin = WindTurbineEnv(
-                self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, fidelity=fidelity,
+                self.turbine, "steady", (self.turbine.cut_in, self.turbine.cut_out), fidelity=fidelity,
                 control_dt=control_dt, episode_length=None, action_mode="residual", action_components=("pitch",),
-                controller=copy.deepcopy(controller), reward=reward, termination_penalty=termination_penalty,
+                controller=copy.deepcopy(controller), reward=self.reward_terms, termination_penalty=termination_penalty,
                 overspeed_limit=overspeed_limit, standstill_limit=standstill_limit, observation=("rotor",),
             )  # fmt: skip
         self._renderer = self._make_renderer()
-        self._running = False
+        self._running = self._failed = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Start an episode.
@@ -386,7 +404,7 @@ class WindTurbineEnv(gym.Env):
         self.episode_wind = self.wind.sample(self.np_random, **wind_options)
         azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
 
-        start = operating_point(self.turbine, self.episode_wind.wind_speed)
+        start = self._start_point()
         speed, pitch = float(options.get("rotor_speed", start.rotor_speed)), float(options.get("pitch", start.pitch))
         torque = min(start.generator_torque, available_torque(self.turbine.drivetrain, speed))
         torque = float(options.get("generator_torque", torque))
@@ -398,6 +416,12 @@ class WindTurbineEnv(gym.Env):
             self._renderer.reset()
             self._renderer.record(self.signals)
         return observation, self._info(saturated)
+
+    def _start_point(self) -> OperatingPoint:
+        """Operating point of the episode's wind, or a rotor at rest with feathered blades."""
+        if self.wind.parks:
+            return OperatingPoint(0.0, min(self.turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
+        return operating_point(self.turbine, self.episode_wind.wind_speed)
 
     def _begin(self, wind, rotor_speed, pitch, azimuth, torque) -> None:
         """Start simulator, controller, sensors and reward in a wind."""
@@ -411,7 +435,7 @@ class WindTurbineEnv(gym.Env):
         if self.controller is not None:
             self.controller.start(self.signals, self.demand)
         self._action = np.zeros(self.layout.action.size)
-        self._steps, self._running = 0, True
+        self._steps, self._running, self._failed = 0, True, False
         self._observer.reset(self._situation())
         self._observation, self._saturated = None, ()
         rewards.reset(self.reward_terms, self.turbine, self.signals)
@@ -435,6 +459,8 @@ class WindTurbineEnv(gym.Env):
         ------
         wt_gym.errors.ActionError
             If the action is refused; the state is unchanged.
+        wt_gym.errors.ControllerError
+            If the controller beneath gives a demand without meaning; the episode is over.
         gymnasium.error.ResetNeeded
             If no episode is running.
         """
@@ -447,6 +473,9 @@ class WindTurbineEnv(gym.Env):
             self._check_finite(after)
         except SimulationError as error:
             return self._fail(error)
+        except ControllerError:
+            self._running = False  # a part of the step may have been simulated
+            raise
         self.signals, self.aim, self._action = after, aim, values
         self._steps += 1
         self._observer.advance(after, self.control_dt)
@@ -470,23 +499,20 @@ class WindTurbineEnv(gym.Env):
 
     def _advance(self, aim: Aim) -> Signals:
         """Simulate a control step, in which the demand moves to the aim at every step of the simulator."""
-        action, start, n, signals, seen = self.layout.action, self.aim, self._substeps, self.signals, None
-        for k in range(1, n + 1):
+        start, n = self.aim, self._substeps
+
+        def demand_at(k: int, signals: Signals) -> Demand:
             pitch = start.pitch + k / n * (aim.pitch - start.pitch)
             torque = start.generator_torque + k / n * (aim.generator_torque - start.generator_torque)
             if self.controller is not None:
-                self.base = self.controller.step(signals, self._inner_dt)
-            self.demand = action.demand(
+                base = self.controller.step(signals, self._inner_dt)
+                self.base = checked_demand(base, self.controller, self.turbine.n_blades)
+            self.demand = self.layout.action.demand(
                 Aim(pitch, aim.yaw_rate, torque), self.base, signals["azimuth"], signals["rotor_speed"]
             )
-            signals = self.simulator.advance(
-                self._inner_dt,
-                pitch=self.demand.pitch,
-                yaw_rate=self.demand.yaw_rate,
-                generator_torque=self.demand.generator_torque,
-            )
-            seen = signals if seen is None else signals.after(seen)
-        return seen
+            return self.demand
+
+        return advance_under(demand_at, self.simulator, self.signals, self._inner_dt, n)
 
     def _compared(self, reward, terms) -> tuple[float, dict[str, float]]:
         """Reward and terms less those that the controller alone earns in the same wind."""
@@ -510,7 +536,9 @@ class WindTurbineEnv(gym.Env):
     def snapshot(self) -> EnvSnapshot:
         """All from which the episode continues bit for bit: simulator, controller, filters, reward, random state.
 
-        For planning: take one, try actions, `restore` it.
+        For planning: take one, try actions, `restore` it. An episode that is over is kept as such: after restoring it
+        `step` asks for a reset, and `render` shows its last instant. With a ``render_mode`` the course of the signals
+        in the picture is kept too.
 
         Raises
         ------
@@ -521,12 +549,13 @@ class WindTurbineEnv(gym.Env):
             raise ResetNeeded("there is nothing to take a snapshot of: call reset() first")
         kept = {name: self.__dict__[name] for name in _SNAPSHOT}
         return EnvSnapshot(
-            self.simulator.state() if self._running else None,
+            None if self._failed else self.simulator.state(),
             copy.deepcopy(kept),
             self._observer.memory(),
             self.episode_wind,
             copy.deepcopy(self.np_random.bit_generator.state),
             None if self._twin is None else self._twin.snapshot(),
+            None if self._renderer is None else self._renderer.memory(),
         )
 
     def restore(self, snapshot: EnvSnapshot) -> np.ndarray:
@@ -551,16 +580,23 @@ class WindTurbineEnv(gym.Env):
         self.np_random.bit_generator.state = copy.deepcopy(snapshot.random)
         if self._twin is not None:
             self._twin.restore(snapshot.twin)
+        if self._renderer is not None:  # a snapshot of an environment without pictures holds the present signals only
+            self._renderer.recall(snapshot.pictured or ())
+            if not snapshot.pictured:
+                self._renderer.record(self.signals)
         return None if self._observation is None else self._observation.copy()
 
     def render(self):
-        """Return a picture of the turbine and its wake, uint8 array of shape (height, width, 3), or None."""
+        """Return a picture of the turbine and its wake, uint8 array of shape (height, width, 3), or None.
+
+        Of a simulation that failed it shows what was drawn last.
+        """
         if self._renderer is None:
             gym.logger.warn("render() was called without a render_mode; make the environment with 'rgb_array'")
             return None
         if self.signals is None:
             raise ResetNeeded("render() needs a started episode: call reset() first")
-        return self._renderer.draw(self.simulator.geometry())
+        return self._renderer.draw(None if self._failed else self.simulator.geometry())
 
     def close(self) -> None:
         """Release the simulator and the renderer."""
@@ -642,7 +678,7 @@ class WindTurbineEnv(gym.Env):
 
     def _fail(self, error: SimulationError):
         """Result of a step that the simulation did not survive: the last good observation and the penalty."""
-        self._running = False
+        self._running, self._failed = False, True
         observation, saturated = self._observation.copy(), self._saturated
         reward, terms = self._punish(0.0, {term.name: 0.0 for term in self.reward_terms})
         info = self._info(saturated) | {"reward_terms": terms, "termination": "failure", "failure": str(error)}

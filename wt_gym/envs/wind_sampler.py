@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -10,7 +11,12 @@ import numpy as np
 
 from wt_gym.errors import InflowError
 from wt_gym.wind import Inflow, SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
-from wt_gym.wind.iec import turbulence_sigma
+from wt_gym.wind.iec import (
+    EXTREME_SHEAR_EXPONENT,
+    EXTREME_WIND_INTENSITY,
+    extreme_wind_speed,
+    turbulence_sigma,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,11 +31,17 @@ TRAINING_WIND_SEEDS = tuple(range(1, 25))
 EVALUATION_WIND_SEEDS = tuple(range(1001, 1025))
 """Wind seeds held back for evaluation: no default environment ever trains on them."""
 
-KINDS = ("steady", "turbulent", "gusts")
+EXTREME = ("extreme", "extreme-turbulent")
+KINDS = ("steady", "turbulent", "gusts", *EXTREME)
+TURBULENCE_MODELS = ("NTM", "ETM")
 WANDERING = 1200.0
 """Time over which a wandering direction is drawn [s]; after it the direction stays."""
+FASTEST_WANDERING = 1.0
+"""Shortest time constant of a wandering direction [s]."""
 # Boxes are synthesised at multiples of this speed [m/s] and carried along at the speed wanted.
 _BOX_SPEED_STEP = 6.0
+# As far may hub heights of a turbulence box and its mean wind differ.
+_HUB_HEIGHT_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -63,15 +75,19 @@ class WindSampler:
     Parameters
     ----------
     turbine : Turbine
-    kind : "steady", "turbulent", "gusts", Inflow, sequence of Inflow or callable
+    kind : "steady", "turbulent", "gusts", "extreme", "extreme-turbulent", Inflow, sequence of Inflow or callable
         "gusts": a transient of IEC 61400-1 (EOG, EDC, ECD, EWS) on a steady wind, drawn with its sign and its beginning
-        (5 to 15 s after the start). An inflow of one's own is used as it is in every episode; of a sequence one is
-        drawn; a callable gets the random generator and gives the inflow of the episode, for example one of many files
-        with an offset in time.
+        (5 to 15 s after the start). "extreme": the steady extreme wind model (EWM), 1.4 reference speeds of the
+        turbine's class; "extreme-turbulent": the turbulent one, with the reference speed as mean and a standard
+        deviation of 11 %; both with an exponent of 0.11 and for a parked turbine. An inflow of one's own is used as it
+        is in every episode; of a sequence one is drawn; a callable gets the random generator and gives the inflow of
+        the episode, for example one of many files with an offset in time. Its mean speed should hold at the hub:
+        another height, by more than 1 %, is a warning.
     wind_speed : float or (float, float)
-        Mean speed at hub height [m/s], or a range to draw it from uniformly. Ignored (None) with one's own inflow.
+        Mean speed at hub height [m/s], or a range to draw it from uniformly. Ignored (None) with one's own inflow and
+        the extreme winds.
     shear_exponent : float
-        Of the power-law profile.
+        Of the power-law profile of steady and turbulent winds and of that before a gust.
     turbulence_class : str, optional
         ``"A+"``, ``"A"``, ``"B"`` or ``"C"``; default: the turbine's.
     wind_seeds : sequence of int
@@ -79,10 +95,17 @@ class WindSampler:
     direction : float or (float, float)
         Direction of the wind at the start against the nacelle, or the range it is drawn from [rad].
     wander : (float, float), optional
-        Standard deviation [rad] and time constant [s] with which the direction wanders from then on.
+        Standard deviation [rad] and time constant [s], at least `FASTEST_WANDERING`, with which the direction wanders
+        from then on: an Ornstein-Uhlenbeck process, drawn for `WANDERING`, after which the direction stays.
+    turbulence_model : {"NTM", "ETM"}
+        Of the kind "turbulent": normal or extreme turbulence, the latter with the turbine's class.
+    return_period : {50, 1}
+        Of the extreme winds, in years.
 
     Attributes
     ----------
+    parks : bool
+        Whether the wind is one in which turbines are parked.
     speeds : (float, float)
         Range of the mean speeds [m/s].
     seeds : tuple of int or None
@@ -91,7 +114,8 @@ class WindSampler:
     Raises
     ------
     InflowError
-        If the kind is unknown, a speed lies outside cut-in to cut-out, or the pool is empty or no list of integers.
+        If a choice is none of those allowed or belongs to another kind, a speed lies outside cut-in to cut-out, the
+        pool is empty or no list of integers, or direction or wander are no angles and times.
     """
 
     def __init__(
@@ -104,13 +128,14 @@ class WindSampler:
         wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
         direction: float | tuple[float, float] = 0.0,
         wander: tuple[float, float] | None = None,
+        turbulence_model: str = "NTM",
+        return_period: int = 50,
     ):
         if isinstance(kind, str) and kind not in KINDS:
             raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {kind!r}")
-        if not isinstance(kind, str) and not callable(kind):
-            kind = self._own_inflows(kind)
+        self._turbine = turbine
+        self._kind = kind = kind if isinstance(kind, str) or callable(kind) else self._own_inflows(kind)
         self._directions, self._wander = self._checked_direction(direction, wander)
-        self._turbine, self._kind = turbine, kind
         self._shear_exponent = shear_exponent
         self._class = turbulence_class or turbine.turbulence_class
         if not isinstance(wind_seeds, Iterable):
@@ -118,23 +143,29 @@ class WindSampler:
         self._pool = tuple(self._checked_seed(seed) for seed in wind_seeds)
         if not self._pool:
             raise InflowError("wind_seeds must name at least one seed")
-        if isinstance(kind, str):
+        self._check_choices(turbulence_model, return_period)
+        self._model, self.parks = turbulence_model, isinstance(kind, str) and kind in EXTREME
+        self._turbulent = isinstance(kind, str) and kind in ("turbulent", "extreme-turbulent")
+        if self.parks:
+            hub, gusty = turbine.hub_height, kind == "extreme-turbulent"
+            self.speeds = (extreme_wind_speed(hub, hub, turbine.iec_class, return_period, gusty),) * 2
+            self._shear_exponent = EXTREME_SHEAR_EXPONENT
+        elif isinstance(kind, str):
             self.speeds = self._range(wind_speed)
-            if kind == "turbulent":
-                turbulence_sigma(self.speeds[0], self._class)  # refuses an unknown class now, not at the first reset
+            if self._turbulent:
+                self._sigma(self.speeds[0])  # refuses an unknown class now, not at the first reset
         elif callable(kind):
             self.speeds = (turbine.cut_in, turbine.cut_out)
         else:
             means = [inflow.mean_speed for inflow in kind]
             self.speeds = (min(means), max(means))
-        self.seeds = (self._pool if kind == "turbulent" else ()) if isinstance(kind, str) else None
+        self.seeds = (self._pool if self._turbulent else ()) if isinstance(kind, str) else None
 
     @property
     def options(self) -> tuple[str, ...]:
         """What `sample` can be told instead of drawing it."""
-        if not isinstance(self._kind, str):
-            return ()
-        return ("wind_speed", "wind_seed", "time_offset") if self._kind == "turbulent" else ("wind_speed",)
+        speed = ("wind_speed",) if isinstance(self._kind, str) and not self.parks else ()
+        return (*speed, "wind_seed", "time_offset") if self._turbulent else speed
 
     def sample(
         self,
@@ -163,7 +194,6 @@ class WindSampler:
         """
         # Always three draws, so that fixing one of them leaves the others as they were.
         drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self.speeds), rng.choice(self._pool), rng.random()
-        turbulent = isinstance(self._kind, str) and self._kind == "turbulent"
         self._refuse_useless(wind_speed, wind_seed, time_offset)
         if not isinstance(self._kind, str):
             if callable(self._kind):
@@ -175,7 +205,7 @@ class WindSampler:
         if self._kind == "gusts":
             return self._turned(EpisodeWind(self._gust(speed, rng), speed, -1, 0.0), rng)
         steady = SteadyInflow(speed, self._turbine.hub_height, shear_exponent=self._shear_exponent)
-        if not turbulent:
+        if not self._turbulent:
             return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng)
         seed = self._checked_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
         box = self._box(speed, seed)
@@ -189,12 +219,14 @@ class WindSampler:
         sign, start = 1 if rng.random() < 0.5 else -1, 5.0 + 10.0 * rng.random()
         where = speed, turbine.hub_height, turbine.rotor_diameter
         if make == "eog":
-            return TransientInflow.eog(*where, self._class, turbine.iec_class, start_time=start)
-        if make == "edc":
-            return TransientInflow.edc(*where, self._class, sign=sign, start_time=start)
-        if make == "ecd":
-            return TransientInflow.ecd(*where, sign=sign, start_time=start)
-        return TransientInflow.ews(*where, self._class, axis=make, sign=sign, start_time=start)
+            gust = TransientInflow.eog(*where, self._class, turbine.iec_class, start_time=start)
+        elif make == "edc":
+            gust = TransientInflow.edc(*where, self._class, sign=sign, start_time=start)
+        elif make == "ecd":
+            gust = TransientInflow.ecd(*where, sign=sign, start_time=start)
+        else:
+            gust = TransientInflow.ews(*where, self._class, axis=make, sign=sign, start_time=start)
+        return replace(gust, steady=SteadyInflow(speed, turbine.hub_height, shear_exponent=self._shear_exponent))
 
     def _turned(self, wind: EpisodeWind, rng: np.random.Generator) -> EpisodeWind:
         """Give the wind its direction."""
@@ -207,35 +239,71 @@ class WindSampler:
             turned = TurningInflow.wandering(wind.inflow, start, *self._wander, WANDERING, rng)
         return replace(wind, inflow=turned)
 
-    @staticmethod
-    def _own_inflows(kind) -> tuple[Inflow, ...]:
+    def _own_inflows(self, kind) -> tuple[Inflow, ...]:
         """Inflows of the user."""
         own = tuple(kind) if isinstance(kind, Iterable) else (kind,)
         wrong = [inflow for inflow in own if not isinstance(inflow, Inflow)]
         if wrong or not own:
             raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {wrong or kind!r}")
+        hub = self._turbine.hub_height
+        for inflow in own:
+            if abs(inflow.hub_height - hub) > _HUB_HEIGHT_TOLERANCE * hub:
+                warnings.warn(
+                    f"the mean speed of the inflow '{inflow.description}' holds at {inflow.hub_height:g} m, the hub of "
+                    f"{self._turbine.name} is at {hub:g} m: wind_speed and the start do not fit the wind at the hub",
+                    stacklevel=2,
+                )
         return own
 
     @staticmethod
     def _checked_direction(direction, wander):
-        ends = np.atleast_1d(np.asarray(direction, dtype=np.float64))
+        try:
+            ends = np.atleast_1d(np.asarray(direction, dtype=np.float64))
+        except (TypeError, ValueError):
+            ends = np.empty(0)
         if ends.size not in (1, 2) or not np.all(np.abs(ends) <= np.pi) or ends[0] > ends[-1]:
             raise InflowError(
                 f"wind_direction must be an angle or a range (low, high) within +-pi rad, got {direction!r}"
             )
-        if wander is not None and not (len(wander) == 2 and wander[0] >= 0.0 and wander[1] > 0.0):
-            raise InflowError(f"wind_wander must be a deviation [rad] and a positive time constant [s], got {wander!r}")
-        return (float(ends[0]), float(ends[-1])), wander
+        return (float(ends[0]), float(ends[-1])), wander if wander is None else WindSampler._checked_wander(wander)
+
+    @staticmethod
+    def _checked_wander(wander) -> tuple[float, float]:
+        try:
+            deviation, time_constant = (float(value) for value in wander)
+        except (TypeError, ValueError):
+            deviation = time_constant = np.nan
+        if not (0.0 <= deviation <= np.pi and FASTEST_WANDERING <= time_constant < np.inf):
+            raise InflowError(
+                f"wind_wander must be a deviation of 0 to pi rad and a time constant of at least {FASTEST_WANDERING:g} "
+                f"s, got {wander!r}"
+            )
+        return deviation, time_constant
+
+    def _check_choices(self, turbulence_model, return_period) -> None:
+        """Refuse choices that are unknown or that the kind of wind would ignore."""
+        if turbulence_model not in TURBULENCE_MODELS:
+            raise InflowError(f"turbulence_model must be one of {TURBULENCE_MODELS}, got {turbulence_model!r}")
+        if turbulence_model != "NTM" and self._kind != "turbulent":
+            raise InflowError(f"turbulence_model={turbulence_model!r} belongs to inflow='turbulent'")
+        if return_period != 50 and not (isinstance(self._kind, str) and self._kind in EXTREME):
+            raise InflowError(f"return_period belongs to the inflows {EXTREME}")
+
+    def _sigma(self, speed: float) -> float:
+        """Standard deviation of the wind along its direction [m/s]."""
+        if self.parks:
+            return EXTREME_WIND_INTENSITY * speed
+        return turbulence_sigma(speed, self._class, self._model, self._turbine.iec_class)
 
     def _box(self, speed: float, seed: int) -> TurbulenceBox:
         """Turbulence carried along at a speed."""
         made_at = _BOX_SPEED_STEP * np.ceil(speed / _BOX_SPEED_STEP)
         turbine = self._turbine
         box = TurbulenceBox.kaimal(made_at, turbine.hub_height, turbine.rotor_diameter, self._class, seed=seed)
-        if made_at == speed:
-            return box
-        sigma = turbulence_sigma(speed, self._class)
+        sigma = self._sigma(speed)
         intensity = sigma / turbulence_sigma(made_at, self._class)
+        if made_at == speed and intensity == 1.0:
+            return box
         return replace(
             box,
             fluctuation=box.fluctuation * np.float32(intensity),
@@ -269,12 +337,12 @@ class WindSampler:
 
     def _refuse_useless(self, wind_speed, wind_seed, time_offset) -> None:
         """Refuse options that the kind of wind would ignore."""
-        if isinstance(self._kind, str) and self._kind == "turbulent":
-            return
-        if wind_seed is not None or time_offset is not None:
+        if not self._turbulent and (wind_seed is not None or time_offset is not None):
             raise InflowError("wind_seed and time_offset belong to turbulent wind; this environment's wind has none")
         if wind_speed is not None and not isinstance(self._kind, str):
             raise InflowError("wind_speed cannot be chosen: this environment was made with an inflow of its own")
+        if wind_speed is not None and self.parks:
+            raise InflowError("wind_speed cannot be chosen: that of the extreme winds follows from the turbine's class")
 
     @staticmethod
     def _checked_seed(seed) -> int:

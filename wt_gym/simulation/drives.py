@@ -27,6 +27,7 @@ __all__ = [
     "YawDrive",
     "available_torque",
     "check_finite",
+    "pitch_delay",
 ]
 
 FULL_TORQUE_SPEED = 0.05
@@ -62,6 +63,27 @@ def available_torque(drivetrain, speed):
     """
     turning = speed / drivetrain.rated_rotor_speed / FULL_TORQUE_SPEED
     return drivetrain.max_generator_torque * min(max(turning, 0.0), 1.0)
+
+
+def pitch_delay(drive, interval, step=None):
+    """Time from a demand for a moving pitch to the pitch itself [s].
+
+    At t, a multiple of the interval T, a controller asks for d(t) = r t. The command gets there at t + T: evenly, over
+    the steps of the simulator, as the environments move their demands, or at once if T is such a step. So the command
+    is T late. The pitch is late behind the command in turn: an ideal drive by half a step Δt, for at the end of a step
+    it stands midway between the commands of this step and the one before (`PitchDrives`); a critically damped servo of
+    frequency ω, 1/(1 + s/ω)², by 2/ω. A pitch that turns with the rotor is thus led by Ω (T + Δt/2) or Ω (T + 2/ω).
+
+    Parameters
+    ----------
+    drive : PitchSystem
+    interval : float
+        T, of the controller [s].
+    step : float, optional
+        Δt, of the simulator [s]; by default the interval.
+    """
+    lag = 0.5 * (interval if step is None else step) if drive.servo_frequency is None else 2.0 / drive.servo_frequency
+    return interval + lag
 
 
 class Law(Protocol):

@@ -11,7 +11,7 @@ from wt_gym.control.controllers.catalogue import (
     controller_parameters,
     make_controller,
 )
-from wt_gym.control.controllers.controller import Addition, Combined, Controller, Readings
+from wt_gym.control.controllers.controller import Addition, Combined, Controller, Readings, checked_demand
 from wt_gym.control.controllers.discon import (
     NREL_5MW,
     BaselineController,
@@ -53,6 +53,7 @@ __all__ = [
     "SideSideDamper",
     "WindEstimator",
     "YawByDeadBand",
+    "checked_demand",
     "controller_parameters",
     "from_harmonic",
     "make_controller",

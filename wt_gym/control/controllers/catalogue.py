@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.controllers.controller import Addition, Combined, Controller
+from wt_gym.control.controllers.controller import Addition, Combined, Controller, is_addition, is_controller
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.retuned import retuned_parameters
@@ -157,7 +157,8 @@ def make_controller(
     ValueError
         For an unknown name, which lists those allowed, or a parameter that no part has or that several have.
     TypeError
-        If a function gives no controller, or a controller comes with parameters.
+        If what is given, or what a function gives, is no controller (an addition alone is none), or a controller comes
+        with parameters.
 
     Examples
     --------
@@ -170,18 +171,28 @@ def make_controller(
         base = BASES[parts[0]](turbine, **given[parts[0]])
         additions = [ADDITIONS[part](turbine, **given[part]) for part in parts[1:]]
         return Combined(base, *additions) if additions else base
-    if isinstance(choice, Controller) and not inspect.isclass(choice):
+    if is_controller(choice):
         if parameters:
             raise TypeError(f"a controller that is made already takes no parameters, got {', '.join(parameters)}")
         return choice
-    if not callable(choice):
+    if is_addition(choice) or not callable(choice):
         raise TypeError(
-            f"controller must be a name ({', '.join(CONTROLLERS)}), a Controller or a function, got {choice!r}"
+            f"controller must be a name ({', '.join(CONTROLLERS)}), a Controller or a function, got {_what(choice)}"
         )
     made = choice(turbine, **parameters)
-    if not isinstance(made, Controller):
-        raise TypeError(f"{choice!r} gave {made!r}, which is no Controller (channels, start, step)")
+    if not is_controller(made):
+        raise TypeError(
+            f"{choice!r} gave {_what(made)}; it must give a Controller: channels, start(signals, demand), "
+            "step(signals, dt)"
+        )
     return made
+
+
+def _what(given) -> str:
+    """Name a thing that is no controller."""
+    if is_addition(given):
+        return f"the addition {given!r}, which changes the demand of a controller: use Combined(controller, addition)"
+    return repr(given)
 
 
 def _distribute(parts: tuple[str, ...], parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:

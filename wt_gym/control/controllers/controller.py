@@ -8,12 +8,19 @@ attributes, so that ``copy.deepcopy`` of a controller is a snapshot which contin
 
 from __future__ import annotations
 
+import inspect
+import math
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-if TYPE_CHECKING:
-    from wt_gym.control.actions import Demand
+import numpy as np
 
-__all__ = ["Addition", "Combined", "Controller", "Readings"]
+from wt_gym.control.actions import Demand
+from wt_gym.errors import ControllerError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["Addition", "Combined", "Controller", "Readings", "checked_demand", "is_addition", "is_controller"]
 
 
 class Readings(Protocol):
@@ -82,6 +89,62 @@ class Addition(Protocol):
         ...
 
 
+def is_controller(candidate) -> bool:
+    """Whether something is a `Controller`; an `Addition` has the same names, but its methods take other arguments."""
+    return _keeps(candidate, Controller, start=2, step=2)
+
+
+def is_addition(candidate) -> bool:
+    """Whether something is an `Addition`."""
+    return _keeps(candidate, Addition, start=1, step=3)
+
+
+def _keeps(candidate, contract: type, **counts: int) -> bool:
+    """Whether an object has what a contract names and its methods can be called with so many arguments."""
+    if inspect.isclass(candidate) or not isinstance(candidate, contract):
+        return False
+    return all(_takes(getattr(candidate, name), count) for name, count in counts.items())
+
+
+def _takes(method: Callable, count: int) -> bool:
+    try:
+        inspect.signature(method).bind(*range(count))
+    except TypeError:
+        return False
+    return True
+
+
+def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Demand:
+    """Give back the demand of a controller if a turbine with so many blades can be asked for it.
+
+    Raises
+    ------
+    wt_gym.errors.ControllerError
+        If it is no `Demand`, has not one finite angle a blade, or a yaw rate or torque that is not finite.
+    """
+    if not isinstance(demand, Demand):
+        raise ControllerError(f"the controller {_name(controller)} gave {demand!r}; a Demand is needed")
+    try:
+        pitch = np.asarray(demand.pitch, dtype=np.float64)
+        finite = math.isfinite(demand.yaw_rate) and math.isfinite(demand.generator_torque) and np.isfinite(pitch).all()
+    except (TypeError, ValueError) as error:
+        raise ControllerError(f"the controller {_name(controller)} gave {demand!r}: {error}") from error
+    if pitch.shape != (n_blades,):
+        raise ControllerError(
+            f"the controller {_name(controller)} demands pitch of shape {pitch.shape}; the turbine has {n_blades} "
+            "blades, one angle each is needed"
+        )
+    if not finite:
+        raise ControllerError(f"the controller {_name(controller)} demands what is not finite: {demand!r}")
+    return demand
+
+
+def _name(controller) -> str:
+    """Class of a controller, with its parts."""
+    parts = (controller.base, *controller.additions) if isinstance(controller, Combined) else (controller,)
+    return " + ".join(type(part).__name__ for part in parts)
+
+
 class Combined:
     """A controller with additions, each of which changes the demand of what stands before it.
 
@@ -101,11 +164,15 @@ class Combined:
     """
 
     def __init__(self, base: Controller, *additions: Addition):
-        if not isinstance(base, Controller):
-            raise TypeError(f"the base must be a Controller (channels, start, step), got {base!r}")
+        if not is_controller(base):
+            raise TypeError(
+                f"the base must be a Controller (channels, start(signals, demand), step(signals, dt)), got {base!r}"
+            )
         for addition in additions:
-            if not isinstance(addition, Addition):
-                raise TypeError(f"an addition needs channels, start and step, got {addition!r}")
+            if not is_addition(addition):
+                raise TypeError(
+                    f"an addition needs channels, start(signals) and step(signals, dt, demand), got {addition!r}"
+                )
         self.base, self.additions = base, additions
 
     @property

@@ -22,6 +22,7 @@ from wt_gym.control.operating_point import (
     rotor_inertia,
     torque_curve,
 )
+from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
@@ -187,9 +188,18 @@ class BaselineController:
             Present pitch commands [rad].
         torque : float, optional
             Present torque command [N m]; without it the first torque is not limited in rate.
+
+        Raises
+        ------
+        wt_gym.errors.ControllerError
+            For a turbine with another number of blades.
         """
-        p = self.parameters
-        pitch = np.broadcast_to(np.asarray(pitch, dtype=np.float64), p.n_blades).copy()
+        p, pitch = self.parameters, np.asarray(pitch, dtype=np.float64)
+        if pitch.shape not in ((), (p.n_blades,)):
+            raise ControllerError(
+                f"the baseline controller is made for {p.n_blades} blades, got pitch of shape {pitch.shape}"
+            )
+        pitch = np.broadcast_to(pitch, p.n_blades).copy()
         integral = pitch[0] / (self._gain_factor(pitch) * p.integral_gain)
         self.state = BaselineState(float(generator_speed), float(integral), pitch, float(torque))
 

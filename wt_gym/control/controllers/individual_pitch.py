@@ -18,12 +18,13 @@ import numpy as np
 from wt_gym.control.actions import Demand
 from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
-from wt_gym.control.controllers.rotor_rules import actuator_lag, flap_moment_sensitivity
+from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity
 from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.simulation.drives import pitch_delay
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
-    from wt_gym.turbines import Turbine
+    from wt_gym.turbines import PitchSystem, Turbine
 
 __all__ = ["HarmonicPitch", "HarmonicPitchParameters", "IndividualPitch"]
 
@@ -48,8 +49,6 @@ class HarmonicPitchParameters:
         Largest amplitude [rad].
     rate_limit : float
         Largest rate of the amplitude in the fixed frame [rad/s].
-    lead : float
-        Time by which the pitch of the blades is led [s], beside half a step: the lag of the drive.
     """
 
     harmonic: int = 1
@@ -59,7 +58,6 @@ class HarmonicPitchParameters:
     leak: float = 0.0
     limit: float = math.radians(4.0)
     rate_limit: float = math.radians(1.5)
-    lead: float = 0.0
 
     def __post_init__(self):
         if self.harmonic not in (1, 2):
@@ -103,15 +101,17 @@ class HarmonicPitch:
         """Tilt and yaw component measured last [N m], shape (2,)."""
         return np.array(self._moment)
 
-    def step(self, moments, azimuth: float, rotor_speed: float, dt: float, share: float = 1.0) -> np.ndarray:
+    def step(self, moments, azimuth: float, dt: float, lead: float = 0.0, share: float = 1.0) -> np.ndarray:
         """Pitch to be added to each blade [rad], shape (n_blades,).
 
         Parameters
         ----------
         moments : sequence of float, length n_blades
             Flapwise root moments [N m].
-        azimuth, rotor_speed, dt : float
-            [rad], [rad/s], [s].
+        azimuth, dt : float
+            [rad], [s].
+        lead : float
+            Azimuth through which the rotor turns until the blades have the pitch [rad].
         share : float
             Of the gains and of the limit that may be used, 0 … 1; at 0 the pitch returns at the rate limit.
         """
@@ -131,8 +131,6 @@ class HarmonicPitch:
         self._pitch = (now[0] + move[0], now[1] + move[1])
         # without saturation this is the integral again; what did not get through does not pile up
         self._integral = tuple(x - proportional * m for x, m in zip(self._pitch, self._moment, strict=True))
-        # held over a step, the pitch is on average half a step late
-        lead = rotor_speed * (p.lead + 0.5 * dt)
         return from_harmonic(*self._pitch, azimuth + lead, len(moments), p.harmonic)
 
 
@@ -153,9 +151,14 @@ class IndividualPitch:
     harmonics : sequence of HarmonicPitchParameters
     fade : AboveRated or None
         None: always in full.
+    drive : PitchSystem
+        Its limits hold, and its delay leads the azimuth.
     n_blades : int
-    pitch_limits : (float, float)
-        [rad].
+    lead : float, optional
+        Time by which the azimuth leads [s]; by default `pitch_delay` at the interval of the controller.
+    simulator_step : float, optional
+        Step of the simulator [s], by default the interval of the controller. At twice the step the lead is else half a
+        step too long, 3.6 degrees for the NREL 5-MW.
 
     Attributes
     ----------
@@ -164,11 +167,24 @@ class IndividualPitch:
         In which it acts at the moment.
     """
 
-    def __init__(self, harmonics, fade: AboveRated | None, n_blades: int = 3, pitch_limits=(0.0, math.pi / 2)):
+    def __init__(
+        self,
+        harmonics,
+        fade: AboveRated | None,
+        drive: PitchSystem,
+        n_blades: int = 3,
+        lead: float | None = None,
+        simulator_step: float | None = None,
+    ):
         self.harmonics = tuple(HarmonicPitch(p) for p in harmonics)
         if n_blades < 3:
             raise ValueError(f"individual pitch in the fixed frame needs at least 3 blades, got {n_blades}")
-        self.fade, self.n_blades, self.pitch_limits = fade, n_blades, tuple(pitch_limits)
+        if lead is not None and not 0.0 <= lead < math.inf:
+            raise ValueError(f"lead must be finite and not negative, got {lead!r}")
+        if simulator_step is not None and not 0.0 < simulator_step < math.inf:
+            raise ValueError(f"simulator_step must be finite and positive, got {simulator_step!r}")
+        self.fade, self.drive, self.n_blades = fade, drive, n_blades
+        self.lead, self.simulator_step = lead, simulator_step
         self.share, self._fresh = 0.0, True
         self._moment_names = tuple(f"root_flap_moment_{b + 1}" for b in range(n_blades))
         self.channels = ("azimuth", "rotor_speed", *self._moment_names)
@@ -184,6 +200,7 @@ class IndividualPitch:
         limit: float = math.radians(4.0),
         rate_limit: float = math.radians(1.5),
         lead: float | None = None,
+        simulator_step: float | None = None,
         second_harmonic: float = 0.0,
         fade: FadeParameters | bool = True,
     ) -> IndividualPitch:
@@ -203,8 +220,8 @@ class IndividualPitch:
             Time constant of the return inside the band [s].
         limit, rate_limit : float
             Of the amplitude [rad], [rad/s].
-        lead : float, optional
-            [s]; by default `actuator_lag`.
+        lead, simulator_step : float, optional
+            See the class.
         second_harmonic : float
             Gain of the second harmonic over that of the first; zero leaves it out. Its limit is half that of the first.
         fade : FadeParameters or bool
@@ -220,7 +237,6 @@ class IndividualPitch:
             leak=1.0 / leak_time,
             limit=limit,
             rate_limit=rate_limit,
-            lead=actuator_lag(turbine) if lead is None else lead,
         )
         harmonics = [first]
         if second_harmonic > 0.0:
@@ -230,8 +246,7 @@ class IndividualPitch:
         fading = None
         if fade is not False:
             fading = AboveRated.of_turbine(turbine, None if fade is True else fade)
-        limits = (turbine.pitch.min_pitch, turbine.pitch.max_pitch)
-        return cls(harmonics, fading, turbine.n_blades, limits)
+        return cls(harmonics, fading, turbine.pitch, turbine.n_blades, lead, simulator_step)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -249,7 +264,7 @@ class IndividualPitch:
                 self.fade.start(float(np.mean(demand.pitch)))
             self.share = self.fade.update(demand.pitch, speed, dt)
         self._fresh = False
-        added = sum(h.step(moments, azimuth, speed, dt, self.share) for h in self.harmonics)
-        low, high = self.pitch_limits
-        pitch = np.minimum(np.maximum(demand.pitch + added, low), high)
+        lead = speed * (pitch_delay(self.drive, dt, self.simulator_step) if self.lead is None else self.lead)
+        added = sum(h.step(moments, azimuth, dt, lead, self.share) for h in self.harmonics)
+        pitch = np.minimum(np.maximum(demand.pitch + added, self.drive.min_pitch), self.drive.max_pitch)
         return Demand(pitch, demand.yaw_rate, demand.generator_torque)

@@ -11,10 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = ["TowerTop", "actuator_lag", "flap_moment_sensitivity", "tower_top"]
-
-IDEAL_DRIVE_LAG = 0.05
-"""Lag of an ideal pitch drive [s]: half an aerodynamic step of 0.1 s, see `wt_gym.simulation.drives.PitchDrives`."""
+__all__ = ["TowerTop", "flap_moment_sensitivity", "tower_top"]
 
 
 def flap_moment_sensitivity(turbine: Turbine) -> float:
@@ -28,15 +25,6 @@ def flap_moment_sensitivity(turbine: Turbine) -> float:
     radius = blade.root_radius + along
     lift = math.pi * turbine.air_density * speed**2 * radius**2 * blade.chord_at(along)
     return float(np.trapezoid(lift * along, along))
-
-
-def actuator_lag(turbine: Turbine) -> float:
-    """Time by which the blades follow a moving pitch demand late [s].
-
-    Two over the frequency of a critically damped servo, else `IDEAL_DRIVE_LAG`.
-    """
-    frequency = turbine.pitch.servo_frequency
-    return IDEAL_DRIVE_LAG if frequency is None else 2.0 / frequency
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,68 @@
+"""The page about the environments: its examples run, and its tables are those of the code."""
+
+import inspect
+import re
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.wind_sampler import KINDS
+from wt_gym.tasks import TASKS
+from wt_gym.wind import TurbulenceBox, TurbulentInflow
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "environments.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+TABLES = re.findall(r"^\| `([^`|]+)` \|.*\| ([^|]*) \|$", PAGE, re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def left(tmp_path_factory):
+    """Names that the examples leave behind, each run after those before it, with a wind file of every name."""
+    folder = tmp_path_factory.mktemp("winds")
+    for seed, name in enumerate(re.findall(r'"(\w+\.bts)"', PAGE)):
+        box = TurbulenceBox.kaimal(14.0, 90.0, 126.0, "B", seed=seed, duration=20.0, grid=(3, 3), cache=False)
+        box.to_bts(folder / name)
+    found = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        names = {}
+        for example in EXAMPLES:
+            exec(compile(example, "docs/environments.md", "exec"), names)
+            found.append(dict(names))
+    return found
+
+
+def test_examples_run(left):
+    parked, drawn, planned = left
+    assert (parked["terminated"], parked["truncated"]) == (False, False)
+    assert abs(parked["info"]["rotor_speed"]) < 0.1
+    assert isinstance(drawn["env"].unwrapped.episode_wind.inflow, TurbulentInflow)
+    assert 13.0 < drawn["info"]["wind_speed"] < 15.0
+    value, rate = planned["best"]
+    assert np.isfinite(value)
+    assert rate in (-1.0, 0.0, 1.0)
+
+
+def test_every_task_and_every_wind_stands_on_the_page():
+    rows = [name for name, _ in TABLES]
+    assert {f"wt_gym/{name}-v0" for name in TASKS} == {name for name in rows if name.startswith("wt_gym/")}
+    assert {f'"{kind}"' for kind in KINDS} == {name for name in rows if name.startswith('"')}
+
+
+def test_lengths_of_episodes_are_those_of_the_tasks():
+    lengths = {name: last for name, last in TABLES if name.startswith("wt_gym/")}
+    assert {name: gym.spec(name).max_episode_steps * 0.2 for name in lengths} == {
+        name: float(length.removesuffix(" s")) for name, length in lengths.items()
+    }
+
+
+def test_arguments_on_the_page_are_those_of_the_environment():
+    known = set(inspect.signature(WindTurbineEnv).parameters) | {"max_episode_steps"}
+    named = set(re.findall(r"`(\w+)=", PAGE))
+    assert len(named) > 8
+    assert named <= known
+    columns = [name for kind, last in TABLES if kind.startswith('"') for name in re.findall(r"`(\w+)`", last)]
+    assert set(columns) <= known
