@@ -224,14 +224,14 @@ class _Session:
     def _record(self, status: str) -> dict[str, Any]:
         """How it was trained, as JSON values."""
         config, layout, steps = self._config, self._layout, int(self._model.num_timesteps)
-        number = self._stop.signal_number
-        session = {"from_step": self._first_step, "to_step": steps, "seconds": self._watch.seconds, "status": status}
+        number, seconds = self._stop.signal_number, self._watch.seconds
+        session = {"from_step": self._first_step, "to_step": steps, "seconds": seconds, "status": status}
         return {
             "algorithm": config.algorithm,
             "status": status,
             "stopped_by": signal.Signals(number).name if status == "interrupted" else None,
             "steps": steps,
-            "wall_seconds": self._seconds_before + self._watch.seconds,
+            "wall_seconds": self._seconds_before + seconds,
             "control_dt": layout.control_dt,
             "observation": list(layout.observation.names),
             "action": list(layout.action.names),
