@@ -17,22 +17,24 @@ import sys
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from agents.training.arguments import UNSAFE, add_training_options, config_from
+from agents.training.arguments import UNSAFE, OneLineParser, add_training_options, config_from
 
 
-def main() -> None:
-    """Search."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, epilog=UNSAFE, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def parse_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser(description=__doc__, epilog=UNSAFE)
     parser.add_argument("--trials", type=int, default=30, help="altogether (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=60_000, help="of each trial (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of search and trainings (default: %(default)s)")
     parser.add_argument("--out", default="runs/search", help="folder for the results (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the result as JSON at the end")
     add_training_options(parser)
-    arguments = parser.parse_args()
+    return parser.parse_args()
 
+
+def main() -> None:
+    """Search."""
+    arguments = parse_arguments()
     from agents.command_line import user_errors
     from agents.training.search import BEST_FILE, search
 

@@ -21,14 +21,12 @@ from pathlib import Path
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from agents.training.arguments import UNSAFE, add_training_options, config_from
+from agents.training.arguments import UNSAFE, OneLineParser, add_training_options, config_from
 
 
 def parse_arguments() -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, epilog=UNSAFE, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = OneLineParser(description=__doc__, epilog=UNSAFE)
     parser.add_argument("--out", default=argparse.SUPPRESS, help="folder for the results (default: runs/ppo, or the "
         "algorithm)")  # fmt: skip
     parser.add_argument("--overwrite", action="store_true", help="remove the training that is in the folder")

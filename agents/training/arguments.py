@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
     from agents.training.config import TrainingConfig
 
-__all__ = ["UNSAFE", "add_training_options", "config_from"]
+__all__ = ["UNSAFE", "OneLineParser", "add_training_options", "config_from"]
 
 UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
 they are loaded: take none from strangers."""
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that keeps descriptions as they are written, and says what is wrong in one line."""
+
+    def __init__(self, **options):
+        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **options)
+
+    def error(self, message: str) -> NoReturn:
+        """End the program with status 2."""
+        self.exit(2, f"error: {' '.join(message.split())}; see --help\n")
 
 
 def add_training_options(parser: argparse.ArgumentParser) -> None:

@@ -63,7 +63,8 @@ class HeldBackEvaluation:
 
     def __init__(self, config: TrainingConfig, wind: WindSampler, baseline: list[dict] | None = None):
         self.winds = _winds(config, wind)
-        kwargs = {name: value for name, value in config.env_kwargs.items() if name != "episode_length"}
+        limits = ("episode_length", "max_episode_steps")  # runs are as long as the evaluation
+        kwargs = {name: value for name, value in config.env_kwargs.items() if name not in limits}
         self._config = EvaluationConfig(
             config.env_id, kwargs, self.winds, duration=config.eval_seconds, skip=_SKIP, seed=_SEED
         )
