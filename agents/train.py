@@ -66,8 +66,8 @@ def train(
     -------
     dict
         The record: algorithm, configuration, status, steps, wall_seconds, control_dt, the learning curve, and the
-        evaluations. ``status`` is "finished", "time limit", "interrupted" (``stopped_by`` names the signal) or
-        "stopped" (by ``on_evaluation``).
+        evaluations. ``status`` is "finished", "time limit", "interrupted" by a signal or "stopped" by
+        ``on_evaluation``; ``stopped_by`` names the signal, also one that came too late to interrupt.
 
     Raises
     ------
@@ -152,7 +152,7 @@ class _Session:
         self._evaluation_seconds = _entry(evaluated, "seconds", float, 0.0)
         self._evaluation = self._evaluations = None
         if config.eval_every:
-            self._evaluation = HeldBackEvaluation(config, self._wind, _entry(evaluated, "baseline", list, None))
+            self._evaluation = HeldBackEvaluation(config, self._wind, evaluated)
             self._evaluations = Evaluations(
                 config.eval_every,
                 self._evaluation,
@@ -183,18 +183,14 @@ class _Session:
             if self._evaluations is not None and status in ("finished", "time limit"):
                 self._evaluations.finish()
                 model.logger.dump(model.num_timesteps)
-        record = self._record(status)
-        self._save(record)
+            record = self._record(status)
+            self._save(record)
         return record
 
     @contextmanager
     def _logger(self) -> Iterator[None]:
         """Write to TensorBoard, if it is wanted and there."""
-        wanted = self._config.tensorboard
-        found = importlib.util.find_spec("tensorboard") is not None
-        if wanted and not found:
-            raise ValueError("tensorboard is not installed; it comes with the extra 'train'")
-        if not (wanted or (wanted is None and found)):
+        if self._config.tensorboard is False or importlib.util.find_spec("tensorboard") is None:
             yield
             return
         logger = configure(str(self._run.tensorboard), ["tensorboard"])
@@ -229,7 +225,7 @@ class _Session:
         return {
             "algorithm": config.algorithm,
             "status": status,
-            "stopped_by": signal.Signals(number).name if status == "interrupted" else None,
+            "stopped_by": None if number is None else signal.Signals(number).name,
             "steps": steps,
             "wall_seconds": self._seconds_before + seconds,
             "control_dt": layout.control_dt,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
@@ -80,6 +81,8 @@ class TrainingConfig:
             self._check_number("max_seconds", 0.0, _MOST_SECONDS)
         if self.tensorboard not in (True, False, None):
             raise ValueError(f"tensorboard must be true, false or null, got {self.tensorboard!r}")
+        if self.tensorboard and importlib.util.find_spec("tensorboard") is None:
+            raise ValueError("tensorboard is not installed; it comes with the extra 'train'")
         if not isinstance(self.env_kwargs, dict):
             raise ValueError(f"env_kwargs must map names to values, got {self.env_kwargs!r}")
         if self.env_kwargs.get("vector_reward"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,8 +45,8 @@ class HeldBackEvaluation:
     config : TrainingConfig
     wind : WindSampler
         Of the training environment: the winds have its mean speeds and other seeds.
-    baseline : list of dict, optional
-        Figures of the baseline as an earlier session has recorded them.
+    before : dict, optional
+        Evaluations as an earlier session has recorded them: in the same winds the baseline is not run again.
 
     Attributes
     ----------
@@ -58,10 +58,10 @@ class HeldBackEvaluation:
     Raises
     ------
     ValueError
-        If the training draws from so many seeds that too few are held back.
+        If the training draws from so many seeds that too few are held back, or the earlier evaluations are damaged.
     """
 
-    def __init__(self, config: TrainingConfig, wind: WindSampler, baseline: list[dict] | None = None):
+    def __init__(self, config: TrainingConfig, wind: WindSampler, before: dict | None = None):
         self.winds = _winds(config, wind)
         limits = ("episode_length", "max_episode_steps")  # runs are as long as the evaluation
         kwargs = {name: value for name, value in config.env_kwargs.items() if name not in limits}
@@ -71,7 +71,9 @@ class HeldBackEvaluation:
         # Zero residual actions are the controller, whatever components and mode the policy acts by.
         beneath = {name: value for name, value in kwargs.items() if name != "action_spans"}
         self._baseline_config = replace(self._config, env_kwargs=beneath | {"action_mode": "residual"})
-        self.baseline, self.seconds = baseline, 0.0
+        self.baseline, self.seconds = None, 0.0
+        if before and before.get("winds") == [asdict(wind) for wind in self.winds]:
+            self.baseline = _checked(before.get("baseline"), len(self.winds))
 
     def __call__(self, agent: Agent) -> dict[str, float | None]:
         """Figures of `FIGURES` for an agent, means over the winds; None where a run ended too early to have them."""
@@ -102,6 +104,21 @@ def _winds(config: TrainingConfig, wind: WindSampler) -> tuple[Wind, ...]:
             f"that training does not draw; it leaves {len(seeds)}"
         )
     return tuple(Wind(speed, seed) for speed, seed in zip(speeds, seeds, strict=False))
+
+
+def _checked(baseline: Any, n_winds: int) -> list[dict[str, Any]] | None:
+    """Figures of the baseline from a record.
+
+    Raises
+    ------
+    ValueError
+        If they are none.
+    """
+    if baseline is None:  # stopped before the first evaluation
+        return None
+    if not (isinstance(baseline, list) and len(baseline) == n_winds and all(isinstance(row, dict) for row in baseline)):
+        raise ValueError(f"the record is damaged: the baseline's figures are {baseline!r:.80}")
+    return baseline
 
 
 def _figures(run: Run) -> dict[str, Any]:

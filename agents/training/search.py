@@ -71,7 +71,7 @@ _OFF_POLICY = _SHARED | {
     "batch_size": Choice((128, 256, 512)),
     "learning_starts": Choice((1000, 2000, 5000, 10_000)),
     "tau": Range(0.001, 0.05, log=True),
-    "train_freq": Choice((1, 4, 8, 16, 32)),
+    "train_freq": Choice((1, 4, 8, 16, 32)),  # the updates keep pace with it: gradient_steps is -1
 }
 SPACES: dict[str, dict[str, Range | Choice]] = {
     "PPO": _SHARED
@@ -87,7 +87,7 @@ SPACES: dict[str, dict[str, Range | Choice]] = {
     "SAC": _OFF_POLICY,
     "TQC": _OFF_POLICY | {"top_quantiles_to_drop_per_net": Range(0, 6)},
 }
-"""What is searched, by algorithm. SAC and TQC make as many updates as steps: ``gradient_steps`` = ``train_freq``."""
+"""What is searched, by algorithm."""
 
 
 class _Interrupted(Exception):
@@ -146,7 +146,7 @@ def search(
             load_if_exists=True,
         )
         _claim(study, config)
-        if not study.trials:
+        if not _ended(study):
             keys = {name: part.key(config.resolved.get(name)) for name, part in space.items()}
             study.enqueue_trial({name: key for name, key in keys.items() if key is not None})
 
@@ -194,7 +194,7 @@ def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path) -> flo
 
     tried = replace(config, hyperparameters=config.resolved | _hyperparameters(trial, config.algorithm))
     record = train(tried, folder / f"trial-{trial.number}", on_evaluation=keep, overwrite=True, progress=False)
-    if record["status"] == "interrupted":
+    if record["stopped_by"] is not None:
         raise _Interrupted(record)
     if record["status"] == "stopped":
         raise optuna.TrialPruned
@@ -203,10 +203,7 @@ def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path) -> flo
 
 def _hyperparameters(trial: optuna.Trial | optuna.trial.FrozenTrial, algorithm: str) -> dict[str, Any]:
     """Hyperparameters of a trial."""
-    values = {name: part.suggest(trial, name) for name, part in SPACES[algorithm].items()}
-    if "train_freq" in values:
-        values["gradient_steps"] = values["train_freq"]
-    return values
+    return {name: part.suggest(trial, name) for name, part in SPACES[algorithm].items()}
 
 
 def _ended(study: optuna.Study) -> int:

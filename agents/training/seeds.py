@@ -149,9 +149,9 @@ def _collect(folder: Path, plan: dict[str, Any], seeds: list[int], records: Iter
                 "best": evaluation.get("best"),
             }
         )
-        if record["status"] == "interrupted":
+        if record["stopped_by"] is not None:
             break
-    interrupted = record["status"] == "interrupted"
+    interrupted = record["status"] == "interrupted" or len(runs) < len(seeds)
     summary = {
         "status": "interrupted" if interrupted else "finished",
         "stopped_by": record["stopped_by"] if interrupted else None,

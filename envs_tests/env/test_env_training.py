@@ -328,6 +328,7 @@ def test_a_model_that_lacks_parts_is_refused(copied, kept):
         ({"curve": {"steps": [1, 2]}}, "its curve must have the columns"),
         ({"curve": [1]}, "curve is"),
         ({"sessions": 5}, "sessions is 5"),
+        ({"wall_seconds": "long"}, "wall_seconds is 'long'"),
     ],
 )
 def test_damaged_records_are_not_resumed(copied, changes, message):
@@ -376,6 +377,22 @@ def test_several_seeds_one_after_another(tmp_path):
         train_seeds(config, tmp_path, [1], progress=False)
     with pytest.raises(ValueError, match="differ from each other"):
         train_seeds(config, tmp_path / "other", [1, 1], progress=False)
+
+
+def test_a_signal_ends_all_seeds(tmp_path, monkeypatch):
+    ask = HeldBackEvaluation.__call__
+
+    def late(self, agent):  # while the last model is evaluated: that training is done, the next must not begin
+        os.kill(os.getpid(), signal.SIGTERM)
+        return ask(self, agent)
+
+    monkeypatch.setattr(HeldBackEvaluation, "__call__", late)
+    summary = train_seeds(replace(SMALL, eval_every=1000), tmp_path, [1, 2], progress=False)
+    assert (summary["status"], summary["stopped_by"]) == ("interrupted", "SIGTERM")
+    assert [run["status"] for run in summary["runs"]] == ["finished"]
+    assert not (tmp_path / "seed-2").exists()
+    monkeypatch.undo()
+    assert [run["seed"] for run in resume_seeds(tmp_path, progress=False)["runs"]] == [1, 2]
 
 
 def test_several_seeds_go_on_where_they_were_stopped(tmp_path):

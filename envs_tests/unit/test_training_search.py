@@ -27,8 +27,12 @@ class MadeUp:
         final = -(math.log10(config.hyperparameters["learning_rate"] / 1e-4) ** 2)
         for steps in (100, 200, 300):
             if not on_evaluation(steps, {"episode_return": final}):
-                return {"status": "stopped"}
-        return {"status": "finished", "evaluation": {"curve": {"episode_return": [final - 1.0, final]}}}
+                return {"status": "stopped", "stopped_by": None}
+        return {
+            "status": "finished",
+            "stopped_by": None,
+            "evaluation": {"curve": {"episode_return": [final - 1.0, final]}},
+        }
 
 
 @pytest.fixture
