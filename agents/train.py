@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-import signal
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -30,6 +29,8 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.vec_env import VecNormalize
 
+    from agents.training.callbacks import StopRequest
+
 
 __all__ = ["TrainingConfig", "resume", "train"]
 
@@ -44,6 +45,7 @@ def train(
     progress: bool = True,
     overwrite: bool = False,
     on_evaluation: Callable[[int, dict], bool] | None = None,
+    stop: StopRequest | None = None,
 ) -> dict[str, Any]:
     """Train a policy.
 
@@ -61,13 +63,15 @@ def train(
         Remove an earlier training from the folder.
     on_evaluation : callable, optional
         Called with steps and figures after every evaluation; training stops where it gives False.
+    stop : StopRequest, optional
+        Looked at after every step; default: one that SIGINT and SIGTERM set.
 
     Returns
     -------
     dict
         The record: algorithm, configuration, status, steps, wall_seconds, control_dt, the learning curve, and the
-        evaluations. ``status`` is "finished", "time limit", "interrupted" by a signal or "stopped" by
-        ``on_evaluation``; ``stopped_by`` names the signal, also one that came too late to interrupt.
+        evaluations. ``status`` is "finished", "time limit", "interrupted" (``stopped_by`` names the signal) or
+        "stopped" (by ``on_evaluation``).
 
     Raises
     ------
@@ -81,11 +85,16 @@ def train(
         with closing(make_training_env(config)) as venv:
             model = make_model(config, venv)
             run.clear()
-            return _Session(config, run, venv, model, {}, on_evaluation).learn(progress)
+            return _Session(config, run, venv, model, {}, on_evaluation).learn(progress, stop)
 
 
 def resume(
-    folder: str | Path, *, total_steps: int | None = None, max_seconds: float | None = None, progress: bool = True
+    folder: str | Path,
+    *,
+    total_steps: int | None = None,
+    max_seconds: float | None = None,
+    progress: bool = True,
+    stop: StopRequest | None = None,
 ) -> dict[str, Any]:
     """Go on with a training that was stopped, or is to have more steps.
 
@@ -99,7 +108,8 @@ def resume(
         Altogether; default: as before.
     max_seconds : float, optional
         From now on; default: as before.
-    progress : bool
+    progress, stop
+        As of `train`.
 
     Returns
     -------
@@ -125,7 +135,7 @@ def resume(
                 raise ValueError(
                     f"the training in {run.path} has done its {config.total_steps} steps: give it more to go on"
                 )
-            return _Session(config, run, venv, model, record, None).learn(progress)
+            return _Session(config, run, venv, model, record, None).learn(progress, stop)
 
 
 class _Session:
@@ -162,12 +172,11 @@ class _Session:
                 on_evaluation,
             )
 
-    def learn(self, progress: bool) -> dict[str, Any]:
+    def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:
         """Train until the steps are done, time is over or somebody asks to stop; give the record."""
         config, model = self._config, self._model
-        with stop_on_signals() as stop, self._logger():
-            self._stop = stop
-            self._watch = Watch(config, self._layout.control_dt, self._curve, stop, progress)
+        with stop_on_signals() if stop is None else nullcontext(stop) as self._stop, self._logger():
+            self._watch = Watch(config, self._layout.control_dt, self._curve, self._stop, progress)
             callbacks = [self._watch, EpisodeFigures()]
             if self._evaluations is not None:
                 callbacks.append(self._evaluations)
@@ -220,12 +229,12 @@ class _Session:
     def _record(self, status: str) -> dict[str, Any]:
         """How it was trained, as JSON values."""
         config, layout, steps = self._config, self._layout, int(self._model.num_timesteps)
-        number, seconds = self._stop.signal_number, self._watch.seconds
+        seconds = self._watch.seconds
         session = {"from_step": self._first_step, "to_step": steps, "seconds": seconds, "status": status}
         return {
             "algorithm": config.algorithm,
             "status": status,
-            "stopped_by": None if number is None else signal.Signals(number).name,
+            "stopped_by": self._stop.name if status == "interrupted" else None,
             "steps": steps,
             "wall_seconds": self._seconds_before + seconds,
             "control_dt": layout.control_dt,

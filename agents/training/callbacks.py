@@ -27,6 +27,11 @@ class StopRequest:
 
     signal_number: int | None = None
 
+    @property
+    def name(self) -> str | None:
+        """Name of the signal."""
+        return None if self.signal_number is None else signal.Signals(self.signal_number).name
+
 
 @contextmanager
 def stop_on_signals() -> Iterator[StopRequest]:

@@ -7,6 +7,7 @@ and goes on there; what it has found is a YAML file that training takes.
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from agents.train import train
+from agents.training.callbacks import stop_on_signals
 from agents.training.run_folder import RunFolder, write_whole
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
     import optuna
 
+    from agents.training.callbacks import StopRequest
     from agents.training.config import TrainingConfig
 
 __all__ = ["BEST_FILE", "SPACES", "Choice", "Range", "search"]
@@ -93,10 +96,6 @@ SPACES: dict[str, dict[str, Range | Choice]] = {
 class _Interrupted(Exception):
     """Somebody asked to stop in the middle of a trial."""
 
-    def __init__(self, record: dict[str, Any]):
-        super().__init__()
-        self.record = record
-
 
 def search(
     config: TrainingConfig, folder: str | Path, trials: int, progress: Callable[[str], None] | None = None
@@ -136,7 +135,7 @@ def search(
         raise ValueError("a search compares evaluations: eval_every must not be 0")
     space = SPACES[config.algorithm]
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    with RunFolder(folder) as run:
+    with RunFolder(folder) as run, stop_on_signals() as stop:
         study = optuna.create_study(
             storage=f"sqlite:///{(run.path / _STORAGE).absolute()}",
             study_name="search",
@@ -151,23 +150,23 @@ def search(
             study.enqueue_trial({name: key for name, key in keys.items() if key is not None})
 
         def value(trial: optuna.Trial) -> float:
-            return _run_trial(trial, config, run.path)
+            return _run_trial(trial, config, run.path, stop)
 
         def note(study: optuna.Study, trial: optuna.trial.FrozenTrial) -> None:
             if progress is not None:
                 result = trial.state.name.lower() if trial.value is None else f"return {trial.value:+.2f}"
                 progress(f"trial {trial.number}: {result} with {trial.params}")
             _write_best(study, config, run.path)
+            if stop.signal_number is not None:
+                study.stop()
 
-        stopped_by = None
-        try:
+        # an interrupted trial counts as failed
+        with suppress(_Interrupted):
             study.optimize(value, n_trials=max(0, trials - _ended(study)), callbacks=[note])
-        except _Interrupted as interrupted:
-            stopped_by = interrupted.record["stopped_by"]
         best = _write_best(study, config, run.path)
         return {
-            "status": "interrupted" if stopped_by else "finished",
-            "stopped_by": stopped_by,
+            "status": "finished" if _ended(study) >= trials else "interrupted",
+            "stopped_by": stop.name if _ended(study) < trials else None,
             "best": best,
             "value": study.best_value if best else None,
             "trials": _ended(study),
@@ -184,7 +183,7 @@ def _claim(study: optuna.Study, config: TrainingConfig) -> None:
     study.set_user_attr("config", wanted)
 
 
-def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path) -> float:
+def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: StopRequest) -> float:
     """Train with the hyperparameters of a trial; give the return against the baseline's of the last evaluation."""
     import optuna
 
@@ -193,9 +192,11 @@ def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path) -> flo
         return not trial.should_prune()
 
     tried = replace(config, hyperparameters=config.resolved | _hyperparameters(trial, config.algorithm))
-    record = train(tried, folder / f"trial-{trial.number}", on_evaluation=keep, overwrite=True, progress=False)
-    if record["stopped_by"] is not None:
-        raise _Interrupted(record)
+    record = train(
+        tried, folder / f"trial-{trial.number}", on_evaluation=keep, overwrite=True, progress=False, stop=stop
+    )
+    if record["status"] == "interrupted":
+        raise _Interrupted
     if record["status"] == "stopped":
         raise optuna.TrialPruned
     return record["evaluation"]["curve"]["episode_return"][-1]

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from agents.train import resume, train
+from agents.training.callbacks import stop_on_signals
 from agents.training.config import TrainingConfig
 from agents.training.held_back import FIGURES
 from agents.training.run_folder import SEEDS_FILE, RunFolder, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from agents.training.callbacks import StopRequest
 
 __all__ = ["resume_seeds", "seeds_table", "train_seeds"]
 
@@ -51,13 +54,15 @@ def train_seeds(
     if not seeds or len(set(seeds)) < len(seeds):
         raise ValueError(f"seeds must be given and differ from each other, got {seeds}")
     configs = [replace(config, seed=seed) for seed in seeds]  # refuses a bad one before the first is trained
-    with RunFolder(folder) as run:
+    with RunFolder(folder) as run, stop_on_signals() as stop:
         run.refuse_used(overwrite)
         run.clear()
         plan = {"seeds": seeds, "config": config.with_hyperparameters().to_json()}
         _write(folder, plan)
-        records = (train(c, _of_seed(folder, c.seed), overwrite=overwrite, progress=progress) for c in configs)
-        return _collect(folder, plan, seeds, records)
+        records = (
+            train(c, _of_seed(folder, c.seed), overwrite=overwrite, progress=progress, stop=stop) for c in configs
+        )
+        return _collect(folder, plan, seeds, records, stop)
 
 
 def resume_seeds(
@@ -87,19 +92,19 @@ def resume_seeds(
     changes = {"total_steps": total_steps, "max_seconds": max_seconds}
     config = replace(config, **{name: value for name, value in changes.items() if value is not None})
 
-    def go_on(seed: int) -> dict[str, Any]:
+    def go_on(seed: int, stop: StopRequest) -> dict[str, Any]:
         run = RunFolder(_of_seed(folder, seed))
         if not run.used:
-            return train(replace(config, seed=seed), run.path, progress=progress)
+            return train(replace(config, seed=seed), run.path, progress=progress, stop=stop)
         record = run.record()
         if not run.model.exists():  # stopped by force before anything was saved
-            return train(replace(config, seed=seed), run.path, overwrite=True, progress=progress)
+            return train(replace(config, seed=seed), run.path, overwrite=True, progress=progress, stop=stop)
         if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
             return record
-        return resume(run.path, total_steps=total_steps, max_seconds=max_seconds, progress=progress)
+        return resume(run.path, total_steps=total_steps, max_seconds=max_seconds, progress=progress, stop=stop)
 
-    with RunFolder(folder):
-        return _collect(folder, plan, seeds, (go_on(seed) for seed in seeds))
+    with RunFolder(folder), stop_on_signals() as stop:
+        return _collect(folder, plan, seeds, (go_on(seed, stop) for seed in seeds), stop)
 
 
 def seeds_table(runs: list[dict[str, Any]]) -> list[str]:
@@ -135,10 +140,12 @@ def _write(folder: Path, plan: dict[str, Any]) -> None:
     write_whole(folder / SEEDS_FILE, lambda file: file.write(text.encode()))
 
 
-def _collect(folder: Path, plan: dict[str, Any], seeds: list[int], records: Iterable[dict]) -> dict[str, Any]:
-    """Run through the trainings until one is interrupted; keep and give the summary."""
-    runs, record = [], {}
-    for seed, record in zip(seeds, records, strict=False):  # after an interruption some are missing
+def _collect(
+    folder: Path, plan: dict[str, Any], seeds: list[int], records: Iterable[dict], stop: StopRequest
+) -> dict[str, Any]:
+    """Run through the trainings until somebody asks to stop; keep and give the summary."""
+    runs = []
+    for seed, record in zip(seeds, records, strict=True):
         evaluation, recent = record["evaluation"] or {}, record["curve"]["episode_return"][-_RECENT:]
         runs.append(
             {
@@ -149,12 +156,12 @@ def _collect(folder: Path, plan: dict[str, Any], seeds: list[int], records: Iter
                 "best": evaluation.get("best"),
             }
         )
-        if record["stopped_by"] is not None:
+        if stop.signal_number is not None:
             break
-    interrupted = record["status"] == "interrupted" or len(runs) < len(seeds)
+    interrupted = len(runs) < len(seeds) or runs[-1]["status"] == "interrupted"
     summary = {
         "status": "interrupted" if interrupted else "finished",
-        "stopped_by": record["stopped_by"] if interrupted else None,
+        "stopped_by": stop.name if interrupted else None,
         "runs": runs,
     }
     _write(folder, {**plan, "summary": summary})

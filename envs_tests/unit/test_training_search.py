@@ -1,6 +1,7 @@
 """Search of hyperparameters with a made-up training: it finds the best, goes on where it was, writes what it found."""
 
 import math
+import signal
 
 import pytest
 
@@ -20,14 +21,15 @@ class MadeUp:
     def __init__(self):
         self.tried, self.interrupt_at = [], None
 
-    def __call__(self, config, folder, *, on_evaluation, **_):
+    def __call__(self, config, folder, *, on_evaluation, stop, **_):
         self.tried.append(config.hyperparameters)
         if len(self.tried) == self.interrupt_at:
-            return {"status": "interrupted", "stopped_by": "SIGTERM"}
+            stop.signal_number = signal.SIGTERM
+            return {"status": "interrupted"}
         final = -(math.log10(config.hyperparameters["learning_rate"] / 1e-4) ** 2)
         for steps in (100, 200, 300):
             if not on_evaluation(steps, {"episode_return": final}):
-                return {"status": "stopped", "stopped_by": None}
+                return {"status": "stopped"}
         return {
             "status": "finished",
             "stopped_by": None,
