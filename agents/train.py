@@ -84,8 +84,9 @@ def train(
         run.refuse_used(overwrite)
         with closing(make_training_env(config)) as venv:
             model = make_model(config, venv)
-            run.clear()
-            return _Session(config, run, venv, model, {}, on_evaluation).learn(progress, stop)
+            session = _Session(config, run, venv, model, {}, on_evaluation)
+            run.clear()  # nothing can be refused any more
+            return session.learn(progress, stop)
 
 
 def resume(

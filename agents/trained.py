@@ -41,7 +41,7 @@ ALGORITHM_CLASSES = {cls.__name__: cls for cls in (PPO, A2C, SAC, TQC, TD3, DDPG
 
 DAMAGE = (
     pickle.UnpicklingError, zipfile.BadZipFile, zlib.error, EOFError, ImportError, AssertionError, AttributeError,
-    KeyError, IndexError, TypeError, ValueError, RuntimeError, OverflowError,
+    KeyError, IndexError, TypeError, ValueError, RuntimeError, OverflowError, MemoryError,
 )  # fmt: skip
 """What pickle, zipfile, torch and stable-baselines3 raise where a file is damaged, or holds something else."""
 
