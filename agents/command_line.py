@@ -57,5 +57,5 @@ def user_errors() -> Iterator[None]:
     """End the program with one line and status 1 where what the user asked for is refused."""
     try:
         yield
-    except (WtGymError, ValueError, FileNotFoundError, gym.error.Error) as error:
-        sys.exit(f"error: {error}")
+    except (WtGymError, ValueError, OSError, gym.error.Error) as error:
+        sys.exit(f"error: {' '.join(str(error).split())}")

@@ -258,9 +258,9 @@ def default_names(choices: list[str]) -> dict[str, str]:
 
 def _model_name(path: Path) -> str:
     """Algorithm of a trained model, else the name of its file or folder."""
-    from agents.trained import RECORD_FILE
+    from agents.trained import RECORD_FILE, read_record
 
     record = (path if path.is_dir() else path.parent) / RECORD_FILE
     if record.is_file():
-        return json.loads(record.read_text(encoding="utf-8"))["algorithm"]
+        return read_record(record)["algorithm"]
     return path.stem

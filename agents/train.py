@@ -1,214 +1,296 @@
-"""Training with stable-baselines3's PPO; observations come in scales of about one, rewards are normalised."""
+"""Training with stable-baselines3 and sb3-contrib: PPO, SAC and TQC, to be stopped, resumed and repeated."""
 
 from __future__ import annotations
 
-import json
-import time
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+import importlib.util
+from contextlib import closing, contextmanager, nullcontext
+from dataclasses import asdict, replace
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-import gymnasium as gym
-import numpy as np
 import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback, CallbackList, CheckpointCallback
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecNormalize
+from stable_baselines3.common.callbacks import CallbackList
+from stable_baselines3.common.logger import configure
 
 import wt_gym
-from agents.progress import ProgressLine, clock
-from agents.trained import MODEL_FILE, NORMALISATION_FILE, RECORD_FILE
+from agents.trained import BEST_MODEL_FILE, BEST_NORMALISATION_FILE, RECORD_FILE, TrainedAgent
+from agents.training.callbacks import Checkpoints, EpisodeFigures, Evaluations, Watch, stop_on_signals
+from agents.training.config import TrainingConfig
+from agents.training.environments import make_training_env
+from agents.training.held_back import FIGURES, HeldBackEvaluation
+from agents.training.models import load_model, make_model, save_model, save_replay_buffer
+from agents.training.run_folder import RunFolder
 from wt_gym.envs.layout import layout_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
 
-__all__ = ["TrainingConfig", "make_training_env", "train"]
+    from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.vec_env import VecNormalize
 
-
-@dataclass(frozen=True)
-class TrainingConfig:
-    """What to train on, for how long, and how.
-
-    Attributes
-    ----------
-    env_id : str
-    env_kwargs : dict
-        Arguments of the environment.
-    total_steps : int
-        Environment steps over all copies; the last rollout of ``n_steps`` a copy is finished beyond them.
-    max_seconds : float or None
-        Wall time after which training stops, whatever the steps.
-    n_envs : int
-        Copies of the environment, one process each if more than one.
-    seed : int
-    checkpoint_steps : int
-        Steps between checkpoints.
-    gamma : float
-        Discount per control step; 0.98 at 0.2 s looks about 10 s ahead.
-    n_steps, batch_size, n_epochs, learning_rate, gae_lambda, log_std_init, hidden
-        As in stable-baselines3; ``hidden`` are the layers of both networks. ``log_std_init`` keeps the first, random
-        policy gentle enough for episodes to last.
-    normalise_observations : bool
-        By running statistics of the training; observations have scales of about one without.
-    """
-
-    env_id: str = "wt_gym/LoadReduction-v0"
-    env_kwargs: dict[str, Any] = field(default_factory=dict)
-    total_steps: int = 200_000
-    max_seconds: float | None = None
-    n_envs: int = 1
-    seed: int = 0
-    checkpoint_steps: int = 50_000
-    gamma: float = 0.98
-    n_steps: int = 1024
-    batch_size: int = 256
-    n_epochs: int = 6
-    learning_rate: float = 4e-4
-    gae_lambda: float = 0.95
-    log_std_init: float = -1.2
-    normalise_observations: bool = False
-    hidden: tuple[int, ...] = (64, 64)
+    from agents.training.callbacks import StopRequest
 
 
-def make_training_env(config: TrainingConfig) -> VecEnv:
-    """Copies of the environment with statistics of rewards.
+__all__ = ["TrainingConfig", "resume", "train"]
 
-    The kernels are compiled, or read from the cache, here before any worker starts; workers are started by forkserver
-    or spawn, because a fork would copy the threads of numba and torch in a broken state.
-
-    Returns
-    -------
-    VecNormalize
-    """
-    makers = [_maker(config.env_id, config.env_kwargs) for _ in range(config.n_envs)]
-    if config.n_envs == 1:
-        venv: VecEnv = DummyVecEnv(makers)
-    else:
-        _compile(config)
-        venv = SubprocVecEnv(makers, start_method="forkserver")
-    venv.seed(config.seed)
-    return VecNormalize(venv, norm_obs=config.normalise_observations, gamma=config.gamma)
+_CURVE = ("steps", "episode_return", "episode_length")
+_EVALUATION_CURVE = ("steps", *FIGURES)
 
 
-def _maker(env_id: str, kwargs: dict[str, Any]) -> Callable[[], gym.Env]:
-    """Give a function that builds one monitored environment, in this process or another."""
+def train(
+    config: TrainingConfig,
+    folder: str | Path,
+    *,
+    progress: bool = True,
+    overwrite: bool = False,
+    on_evaluation: Callable[[int, dict], bool] | None = None,
+    stop: StopRequest | None = None,
+) -> dict[str, Any]:
+    """Train a policy.
 
-    def make() -> gym.Env:
-        import wt_gym  # noqa: F401 - registers the environments in a fresh process
-
-        return Monitor(gym.make(env_id, **kwargs))
-
-    return make
-
-
-def _compile(config: TrainingConfig) -> None:
-    """Run one step, so that every kernel is in the cache."""
-    env = gym.make(config.env_id, **config.env_kwargs)
-    env.reset(seed=0)
-    env.step(np.zeros(env.action_space.shape, dtype=np.float32))
-    env.close()
-
-
-class _Watch(BaseCallback):
-    """Keeps the learning curve, shows progress and stops at the time limit."""
-
-    def __init__(self, config: TrainingConfig, control_dt: float, shown: bool):
-        super().__init__()
-        self._config, self._control_dt = config, control_dt
-        self._line, self._started = ProgressLine(shown), time.monotonic()
-        self.curve: dict[str, list] = {"steps": [], "episode_return": [], "episode_length": []}
-
-    @property
-    def seconds(self) -> float:
-        """Time since the start [s]."""
-        return time.monotonic() - self._started
-
-    def _on_step(self) -> bool:
-        for info in self.locals["infos"]:
-            if "episode" in info:
-                self.curve["steps"].append(int(self.num_timesteps))
-                self.curve["episode_return"].append(float(info["episode"]["r"]))
-                self.curve["episode_length"].append(float(info["episode"]["l"]) * self._control_dt)
-        self._line.show(self.text())
-        limit = self._config.max_seconds
-        return limit is None or self.seconds < limit
-
-    def text(self) -> str:
-        """Describe the state of the training."""
-        limit, seconds = self._config.max_seconds, self.seconds
-        recent = self.curve["episode_return"][-10:]
-        returns = f"mean return of the last {len(recent)} {np.mean(recent):.1f}" if recent else "none finished yet"
-        return (
-            f"training {self.num_timesteps} of about {self._config.total_steps} steps, {clock(seconds)}"
-            f"{f' of {clock(limit)}' if limit is not None else ''} min, {self.num_timesteps / max(seconds, 1e-9):.0f}"
-            f" steps/s, {len(self.curve['steps'])} episodes, {returns}"
-        )
-
-    def finish(self) -> None:
-        """Show the last line."""
-        self._line.show(self.text(), final=True)
-
-
-def train(config: TrainingConfig, folder: str | Path, *, progress: bool = True) -> dict[str, Any]:
-    """Train a PPO policy.
+    SIGINT and SIGTERM end the training after the step in which they come; everything is written, and `resume` goes on.
 
     Parameters
     ----------
     config : TrainingConfig
     folder : str or path
-        Gets ``model.zip``, ``vecnormalize.pkl`` (the statistics), ``training.json`` (the record) and ``checkpoints/``.
+        Gets ``model.zip``, ``vecnormalize.pkl`` (the statistics), ``training.json`` (the record), ``checkpoints/``,
+        ``best_model.zip`` with its statistics, ``tensorboard/``, and the replay buffer of SAC and TQC.
     progress : bool
         Show progress on standard error.
+    overwrite : bool
+        Remove an earlier training from the folder.
+    on_evaluation : callable, optional
+        Called with steps and figures after every evaluation; training stops where it gives False.
+    stop : StopRequest, optional
+        Looked at after every step; default: one that SIGINT and SIGTERM set.
 
     Returns
     -------
     dict
-        The record: algorithm, configuration, steps, wall_seconds, control_dt and the learning curve.
+        The record: algorithm, configuration, status, steps, wall_seconds, control_dt, the learning curve, and the
+        evaluations. ``status`` is "finished", "time limit", "interrupted" (``stopped_by`` names the signal) or
+        "stopped" (by ``on_evaluation``).
+
+    Raises
+    ------
+    ValueError
+        If the folder holds a training already or another process trains in it, or environment and hyperparameters
+        cannot be had.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    # The networks are small: more threads only take time from the simulations.
-    torch.set_num_threads(1)
-    venv = make_training_env(config)
-    try:
-        layout, seeds = layout_of(venv), venv.get_attr("wind")[0].seeds
-        model = PPO(
-            "MlpPolicy",
-            venv,
-            learning_rate=config.learning_rate,
-            n_steps=config.n_steps,
-            batch_size=config.batch_size,
-            n_epochs=config.n_epochs,
-            gamma=config.gamma,
-            gae_lambda=config.gae_lambda,
-            policy_kwargs={"net_arch": list(config.hidden), "log_std_init": config.log_std_init},
-            seed=config.seed,
-            device="cpu",
-        )
-        watch = _Watch(config, layout.control_dt, progress)
-        checkpoints = CheckpointCallback(
-            max(1, config.checkpoint_steps // config.n_envs), str(folder / "checkpoints"), "ppo", save_vecnormalize=True
-        )
-        model.learn(config.total_steps, callback=CallbackList([watch, checkpoints]))
-        watch.finish()
-        model.save(folder / MODEL_FILE)
-        venv.save(str(folder / NORMALISATION_FILE))
-    finally:
-        venv.close()
-    record = {
-        "algorithm": "PPO",
-        "steps": int(model.num_timesteps),
-        "wall_seconds": watch.seconds,
-        "control_dt": layout.control_dt,
-        "observation": list(layout.observation.names),
-        "action": list(layout.action.names),
-        "normalised": config.normalise_observations,
-        "wind_seeds": None if seeds is None else list(seeds),
-        "wt_gym": wt_gym.__version__,
-        "config": asdict(config),
-        "curve": watch.curve,
-    }
-    (folder / RECORD_FILE).write_text(json.dumps(record, indent=1, default=str) + "\n", encoding="utf-8")
-    return record
+    config = config.with_hyperparameters()
+    with RunFolder(folder) as run:
+        run.refuse_used(overwrite)
+        with closing(make_training_env(config)) as venv:
+            model = make_model(config, venv)
+            session = _Session(config, run, venv, model, {}, on_evaluation)
+            run.clear()  # nothing can be refused any more
+            return session.learn(progress, stop)
+
+
+def resume(
+    folder: str | Path,
+    *,
+    total_steps: int | None = None,
+    max_seconds: float | None = None,
+    progress: bool = True,
+    stop: StopRequest | None = None,
+) -> dict[str, Any]:
+    """Go on with a training that was stopped, or is to have more steps.
+
+    Steps, schedules, curves and statistics continue; environments start new episodes, in other winds than the first.
+
+    Parameters
+    ----------
+    folder : str or path
+        As `train` left it.
+    total_steps : int, optional
+        Altogether; default: as before.
+    max_seconds : float, optional
+        From now on; default: as before.
+    progress, stop
+        As of `train`.
+
+    Returns
+    -------
+    dict
+        As of `train`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder holds no training.
+    ValueError
+        If the training has done its steps, or a file is damaged.
+    """
+    RunFolder(folder).record()  # before the lock makes a folder
+    with RunFolder(folder) as run:
+        record = run.record()
+        config = TrainingConfig.from_json(record.get("config"))
+        changes = {"total_steps": total_steps, "max_seconds": max_seconds}
+        config = replace(config, **{name: value for name, value in changes.items() if value is not None})
+        with closing(make_training_env(config)) as venv:
+            model = load_model(config, venv, run)
+            if model.num_timesteps >= config.total_steps:
+                raise ValueError(
+                    f"the training in {run.path} has done its {config.total_steps} steps: give it more to go on"
+                )
+            return _Session(config, run, venv, model, record, None).learn(progress, stop)
+
+
+class _Session:
+    """One go of a training, from a fresh or a loaded model."""
+
+    def __init__(
+        self,
+        config: TrainingConfig,
+        run: RunFolder,
+        venv: VecNormalize,
+        model: BaseAlgorithm,
+        before: dict[str, Any],
+        on_evaluation: Callable[[int, dict], bool] | None,
+    ):
+        self._config, self._run, self._venv, self._model = config, run, venv, model
+        # The networks are small: more threads only take time from the simulations.
+        torch.set_num_threads(1)
+        self._layout, self._wind = layout_of(venv), venv.get_attr("wind")[0]
+        self._first_step = model.num_timesteps
+        self._seconds_before = _entry(before, "wall_seconds", float, 0.0)
+        self._sessions = list(_entry(before, "sessions", list, []))
+        self._curve = _curve(before, _CURVE, self._first_step)
+        evaluated = _entry(before, "evaluation", dict, None) or {}
+        self._evaluation_seconds = _entry(evaluated, "seconds", float, 0.0)
+        self._evaluation = self._evaluations = None
+        if config.eval_every:
+            self._evaluation = HeldBackEvaluation(config, self._wind, evaluated)
+            self._evaluations = Evaluations(
+                config.eval_every,
+                self._evaluation,
+                lambda: TrainedAgent(model, venv),
+                _curve({"curve": evaluated.get("curve", {})}, _EVALUATION_CURVE, self._first_step),
+                self._save_best,
+                on_evaluation,
+            )
+
+    def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:
+        """Train until the steps are done, time is over or somebody asks to stop; give the record."""
+        config, model = self._config, self._model
+        with stop_on_signals() if stop is None else nullcontext(stop) as self._stop, self._logger():
+            self._watch = Watch(config, self._layout.control_dt, self._curve, self._stop, progress)
+            callbacks = [self._watch, EpisodeFigures()]
+            if self._evaluations is not None:
+                callbacks.append(self._evaluations)
+            callbacks.append(Checkpoints(config.checkpoint_steps, config.checkpoint_minutes, self._checkpoint))
+            self._run.write_record(self._record("running"))
+            model.learn(
+                config.total_steps - self._first_step, callback=CallbackList(callbacks), reset_num_timesteps=False
+            )
+            self._watch.finish()
+            status = self._watch.ended
+            if status == "finished" and model.num_timesteps < config.total_steps:
+                status = "stopped"
+            if self._evaluations is not None and status in ("finished", "time limit"):
+                self._evaluations.finish()
+                model.logger.dump(model.num_timesteps)
+            record = self._record(status)
+            self._save(record)
+        return record
+
+    @contextmanager
+    def _logger(self) -> Iterator[None]:
+        """Write to TensorBoard, if it is wanted and there."""
+        if self._config.tensorboard is False or importlib.util.find_spec("tensorboard") is None:
+            yield
+            return
+        logger = configure(str(self._run.tensorboard), ["tensorboard"])
+        self._model.set_logger(logger)
+        try:
+            yield
+        finally:
+            logger.close()
+
+    def _save(self, record: dict[str, Any]) -> None:
+        """Write all that is needed to go on."""
+        save_model(self._model, self._run.model, self._run.normalisation)
+        save_replay_buffer(self._model, self._run.buffer)
+        self._run.write_record(record)
+
+    def _checkpoint(self) -> None:
+        """Keep the model of this step, and write all that is needed to go on."""
+        folder, prefix, steps = self._run.checkpoints, self._config.algorithm.lower(), self._model.num_timesteps
+        folder.mkdir(exist_ok=True)
+        statistics = folder / f"{prefix}_vecnormalize_{steps}_steps.pkl"
+        save_model(self._model, folder / f"{prefix}_{steps}_steps.zip", statistics)
+        self._save(self._record("running"))
+
+    def _save_best(self) -> None:
+        save_model(self._model, self._run.path / BEST_MODEL_FILE, self._run.path / BEST_NORMALISATION_FILE)
+
+    def _record(self, status: str) -> dict[str, Any]:
+        """How it was trained, as JSON values."""
+        config, layout, steps = self._config, self._layout, int(self._model.num_timesteps)
+        seconds = self._watch.seconds
+        session = {"from_step": self._first_step, "to_step": steps, "seconds": seconds, "status": status}
+        return {
+            "algorithm": config.algorithm,
+            "status": status,
+            "stopped_by": self._stop.name if status == "interrupted" else None,
+            "steps": steps,
+            "wall_seconds": self._seconds_before + seconds,
+            "control_dt": layout.control_dt,
+            "observation": list(layout.observation.names),
+            "action": list(layout.action.names),
+            "normalised": config.resolved["normalise_observations"],
+            "wind_seeds": None if self._wind.seeds is None else list(self._wind.seeds),
+            "wt_gym": wt_gym.__version__,
+            "versions": {name: version(name) for name in ("stable-baselines3", "sb3-contrib", "torch", "gymnasium")},
+            "config": config.to_json(),
+            "curve": self._curve,
+            "evaluation": self._evaluation_record(),
+            "sessions": [*self._sessions, session],
+        }
+
+    def _evaluation_record(self) -> dict[str, Any] | None:
+        """Evaluations while training, as JSON values."""
+        if self._evaluations is None:
+            return None
+        return {
+            "winds": [asdict(wind) for wind in self._evaluation.winds],
+            "baseline": self._evaluation.baseline,
+            "curve": self._evaluations.curve,
+            "best": self._evaluations.best,
+            "seconds": self._evaluation_seconds + self._evaluation.seconds,
+        }
+
+
+def _entry(record: dict[str, Any], name: str, kind: type, missing: Any) -> Any:
+    """Entry of the record of an earlier session.
+
+    Raises
+    ------
+    ValueError
+        If it is of another type.
+    """
+    value = record.get(name)
+    if value is None:
+        return missing
+    if not isinstance(value, kind):
+        raise ValueError(f"{RECORD_FILE} is damaged: {name} is {value!r:.80}")
+    return value
+
+
+def _curve(record: dict[str, Any], names: tuple[str, ...], steps: int) -> dict[str, list]:
+    """Curve of an earlier session up to the steps of its model, or an empty one.
+
+    Raises
+    ------
+    ValueError
+        If it lacks a column, or they differ in length.
+    """
+    curve = _entry(record, "curve", dict, {}) or {name: [] for name in names}
+    columns = [curve.get(name) for name in names]
+    if not all(isinstance(column, list) and len(column) == len(columns[0]) for column in columns):
+        raise ValueError(f"{RECORD_FILE} is damaged: its curve must have the columns {', '.join(names)} of one length")
+    kept = sum(step <= steps for step in curve["steps"])
+    return {name: column[:kept] for name, column in zip(names, columns, strict=True)}

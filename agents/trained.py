@@ -5,26 +5,83 @@ from __future__ import annotations
 import json
 import pickle
 import re
+import zipfile
+import zlib
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from sb3_contrib import TQC
 from stable_baselines3 import A2C, DDPG, DQN, PPO, SAC, TD3
+from stable_baselines3.common.vec_env import VecNormalize
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
-    from stable_baselines3.common.vec_env import VecNormalize
 
     from wt_gym.envs.layout import EnvLayout
 
-__all__ = ["MODEL_FILE", "NORMALISATION_FILE", "RECORD_FILE", "TrainedAgent"]
+__all__ = [
+    "ALGORITHM_CLASSES",
+    "BEST_MODEL_FILE",
+    "BEST_NORMALISATION_FILE",
+    "DAMAGE",
+    "MODEL_FILE",
+    "NORMALISATION_FILE",
+    "RECORD_FILE",
+    "TrainedAgent",
+    "read_normalisation",
+    "read_record",
+]
 
 MODEL_FILE, NORMALISATION_FILE, RECORD_FILE = "model.zip", "vecnormalize.pkl", "training.json"
+BEST_MODEL_FILE, BEST_NORMALISATION_FILE = "best_model.zip", "best_model_vecnormalize.pkl"
 
-_ALGORITHMS = {cls.__name__: cls for cls in (PPO, A2C, SAC, TD3, DDPG, DQN)}
+ALGORITHM_CLASSES = {cls.__name__: cls for cls in (PPO, A2C, SAC, TQC, TD3, DDPG, DQN)}
+"""Algorithms whose models can be loaded."""
+
+DAMAGE = (
+    pickle.UnpicklingError, zipfile.BadZipFile, zlib.error, EOFError, ImportError, AssertionError, AttributeError,
+    KeyError, IndexError, TypeError, ValueError, RuntimeError, OverflowError, MemoryError,
+)  # fmt: skip
+"""What pickle, zipfile, torch and stable-baselines3 raise where a file is damaged, or holds something else."""
 
 _CHECKPOINT = re.compile(r"(?P<prefix>.+)_(?P<steps>\d+)_steps\.zip")
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Read how a model was trained.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:  # no JSON, or no text at all
+        raise ValueError(f"{path} is damaged: {error}") from error
+    if not isinstance(record, dict) or not isinstance(record.get("algorithm"), str):
+        raise ValueError(f"{path} is not the record of a training: it names no algorithm")
+    return record
+
+
+def read_normalisation(path: Path) -> VecNormalize:
+    """Read the statistics of a training. They are pickled: read only what you trust.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged, or holds something else.
+    """
+    try:
+        with path.open("rb") as file:
+            normalisation = pickle.load(file)
+    except DAMAGE as error:
+        raise ValueError(f"the statistics {path} are damaged: {type(error).__name__}: {error}") from error
+    if not isinstance(normalisation, VecNormalize) or "observation_space" not in vars(normalisation):
+        raise ValueError(f"{path} holds no statistics of a training but a {type(normalisation).__name__}")
+    return normalisation
 
 
 def _record_of(model_file: Path) -> dict[str, Any] | None:
@@ -33,16 +90,18 @@ def _record_of(model_file: Path) -> dict[str, Any] | None:
     folders = [model_file.parent, model_file.absolute().parent.parent] if checkpoint else [model_file.parent]
     for folder in folders:
         if (folder / RECORD_FILE).is_file():
-            record = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
+            record = read_record(folder / RECORD_FILE)
             return record | {"checkpoint": int(checkpoint["steps"])} if checkpoint else record
     return None
 
 
 def _statistics_file(model_file: Path) -> Path | None:
-    """Statistics that belong to a model: those of the checkpoint, else those beside the model."""
+    """Statistics that belong to a model: those of the checkpoint or of the best model, else those beside the model."""
     names = [NORMALISATION_FILE]
     if checkpoint := _CHECKPOINT.fullmatch(model_file.name):
         names.insert(0, f"{checkpoint['prefix']}_vecnormalize_{checkpoint['steps']}_steps.pkl")
+    elif model_file.name == BEST_MODEL_FILE:
+        names.insert(0, BEST_NORMALISATION_FILE)
     return next((model_file.parent / name for name in names if (model_file.parent / name).is_file()), None)
 
 
@@ -67,14 +126,15 @@ class TrainedAgent:
     def load(cls, path: str | Path, algorithm: str | None = None) -> TrainedAgent:
         """Load a model from its zip file or from the folder that training wrote.
 
-        The files hold pickled Python objects: load only what you trust.
+        The files hold pickled Python objects, which can run any code when they are loaded: load only what you trust.
 
         Parameters
         ----------
         path : str or path
             Folder with ``model.zip``, or a model file. ``vecnormalize.pkl`` and ``training.json`` beside it are used if
             they exist. A checkpoint ``<prefix>_<n>_steps.zip`` takes its own statistics
-            ``<prefix>_vecnormalize_<n>_steps.pkl`` first, and a ``training.json`` in the folder above too.
+            ``<prefix>_vecnormalize_<n>_steps.pkl`` first, and a ``training.json`` in the folder above too;
+            ``best_model.zip`` has statistics of its own as well.
         algorithm : str, optional
             Class of the model; default: that of the training record, else PPO.
 
@@ -87,7 +147,7 @@ class TrainedAgent:
         FileNotFoundError
             If there is no model, or no statistics although the record says that observations were normalised.
         ValueError
-            If the algorithm is unknown.
+            If the algorithm is unknown, or a file is damaged.
         """
         path = Path(path)
         model_file = path / MODEL_FILE if path.is_dir() else path
@@ -99,13 +159,18 @@ class TrainedAgent:
                 f"{model_file} was trained on normalised observations, but their statistics are not beside it"
             )
         name = algorithm or (record or {}).get("algorithm", "PPO")
-        if name not in _ALGORITHMS:
-            raise ValueError(f"algorithm must be one of {tuple(_ALGORITHMS)}, got {name!r}")
-        normalisation = None
-        if statistics_file is not None:
-            with statistics_file.open("rb") as file:
-                normalisation = pickle.load(file)
-        return cls(_ALGORITHMS[name].load(model_file, device="cpu"), normalisation, record)
+        if name not in ALGORITHM_CLASSES:
+            raise ValueError(f"algorithm must be one of {tuple(ALGORITHM_CLASSES)}, got {name!r}")
+        normalisation = None if statistics_file is None else read_normalisation(statistics_file)
+        try:
+            model = ALGORITHM_CLASSES[name].load(model_file, device="cpu")
+        except DAMAGE as error:
+            raise ValueError(
+                f"{model_file} is damaged, or no model of {name}: {type(error).__name__}: {error!s:.200}"
+            ) from error
+        if normalisation is not None and normalisation.observation_space.shape != model.observation_space.shape:
+            raise ValueError(f"the statistics {statistics_file} do not belong to the model {model_file}")
+        return cls(model, normalisation, record)
 
     def check_fits(self, layout: EnvLayout) -> None:
         """Refuse an environment whose observation or action the model was not made for.

@@ -11,10 +11,14 @@ import argparse
 import json
 from pathlib import Path
 
+import use_venv  # noqa: F401 - finds packages and interpreter
+
+from agents.training.arguments import UNSAFE, OneLineParser
+
 
 def parse_arguments() -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = OneLineParser(description=__doc__, epilog=UNSAFE)
     parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the yardstick")
     parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/evaluation", help="folder for the results (default: %(default)s)")

@@ -126,12 +126,11 @@ def trained(tmp_path_factory):
     config = TrainingConfig(
         env_id=STEADY,
         env_kwargs={"wind_speed": (10.0, 14.0), "episode_length": 10.0},
+        hyperparameters={"n_steps": 64, "batch_size": 32, "n_epochs": 2, "normalise_observations": True},
         total_steps=256,
-        n_steps=64,
-        batch_size=32,
-        n_epochs=2,
         checkpoint_steps=128,
-        normalise_observations=True,
+        eval_every=0,
+        tensorboard=False,
     )
     return folder, train(config, folder, progress=False)
 
@@ -210,10 +209,16 @@ def test_a_model_for_other_components_of_the_same_shape_is_refused(trained, what
 
 def test_time_limit_ends_the_training(tmp_path):
     config = TrainingConfig(
-        env_id=STEADY, env_kwargs={"wind_speed": 12.0}, total_steps=10**7, max_seconds=1.0, n_steps=32, batch_size=32
+        env_id=STEADY,
+        env_kwargs={"wind_speed": 12.0},
+        hyperparameters={"n_steps": 32, "batch_size": 32},
+        total_steps=10**7,
+        max_seconds=1.0,
+        eval_every=0,
+        tensorboard=False,
     )
     record = train(config, tmp_path, progress=False)
-    assert record["wall_seconds"] < 20.0
+    assert record["status"] == "time limit"
     assert record["steps"] < 10**5
 
 
@@ -352,6 +357,10 @@ def test_scripts_explain_themselves(script):
         (["evaluate.py", "--duration", "20", "--skip", "30"], "nothing is left"),
         (["train.py", "--env", "CartPole-v1"], "must be one of wt_gym/"),
         (["train.py", "--wind-speed", "60"], "cut-in and cut-out"),
+        (["train.py", "--env-kwargs", "[1]"], "must be a JSON object"),
+        (["train.py", "--steps", "-5", "--wind-speed", "12"], "total_steps must be a whole number from 1"),
+        (["train.py", "--max-seconds", "nan"], "max_seconds must be a number"),
+        (["train.py", "--hyper", "gama=0.9"], "PPO has no 'gama'; known are"),
         (["simulate.py", "--wind-speed", "0"], "--wind-speed must be positive"),
         (["simulate.py", "--duration", "0"], "--duration must be positive"),
         (["simulate.py", "--duration", "-5"], "--duration must be positive"),

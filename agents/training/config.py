@@ -1,0 +1,127 @@
+"""What to train on, for how long, and how."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any
+
+from agents.training.hyperparameters import check_hyperparameters, hyperparameters_for
+
+__all__ = ["TrainingConfig"]
+
+# Beyond these, memory or processes end before the training does.
+_MOST_STEPS, _MOST_ENVS, _MOST_SECONDS, _SEEDS = 10**12, 256, 1e9, 2**31
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """What to train on, for how long, and how.
+
+    Attributes
+    ----------
+    algorithm : str
+        ``"PPO"``, ``"SAC"`` or ``"TQC"``.
+    env_id : str
+    env_kwargs : dict
+        Arguments of the environment.
+    hyperparameters : dict
+        Of the algorithm; those left out come from ``agents/hyperparameters``.
+    total_steps : int
+        Environment steps over all copies; the last rollout of PPO's ``n_steps`` a copy is finished beyond them.
+    max_seconds : float or None
+        Wall time after which training stops, whatever the steps; counted anew when it is resumed.
+    n_envs : int
+        Copies of the environment, one process each if more than one.
+    seed : int
+    checkpoint_steps : int
+        Steps between checkpoints.
+    checkpoint_minutes : float
+        Wall time between checkpoints, whatever the steps; 0 for none.
+    eval_every : int
+        Steps between evaluations against the baseline controller in other winds; 0 for none.
+    eval_winds : int
+        Number of these winds.
+    eval_seconds : float
+        Length of each [s].
+    tensorboard : bool or None
+        Write figures for TensorBoard; None: if it is installed.
+
+    Raises
+    ------
+    ValueError
+        If a value has no meaning; the message names it and what is allowed.
+    """
+
+    algorithm: str = "PPO"
+    env_id: str = "wt_gym/LoadReduction-v0"
+    env_kwargs: dict[str, Any] = field(default_factory=dict)
+    hyperparameters: dict[str, Any] = field(default_factory=dict)
+    total_steps: int = 200_000
+    max_seconds: float | None = None
+    n_envs: int = 1
+    seed: int = 0
+    checkpoint_steps: int = 50_000
+    checkpoint_minutes: float = 10.0
+    eval_every: int = 20_000
+    eval_winds: int = 2
+    eval_seconds: float = 60.0
+    tensorboard: bool | None = None
+
+    def __post_init__(self):
+        self._check_whole("total_steps", 1, _MOST_STEPS)
+        self._check_whole("n_envs", 1, _MOST_ENVS)
+        self._check_whole("seed", 0, _SEEDS)
+        self._check_whole("checkpoint_steps", 1, _MOST_STEPS)
+        self._check_whole("eval_every", 0, _MOST_STEPS)
+        self._check_whole("eval_winds", 1, 8)
+        self._check_number("checkpoint_minutes", 0.0, _MOST_SECONDS)
+        self._check_number("eval_seconds", 15.0, 3600.0)
+        if self.max_seconds is not None:
+            self._check_number("max_seconds", 0.0, _MOST_SECONDS)
+        if self.tensorboard not in (True, False, None):
+            raise ValueError(f"tensorboard must be true, false or null, got {self.tensorboard!r}")
+        if self.tensorboard and importlib.util.find_spec("tensorboard") is None:
+            raise ValueError("tensorboard is not installed; it comes with the extra 'train'")
+        if not isinstance(self.env_kwargs, dict):
+            raise ValueError(f"env_kwargs must map names to values, got {self.env_kwargs!r}")
+        if self.env_kwargs.get("vector_reward"):
+            raise ValueError("training takes one number as reward: leave out vector_reward")
+        check_hyperparameters(self.algorithm, self.hyperparameters)
+
+    @property
+    def resolved(self) -> dict[str, Any]:
+        """Hyperparameters with those that the package brings along."""
+        return hyperparameters_for(self.algorithm, self.env_id, overrides=self.hyperparameters)
+
+    def with_hyperparameters(self) -> TrainingConfig:
+        """Give the configuration with every hyperparameter written out, as a record keeps it."""
+        return replace(self, hyperparameters=self.resolved)
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields by name."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: Any) -> TrainingConfig:
+        """Read what `to_json` gave.
+
+        Raises
+        ------
+        ValueError
+            If it is something else.
+        """
+        names = {f.name for f in fields(cls)}
+        if not isinstance(values, dict) or not set(values) <= names:
+            raise ValueError(f"a training configuration has the fields {', '.join(sorted(names))}, got {values!r:.200}")
+        return cls(**values)
+
+    def _check_whole(self, name: str, low: int, high: int) -> None:
+        value = getattr(self, name)
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            raise ValueError(f"{name} must be a whole number from {low} to {high}, got {value!r}")
+
+    def _check_number(self, name: str, low: float, high: float) -> None:
+        value = getattr(self, name)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            raise ValueError(f"{name} must be a number from {low:g} to {high:g}, got {value!r}")

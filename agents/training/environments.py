@@ -1,0 +1,73 @@
+"""Environments to train on."""
+
+from __future__ import annotations
+
+import signal
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecNormalize
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from agents.training.config import TrainingConfig
+
+__all__ = ["make_training_env"]
+
+
+def make_training_env(config: TrainingConfig) -> VecNormalize:
+    """Copies of the environment with statistics of rewards.
+
+    The kernels are compiled, or read from the cache, here before any worker starts; workers are started by forkserver,
+    because a fork would copy the threads of numba and torch in a broken state.
+
+    Raises
+    ------
+    ValueError
+        If the environment cannot be made with these arguments.
+    """
+    first = _make(config.env_id, config.env_kwargs)
+    if config.n_envs == 1:
+        venv: VecEnv = DummyVecEnv([lambda: Monitor(first)])
+    else:
+        _compile(first)
+        venv = SubprocVecEnv([_worker(config.env_id, config.env_kwargs)] * config.n_envs, start_method="forkserver")
+    hyperparameters = config.resolved
+    return VecNormalize(
+        venv,
+        norm_obs=hyperparameters["normalise_observations"],
+        norm_reward=hyperparameters["normalise_rewards"],
+        gamma=hyperparameters["gamma"],
+    )
+
+
+def _make(env_id: str, kwargs: dict[str, Any]) -> gym.Env:
+    """Make one environment."""
+    try:
+        return gym.make(env_id, **kwargs)
+    except (TypeError, AttributeError) as error:  # an argument of another type, as from JSON
+        raise ValueError(f"{env_id} cannot be made with the arguments {kwargs}: {error}") from error
+
+
+def _worker(env_id: str, kwargs: dict[str, Any]) -> Callable[[], gym.Env]:
+    """Give a function that makes a monitored environment in another process."""
+
+    def make() -> gym.Env:
+        import wt_gym  # noqa: F401 - registers the environments in a fresh process
+
+        # Ctrl-C reaches every process of the terminal; the training process alone decides when the others end.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        return Monitor(gym.make(env_id, **kwargs))
+
+    return make
+
+
+def _compile(env: gym.Env) -> None:
+    """Run one step, so that every kernel is in the cache."""
+    env.reset(seed=0)
+    env.step(np.zeros(env.action_space.shape, dtype=np.float32))
+    env.close()

@@ -1,0 +1,119 @@
+"""Models of stable-baselines3 from hyperparameters, fresh or as a run folder holds them."""
+
+from __future__ import annotations
+
+import pickle
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.utils import LinearSchedule
+
+from agents.trained import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
+from agents.training.run_folder import write_whole
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from agents.training.config import TrainingConfig
+    from agents.training.run_folder import RunFolder
+
+__all__ = ["load_model", "make_model", "save_model", "save_replay_buffer"]
+
+_OF_THE_POLICY = ("net_arch", "log_std_init", "activation_fn", "n_quantiles", "n_critics")
+_OF_THE_ENVIRONMENT = ("normalise_observations", "normalise_rewards")
+_ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
+
+
+def make_model(config: TrainingConfig, venv: VecNormalize) -> BaseAlgorithm:
+    """Fresh model of a configuration.
+
+    Raises
+    ------
+    ValueError
+        If the hyperparameters do not go together.
+    """
+    values = {name: _value(entry) for name, entry in config.resolved.items() if name not in _OF_THE_ENVIRONMENT}
+    policy = {name: values.pop(name) for name in _OF_THE_POLICY if name in values}
+    try:
+        return ALGORITHM_CLASSES[config.algorithm](
+            "MlpPolicy", venv, policy_kwargs=policy, seed=config.seed, device="cpu", **values
+        )
+    except AssertionError as error:  # stable-baselines3's own checks of one value against another
+        raise ValueError(f"the hyperparameters do not go together: {error}") from error
+
+
+def _value(entry: Any) -> Any:
+    """What stable-baselines3 takes for an entry."""
+    if isinstance(entry, str) and entry.startswith("lin_"):
+        return LinearSchedule(float(entry.removeprefix("lin_")), 0.0, 1.0)
+    if isinstance(entry, str):
+        return _ACTIVATIONS.get(entry, entry)
+    return list(entry) if isinstance(entry, tuple) else entry
+
+
+def save_model(model: BaseAlgorithm, model_file: Path, normalisation_file: Path) -> None:
+    """Write a model and the statistics of its environment."""
+    write_whole(normalisation_file, partial(pickle.dump, model.get_vec_normalize_env()))
+    write_whole(model_file, model.save)
+
+
+def save_replay_buffer(model: BaseAlgorithm, path: Path) -> None:
+    """Write the replay buffer of a model that has one."""
+    if isinstance(model, OffPolicyAlgorithm):
+        write_whole(path, model.save_replay_buffer)
+
+
+def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder) -> BaseAlgorithm:
+    """Model as a training left it, with statistics, optimiser and replay buffer, to go on with.
+
+    The environments are seeded by training seed and steps, so that they do not repeat their first episodes.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+    venv : VecNormalize
+        Gets the statistics of the folder.
+    folder : RunFolder
+
+    Raises
+    ------
+    FileNotFoundError
+        If something is missing.
+    ValueError
+        If something is damaged, or does not fit the environment.
+    """
+    agent = TrainedAgent.load(folder.model, config.algorithm)
+    if agent.normalisation is None:
+        raise FileNotFoundError(f"{folder.normalisation} is missing: training cannot go on without its statistics")
+    # there are statistics of observations only where these are normalised
+    vars(venv).update({name: rms for name, rms in vars(agent.normalisation).items() if name in ("obs_rms", "ret_rms")})
+    model = agent.model
+    try:
+        model.set_env(venv)
+    except (AssertionError, ValueError) as error:
+        raise ValueError(f"the model in {folder.path} does not fit the environment: {error}") from error
+    if isinstance(model, OffPolicyAlgorithm):
+        model.replay_buffer = _read_replay_buffer(folder.buffer, venv.num_envs)
+    model.set_random_seed(int(np.random.SeedSequence((config.seed, model.num_timesteps)).generate_state(1)[0] >> 1))
+    return model
+
+
+def _read_replay_buffer(path: Path, n_envs: int) -> ReplayBuffer:
+    """Replay buffer of an earlier session."""
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is missing: training cannot go on without its replay buffer")
+    try:
+        with path.open("rb") as file:
+            buffer = pickle.load(file)
+    except DAMAGE as error:
+        raise ValueError(f"the replay buffer {path} is damaged: {type(error).__name__}: {error}") from error
+    if not isinstance(buffer, ReplayBuffer) or buffer.n_envs != n_envs:
+        raise ValueError(f"{path} holds no replay buffer for {n_envs} environments")
+    return buffer

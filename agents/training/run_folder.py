@@ -1,0 +1,170 @@
+"""The folder of a training: what it holds, files written whole, and a lock against two trainings in it."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from agents.trained import (
+    BEST_MODEL_FILE,
+    BEST_NORMALISATION_FILE,
+    MODEL_FILE,
+    NORMALISATION_FILE,
+    RECORD_FILE,
+    read_record,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import BinaryIO
+
+__all__ = ["SEEDS_FILE", "RunFolder", "write_whole"]
+
+SEEDS_FILE = "seeds.json"
+"""Plan and summary of a training with several seeds."""
+
+_BUFFER_FILE = "replay_buffer.pkl"
+_LOCK_FILE, _CHECKPOINTS, _TENSORBOARD = "training.lock", "checkpoints", "tensorboard"
+_FILES = (
+    MODEL_FILE, NORMALISATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALISATION_FILE, _BUFFER_FILE, SEEDS_FILE,
+)  # fmt: skip
+
+
+def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:
+    """Write a file under a temporary name and then give it its own: nobody ever meets half of it.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    write : callable
+        Gets the open file.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    with partial.open("wb") as file:
+        write(file)
+        file.flush()
+        os.fsync(file.fileno())
+    partial.replace(path)
+
+
+class RunFolder:
+    """Folder of one training; a context that holds its lock, and leaves no folder behind where nothing was written.
+
+    The lock is the operating system's and ends with the process, however that ends: a file that a killed training left
+    behind locks nothing. In the file stands the number of the process that holds it.
+
+    Parameters
+    ----------
+    path : str or path
+        Created when the lock is taken.
+
+    Raises
+    ------
+    ValueError
+        On entering, if another process trains there.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        self._lock: int | None = None
+        self._made = False
+
+    def __enter__(self) -> RunFolder:
+        self._made = not self.path.exists()
+        self.path.mkdir(parents=True, exist_ok=True)
+        lock = self.path / _LOCK_FILE
+        while self._lock is None:
+            descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                # between opening and locking the file may have been removed by the one who held it: then try again
+                if lock.exists() and os.path.samestat(os.fstat(descriptor), lock.stat()):
+                    self._lock, descriptor = descriptor, None
+            except BlockingIOError:
+                holder = os.read(descriptor, 100).decode(errors="replace").strip() or "unknown"
+                raise ValueError(f"{self.path} is in use by another training (process {holder})") from None
+            finally:
+                if descriptor is not None:
+                    os.close(descriptor)
+        os.truncate(self._lock, 0)
+        os.write(self._lock, f"{os.getpid()}\n".encode())
+        return self
+
+    def __exit__(self, *_exception) -> None:
+        (self.path / _LOCK_FILE).unlink(missing_ok=True)
+        os.close(self._lock)
+        self._lock = None
+        if self._made and not any(self.path.iterdir()):  # the training was refused before it began
+            self.path.rmdir()
+
+    @property
+    def model(self) -> Path:
+        """The model as it was last saved."""
+        return self.path / MODEL_FILE
+
+    @property
+    def normalisation(self) -> Path:
+        """Statistics that belong to the model."""
+        return self.path / NORMALISATION_FILE
+
+    @property
+    def buffer(self) -> Path:
+        """Replay buffer that belongs to the model."""
+        return self.path / _BUFFER_FILE
+
+    @property
+    def checkpoints(self) -> Path:
+        """Folder of the models on the way."""
+        return self.path / _CHECKPOINTS
+
+    @property
+    def tensorboard(self) -> Path:
+        """Folder of the figures for TensorBoard."""
+        return self.path / _TENSORBOARD
+
+    @property
+    def used(self) -> bool:
+        """Whether a training has been here."""
+        return any((self.path / name).exists() for name in (MODEL_FILE, RECORD_FILE, SEEDS_FILE))
+
+    def refuse_used(self, overwrite: bool) -> None:
+        """Refuse a folder in which a training has been, unless that is to be overwritten.
+
+        Raises
+        ------
+        ValueError
+        """
+        if self.used and not overwrite:
+            raise ValueError(f"{self.path} holds a training already: resume it, overwrite it, or take another folder")
+
+    def record(self) -> dict[str, Any]:
+        """Read the record.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is none.
+        ValueError
+            If it is damaged.
+        """
+        file = self.path / RECORD_FILE
+        if not file.is_file():
+            raise FileNotFoundError(f"{self.path} holds no training: there is no {RECORD_FILE}")
+        return read_record(file)
+
+    def write_record(self, record: dict[str, Any]) -> None:
+        """Write the record; arguments of an environment that JSON does not know are written as text."""
+        text = json.dumps(record, indent=1, default=str) + "\n"
+        write_whole(self.path / RECORD_FILE, lambda file: file.write(text.encode()))
+
+    def clear(self) -> None:
+        """Remove what a training left here, and nothing else; folders of single seeds stay."""
+        for name in _FILES:
+            (self.path / name).unlink(missing_ok=True)
+        for folder in (self.checkpoints, self.tensorboard):
+            if folder.is_dir():
+                shutil.rmtree(folder)

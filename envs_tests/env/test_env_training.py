@@ -1,0 +1,409 @@
+"""Training: resuming, stopping by signals, folders and their locks, evaluation in other winds, seeds, damaged files."""
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from agents import evaluation
+from agents.train import TrainingConfig, resume, train
+from agents.trained import TrainedAgent
+from agents.training import callbacks, held_back
+from agents.training.held_back import SELECTION_WIND_SEEDS, HeldBackEvaluation
+from agents.training.run_folder import RunFolder, write_whole
+from agents.training.seeds import resume_seeds, seeds_table, train_seeds
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+
+ROOT = Path(__file__).parents[2]
+STEADY = "wt_gym/NREL5MW-Steady-v0"
+SMALL = TrainingConfig(
+    env_id=STEADY,
+    env_kwargs={"wind_speed": 12.0, "episode_length": 5.0},
+    hyperparameters={"n_steps": 32, "batch_size": 32, "n_epochs": 1, "normalise_observations": True},
+    total_steps=64,
+    eval_every=0,
+    eval_seconds=15.0,
+    tensorboard=False,
+)
+OFF_POLICY = {"learning_starts": 16, "buffer_size": 500, "batch_size": 16}
+
+
+def parameters(folder):
+    return torch.cat([p.detach().flatten() for p in TrainedAgent.load(folder).model.policy.parameters()])
+
+
+def test_a_resumed_training_goes_on_in_every_account(tmp_path):
+    config = replace(
+        SMALL, hyperparameters=SMALL.hyperparameters | {"learning_rate": "lin_1e-3"}, eval_every=32, tensorboard=True
+    )
+    first = train(config, tmp_path, progress=False)
+    assert first["status"] == "finished"
+    second = resume(tmp_path, total_steps=128, progress=False)
+    assert second["steps"] == 128
+    assert second["config"] == first["config"] | {"total_steps": 128}
+    assert [(s["from_step"], s["to_step"]) for s in second["sessions"]] == [(0, 64), (64, 128)]
+    assert second["wall_seconds"] == pytest.approx(sum(s["seconds"] for s in second["sessions"]))
+    for name, before in first["curve"].items():
+        assert second["curve"][name][: len(before)] == before
+    assert second["curve"]["steps"] == [25, 50, 89, 114]  # episodes of 25 steps; the one at step 64 was left
+    assert second["evaluation"]["curve"]["steps"] == [32, 64, 96, 128]
+    assert second["evaluation"]["baseline"] == first["evaluation"]["baseline"]
+    agent = TrainedAgent.load(tmp_path)
+    assert agent.model.num_timesteps == 128
+    assert agent.normalisation.obs_rms.count == pytest.approx(128 + 2, abs=0.1)  # and two resets
+    scalars = read_scalars(tmp_path / "tensorboard")
+    rates = {round(value / 1e-3, 6) for _, value in scalars["train/learning_rate"]}
+    assert rates == {1 - 32 / 64, 0.0, 1 - 96 / 128}
+    assert [step for step, _ in scalars["episode/return"]][-1] == 128
+    assert {"episode/length_s", "episode/mean_power_mw", "reward/power", "evaluation/blade_flap_del"} <= set(scalars)
+    best = TrainedAgent.load(tmp_path / "best_model.zip")
+    assert best.model.num_timesteps == second["evaluation"]["best"]["steps"]
+    assert best.normalisation.obs_rms.count < best.model.num_timesteps + 3
+
+
+def read_scalars(folder):
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    scalars = {}
+    for file in sorted(folder.iterdir()):
+        events = accumulator.EventAccumulator(str(file)).Reload()
+        for tag in events.Tags()["scalars"]:
+            scalars.setdefault(tag, []).extend((event.step, event.value) for event in events.Scalars(tag))
+    return scalars
+
+
+@pytest.mark.parametrize("algorithm", ["SAC", "TQC"])
+def test_off_policy_training_keeps_its_replay_buffer(algorithm, tmp_path):
+    train(replace(SMALL, algorithm=algorithm, hyperparameters=OFF_POLICY), tmp_path, progress=False)
+    record = resume(tmp_path, total_steps=96, progress=False)
+    assert record["algorithm"] == algorithm == type(TrainedAgent.load(tmp_path).model).__name__
+    assert record["config"]["hyperparameters"]["tau"] == 0.02  # of the package's file
+    buffer = tmp_path / "replay_buffer.pkl"
+    with buffer.open("rb") as file:
+        assert pickle.load(file).pos == 96
+    buffer.unlink()
+    with pytest.raises(FileNotFoundError, match="without its replay buffer"):
+        resume(tmp_path, total_steps=128, progress=False)
+
+
+def test_a_resumed_training_meets_other_winds(tmp_path):
+    train(SMALL, tmp_path, progress=False)
+    again = resume(tmp_path, total_steps=128, progress=False)
+    whole = train(replace(SMALL, total_steps=128), tmp_path / "whole", progress=False)
+    assert again["curve"]["episode_return"][:2] == whole["curve"]["episode_return"][:2]
+    assert again["curve"]["episode_return"][2] != whole["curve"]["episode_return"][0]
+
+
+def test_nothing_is_left_to_resume(tmp_path):
+    train(SMALL, tmp_path, progress=False)
+    with pytest.raises(ValueError, match="has done its 64 steps"):
+        resume(tmp_path, progress=False)
+    with pytest.raises(FileNotFoundError, match="holds no training"):
+        resume(tmp_path / "nothing")
+    assert not (tmp_path / "nothing").exists()
+
+
+def test_evaluation_leaves_the_training_as_it_is(tmp_path):
+    train(SMALL, tmp_path / "without", progress=False)
+    train(replace(SMALL, eval_every=16), tmp_path / "with", progress=False)
+    assert torch.equal(parameters(tmp_path / "with"), parameters(tmp_path / "without"))
+
+
+def test_evaluation_is_in_winds_of_its_own_and_asks_the_baseline_once(monkeypatch):
+    asked = []
+
+    def spy(agents, config, **options):
+        (agent,) = agents.values()
+        asked.append((agent, config.winds))
+        return evaluation.evaluate(agents, config, **options)
+
+    monkeypatch.setattr(held_back, "evaluate", spy)
+    config = TrainingConfig(eval_winds=2, eval_seconds=15.0, env_kwargs={"wind_speed": (12.0, 16.0)})
+    env = held_back_env(config)
+    judge = HeldBackEvaluation(config, env.unwrapped.wind)
+    zero = evaluation.ConstantAgent(env.unwrapped.layout)
+    assert set(judge(zero).values()) == {0.0}  # zero offsets are the baseline
+    judge(zero)
+    assert [agent == "baseline" for agent, _ in asked] == [True, False, False]
+    assert [wind.speed for wind in judge.winds] == [13.0, 15.0]
+    seeds = {wind.seed for _, winds in asked for wind in winds}
+    assert seeds == set(SELECTION_WIND_SEEDS[:2])
+    assert not set(SELECTION_WIND_SEEDS) & {*TRAINING_WIND_SEEDS, *EVALUATION_WIND_SEEDS[:6]}
+    pool = {"wind_seeds": list(SELECTION_WIND_SEEDS[1:])}
+    with pytest.raises(ValueError, match="leaves 1"):
+        HeldBackEvaluation(config, held_back_env(replace(config, env_kwargs=pool)).unwrapped.wind)
+
+
+def held_back_env(config):
+    import gymnasium as gym
+
+    return gym.make(config.env_id, **config.env_kwargs)
+
+
+def test_a_policy_that_stops_the_rotor_has_a_return_and_no_loads():
+    config = TrainingConfig(env_id=STEADY, env_kwargs={"wind_speed": 12.0}, eval_seconds=30.0)
+    env = held_back_env(config)
+    figures = HeldBackEvaluation(config, env.unwrapped.wind)(
+        evaluation.ConstantAgent(env.unwrapped.layout, [1.0, 0.0, 1.0])
+    )
+    assert figures["episode_return"] < -100.0
+    assert figures["blade_flap_del"] is None
+
+
+def interrupted(folder, send, number, *options):
+    """Record of a training by the script that gets a signal; what it wrote, and its lock, are checked on the way."""
+    command = [sys.executable, ROOT / "scripts" / "train.py", "--env", STEADY, "--wind-speed", "12", "--out", folder]
+    command += ["--steps", "100000000", "--eval-every", "0", *options]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen(command, text=True, start_new_session=True, **pipes)
+    try:
+        assert process.stderr.readline().startswith("training ")
+        assert int((folder / "training.lock").read_text()) == process.pid
+        send(process.pid, number)
+        output, errors = process.communicate()
+    finally:
+        process.kill()
+    assert process.returncode == 128 + number
+    assert f"ended by {number.name}; go on with: scripts/train.py --resume {folder}" in output
+    assert "Traceback" not in errors
+    assert not (folder / "training.lock").exists()
+    record = json.loads((folder / "training.json").read_text())
+    assert (record["status"], record["stopped_by"]) == ("interrupted", number.name)
+    assert TrainedAgent.load(folder).model.num_timesteps == record["steps"]
+    return record
+
+
+def test_sigterm_ends_the_training_and_it_goes_on(tmp_path):
+    record = interrupted(tmp_path / "run", os.kill, signal.SIGTERM, "--algo", "sac")
+    again = resume(tmp_path / "run", max_seconds=0.0, progress=False)
+    assert again["status"] == "time limit"
+    assert again["steps"] == record["steps"] + 1
+
+
+def test_ctrl_c_reaches_all_processes_and_the_training_decides(tmp_path):
+    record = interrupted(tmp_path / "run", os.killpg, signal.SIGINT, "--n-envs", "2")
+    assert record["steps"] % 2 == 0
+
+
+def test_one_training_at_a_time_in_a_folder(tmp_path):
+    with RunFolder(tmp_path), pytest.raises(ValueError, match=rf"in use by another training \(process {os.getpid()}\)"):
+        train(SMALL, tmp_path, progress=False)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_lock_of_a_dead_process_holds_nobody_up(tmp_path):
+    dead = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
+    (tmp_path / "training.lock").write_bytes(dead.stdout)
+    with RunFolder(tmp_path):
+        assert int((tmp_path / "training.lock").read_text()) == os.getpid()
+
+
+def test_a_training_is_overwritten_on_demand_only(tmp_path):
+    train(replace(SMALL, checkpoint_steps=32), tmp_path, progress=False)
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(ValueError, match="holds a training already"):
+        train(SMALL, tmp_path, progress=False)
+    assert (tmp_path / "checkpoints" / "ppo_32_steps.zip").exists()
+    train(SMALL, tmp_path, overwrite=True, progress=False)
+    assert not (tmp_path / "checkpoints").exists()
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_a_refused_training_leaves_no_folder(tmp_path):
+    with pytest.raises(ValueError, match="cannot be made"):
+        train(replace(SMALL, env_kwargs={"episode_length": "long"}), tmp_path / "new", progress=False)
+    assert not (tmp_path / "new").exists()
+
+
+def test_files_are_whole_or_as_they_were(tmp_path):
+    path = tmp_path / "file"
+    write_whole(path, lambda file: file.write(b"first"))
+
+    def half(file):
+        file.write(b"sec")
+        raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        write_whole(path, half)
+    assert path.read_bytes() == b"first"
+
+
+def test_checkpoints_by_time_and_by_steps(monkeypatch):
+    now, saved = [0.0], []
+    monkeypatch.setattr(callbacks.time, "monotonic", lambda: now[0])
+    checkpoints = callbacks.Checkpoints(100, 1.0, lambda: saved.append(checkpoints.num_timesteps))
+    checkpoints.num_timesteps = 0
+    checkpoints._on_training_start()
+    for steps, seconds in [(50, 30.0), (90, 61.0), (98, 62.0), (102, 63.0), (150, 122.0), (160, 124.0)]:
+        checkpoints.num_timesteps, now[0] = steps, seconds
+        assert checkpoints._on_step()
+    assert saved == [90, 102, 160]
+
+
+def test_a_checkpoint_is_enough_to_go_on_after_a_crash(tmp_path, monkeypatch):
+    config = replace(SMALL, checkpoint_steps=40, total_steps=128, eval_every=64)
+
+    def crash(*_):
+        raise KeyboardInterrupt  # as by a second Ctrl-C
+
+    monkeypatch.setattr(HeldBackEvaluation, "__call__", crash)
+    with pytest.raises(KeyboardInterrupt):
+        train(config, tmp_path, progress=False)
+    monkeypatch.undo()
+    assert RunFolder(tmp_path).record()["status"] == "running"
+    record = resume(tmp_path, progress=False)
+    assert record["status"] == "finished"
+    assert record["sessions"][-1]["from_step"] == 40
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    train(SMALL, folder, progress=False)
+    return folder
+
+
+@pytest.fixture
+def copied(finished, tmp_path):
+    for name in ("model.zip", "vecnormalize.pkl", "training.json"):
+        (tmp_path / name).write_bytes((finished / name).read_bytes())
+    return tmp_path
+
+
+def cut(fraction):
+    return lambda content: content[: int(fraction * len(content))]
+
+
+@pytest.mark.parametrize(
+    ("name", "damage", "message"),
+    [
+        ("model.zip", cut(0.5), "damaged"),
+        ("model.zip", cut(0.0), "damaged"),
+        ("model.zip", lambda _: b"PK\x03\x04 nonsense", "damaged"),
+        ("vecnormalize.pkl", cut(0.5), "statistics .* are damaged"),
+        ("vecnormalize.pkl", cut(0.0), "statistics .* are damaged"),
+        ("vecnormalize.pkl", lambda _: b"\x80\x04 nonsense", "statistics .* are damaged"),
+        ("vecnormalize.pkl", lambda _: pickle.dumps([1, 2]), "holds no statistics"),
+        ("training.json", cut(0.5), "training.json is damaged"),
+        ("training.json", cut(0.0), "training.json is damaged"),
+        ("training.json", lambda _: b"\xff\xfe", "training.json is damaged"),
+        ("training.json", lambda _: b"[1]", "names no algorithm"),
+        ("training.json", lambda _: b"{}", "names no algorithm"),
+        ("training.json", lambda _: b'{"algorithm": "XYZ"}', "algorithm must be one of"),
+        ("training.json", lambda _: b'{"algorithm": "SAC"}', "no model of SAC"),
+    ],
+)
+def test_damaged_agents_are_refused_in_a_line(copied, name, damage, message):
+    path = copied / name
+    path.write_bytes(damage(path.read_bytes()))
+    with pytest.raises(ValueError, match=message):
+        TrainedAgent.load(copied)
+
+
+@pytest.mark.parametrize("kept", [(), ("data",)])
+def test_a_model_that_lacks_parts_is_refused(copied, kept):
+    with zipfile.ZipFile(copied / "model.zip") as archive:
+        parts = {name: archive.read(name) for name in kept}
+    with zipfile.ZipFile(copied / "model.zip", "w") as archive:
+        archive.writestr("nothing", b"")
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    with pytest.raises(ValueError, match="damaged"):
+        TrainedAgent.load(copied)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"config": None}, "has the fields"),
+        ({"config": {"n_steps": 64}}, "has the fields"),
+        ({"curve": {"steps": [1, 2]}}, "its curve must have the columns"),
+        ({"curve": [1]}, "curve is"),
+        ({"sessions": 5}, "sessions is 5"),
+        ({"wall_seconds": "long"}, "wall_seconds is 'long'"),
+    ],
+)
+def test_damaged_records_are_not_resumed(copied, changes, message):
+    record = json.loads((copied / "training.json").read_text()) | changes
+    (copied / "training.json").write_text(json.dumps(record))
+    with pytest.raises(ValueError, match=message):
+        resume(copied, total_steps=128, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"total_steps": -5}, "total_steps must be a whole number from 1"),
+        ({"total_steps": 10**30}, "total_steps must be"),
+        ({"total_steps": 1.5}, "total_steps must be"),
+        ({"max_seconds": float("nan")}, "max_seconds must be a number"),
+        ({"n_envs": 0}, "n_envs must be a whole number from 1 to 256"),
+        ({"n_envs": 10**9}, "n_envs must be"),
+        ({"seed": -1}, "seed must be"),
+        ({"seed": 2**40}, "seed must be"),
+        ({"checkpoint_minutes": float("inf")}, "checkpoint_minutes must be"),
+        ({"eval_seconds": 1.0}, "eval_seconds must be a number from 15"),
+        ({"env_kwargs": [1]}, "env_kwargs must map"),
+        ({"env_kwargs": {"vector_reward": True}}, "vector_reward"),
+        ({"algorithm": "DQN"}, "algorithm must be one of PPO, SAC, TQC"),
+        ({"hyperparameters": {"colour": 1}}, "PPO has no 'colour'; known are activation_fn, batch_size"),
+    ],
+)
+def test_absurd_numbers_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        replace(SMALL, **changes)
+
+
+def test_several_seeds_one_after_another(tmp_path):
+    config = replace(SMALL, eval_every=64)
+    summary = train_seeds(config, tmp_path, [3, 5], progress=False)
+    assert [(run["seed"], run["steps"], run["status"]) for run in summary["runs"]] == [
+        (3, 64, "finished"),
+        (5, 64, "finished"),
+    ]
+    assert not torch.equal(parameters(tmp_path / "seed-3"), parameters(tmp_path / "seed-5"))
+    assert json.loads((tmp_path / "seeds.json").read_text())["summary"] == summary
+    returns = [run["best"]["episode_return"] for run in summary["runs"]]
+    assert f"return against the baseline's: {np.mean(returns):+.2f}" in "\n".join(seeds_table(summary["runs"]))
+    with pytest.raises(ValueError, match="holds a training already"):
+        train_seeds(config, tmp_path, [1], progress=False)
+    with pytest.raises(ValueError, match="differ from each other"):
+        train_seeds(config, tmp_path / "other", [1, 1], progress=False)
+
+
+def test_a_signal_ends_all_seeds(tmp_path, monkeypatch):
+    ask = HeldBackEvaluation.__call__
+
+    def late(self, agent):  # while the last model is evaluated: that training is done, the next must not begin
+        os.kill(os.getpid(), signal.SIGTERM)
+        return ask(self, agent)
+
+    monkeypatch.setattr(HeldBackEvaluation, "__call__", late)
+    summary = train_seeds(replace(SMALL, eval_every=1000), tmp_path, [1, 2], progress=False)
+    assert (summary["status"], summary["stopped_by"]) == ("interrupted", "SIGTERM")
+    assert [run["status"] for run in summary["runs"]] == ["finished"]
+    assert not (tmp_path / "seed-2").exists()
+    monkeypatch.undo()
+    assert [run["seed"] for run in resume_seeds(tmp_path, progress=False)["runs"]] == [1, 2]
+
+
+def test_several_seeds_go_on_where_they_were_stopped(tmp_path):
+    train_seeds(SMALL, tmp_path, [1, 2], progress=False)
+    done = (tmp_path / "seed-1" / "training.json").read_bytes()
+    for file in (tmp_path / "seed-2").iterdir():
+        file.unlink()
+    summary = resume_seeds(tmp_path, progress=False)
+    assert [run["status"] for run in summary["runs"]] == ["finished", "finished"]
+    assert (tmp_path / "seed-1" / "training.json").read_bytes() == done
+    assert [run["steps"] for run in resume_seeds(tmp_path, total_steps=96, progress=False)["runs"]] == [96, 96]
+    (tmp_path / "seeds.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"seeds\.json is damaged"):
+        resume_seeds(tmp_path, progress=False)

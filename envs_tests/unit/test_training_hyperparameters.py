@@ -1,0 +1,104 @@
+"""Hyperparameters from YAML: those of the package, layers of files and options, and what is refused."""
+
+from pathlib import Path
+
+import pytest
+from stable_baselines3.common.utils import LinearSchedule
+
+from agents.trained import ALGORITHM_CLASSES
+from agents.training.config import TrainingConfig
+from agents.training.environments import make_training_env
+from agents.training.hyperparameters import ALGORITHMS, hyperparameters_for, parse_override, read_hyperparameters
+from agents.training.models import make_model
+
+TASK, STEADY = "wt_gym/LoadReduction-v0", "wt_gym/NREL5MW-Steady-v0"
+
+
+def test_ppo_starts_with_what_was_found_for_load_reduction():
+    values = hyperparameters_for("PPO", TASK)
+    measured = {
+        "gamma": 0.98, "n_steps": 1024, "batch_size": 256, "n_epochs": 6, "learning_rate": 4e-4, "gae_lambda": 0.95,
+        "log_std_init": -1.2, "net_arch": [64, 64], "normalise_observations": False,
+    }  # fmt: skip
+    assert values == measured | {"normalise_rewards": True}
+    assert TrainingConfig().resolved == values
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_models_are_made_with_what_the_files_say(algorithm):
+    config = TrainingConfig(algorithm, STEADY, hyperparameters={"learning_rate": "lin_1e-3", "activation_fn": "elu"})
+    venv = make_training_env(config)
+    model = make_model(config, venv)
+    venv.close()
+    assert type(model) is ALGORITHM_CLASSES[algorithm]
+    assert model.gamma == config.resolved["gamma"] == venv.gamma
+    assert model.lr_schedule(0.5) == pytest.approx(0.5e-3)
+    assert isinstance(model.learning_rate, LinearSchedule)
+    assert "ELU" in str(model.policy)
+    assert "out_features=64" in str(model.policy)
+
+
+def test_files_lie_on_top_of_the_package_and_options_on_top_of_files(tmp_path):
+    file = tmp_path / "mine.yml"
+    file.write_text(f"default:\n  gamma: 0.9\n  n_epochs: 3\n{TASK}:\n  gamma: 0.95\n  learning_rate: 1e-3\n")
+    values = hyperparameters_for("PPO", TASK, file, {"n_epochs": 4})
+    assert (values["gamma"], values["n_epochs"], values["learning_rate"]) == (0.95, 4, 1e-3)
+    assert values["n_steps"] == 1024
+    assert hyperparameters_for("PPO", STEADY, file)["gamma"] == 0.9
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("learning_rate=1e-3", 1e-3),
+        ("n_steps=2048", 2048),
+        ("net_arch=[128, 64]", [128, 64]),
+        ("ent_coef=auto", "auto"),
+        ("learning_rate=lin_3e-4", "lin_3e-4"),
+        ("normalise_observations=true", True),
+    ],
+)
+def test_options_of_the_command_line(text, value):
+    assert parse_override(text) == (text.partition("=")[0], value)
+
+
+@pytest.mark.parametrize("text", ["gamma", "=0.9", "net_arch=[64"])
+def test_options_that_cannot_be_read(text):
+    with pytest.raises(ValueError, match=r"name=value|not a valid value"):
+        parse_override(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("default: [", "not valid YAML"),
+        ("", "must map environment ids"),
+        ("[1, 2]", "must map environment ids"),
+        ("default: 5", "must map names to values"),
+        ("default:\n  gama: 0.9", "PPO has no 'gama'; known are activation_fn, .*gamma"),
+        ("default:\n  tau: 0.9", "PPO has no 'tau'"),
+        ("default:\n  gamma: 1.5", "gamma must be a number from 0 to 1, got 1.5"),
+        ("default:\n  gamma: .nan", "gamma must be a number from 0 to 1, got nan"),
+        ("default:\n  gamma: high", "gamma must be a number from 0 to 1, got 'high'"),
+        ("default:\n  n_steps: 10.5", "n_steps must be a whole number"),
+        ("default:\n  n_epochs: true", "n_epochs must be a whole number"),
+        ("default:\n  learning_rate: lin_fast", "learning_rate must be a number .* or lin_"),
+        ("default:\n  net_arch: []", "net_arch must be a list"),
+        ("default:\n  net_arch: 64", "net_arch must be a list"),
+        ("default:\n  normalise_observations: 1", "must be one of true, false"),
+        ("default:\n  activation_fn: torch.nn.ReLU", "one of tanh, relu, elu"),
+        ("CartPole: {gamma: 0.9}", "neither 'default' nor the id"),
+        ("default: !!python/object/apply:os.getcwd []", "not valid YAML"),
+    ],
+)
+def test_files_that_are_refused(text, message, tmp_path):
+    file = tmp_path / "mine.yml"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=message) as caught:
+        read_hyperparameters(file, "PPO", TASK)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_algorithm_has_its_file():
+    folder = Path(__file__).parents[2] / "agents" / "hyperparameters"
+    assert {path.stem for path in folder.glob("*.yml")} == {name.lower() for name in ALGORITHMS}
