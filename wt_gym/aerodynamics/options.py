@@ -235,14 +235,14 @@ def _is_count(value):
 # Almost four turns at 8 degrees a step: 8 steps in full, 168 with every third row, behind the first ones with six
 # of eleven nodes.
 TRAINING = AeroOptions(
-    n_chord=1, n_span=10, narrow_strips="tip", azimuth_step_deg=8.0, wake_rows=64, full_rows=8, coarse_stride=3,
-    sparse_from=12, sparse_stride=3, sparse_span=3, fresh_rows=0, refresh_stride=32, wind_stride=10, far_wake_rows=20,
+    n_chord=1, n_span=10, narrow_strips="tip", azimuth_step_deg=8.0, wake_rows=56, full_rows=8, coarse_stride=3,
+    sparse_from=12, sparse_stride=3, sparse_span=3, fresh_rows=0, refresh_stride=16, wind_stride=10, far_wake_rows=18,
     squire=2e-3,
 )  # fmt: skip
 # Four and a half turns: 16 steps in full, 192 with every third row.
 ENGINEERING = AeroOptions(
     n_chord=2, n_span=16, azimuth_step_deg=8.0, wake_rows=80, full_rows=16, coarse_stride=3, sparse_from=32,
-    sparse_stride=3, sparse_span=3, fresh_rows=1, refresh_stride=20, wind_stride=3, far_wake_rows=24, squire=1e-3,
+    sparse_stride=3, sparse_span=3, fresh_rows=1, refresh_stride=8, wind_stride=3, far_wake_rows=24, squire=1e-3,
 )  # fmt: skip
 # 11 turns at 9 rpm, 15 at 12 rpm, all of them free and computed anew every step; every second row beyond the first 200.
 # The tree code stays well below the error that it is allowed: 3e-3 gives less than 1e-3 (scripts/bench_induction.py).
