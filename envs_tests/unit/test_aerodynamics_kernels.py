@@ -22,8 +22,10 @@ from wt_gym.aerodynamics.wake.far_wake_kernels import (
     N_FAR,
     N_TUBE,
     RADIUS,
+    SHARE,
     at_own_radius,
     far_wake_velocity,
+    share_of_cells,
     transport,
 )
 
@@ -122,6 +124,7 @@ def far_wake(*radii):
         far=np.zeros(N_FAR), far_tube=np.zeros((N_TUBE, len(radii))), far_ring=np.zeros((N_CELL, len(radii)))
     )
     wake.far[[ACTIVE, AXIS + 2]] = 1.0
+    wake.far[SHARE:] = 1.0
     wake.far_tube[RADIUS], wake.far_tube[LENGTH] = radii, 1.0
     return wake
 
@@ -175,9 +178,9 @@ class TestTransport:
 
     way, duration = 3.0, 1.0
 
-    def march(self, wake, flux, steps, dt, speed=1.0, mixing=0.0):
+    def march(self, wake, flux, steps, dt, speed=1.0, wander2=0.0):
         for _ in range(steps):
-            transport(wake, np.array([flux]), 1.0, self.way, 1.0, self.duration, speed, 1e-9, mixing, dt)
+            transport(wake, np.array([flux]), 1.0, self.way, 1.0, self.duration, speed, 1e-9, wander2, dt)
         return wake.far_ring[:, 0]
 
     def test_weak_cylinders_keep_flux_and_speed(self):
@@ -212,8 +215,31 @@ class TestTransport:
         assert far > strength
 
     def test_mixing_lets_it_go_with_the_wind(self):
-        calm, mixed = (self.march(far_wake(1.0), -0.3, 60, -1.0, mixing=m)[-1] for m in (0.0, 5.0))
+        calm, mixed = (self.march(far_wake(1.0), -0.3, 60, -1.0, wander2=w)[-1] for w in (0.0, 6.25))
         assert abs(mixed) < 0.95 * abs(calm)
+
+
+class TestShareOfCells:
+    """How much of a cell acts whose rings have wandered."""
+
+    def shares(self, wander2, way=2.0):
+        wake = far_wake(1.0)
+        share_of_cells(wake, way, 1.0, wander2)
+        return wake.far[SHARE:]
+
+    def test_orderly_wakes_act_whole(self):
+        np.testing.assert_array_equal(self.shares(0.0), 1.0)
+
+    @pytest.mark.parametrize("wander", [0.05, 0.1, 0.15])
+    def test_a_widened_ring_off_the_axis(self, wander):
+        """Lamb's ring at the middle of a cell, of the same impulse, wider by s^2 in R^2 and s off the axis."""
+        ends = 2.0 + np.concatenate([[0.0], np.cumsum(0.5 * 1.4 ** np.arange(N_CELL))])
+        z = 0.5 * (ends[1:] + ends[:-1])
+        spread = wander * z
+        radius = np.sqrt(1.0 + spread**2)
+        widened = ring_velocity(-z / radius, spread / radius, 0.0)[0] / radius**3
+        orderly = ring_velocity(-z, 0.0 * z, 0.0)[0]
+        np.testing.assert_allclose(self.shares(wander**2), widened / orderly, rtol=0.012)
 
 
 def test_vortex_cylinder_on_its_axis_and_far_away():
