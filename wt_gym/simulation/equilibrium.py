@@ -14,8 +14,8 @@ SMALLEST_SHARE = 1.0 / 256.0
 def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iterations=40, tolerance=1e-9):
     """Newton's method for elastic coordinates that do not accelerate; the rotor's own acceleration stays free.
 
-    The derivatives serve as long as each step is less than half of the one before. A step is halved until the next
-    one, with the same derivatives, is shorter than it: of strong loads on a slender blade whole steps lead away.
+    A step is halved until the next one, with the same derivatives, is shorter: where strong loads bend slender blades
+    far, whole steps lead away (natural monotonicity, Deuflhard, Newton Methods for Nonlinear Problems, 2004).
 
     Parameters
     ----------
@@ -42,54 +42,56 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
     def residual(state):
         return system.rates(state, inputs, work)[u]
 
-    r = residual(y)
-    jacobian = _derivatives(residual, y, q, r)
-    change = np.linalg.solve(jacobian, -r)
-    fresh = True
+    jacobian, fresh = _derivatives(residual, y, q), True
+    change = np.linalg.solve(jacobian, -residual(y))
     for _ in range(iterations):
         if np.abs(change).max() < tolerance * max(1.0, np.abs(y[q]).max()):
             y[q] += change
             return
-        origin, share = y[q].copy(), 1.0
-        while True:
-            y[q] = origin + share * change
-            r, following = _step_from(residual, y, jacobian)
-            if r is not None and np.linalg.norm(following) < (1.0 - 0.25 * share) * np.linalg.norm(change):
-                break
-            share *= 0.5
-            if share < (SMALLEST_SHARE if fresh else 1.0):
-                break
-        if share < SMALLEST_SHARE or (not fresh and share < 1.0):
-            y[q] = origin
-            if fresh:
-                raise SimulationError("no static balance of the structure was found for the given start")
-            r = residual(y)
-        fresh = share < 1.0 or np.linalg.norm(following) > 0.5 * np.linalg.norm(change)
+        following = _shortened_step(residual, y, q, change, jacobian, SMALLEST_SHARE if fresh else 1.0)
+        if following is None and fresh:
+            break
+        # nearly linear: the derivatives serve as long as they bring the balance nearer by half
+        fresh = following is None or np.linalg.norm(following) > 0.5 * np.linalg.norm(change)
         if fresh:
-            jacobian = _derivatives(residual, y, q, r)
-            following = np.linalg.solve(jacobian, -r)
+            jacobian = _derivatives(residual, y, q)
+            following = np.linalg.solve(jacobian, -residual(y))
         change = following
-    raise SimulationError("no static balance of the structure was found for the given start")
+    raise SimulationError("the structure finds no static balance under its loads")
 
 
-def _derivatives(residual, y, q, r, step=1e-4):
+def _shortened_step(residual, y, q, change, jacobian, smallest):
+    """Take a step, or the largest half, quarter, … of it after which the next one is shorter.
+
+    Returns
+    -------
+    array or None
+        The next step, with the same derivatives; None, and y as it was, if a share below ``smallest`` was needed.
+    """
+    origin, share = y[q].copy(), 1.0
+    while share >= smallest:
+        y[q] = origin + share * change
+        try:
+            following = np.linalg.solve(jacobian, -residual(y))
+        except MultibodyError:  # the structure has left its model
+            following = None
+        if following is not None and np.linalg.norm(following) < (1.0 - 0.25 * share) * np.linalg.norm(change):
+            return following
+        share *= 0.5
+    y[q] = origin
+    return None
+
+
+def _derivatives(residual, y, q, step=1e-4):
     """Of the residual by the coordinates q."""
-    jacobian = np.zeros((len(r), len(q)))
-    for i, place in enumerate(q):
+    columns = []
+    here = residual(y).copy()
+    for place in q:
         origin = y[place]
         y[place] = origin + step
-        jacobian[:, i] = (residual(y) - r) / step
+        columns.append((residual(y) - here) / step)
         y[place] = origin
-    return jacobian
-
-
-def _step_from(residual, y, jacobian):
-    """Residual at y and the step that follows from it; None, None where the structure has left its model."""
-    try:
-        r = residual(y)
-    except MultibodyError:
-        return None, None
-    return r, np.linalg.solve(jacobian, -r)
+    return np.array(columns).T
 
 
 def highest_frequency(system, step=1e-5):

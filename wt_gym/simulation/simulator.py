@@ -130,7 +130,7 @@ class Simulator:
         self._n_steps, self._started = 0, False
         try:
             self._starter.balance(rotor_speed, azimuth, generator_torque, self.inflow)
-        except (MultibodyError, AerodynamicsError) as error:
+        except (MultibodyError, AerodynamicsError, SimulationError) as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True
         self._measure()

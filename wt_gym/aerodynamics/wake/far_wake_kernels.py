@@ -270,7 +270,7 @@ def merged_change(a, m):
 
     Far away, cylinders of radius R are dipoles of strength gamma R^2: the mean of their areas is weighted with these.
     """
-    tube, total, weight, area, start = a.far_tube, 0.0, 1e-30, 0.0, 0.0
+    tube, total, weight, area, start = a.far_tube, 0.0, 0.0, 0.0, 0.0
     here, before = a.far[SHARE + m], a.far[SHARE + m - 1]
     for i in range(tube.shape[1]):
         radius2 = tube[RADIUS, i] ** 2
@@ -279,8 +279,10 @@ def merged_change(a, m):
         weight += abs(dipole)
         area += abs(dipole) * radius2
         start += abs(dipole) * tube[END, i]
+    if weight == 0.0 or area == 0.0:
+        return 0.0, 0.0, 0.0
     area /= weight
-    return start / weight, math.sqrt(area), total / area if area > 0.0 else 0.0
+    return start / weight, math.sqrt(area), total / area
 
 
 @kernel(fastmath=FAST)
