@@ -27,7 +27,7 @@ class TipDeflection:
         """Rate of reward [1/s]."""
         turbine = transition.turbine
         reference = self.scale * turbine.blade.length
-        tips = (transition.after[f"tip_out_of_plane_{b + 1}"] for b in range(turbine.n_blades))
+        tips = transition.after["tip_out_of_plane"].tolist()
         return -self.weight * sum(bounded_square((max(tip, 0.0) / reference) ** 2) for tip in tips) / turbine.n_blades
 
 
