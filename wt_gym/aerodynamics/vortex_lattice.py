@@ -85,6 +85,7 @@ class VortexLattice:
         self.arrays = PlanformArrays.of(planform, options, cylinder_table())
         self.constants = AeroConstants.of(options, air_density)
         self.n_edge = self.arrays.shed_rings.size
+        self._row_numbers = options.row_numbers()
         n_panel = bodies.n_panels if bodies else 0
         self.work = AeroWork.empty(n_blades, planform.n_chord, planform.n_span, self.arrays, options, n_panel)
         self.bodies = bodies
@@ -123,7 +124,7 @@ class VortexLattice:
             For arrays of another shape or not finite, panels without area, and a flow so strong that the forces are
             not finite.
         """
-        self._clear(state, nodes)
+        self._clear(state, self._checked_nodes(nodes))
         self._solve(state, nodes, velocities, wind, 0.0, first=True)
         self.accept(state)
         # An impulsive start is no level in time from which a rate could be taken.
@@ -153,6 +154,8 @@ class VortexLattice:
             wake and blades find no balance.
         """
         wake_rows, ages = self._checked_rows(wake_rows, ages)
+        self._checked_nodes(nodes)
+        nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
         change = self._balance(state, nodes, velocities, wind, wake_rows, ages, far_wake)
         self._accept(state, place=False, all_rows=True)
         if not change <= UNBALANCED:
@@ -164,7 +167,8 @@ class VortexLattice:
     def _balance(self, state, nodes, velocities, wind, wake_rows, ages, far_wake, tolerance=BALANCED, guess=None):
         """Start with a prescribed wake, but for the velocities with which it moves on.
 
-        Returns the change of the circulation in the last pass, over its size.
+        Returns the change of the circulation in the last pass, over its size. Nodes, velocities and wind are checked
+        already.
 
         The wake answers a change of circulation with about half its size. From pass to pass half of the change is
         taken at first, then what a secant through the last two passes wants (Aitken's relaxation, Irons & Tuck 1969).
@@ -187,8 +191,7 @@ class VortexLattice:
         for _ in range(PASSES):
             before = self._shed_circulation(a)
             a.wake_gamma[:n_rows] = before
-            a.prepared[0] = 0
-            self._solve(state, nodes, velocities, wind, 0.0, first=True, place=False)
+            self._solve_anew(state, nodes, velocities, wind)
             step = self._shed_circulation(a) - before
             change = np.abs(step).max()
             if last is not None and (square := np.sum((step - last) ** 2)) > 0.0:
@@ -198,8 +201,7 @@ class VortexLattice:
             if change <= tolerance * np.abs(before).max():
                 break
         a.wake_gamma[:n_rows] = self._shed_circulation(a)
-        a.prepared[0] = 0
-        self._solve(state, nodes, velocities, wind, 0.0, first=True, place=False)
+        self._solve_anew(state, nodes, velocities, wind)
         return float(change / max(np.abs(before).max(), 1e-9))
 
     def _shed_circulation(self, a):
@@ -207,8 +209,9 @@ class VortexLattice:
         return a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings]
 
     def initialise_helix(
-        self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5, induced=None
-    ) -> float:
+        self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5, induced=None,
+        accept=True,
+    ) -> float:  # fmt: skip
         """Start a rotor with a full wake of helices in the momentum balance of its own thrust.
 
         Without a wake where there is no such balance, as for a rotor that is driven backwards in still air.
@@ -228,6 +231,9 @@ class VortexLattice:
         induced : float, optional
             To begin with, together with the circulation in the state, as an earlier call for nearly the same rotor has
             left them [m/s]; by default a fifth of the wind, and no circulation.
+        accept : bool
+            End the start with the velocities that move the wake on. False for a start that only serves another call:
+            the state cannot be marched.
 
         Returns
         -------
@@ -254,7 +260,7 @@ class VortexLattice:
         stream = wind.mean(axis=(0, 1, 2))
         speed = float(abs(stream @ axis))
         radius = float(np.linalg.norm(np.cross(nodes - centre, axis), axis=-1).max())
-        numbers = self.options.row_numbers()
+        numbers = self._row_numbers
         ages = (numbers + self.options.shed_fraction) * dt
         edge = np.empty((self.n_blades, self.n_edge + 1, 3))
         shedding_edge(nodes, self.arrays.shed_nodes, edge)
@@ -277,8 +283,9 @@ class VortexLattice:
             pressure = thrust / (2.0 * self.air_density * np.pi * radius**2) * np.copysign(1.0, stream @ axis)
             target = np.sqrt(0.25 * speed**2 - min(pressure, 0.24 * speed**2)) - 0.5 * speed
             induced, slowest = 0.5 * (induced + target), max(0.5 * np.sqrt(abs(pressure)), closest)
-        self._accept(state, place=False, all_rows=True)
-        state.arrays.shed[1:] = -numbers
+        if accept:
+            self._accept(state, place=False, all_rows=True)
+            state.arrays.shed[1:] = -numbers
         return float(induced)
 
     def convect_wake(self, state: AeroState, inflow, time: float, dt: float) -> None:
@@ -367,25 +374,38 @@ class VortexLattice:
         velocity = out.T.reshape(points.shape)
         return velocity + self.bodies.velocity(points, a.body_strength) if self.bodies else velocity
 
-    def _clear(self, state, nodes):
+    def _checked_nodes(self, nodes):
+        """Contiguous nodes of the right shape, finite, of panels with an area."""
         nodes = numeric_array("nodes", nodes)
         if nodes.shape != self.nodes_shape:
             raise AerodynamicsError(f"nodes have shape {nodes.shape}; {self.nodes_shape} is needed")
         if not np.isfinite(nodes.sum()):
             raise AerodynamicsError("nodes are not finite")
         check_areas(nodes)
+        return nodes
+
+    @staticmethod
+    def _clear(state, nodes):
         state.clear()
         state.arrays.origin[:] = nodes.mean(axis=(0, 1, 2))
         state.arrays.nodes[:] = nodes
 
-    def _solve(self, state, nodes, velocities, wind, dt, first, place=True):
-        a = state.arrays
+    def _solve(self, state, nodes, velocities, wind, dt, first):
         nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
+        if not state.arrays.prepared[0]:
+            check_areas(nodes)
+            self.prepare(state, nodes)
+        return self._solve_prepared(state, nodes, velocities, wind, dt, first)
+
+    def _solve_anew(self, state, nodes, velocities, wind):
+        """Steady solution with the wake as it stands, of arguments that are checked."""
+        self.prepare(state, nodes, place=False)
+        self._solve_prepared(state, nodes, velocities, wind, 0.0, first=True)
+
+    def _solve_prepared(self, state, nodes, velocities, wind, dt, first):
+        a = state.arrays
         if not np.isfinite(self.body_wind.sum()):
             raise AerodynamicsError("the wind at the bodies is not finite")
-        if not a.prepared[0]:
-            check_areas(nodes)
-            self.prepare(state, nodes, place)
         step_kernels.solve(self.arrays, self.constants, a, self.work, nodes, velocities, wind, dt, first)
         if not np.isfinite(a.forces).all():
             raise AerodynamicsError(self._why_not_finite(state, nodes, velocities, wind))
@@ -475,19 +495,19 @@ class VortexLattice:
         along = arm @ axis
         normal = arm - along[..., None] * axis
         sideways = np.cross(axis, normal)
-        rows = np.empty((len(ages), *edge.shape))
         axial_speed = float(stream @ axis)
-        distance, time = 0.0, 0.0
-        for k, age in enumerate(ages):
+        distances, distance, time = [], 0.0, 0.0
+        for age in ages.tolist():
             # the vorticity moves with the mean of the speeds on the two sides of its sheet
-            here = abs(axial_speed) + 0.5 * induced * (1.0 + distance / np.sqrt(distance**2 + 4.0 * radius**2))
+            here = abs(axial_speed) + 0.5 * induced * (1.0 + distance / math.sqrt(distance**2 + 4.0 * radius**2))
             distance += max(here, slowest) * (age - time)
+            distances.append(distance)
             time = age
-            drift = stream * age - axial_speed * age * axis
-            angle = -rotor_speed * age
-            turned = normal * np.cos(angle) + sideways * np.sin(angle) + along[..., None] * axis
-            rows[k] = centre + turned + drift + np.copysign(distance, axial_speed) * axis
-        return rows
+        age, angle = ages[:, None], (-rotor_speed * ages)[:, None, None, None]
+        drift = stream * age - axial_speed * age * axis
+        turned = normal * np.cos(angle) + sideways * np.sin(angle) + along[..., None] * axis
+        downstream = np.copysign(distances, axial_speed)[:, None] * axis
+        return centre + turned + drift[:, None, None] + downstream[:, None, None]
 
 
 def _vector(name, values):

@@ -161,6 +161,9 @@ class ActionMap:
         self.names, self.units, low, high = zip(*rows, strict=True)
         self.low, self.high, self.size = np.array(low), np.array(high), len(self.names)
         self.low.flags.writeable = self.high.flags.writeable = False
+        # what a step needs, as numbers: arrays of three are slow
+        self._ranges = list(zip(self.low.tolist(), (self.high - self.low).tolist(), strict=True))
+        self._pitch_ends = list(zip(self.pitch_low.tolist(), self.pitch_high.tolist(), strict=True))
 
     # ---- what the components mean ----
 
@@ -277,12 +280,13 @@ class ActionMap:
             raise ActionError(f"action must be {self.size} numbers {self.names}, got {action!r}") from error
         if values.shape != (self.size,):
             raise ActionError(f"action must have shape ({self.size},) for {self.names}, got shape {values.shape}")
+        numbers = values.tolist()
         # The comparison is written so that NaN fails it.
-        refused = ~(np.abs(values) <= 1.0 + _ROUNDING)
-        if refused.any():
-            wrong = ", ".join(f"{self.names[i]} (component {i}) = {values[i]}" for i in np.flatnonzero(refused))
+        refused = [i for i, value in enumerate(numbers) if not abs(value) <= 1.0 + _ROUNDING]
+        if refused:
+            wrong = ", ".join(f"{self.names[i]} (component {i}) = {values[i]}" for i in refused)
             raise ActionError(f"action components must be finite and within [-1, 1], got {wrong}")
-        return np.clip(values, -1.0, 1.0)
+        return np.array([min(max(value, -1.0), 1.0) for value in numbers])
 
     def start(self, demand: Demand) -> Aim:
         """Aim with which an episode starts from a demand."""
@@ -310,16 +314,21 @@ class ActionMap:
         -------
         Aim
         """
-        physical = self.low + 0.5 * (action + 1.0) * (self.high - self.low)
+        physical = [
+            low + 0.5 * (value + 1.0) * span for value, (low, span) in zip(action.tolist(), self._ranges, strict=True)
+        ]
         moves, dt = self.mode != "absolute", self.control_dt
         pitch, yaw_rate, torque = previous.pitch, 0.0, previous.generator_torque
         if "pitch" in self.components:
             wanted = physical[: self.n_pitch]
-            pitch = np.clip(pitch + wanted * dt if moves else wanted, self.pitch_low, self.pitch_high)
+            if moves:
+                wanted = [now + rate * dt for now, rate in zip(pitch.tolist(), wanted, strict=True)]
+            ends = zip(wanted, self._pitch_ends, strict=True)
+            pitch = np.array([min(max(angle, low), high) for angle, (low, high) in ends])
         if self.has_yaw:
-            yaw_rate = float(physical[self.names.index("yaw_rate")])
+            yaw_rate = physical[self.names.index("yaw_rate")]
         if "torque" in self.components:
-            wanted = float(physical[-1])
+            wanted = physical[-1]
             limit = self._spans["torque"]
             low, high = (-limit, limit) if self.mode == "residual" else self.torque_limits
             torque = min(max(torque + wanted * dt if moves else wanted, low), high)
@@ -355,11 +364,11 @@ class ActionMap:
         if base is not None and (residual or not self.has_yaw):
             yaw_rate += base.yaw_rate
         low, high = self.pitch_limits
-        pitch = np.minimum(np.maximum(pitch, low), high)
-        if pitch.size != self.n_blades:
-            pitch = np.full(self.n_blades, pitch[0])
+        angles = [min(max(angle, low), high) for angle in np.asarray(pitch, dtype=np.float64).tolist()]
+        if len(angles) != self.n_blades:
+            angles *= self.n_blades
         return Demand(
-            pitch,
+            np.array(angles),
             min(max(yaw_rate, -self.max_yaw_rate), self.max_yaw_rate),
             min(max(torque, self.torque_limits[0]), self.torque_limits[1]),
         )

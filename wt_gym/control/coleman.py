@@ -24,7 +24,8 @@ def _directions(azimuth: float, n_blades: int) -> np.ndarray:
     """One, cosine and sine of the azimuth of every blade (3, n_blades), blade 1 at ``azimuth`` [rad]."""
     # numbers one by one: arrays of three are slow
     psi = [azimuth + 2.0 * math.pi / n_blades * b for b in range(n_blades)]
-    return np.array([[1.0] * n_blades, [math.cos(p) for p in psi], [math.sin(p) for p in psi]])
+    rows = [1.0] * n_blades + [math.cos(p) for p in psi] + [math.sin(p) for p in psi]
+    return np.array(rows).reshape(3, n_blades)
 
 
 def to_fixed_frame(values, azimuth: float) -> np.ndarray:

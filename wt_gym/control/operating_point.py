@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -174,23 +175,23 @@ class TorqueCurve:
                 f"{self.rated_power:.6g} W before the rated generator speed {self.rated_generator_speed:.6g} rad/s"
             )
 
-    @property
+    @cached_property
     def slip_synchronous_speed(self) -> float:
         """Speed at which the line of region 2 1/2 crosses zero torque [rad/s] (VS_SySp)."""
         return self.rated_generator_speed / (1 + self.slip)
 
-    @property
+    @cached_property
     def slope_15(self) -> float:
         """Slope of region 1 1/2 [N m/(rad/s)] (VS_Slope15)."""
         return self.region_2_gain * self.region_2_speed**2 / (self.region_2_speed - self.cut_in_speed)
 
-    @property
+    @cached_property
     def slope_25(self) -> float:
         """Slope of region 2 1/2 [N m/(rad/s)] (VS_Slope25)."""
         rated_torque = self.rated_power / self.rated_generator_speed
         return rated_torque / (self.rated_generator_speed - self.slip_synchronous_speed)
 
-    @property
+    @cached_property
     def transition_speed(self) -> float:
         """Where region 2 meets region 2 1/2 [rad/s] (VS_TrGnSp): K w^2 = slope (w - w_sync)."""
         slope, gain = self.slope_25, self.region_2_gain

@@ -93,10 +93,11 @@ class ObservationLayout:
         saturated : tuple of str
             Channels whose value lies outside the range of the sensor.
         """
-        outside = np.flatnonzero((values < self._low) | (values > self._high))
-        normalised = (np.clip(values, self._low, self._high) - self._offset) / self._scale
+        kept = np.minimum(np.maximum(values, self._low), self._high)
+        outside = () if (kept == values).all() else np.flatnonzero((values < self._low) | (values > self._high))
+        normalised = ((kept - self._offset) / self._scale).astype(np.float32)
         # Rounding to float32 must not leave the bounds, which were rounded too.
-        observation = np.clip(normalised.astype(np.float32), self.low, self.high)
+        observation = np.minimum(np.maximum(normalised, self.low), self.high)
         return observation, tuple(self.names[i] for i in outside)
 
     def table(self) -> list[dict]:

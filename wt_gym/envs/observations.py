@@ -51,6 +51,11 @@ def blade_static_moment(turbine: Turbine) -> float:
     return float(GRAVITY * np.trapezoid(structure.inertia[:, 0, 0] * structure.station, structure.station))
 
 
+def _mean(of_blades) -> float:
+    """Mean of one number a blade; of so few, numpy's own is slow."""
+    return float(np.add.reduce(of_blades)) / len(of_blades)
+
+
 @dataclass(frozen=True)
 class Situation:
     """All that can be observed after a control step.
@@ -170,7 +175,9 @@ class Observer:
         first = np.array([index[f"{signal}_1"] for _, signal, _ in cyclic], dtype=np.int64)
         self._cyclic_row = np.arange(len(cyclic))
         self._cyclic_from = first[:, None] + np.arange(self._turbine.n_blades)
-        self._functions = [(k, f) for k, name in enumerate(names) if callable(f := self._special(name))]
+        functions = [(k, f) for k, name in enumerate(names) if callable(f := self._special(name))]
+        self._functions = [f for _, f in functions]
+        self._functions_at = np.array([k for k, _ in functions], dtype=np.int64)
         if "rotor_wind" in names and self._estimator is None:  # another turbine's table takes a while to make
             self._estimator = WindEstimator.of_turbine(self._turbine)
         self._sees_lidar = any(name.startswith("lidar_") for name in names)
@@ -201,7 +208,7 @@ class Observer:
         """Start the filters in steady state."""
         signals = situation.signals
         self._wind_reading = self._anemometer.reset(signals["wind_x"], signals["wind_y"], signals["yaw_error"])
-        self._pitch_before = self._pitch_now = self._blade_pitch(signals)
+        self._pitch_before = self._pitch_now = signals["pitch"].tolist()
         self._dt = math.inf
         if self._estimator is not None:
             self._estimator.start(signals)
@@ -213,7 +220,7 @@ class Observer:
         self._wind_reading = self._anemometer.update(*wind, dt)
         if self._estimator is not None:
             self._estimator.update(signals, dt)
-        self._pitch_before, self._pitch_now, self._dt = self._pitch_now, self._blade_pitch(signals), dt
+        self._pitch_before, self._pitch_now, self._dt = self._pitch_now, signals["pitch"].tolist(), dt
 
     def observe(self, situation: Situation, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
         """Measure once a control step.
@@ -230,27 +237,22 @@ class Observer:
         saturated : tuple of str
             Sensors at the end of their range.
         """
-        values = np.empty(self._size)
-        values[self._at] = situation.signals.values[self._from]
+        values, signals = np.empty(self._size), situation.signals
+        values[self._at] = signals.values[self._from]
         if len(self._cyclic_at):
-            of_blades = situation.signals.values[self._cyclic_from]
-            fixed = to_fixed_frame(of_blades, situation.signals["azimuth"])
+            fixed = to_fixed_frame(signals.values[self._cyclic_from], signals["azimuth"])
             values[self._cyclic_at] = fixed[self._cyclic_row, self._cyclic_part]
         if self._sees_lidar:
             self._lidar_reading = self._lidar.read(
-                situation.inflow, situation.signals["time"], situation.signals["yaw"], self._turbine.hub_height
+                situation.inflow, signals["time"], signals["yaw"], self._turbine.hub_height
             )
-        for k, function in self._functions:
-            values[k] = function(situation)
+        values[self._functions_at] = [function(situation) for function in self._functions]
         if self._noise_level > 0:
             values += self._noise_level * self._noise * rng.standard_normal(self._size)
         readings = self._readings
         readings.append(values)
         late = [readings[max(len(readings) - 1 - self._delay - k, 0)] for k in range(self._history)]
         return self.layout.normalise(late[0] if self._history == 1 else np.concatenate(late))
-
-    def _blade_pitch(self, signals) -> np.ndarray:
-        return np.array([signals[f"pitch_{b + 1}"] for b in range(self._turbine.n_blades)])
 
     @staticmethod
     def _fixed_frame_part(name) -> tuple[str, int] | None:
@@ -284,10 +286,10 @@ class Observer:
             "azimuth_sin": lambda s: math.sin(s.signals["azimuth"]),
             "azimuth_cos": lambda s: math.cos(s.signals["azimuth"]),
             "generator_torque_demand": lambda s: s.demand.generator_torque,
-            "pitch": lambda s: self._pitch_now.mean(),
-            "pitch_rate": lambda s: (self._pitch_now - self._pitch_before).mean() / self._dt,
-            "pitch_demand": lambda s: s.demand.pitch.mean(),
-            "controller_pitch": lambda s: s.base.pitch.mean(),
+            "pitch": lambda s: _mean(self._pitch_now),
+            "pitch_rate": lambda s: _mean(np.subtract(self._pitch_now, self._pitch_before)) / self._dt,
+            "pitch_demand": lambda s: _mean(s.demand.pitch),
+            "controller_pitch": lambda s: _mean(s.base.pitch),
             "controller_torque": lambda s: s.base.generator_torque,
             "torque_offset": lambda s: s.aim.generator_torque,
         }.get(name)

@@ -499,17 +499,16 @@ class WindTurbineEnv(gym.Env):
 
     def _advance(self, aim: Aim) -> Signals:
         """Simulate a control step, in which the demand moves to the aim at every step of the simulator."""
-        start, n = self.aim, self._substeps
+        start, n, controller, demand = self.aim, self._substeps, self.controller, self.layout.action.demand
+        turn, rise = aim.pitch - start.pitch, aim.generator_torque - start.generator_torque
 
         def demand_at(k: int, signals: Signals) -> Demand:
-            pitch = start.pitch + k / n * (aim.pitch - start.pitch)
-            torque = start.generator_torque + k / n * (aim.generator_torque - start.generator_torque)
-            if self.controller is not None:
-                base = self.controller.step(signals, self._inner_dt)
-                self.base = checked_demand(base, self.controller, self.turbine.n_blades)
-            self.demand = self.layout.action.demand(
-                Aim(pitch, aim.yaw_rate, torque), self.base, signals["azimuth"], signals["rotor_speed"]
-            )
+            share = k / n
+            present = Aim(start.pitch + share * turn, aim.yaw_rate, start.generator_torque + share * rise)
+            if controller is not None:
+                base = controller.step(signals, self._inner_dt)
+                self.base = checked_demand(base, controller, self.turbine.n_blades)
+            self.demand = demand(present, self.base, signals["azimuth"], signals["rotor_speed"])
             return self.demand
 
         return advance_under(demand_at, self.simulator, self.signals, self._inner_dt, n)
@@ -645,13 +644,13 @@ class WindTurbineEnv(gym.Env):
 
     def _info(self, saturated: tuple[str, ...]) -> dict[str, Any]:
         return {
-            "time": float(self.signals["time"]),
+            "time": self.signals["time"],
             "wind_speed": float(self.episode_wind.wind_speed),
             "wind_seed": int(self.episode_wind.wind_seed),
-            "generator_power": float(self.signals["generator_power"]),
-            "rotor_speed": float(self.signals["rotor_speed"]),
-            "rotor_speed_max": float(self.signals["rotor_speed_max"]),
-            "tip_clearance_min": float(self._tip_clearance()),
+            "generator_power": self.signals["generator_power"],
+            "rotor_speed": self.signals["rotor_speed"],
+            "rotor_speed_max": self.signals["rotor_speed_max"],
+            "tip_clearance_min": self._tip_clearance(),
             "saturated": saturated,
         }
 
@@ -666,14 +665,14 @@ class WindTurbineEnv(gym.Env):
 
     def _tip_clearance(self) -> float:
         """Smallest signed distance of a tip from the tower during the last step [m]."""
-        return min(self.signals[f"tip_clearance_min_{b + 1}"] for b in range(self.turbine.n_blades))
+        return min(self.signals["tip_clearance_min"].tolist())
 
     def _punish(self, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
         """Reward and terms of a terminated episode's last step."""
         return reward - self.termination_penalty, {**terms, "termination": -self.termination_penalty}
 
     def _check_finite(self, signals: Signals) -> None:
-        if not np.isfinite(signals.values).all():
+        if not np.logical_and.reduce(np.isfinite(signals.values)):
             raise SimulationError(f"the simulator returned values that are not finite at {signals['time']!r} s")
 
     def _fail(self, error: SimulationError):

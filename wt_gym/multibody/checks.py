@@ -142,7 +142,7 @@ def check_state(system, y):
                 f"body {body!r}: its quaternion {state[first : first + 4].tolist()} has norm {norm:.9g}; allowed: 1 ± "
                 f"{UNIT_NORM:g}"
             )
-    if not np.all(np.isfinite(state)):
+    if not np.isfinite(state).all():
         bad = [name for name, value in zip(system.state_names, state, strict=True) if not np.isfinite(value)]
         raise MultibodyError(f"the state is not finite in {', '.join(bad)}")
     return state

@@ -9,6 +9,7 @@ from collections import namedtuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wt_gym.compiled import compiled_for
 from wt_gym.constants import GRAVITY
 from wt_gym.multibody.checks import check_body, check_number, check_state, check_unique, check_vector
 from wt_gym.multibody.constraints import constraint_kernels
@@ -72,6 +73,11 @@ class MultibodySystem:
         self.constraints: list[Constraint] = []
         self._tied: list[tuple] = []
         self.tree = None
+        self._compiled_rates = None  # for the types of this system
+
+    def __getstate__(self):
+        """What a pickle takes along: all but compiled code."""
+        return self.__dict__ | {"_compiled_rates": None}
 
     def add(self, body, joint, parent=None, marker="origin"):
         """Add a body; returns its index.
@@ -156,6 +162,7 @@ class MultibodySystem:
         if not self.bodies:
             raise MultibodyError("a multibody system needs at least one body")
         self._number_coordinates()
+        self.quaternions = self._find_quaternions()
         check_unique("state", self.state_names)
         self.tree = Tree(**self._topology(), **self._joint_arrays(), **self._body_arrays())
         return self
@@ -225,8 +232,7 @@ class MultibodySystem:
         """Joints and constraints with a servo, in the order of their states."""
         return [j for j in self.joints if j.kind == "servo"] + [c for c in self.constraints if c.servo_frequency > 0.0]
 
-    @property
-    def quaternions(self):
+    def _find_quaternions(self):
         """First index of each quaternion among the coordinates, with the name of its body: list of (int, str)."""
         return [
             (entry["joint_q"] + (3 if joint.kind == "free" else 0), body.name)
@@ -446,12 +452,15 @@ class MultibodySystem:
         y = check_state(self, y)
         history = new_history(self.n_state)
         history.y[3] = y
-        code = integrator_kernels.hamming_advance(
-            history, inputs or self.new_inputs(), self.tree, work or self.new_work(), 0.0, 0, 0, self.constrained, True
-        )
+        arguments = (
+            history, inputs or self.new_inputs(), self.tree, work or self.new_work(), 0.0, 0, 0, self.constrained, True,
+        )  # fmt: skip
+        if self._compiled_rates is None:
+            self._compiled_rates = compiled_for(integrator_kernels.hamming_advance, arguments)
+        code = self._compiled_rates(*arguments)
         if code != tree_kernels.OK:
             raise MultibodyError(FAILURES[code])
-        return history.f[3].copy()
+        return history.f[3]
 
     def constraint_residuals(self, y):
         """Residuals φ and φ̇ (n_constraints,) of the constraint equations for a state [m, rad; m/s, rad/s]."""

@@ -134,9 +134,12 @@ class Signals:
         raise AttributeError(f"no signal {name!r}; the signals are {', '.join(index)}")
 
     def __getitem__(self, name):
-        place = _layout(self.n_blades)[0].get(name)
+        index, groups = _layout(self.n_blades)
+        place = index.get(name)
         if place is not None:
             return self.values.item(place)
+        if name in groups:
+            return self.values[groups[name]]
         try:
             return getattr(self, name)
         except AttributeError as error:

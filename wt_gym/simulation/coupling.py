@@ -162,6 +162,8 @@ class Coupling:
         # the nodes of the lattice, then the points of the tower, which stay
         self._wind_points = np.concatenate([self.exchange.nodes.reshape(-1, 3), self.exchange.tower.position])
         self._blade_wind = np.zeros(models.lattice.nodes_shape)
+        first_pitch = system.n_q + system.n_u + 1  # behind the yaw drive
+        self._pitches = slice(first_pitch, first_pitch + models.turbine.n_blades)
         self._step, self._bundles = None, None  # compiled for the types of this turbine, and its arguments
 
     @property
@@ -181,8 +183,7 @@ class Coupling:
     @property
     def pitch(self):
         """Pitch of the blades (n_blades,) [rad], a view."""
-        n_y = self.models.structure.system.n_q + self.models.structure.system.n_u
-        return self.integrator.state[n_y + 1 : n_y + 1 + self.models.turbine.n_blades]
+        return self.integrator.state[self._pitches]
 
     @property
     def extremes(self):

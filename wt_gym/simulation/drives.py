@@ -131,11 +131,12 @@ class PitchDrives:
             raise ActionError(f"pitch is {pitch!r}; one angle or {n} angles [rad] are needed") from None
         if vector.shape not in ((), (n,)):
             raise ActionError(f"pitch has shape {vector.shape}; allowed: one angle or {n} angles [rad]")
-        if not np.all(np.isfinite(vector)):
+        angles = vector.ravel().tolist()  # numbers one by one: numpy's functions are slow on arrays of three
+        if not all(map(math.isfinite, angles)):
             raise ActionError(f"pitch {pitch!r} is not finite")
-        if np.abs(vector).max() > np.pi:
+        if max(angles) > math.pi or min(angles) < -math.pi:
             raise ActionError(f"pitch {pitch!r} is beyond ±π rad; are these degrees?")
-        return np.broadcast_to(vector, (n,)).copy()
+        return np.array(angles if len(angles) == n else angles * n)
 
     def first(self, value, speed):
         """Command (n_blades,) at the start [rad]."""
@@ -147,7 +148,7 @@ class PitchDrives:
     def follow(self, command, demand, dt, speed):
         """Move the commands (n_blades,) towards the demanded angles (n_blades,) [rad]."""
         low, high, reach = self.limits.min_pitch, self.limits.max_pitch, self.limits.max_rate * dt
-        moved = zip(command.tolist(), np.asarray(demand).tolist(), strict=True)  # numbers of numpy are slow one by one
+        moved = zip(command.tolist(), np.asarray(demand).tolist(), strict=True)
         command[:] = [now + min(max(min(max(angle, low), high) - now, -reach), reach) for now, angle in moved]
 
 

@@ -23,8 +23,11 @@ class Extremes(NamedTuple):
 
     def restart(self):
         """Begin a new interval."""
-        for name, array in self._asdict().items():
-            array[:] = np.inf if name.endswith("_min") else -np.inf
+        for array, smallest in zip(self, _SMALLEST, strict=True):
+            array.fill(np.inf if smallest else -np.inf)
+
+
+_SMALLEST = [name.endswith("_min") for name in Extremes._fields]
 
 
 class Monitor(NamedTuple):

@@ -73,13 +73,13 @@ class Starter:
         s, lattice, x = c.models.structure, c.models.lattice, c.exchange
         inputs, work = c.integrator.inputs, c.integrator.work
         induced = None
-        for _ in range(PASSES):
+        for k in range(PASSES):
             c.move_lattice(y)
             axis = work.rot[s.hub, :, 0].copy()
             wind = c.take_wind(inflow, 0.0)
             induced = lattice.initialise_helix(
                 c.aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, c.models.time_step,
-                passes=4 if induced is None else 1, induced=induced,
+                passes=4 if induced is None else 1, induced=induced, accept=k == PASSES - 1,
             )  # fmt: skip
             loads = inputs.body_loads[1]
             coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.blades, loads)

@@ -126,7 +126,7 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
         raise ControllerError(f"the controller {_name(controller)} gave {demand!r}; a Demand is needed")
     try:
         pitch = np.asarray(demand.pitch, dtype=np.float64)
-        finite = math.isfinite(demand.yaw_rate) and math.isfinite(demand.generator_torque) and np.isfinite(pitch).all()
+        finite = all(map(math.isfinite, (demand.yaw_rate, demand.generator_torque, *pitch.ravel().tolist())))
     except (TypeError, ValueError) as error:
         raise ControllerError(f"the controller {_name(controller)} gave {demand!r}: {error}") from error
     if pitch.shape != (n_blades,):

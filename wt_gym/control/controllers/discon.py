@@ -200,7 +200,7 @@ class BaselineController:
                 f"the baseline controller is made for {p.n_blades} blades, got pitch of shape {pitch.shape}"
             )
         pitch = np.broadcast_to(pitch, p.n_blades).copy()
-        integral = pitch[0] / (self._gain_factor(pitch) * p.integral_gain)
+        integral = pitch[0] / (self._gain_factor(float(pitch[0])) * p.integral_gain)
         self.state = BaselineState(float(generator_speed), float(integral), pitch, float(torque))
 
     def step(self, generator_speed: float, dt: float) -> tuple[np.ndarray, float]:
@@ -229,38 +229,39 @@ class BaselineController:
             raise RuntimeError("BaselineController.step was called before start")
         memory = math.exp(-dt * self.parameters.corner_frequency)
         filtered = (1.0 - memory) * generator_speed + memory * self.state.filtered_speed
-        torque = self._torque(filtered, dt)
-        pitch, integral = self._pitch(filtered, dt)
+        before = self.state.pitch.tolist()  # arrays of three are slow
+        torque = self._torque(filtered, before[0], dt)
+        commands, integral = self._pitch(filtered, before, dt)
+        pitch = np.array(commands)
         self.state = BaselineState(filtered, integral, pitch, torque)
         return pitch.copy(), torque
 
-    def _torque(self, filtered_speed: float, dt: float) -> float:
+    def _torque(self, filtered_speed: float, pitch: float, dt: float) -> float:
         """Torque command [N m]: law of the region, saturation, rate limit."""
         p, previous = self.parameters, self.state.torque
-        pitched = self.state.pitch[0] >= p.region_3_min_pitch
-        torque = min(p.torque.torque(filtered_speed, constant_power=bool(pitched)), p.max_torque)
+        pitched = pitch >= p.region_3_min_pitch
+        torque = min(p.torque.torque(filtered_speed, constant_power=pitched), p.max_torque)
         if math.isnan(previous):
             return torque
         step = p.max_torque_rate * dt
         return min(max(torque, previous - step), previous + step)
 
-    def _pitch(self, filtered_speed: float, dt: float) -> tuple[np.ndarray, float]:
+    def _pitch(self, filtered_speed: float, previous: list[float], dt: float) -> tuple[list[float], float]:
         """Pitch commands [rad] and integral of the speed error [rad]: gain-scheduled PI with anti-windup."""
-        p, previous = self.parameters, self.state.pitch
-        factor = self._gain_factor(previous)
+        p = self.parameters
+        factor = self._gain_factor(previous[0])
         error = filtered_speed - p.reference_speed
         to_integral = 1.0 / (factor * p.integral_gain)
         integral = self.state.speed_integral + error * dt
         integral = min(max(integral, p.min_pitch * to_integral), p.max_pitch * to_integral)
         demand = factor * (p.proportional_gain * error + p.integral_gain * integral)
         demand = min(max(demand, p.min_pitch), p.max_pitch)
-        step = p.max_pitch_rate * dt
-        pitch = np.clip(demand, previous - step, previous + step)
-        return np.clip(pitch, p.min_pitch, p.max_pitch), integral
+        step, low, high = p.max_pitch_rate * dt, p.min_pitch, p.max_pitch
+        return [min(max(min(max(demand, now - step), now + step), low), high) for now in previous], integral
 
-    def _gain_factor(self, pitch: np.ndarray) -> float:
+    def _gain_factor(self, pitch: float) -> float:
         """Gain reduction for the stronger response of the rotor at larger pitch [-]."""
-        return 1.0 / (1.0 + pitch[0] / self.parameters.gain_doubling_pitch)
+        return 1.0 / (1.0 + pitch / self.parameters.gain_doubling_pitch)
 
 
 class DisconController:

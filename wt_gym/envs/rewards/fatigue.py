@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.control.coleman import to_harmonic
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
-from wt_gym.envs.rewards.term import HighPass, bounded_square
+from wt_gym.envs.rewards.term import HighPass, bounded_square, of_blades
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import Transition
@@ -58,8 +58,7 @@ class BladeFatigue:
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode with the mean moment of all blades as the mean of each."""
         self._started, n = True, turbine.n_blades
-        self._names = tuple(f"root_flap_moment_{b + 1}" for b in range(n))
-        mean = sum(signals[name] for name in self._names) / n
+        mean = sum(of_blades(signals, "root_flap_moment", n)) / n
         self._filters = [HighPass(self.time_constant, mean) for _ in range(n)]
         self._reference = self.scale * reference_flap_moment(turbine)
 
@@ -67,12 +66,11 @@ class BladeFatigue:
         """Rate of reward [1/s]."""
         if not self._started:
             self.reset(transition.turbine, transition.before)
-        after, n = transition.after, len(self._names)
-        moments = [
-            high_pass(after[name], transition.dt) for high_pass, name in zip(self._filters, self._names, strict=True)
-        ]
+        after, dt = transition.after, transition.dt
+        measured = of_blades(after, "root_flap_moment", len(self._filters))
+        moments = [high_pass(moment, dt) for high_pass, moment in zip(self._filters, measured, strict=True)]
         tilt, yaw = to_harmonic(moments, after["azimuth"])
-        single = sum(m * m for m in moments) / n
+        single = sum([m * m for m in moments]) / len(moments)
         square = (1.0 - self.fixed_frame) * single + self.fixed_frame * 0.5 * (tilt * tilt + yaw * yaw)
         return -self.weight * bounded_square(square / (self._reference * self._reference))
 

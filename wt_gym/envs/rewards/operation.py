@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from wt_gym.envs.rewards.term import bounded_square
+from wt_gym.envs.rewards.term import bounded_square, of_blades
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import Transition
@@ -27,7 +27,7 @@ class ActuatorUse:
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
         turbine, before, after = transition.turbine, transition.before, transition.after
-        travel = sum(after[f"pitch_travel_{b + 1}"] for b in range(turbine.n_blades)) / turbine.n_blades
+        travel = sum(of_blades(after, "pitch_travel", turbine.n_blades)) / turbine.n_blades
         torque = abs(after["generator_torque"] - before["generator_torque"]) / transition.dt
         uses = [travel / transition.dt / turbine.pitch.max_rate, torque / turbine.drivetrain.max_torque_rate]
         if turbine.nacelle.max_yaw_rate > 0.0:

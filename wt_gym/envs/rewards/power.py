@@ -129,5 +129,5 @@ class Power:
         """Rotor-effective wind speed [m/s]."""
         if inflow is None:
             return math.hypot(signals["wind_x"], signals["wind_y"])
-        x, y, _ = inflow.velocity(self._disc, signals["time"]).sum(axis=0).tolist()
+        x, y, _ = np.add.reduce(inflow.velocity(self._disc, signals["time"])).tolist()
         return math.hypot(x, y) / len(self._disc)

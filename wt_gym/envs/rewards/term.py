@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["HighPass", "RewardTerm", "Transition", "bounded_square"]
+__all__ = ["HighPass", "RewardTerm", "Transition", "bounded_square", "of_blades"]
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,16 @@ class RewardTerm(Protocol):
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s], at least -weight."""
         ...
+
+
+@cache
+def _names(channel: str, n_blades: int) -> tuple[str, ...]:
+    return tuple(f"{channel}_{b + 1}" for b in range(n_blades))
+
+
+def of_blades(signals: Signals, channel: str, n_blades: int) -> list[float]:
+    """Values of a channel that every blade has, blade 1 first."""
+    return [signals[name] for name in _names(channel, n_blades)]
 
 
 def bounded_square(square: float) -> float:

@@ -29,7 +29,7 @@ def hamming_matrix(z, passes, final=True):
 
     Parameters
     ----------
-    z : complex
+    z : complex or array
     passes : int or None
         Corrector passes; None is the converged corrector.
     final : bool
@@ -37,8 +37,10 @@ def hamming_matrix(z, passes, final=True):
 
     Returns
     -------
-    array (8, 8), complex
+    array (..., 8, 8), complex
+        For z of shape (...).
     """
+    z = np.asarray(z)[..., None]
     unit = np.eye(8, dtype=complex)
     y, f, e = unit[[3, 2, 1, 0]], [None, *unit[[6, 5, 4]]], unit[7]
     predicted = y[0] + 4.0 / 3.0 * (2.0 * f[3] - f[2] + 2.0 * f[1])
@@ -51,7 +53,7 @@ def hamming_matrix(z, passes, final=True):
             corrected = known + 3.0 * z / 8.0 * corrected
     error = 9.0 / 121.0 * (corrected - predicted)
     new = corrected - error if final else corrected
-    return np.array([new, y[3], y[2], y[1], z * new, f[3], f[2], error])
+    return np.stack(np.broadcast_arrays(new, y[3], y[2], y[1], z * new, f[3], f[2], error), axis=-2)
 
 
 def _limit(direction, passes):
@@ -113,18 +115,15 @@ def system_eigenvalues(system, y, inputs=None, work=None, step=1e-6):
             moved[n_q + u] += sign * step
             columns.append(system.rates(moved, inputs, work)[accelerations])
         matrix[n_u:, n_u + u] = (columns[0] - columns[1]) / (2.0 * step)
-    servos = [
-        root
-        for w, z in zip(system.tree.servo_frequency, system.tree.servo_damping, strict=True)
-        for root in np.roots([1.0, 2.0 * z * w, w * w])
-    ]
-    return np.concatenate([np.linalg.eigvals(matrix), servos])
+    w, z = system.tree.servo_frequency, system.tree.servo_damping
+    apart = np.emath.sqrt(z * z - 1.0)  # of s² + 2 ζ ω s + ω²
+    return np.concatenate([np.linalg.eigvals(matrix), w * (-z + apart), w * (-z - apart)])
 
 
 def hamming_growth(roots, step, passes):
     """Growth in a step of the modified Hamming scheme beyond that of the motion itself, for roots λ (n,) [1/s]."""
     z = np.asarray(roots) * step
-    radius = np.abs(np.linalg.eigvals(np.array([hamming_matrix(value, passes) for value in z]))).max(axis=1)
+    radius = np.abs(np.linalg.eigvals(hamming_matrix(z, passes))).max(axis=1)
     true = np.maximum(np.abs(np.exp(z)), 1.0)
     return radius - true - 0.5 * (true - 1.0)
 
@@ -156,6 +155,7 @@ def check_hamming_step(system, y, step, passes, inputs=None, work=None):
             f"gives α h = {alpha * step:.3g}; allowed with {passes} corrector pass(es): {limit:.3g}"
         )
     roots = system_eigenvalues(system, y, inputs, work)
+    roots = roots[roots.imag >= 0.0]  # the conjugate ones grow alike
     growth = hamming_growth(roots, step, passes)
     k = int(np.argmax(growth))
     if growth[k] > NOTABLE:
