@@ -1,15 +1,15 @@
-"""The benchmark: frozen tasks, runs of agents in them, and a score between the baseline controller and the best known.
+"""The benchmark: frozen tasks, runs of agents in them, scores between the baseline controller and the best known.
 
-A task (`load_task`) says where an agent runs; `play` makes one run of it; `score` compares the runs of an agent with the
-reference numbers that stand in the task's file. docs/benchmark.md has the rules.
+A task (`load_task`) says where an agent runs; `play` makes one run of it; `score` compares the runs of an agent with
+the reference numbers that stand in the task's file. docs/benchmark.md has the rules.
 """
 
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
-from wt_gym.benchmark.leaderboard import leaderboard, to_markdown
 from wt_gym.benchmark.reference import Reference, make_reference, reference_of, write_reference
 from wt_gym.benchmark.results import ResultFolder, result_key
 from wt_gym.benchmark.run import INTERFACE, play, run_definition
-from wt_gym.benchmark.score import Score, score
+from wt_gym.benchmark.scoring import Score, score
+from wt_gym.benchmark.table import leaderboard, to_markdown
 from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind, Limit, Term, load_task, task_names
 
 __all__ = [

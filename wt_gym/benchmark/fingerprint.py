@@ -68,7 +68,7 @@ def code_of(source: str) -> str:
     """Tokens of a source with its lines and indents, without comments, blank lines and docstrings."""
     kept, begins = [], True
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type in _SILENT:
+        if token.type in _SILENT or (token.type == tokenize.NEWLINE and begins):  # the latter ends a docstring
             continue
         if token.type in _STATEMENT_BEGINS:
             kept.append({tokenize.NEWLINE: "\n", tokenize.INDENT: "{", tokenize.DEDENT: "}"}[token.type])

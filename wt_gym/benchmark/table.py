@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.benchmark.reference import reference_of
-from wt_gym.benchmark.score import score
+from wt_gym.benchmark.scoring import score
 from wt_gym.benchmark.tasks import digest, load_task, task_names
 from wt_gym.errors import BenchmarkError
 
