@@ -1,6 +1,14 @@
 """Exceptions raised at the doors of wt_gym: each names what was given, what is allowed and where."""
 
-__all__ = ["ActionError", "ControllerError", "InflowError", "SimulationError", "TurbineDefinitionError", "WtGymError"]
+__all__ = [
+    "ActionError",
+    "BenchmarkError",
+    "ControllerError",
+    "InflowError",
+    "SimulationError",
+    "TurbineDefinitionError",
+    "WtGymError",
+]
 
 
 class WtGymError(Exception):
@@ -21,6 +29,10 @@ class ActionError(WtGymError, ValueError):
 
 class ControllerError(WtGymError, ValueError):
     """A controller gave a demand that the turbine cannot be asked for; the controller is to be mended, no action."""
+
+
+class BenchmarkError(WtGymError, ValueError):
+    """A task, a result or a reference of the benchmark is unknown, damaged, or does not belong to the others."""
 
 
 class SimulationError(WtGymError, RuntimeError):

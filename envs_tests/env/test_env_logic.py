@@ -9,6 +9,7 @@ from gymnasium.error import ResetNeeded
 from scripted_simulator import ScriptedSimulator
 
 from wt_gym.envs import turbine_env
+from wt_gym.envs.costs import unloaded_clearance
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
@@ -262,3 +263,52 @@ def test_step_needs_reset(make_env):
 
 def test_registered_spec_makes_this_class():
     assert gym.spec("wt_gym/NREL5MW-Steady-v0").entry_point == "wt_gym.envs.turbine_env:WindTurbineEnv"
+
+
+QUIET = {f"tip_clearance_min_{blade}": 40.0 for blade in (1, 2, 3)}
+
+
+@pytest.mark.parametrize(
+    ("extremes", "name", "cost"),
+    [
+        ({}, "overspeed", 0.0),
+        ({"rotor_speed_max": 1.09 * RATED}, "overspeed", 0.0),
+        ({"rotor_speed_max": 1.175 * RATED}, "overspeed", 0.5),
+        ({"rotor_speed_max": 1.3 * RATED}, "overspeed", 1.0),
+        ({"tip_clearance_min_2": -0.1}, "clearance", 1.0),
+        ({"pitch_travel_3": 0.89 * 0.2 * np.radians(8.0)}, "pitch_rate", 0.0),
+        ({"pitch_travel_3": 0.95 * 0.2 * np.radians(8.0)}, "pitch_rate", 0.5),
+        ({"pitch_travel_3": 0.2 * np.radians(8.0)}, "pitch_rate", 1.0),
+    ],
+)
+def test_costs_rise_evenly_through_their_margins(make_env, extremes, name, cost):
+    env = make_env({0.2: QUIET | extremes})
+    env.reset(seed=0)
+    *_, info = env.step(HOLD)
+    assert info["costs"][name] == pytest.approx(cost, abs=1e-9)
+    assert info["cost"] == sum(info["costs"].values()) == pytest.approx(cost, abs=1e-9)
+
+
+def test_clearance_costs_by_the_unloaded_clearance(make_env):
+    env = make_env()
+    # 5 m of overhang, 63 m of blade leaning 7.5 degrees upwind, half of a tower of 4.9 m at the height of the tip
+    assert unloaded_clearance(env.turbine) == pytest.approx(10.8, abs=0.3)
+    env = make_env({0.2: QUIET | {"tip_clearance_min_1": 0.15 * unloaded_clearance(env.turbine)}})
+    env.reset(seed=0)
+    *_, info = env.step(HOLD)
+    assert info["costs"] == pytest.approx({"overspeed": 0.0, "clearance": 0.5, "pitch_rate": 0.0})
+
+
+def test_margin_of_overspeed_follows_the_limit(make_env):
+    env = make_env({0.2: QUIET | {"rotor_speed_max": 1.07 * RATED}}, overspeed_limit=1.1)
+    env.reset(seed=0)
+    *_, info = env.step(HOLD)
+    assert info["costs"]["overspeed"] == pytest.approx(0.5)
+
+
+def test_a_failure_costs_everything(make_env):
+    env = make_env(break_at=0.2)
+    env.reset(seed=0)
+    *_, info = env.step(HOLD)
+    assert info["costs"] == {"overspeed": 1.0, "clearance": 1.0, "pitch_rate": 1.0}
+    assert info["cost"] == 3.0

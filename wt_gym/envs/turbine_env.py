@@ -16,6 +16,7 @@ from wt_gym.control import COMPONENTS, ActionMap, Aim, Demand, OperatingPoint, o
 from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.controllers import checked_demand, make_controller
 from wt_gym.envs import rewards
+from wt_gym.envs.costs import Costs
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, Situation
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
@@ -193,7 +194,8 @@ class WindTurbineEnv(gym.Env):
 
     ``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
     ``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
-    control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names).
+    control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and
+    for constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`).
     ``env.unwrapped.signals`` has every signal of the simulator.
 
     ## Arguments
@@ -347,6 +349,7 @@ class WindTurbineEnv(gym.Env):
             observation = RESIDUAL_GROUPS if action_mode == "residual" else DEFAULT_GROUPS
         late = self._steps_in("sensor_delay", sensor_delay, least=0)
         self._observer = Observer(self.turbine, action, observation, sensor_noise, late, history, lidar)
+        self._costs = Costs(self.turbine, self.control_dt, self.overspeed_limit)
         self.layout = EnvLayout(self.turbine, self._observer.layout, action, self.control_dt, late)
         self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
         self.observation_space = spaces.Box(self._observer.layout.low, self._observer.layout.high, dtype=np.float32)
@@ -492,7 +495,8 @@ class WindTurbineEnv(gym.Env):
         observation, saturated = self._observe()
         truncated = ending is None and self._max_steps is not None and self._steps >= self._max_steps
         self._running = ending is None and not truncated
-        info = self._info(saturated) | {"reward_terms": terms}
+        costs = self._costs.of(after)
+        info = self._info(saturated) | {"reward_terms": terms, "cost": sum(costs.values()), "costs": costs}
         if ending is not None:
             info["termination"] = ending
         return observation, self._returned(reward, terms), ending is not None, truncated, info
@@ -680,5 +684,7 @@ class WindTurbineEnv(gym.Env):
         self._running, self._failed = False, True
         observation, saturated = self._observation.copy(), self._saturated
         reward, terms = self._punish(0.0, {term.name: 0.0 for term in self.reward_terms})
-        info = self._info(saturated) | {"reward_terms": terms, "termination": "failure", "failure": str(error)}
+        costs = self._costs.of_failure()
+        info = self._info(saturated) | {"reward_terms": terms, "cost": sum(costs.values()), "costs": costs}
+        info |= {"termination": "failure", "failure": str(error)}
         return observation, self._returned(reward, info["reward_terms"]), True, False, info

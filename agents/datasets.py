@@ -1,0 +1,193 @@
+"""Minari data sets of agents at work, for offline learning."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+
+import wt_gym
+from agents.controller_agent import ControllerAgent
+from agents.entries import parse_controller
+from agents.uniform import UniformAgent
+from wt_gym.control.controllers import CONTROLLERS
+from wt_gym.envs.layout import layout_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from minari import MinariDataset
+
+__all__ = ["ENV_KWARGS", "DatasetConfig", "record_dataset"]
+
+ENV_KWARGS = {"pitch": "individual", "episode_length": 60.0}
+"""Arguments of the environment by default: rates of all blades, so that the actions of controllers are what they do."""
+
+_ROOT = "MINARI_DATASETS_PATH"
+
+
+@dataclass(frozen=True)
+class DatasetConfig:
+    """What to record.
+
+    Attributes
+    ----------
+    agent : str
+        "baseline", "random", a controller with parameters as ``ipc:bandwidth=0.1``, or the path of a trained model.
+    dataset_id : str
+        ``namespace/name-vN``.
+    env_id : str or None
+        By default ``wt_gym/NREL5MW-Turbulent-v0``, for a trained model the environment of its training.
+    env_kwargs : dict
+        On top of `ENV_KWARGS`, for a trained model of those of its training.
+    episodes : int
+    noise : float
+        Standard deviation of normal noise on the actions, which are kept within their bounds.
+    seed : int
+        Of the first episode (the winds are drawn from the seeds of the environment); the next ones count on.
+    random_episodes : int
+        Of random actions, for the lower reference score.
+    """
+
+    agent: str
+    dataset_id: str
+    env_id: str | None = None
+    env_kwargs: dict[str, Any] = field(default_factory=dict)
+    episodes: int = 20
+    noise: float = 0.0
+    seed: int = 0
+    random_episodes: int = 2
+
+    def __post_init__(self):
+        if self.episodes < 1 or self.random_episodes < 1:
+            raise ValueError(
+                f"at least 1 episode is needed, got {self.episodes} and {self.random_episodes} random ones"
+            )
+        if not 0.0 <= self.noise < np.inf:
+            raise ValueError(f"noise must be finite and not negative, got {self.noise!r}")
+
+
+def record_dataset(
+    config: DatasetConfig, folder: str | Path, on_episode: Callable[[int, float], None] | None = None
+) -> MinariDataset:
+    """Record episodes of an agent as a Minari data set.
+
+    Observations, actions, rewards, ends and, in the infos, ``cost`` of every step are kept; seeds of the episodes, the
+    environment with its arguments, and reference scores, mean returns of random actions and of the agent itself.
+
+    Parameters
+    ----------
+    config : DatasetConfig
+    folder : str or path
+        Root of Minari's data sets (``MINARI_DATASETS_PATH``).
+    on_episode : callable, optional
+        Gets number and return of every recorded episode.
+
+    Raises
+    ------
+    ValueError
+        If there is such a data set already, or the agent is unknown or does not fit the environment.
+    """
+    import minari
+    from minari.data_collector.episode_buffer import EpisodeBuffer
+
+    folder = Path(folder).absolute()
+    if (folder / config.dataset_id).exists():
+        raise ValueError(f"there is a data set {config.dataset_id} in {folder} already; remove it or give another id")
+    folder.mkdir(parents=True, exist_ok=True)
+    env_id, kwargs, make_agent = _agent(config)
+    env = gym.make(env_id, **kwargs)
+    agent, noisy = make_agent(env), np.random.default_rng(config.seed)
+    lowest = [_episode(env, UniformAgent(layout_of(env)), config.seed + k) for k in range(config.random_episodes)]
+    played = []
+    for k in range(config.episodes):
+        played.append(_episode(env, agent, config.seed + k, config.noise, noisy))
+        if on_episode is not None:
+            on_episode(k + 1, sum(played[-1]["rewards"]))
+    with _datasets_in(folder):
+        dataset = minari.create_dataset_from_buffers(
+            config.dataset_id,
+            [EpisodeBuffer(id=k, seed=config.seed + k, **episode) for k, episode in enumerate(played)],
+            env=env,
+            algorithm_name=config.agent,
+            ref_min_score=_mean_return(lowest),
+            ref_max_score=_mean_return(played),
+            requirements=[f"wt_gym=={wt_gym.__version__}"],
+            description=f"{config.agent} in {env_id}, {config.episodes} episodes, noise {config.noise:g} on actions",
+        )
+    env.close()
+    return dataset
+
+
+@contextmanager
+def _datasets_in(folder: Path) -> Iterator[None]:
+    """Minari's root for a while, which it reads from the variables of the process."""
+    before = os.environ.get(_ROOT)
+    os.environ[_ROOT] = str(folder)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_ROOT]
+        else:
+            os.environ[_ROOT] = before
+
+
+def _agent(config: DatasetConfig):
+    """Environment, its arguments, and what makes the agent for it."""
+    if Path(config.agent).exists():
+        from agents.trained import TrainedAgent  # torch takes seconds to import
+
+        trained = TrainedAgent.load(config.agent)
+        of_training = (trained.record or {}).get("config", {})
+        env_id = config.env_id or of_training.get("env_id")
+        if env_id is None:
+            raise ValueError(f"{config.agent} has no record of its training: say which environment it is for")
+
+        def make_trained(env):
+            trained.check_fits(layout_of(env))
+            return trained
+
+        return env_id, {**of_training.get("env_kwargs", {}), **config.env_kwargs}, make_trained
+    env_id, kwargs = config.env_id or "wt_gym/NREL5MW-Turbulent-v0", {**ENV_KWARGS, **config.env_kwargs}
+    if config.agent == "random":
+        return env_id, kwargs, lambda env: UniformAgent(layout_of(env), config.seed)
+    name, parameters = parse_controller("discon" if config.agent == "baseline" else config.agent)
+    if any(part not in CONTROLLERS for part in name.split("+")):
+        raise ValueError(
+            f"{config.agent!r} is no agent: give baseline, random, {', '.join(CONTROLLERS)} (joined with '+', "
+            "parameters behind ':'), or the path of a trained model"
+        )
+    return env_id, kwargs, lambda env: ControllerAgent(layout_of(env), name, **parameters)
+
+
+def _episode(
+    env: gym.Env, agent, seed: int, noise: float = 0.0, rng: np.random.Generator | None = None
+) -> dict[str, Any]:
+    """Play an episode; give what Minari keeps of one, with a cost of zero at its start."""
+    observation, _ = env.reset(seed=seed)
+    state, start, done = None, np.ones(1, dtype=bool), False
+    observations, costs, steps = [observation], [0.0], []
+    while not done:
+        action, state = agent.predict(observation, state=state, episode_start=start)
+        if noise > 0.0:
+            action = np.clip(action + noise * rng.standard_normal(action.shape), -1.0, 1.0).astype(np.float32)
+        observation, reward, terminated, truncated, info = env.step(action)
+        start, done = np.zeros(1, dtype=bool), terminated or truncated
+        observations.append(observation)
+        costs.append(info["cost"])
+        steps.append((action, float(reward), terminated, truncated))
+    actions, rewards, terminations, truncations = map(list, zip(*steps, strict=True))
+    return {
+        "observations": observations, "actions": actions, "rewards": rewards, "terminations": terminations,
+        "truncations": truncations, "infos": {"cost": costs},
+    }  # fmt: skip
+
+
+def _mean_return(episodes: list[dict[str, Any]]) -> float:
+    return float(np.mean([sum(episode["rewards"]) for episode in episodes]))

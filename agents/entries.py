@@ -1,0 +1,170 @@
+"""What takes part in the benchmark: words of the command line into agents and the environment each of them wants."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+
+from agents.constant import ConstantAgent
+from agents.uniform import UniformAgent
+from wt_gym.benchmark import INTERFACE
+from wt_gym.control.controllers import CONTROLLERS
+from wt_gym.envs.layout import layout_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = ["BASELINE", "LEVELS", "WORDS", "Entry", "entries_of", "entry_of", "parse_controller"]
+
+BASELINE = "discon"
+"""Entry whose score is zero."""
+
+LEVELS = (0.03, 0.06, 0.1, 0.15, 0.2)
+"""Bands of constrained individual pitch in the word "baselines", in `reference_flap_moment`."""
+
+WORDS = {
+    "baselines": ("zero", "random", BASELINE, "retuned", "ipc", *(f"constrained_ipc:level={x:g}" for x in LEVELS)),
+}
+"""Words that stand for several entries."""
+
+_BENEATH = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An agent with the environment it wants.
+
+    Attributes
+    ----------
+    name : str
+        Shown in tables.
+    choice : str
+        From which the agent is made: "zero", "random", "planner", a controller, or the path of a trained model.
+    definition : dict
+        JSON values that tell it from every other agent.
+    interface : dict
+        Arguments of the environment, see `wt_gym.benchmark.INTERFACE`.
+    """
+
+    name: str
+    choice: str
+    definition: dict[str, Any]
+    interface: dict[str, Any] = field(default_factory=dict)
+
+    def make(self, env: gym.Env):
+        """Make the agent for an environment; it has stable-baselines3's ``predict``."""
+        layout = layout_of(env)
+        kind = self.definition["kind"]
+        if kind == "random":
+            return UniformAgent(layout)
+        if kind == "planner":
+            from agents.planning import ShootingPlanner
+
+            return ShootingPlanner(env, **self.definition["parameters"])
+        if kind == "trained":
+            from agents.trained import TrainedAgent  # torch takes seconds to import
+
+            agent = TrainedAgent.load(self.choice)
+            agent.check_fits(layout)
+            return agent
+        return ConstantAgent(layout)
+
+
+def parse_controller(text: str) -> tuple[str, dict[str, Any]]:
+    """Name and parameters of ``name:key=value,key=value``.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is no number, truth value or None.
+    """
+    name, _, rest = text.partition(":")
+    parameters = {}
+    for pair in filter(None, rest.split(",")):
+        key, separator, value = pair.partition("=")
+        try:
+            parameters[key] = ast.literal_eval(value)
+        except (ValueError, SyntaxError):
+            separator = ""
+        if not separator:
+            raise ValueError(f"parameters are given as {name}:key=value,key=value, got {text!r}")
+    return name, parameters
+
+
+def entry_of(text: str) -> Entry:
+    """Entry of one word, path or ``NAME=CHOICE``.
+
+    Parameters
+    ----------
+    text : str
+        "zero" (zero actions on the baseline controller), "random" (even draws), "planner", with parameters as
+        ``planner:horizon=2.0``, a controller (`wt_gym.control.controllers.CONTROLLERS`, joined with "+"), with
+        parameters as ``constrained_ipc:level=0.1``, or the path of a trained model or its folder.
+
+    Raises
+    ------
+    ValueError
+        If it is none of them.
+    """
+    name, choice = _named(text)
+    word, parameters = ("", {}) if Path(choice).exists() else parse_controller(choice)
+    if choice in ("zero", "random"):
+        return Entry(name, choice, {"kind": choice})
+    if word == "planner":
+        return Entry(name, choice, {"kind": "planner", "parameters": parameters})
+    if word and all(part in CONTROLLERS for part in word.split("+")):
+        definition = {"kind": "controller", "controller": word, "parameters": parameters}
+        return Entry(name, choice, definition, {**_BENEATH, "controller": [word, parameters]})
+    if Path(choice).exists():
+        return _trained(name, Path(choice))
+    raise ValueError(
+        f"{choice!r} is no agent: give zero, random, planner, {', '.join(CONTROLLERS)} (joined with '+', parameters "
+        f"behind ':'), {', '.join(WORDS)}, or the path of a trained model"
+    )
+
+
+def entries_of(texts: Iterable[str]) -> list[Entry]:
+    """Entries of a command line, each once.
+
+    Raises
+    ------
+    ValueError
+        If one is no agent, or two different ones have the same name.
+    """
+    entries: dict[str, Entry] = {}
+    for text in texts:
+        for word in WORDS.get(text, (text,)):
+            entry = entry_of(word)
+            if entries.setdefault(entry.name, entry) != entry:
+                raise ValueError(f"two agents are called {entry.name!r}; give them names as NAME=CHOICE")
+    return list(entries.values())
+
+
+def _named(text: str) -> tuple[str, str]:
+    """Name and choice; an equals sign behind a colon belongs to the parameters."""
+    name, separator, choice = text.partition("=")
+    if separator and ":" not in name and name:
+        return name, choice
+    return (Path(text).name if Path(text).exists() else text), text
+
+
+def _trained(name: str, path: Path) -> Entry:
+    """Entry of a trained model, in the environment it was trained in."""
+    from agents.trained import MODEL_FILE, NORMALISATION_FILE, TrainedAgent
+
+    model_file = path / MODEL_FILE if path.is_dir() else path
+    record = TrainedAgent.load(path).record or {}
+    config = record.get("config", {})
+    kwargs = {**gym.spec(config["env_id"]).kwargs, **config["env_kwargs"]} if config else {}
+    interface = {key: kwargs[key] for key in INTERFACE if key in kwargs}
+    content = hashlib.sha256(model_file.read_bytes())
+    statistics = model_file.parent / NORMALISATION_FILE
+    if statistics.is_file():
+        content.update(statistics.read_bytes())
+    definition = {"kind": "trained", "algorithm": record.get("algorithm"), "sha256": content.hexdigest()}
+    return Entry(name, str(path), definition, interface)

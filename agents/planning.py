@@ -1,0 +1,141 @@
+"""Planning with the environment itself as the model: shooting by the cross-entropy method from snapshots.
+
+The planner tries its actions in the very episode it controls, so that it knows model and future wind exactly: no
+controller of a real turbine does. What it reaches is a bound for those that do not, not their rival.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import gymnasium as gym
+
+__all__ = ["ShootingPlanner"]
+
+_LEAST_SPREAD = 0.05  # of the samples, so that the search goes on
+
+
+class ShootingPlanner:
+    """Chooses the actions whose rewards over the next seconds are best.
+
+    A plan is a sequence of actions, each held for a while. Plans are drawn around the one that was best before, tried
+    in the environment, and drawn anew around the best of them; zero actions are always among them. The first action of
+    the best plan is done, then everything begins again. The environment is left as it was found.
+
+    Parameters
+    ----------
+    env : gymnasium.Env
+        The environment that the actions are for, one of this package, behind any wrappers; what wrappers do to actions
+        and rewards is not seen.
+    horizon : float
+        Time over which rewards are summed [s].
+    hold : float
+        Time for which an action is held [s], rounded to control steps.
+    samples : int
+        Plans tried in each round.
+    elites : int
+        The best of them, around which the next ones are drawn.
+    rounds : int
+        Rounds of drawing.
+    spread : float
+        Standard deviation of the plans in the first round.
+    seed : int
+        Of the draws; they are the planner's own.
+
+    Raises
+    ------
+    ValueError
+        If times or numbers have no meaning.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env,
+        horizon: float = 2.0,
+        hold: float = 0.4,
+        samples: int = 12,
+        elites: int = 3,
+        rounds: int = 2,
+        spread: float = 0.5,
+        seed: int = 0,
+    ):
+        self._env = env.unwrapped
+        if not 0.0 < hold <= horizon:
+            raise ValueError(f"hold must be positive and at most the horizon of {horizon!r} s, got {hold!r} s")
+        if not (1 <= elites <= samples and rounds >= 1):
+            raise ValueError(f"need 1 <= elites <= samples and a round, got {elites}, {samples} and {rounds}")
+        if not 0.0 < spread < np.inf:
+            raise ValueError(f"spread must be positive and finite, got {spread!r}")
+        self._held = max(1, round(hold / self._env.control_dt))
+        self._shape = (max(1, round(horizon / hold)), *self._env.action_space.shape)
+        self._samples, self._elites, self._rounds, self._spread = samples, elites, rounds, spread
+        self._seed = seed
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the plan and begin the draws anew."""
+        self._rng = np.random.default_rng(self._seed)
+        self._plan, self._left = np.zeros(self._shape), 0
+
+    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+        """Action for the present instant of the environment, as stable-baselines3's models give it.
+
+        Parameters
+        ----------
+        observation : numpy.ndarray, shape (n_obs,)
+            Not read: the planner has the environment.
+        state, deterministic
+            Accepted for compatibility.
+        episode_start : array_like of bool, optional
+            Where True the plan is forgotten.
+
+        Returns
+        -------
+        action : numpy.ndarray, float32, shape (n_act,)
+        state
+            As it came.
+        """
+        if np.ndim(observation) != 1:
+            raise ValueError(f"a planner controls one environment, got observations of shape {np.shape(observation)}")
+        if episode_start is not None and np.any(episode_start):
+            self.reset()
+        if self._left == 0:
+            self._plan, self._left = self._search(np.vstack([self._plan[1:], self._plan[-1:]])), self._held
+        self._left -= 1
+        return self._plan[0].astype(np.float32), state
+
+    def _search(self, guess: np.ndarray) -> np.ndarray:
+        """Best plan found, shape (n_actions, n_act)."""
+        here = self._env.snapshot()
+        best, best_value = None, -np.inf
+        centre, spread = guess, np.full(self._shape, self._spread)
+        try:
+            for turn in range(self._rounds):
+                drawn = centre + spread * self._rng.standard_normal((self._samples, *self._shape))
+                plans = np.clip(drawn, -1.0, 1.0)
+                if turn == 0:
+                    plans = np.concatenate([np.zeros((1, *self._shape)), guess[None], plans])
+                values = np.array([self._value(plan, here) for plan in plans])
+                order = np.argsort(values)[::-1]
+                if values[order[0]] > best_value:
+                    best, best_value = plans[order[0]], values[order[0]]
+                elites = plans[order[: self._elites]]
+                centre, spread = elites.mean(axis=0), np.maximum(elites.std(axis=0), _LEAST_SPREAD)
+        finally:
+            self._env.restore(here)
+        return best
+
+    def _value(self, plan: np.ndarray, here) -> float:
+        """Sum of the rewards of a plan from a snapshot on, until the episode ends."""
+        self._env.restore(here)
+        total = 0.0
+        for action in plan:
+            for _ in range(self._held):
+                _, reward, terminated, truncated, _ = self._env.step(action)
+                total += float(np.sum(reward))
+                if terminated or truncated:
+                    return total
+        return total

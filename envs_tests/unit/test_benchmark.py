@@ -1,0 +1,370 @@
+"""The benchmark without a simulator: tasks, fingerprint, scores, reference numbers, results on disk, the table."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from agents.entries import LEVELS, entries_of, entry_of, parse_controller
+from agents.front import FAMILIES, draw_front, front_entries, front_rows, write_csv
+from wt_gym.benchmark import (
+    BenchmarkTask,
+    Reference,
+    ResultFolder,
+    leaderboard,
+    load_task,
+    make_reference,
+    reference_of,
+    result_key,
+    score,
+    task_names,
+    to_markdown,
+    write_reference,
+)
+from wt_gym.benchmark.fingerprint import code_of, differing
+from wt_gym.benchmark.scoring import bootstrap_interval
+from wt_gym.benchmark.tasks import task_file
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.errors import BenchmarkError
+
+TASK = load_task("load-reduction-15")
+PRINT = {"turbine": "a", "fidelity": "b", "kernels": "c", "wind": "d"}
+BASE = {
+    "captured_power": 5e6, "blade_flap_del": 6e6, "blade_edge_del": 6e6, "tower_fore_aft_del": 1.5e7,
+    "tower_side_side_del": 5e6, "pitch_duty_cycle": 0.05, "torque_rate": 400.0, "rotor_speed_ratio_max": 1.06,
+    "pitch_travel": 3.0,
+}  # fmt: skip
+
+
+def baseline_of(task):
+    """Metrics of the baseline in every wind, other ones in each."""
+    return {
+        wind.label: {key: value * (1.0 + 0.01 * k) for key, value in BASE.items()} for k, wind in enumerate(task.winds)
+    }
+
+
+def results(task, changes=None, ending="time", fingerprint=PRINT, agent="agent"):
+    """Results whose metrics differ by factors from the baseline's."""
+    changed = {}
+    for label, metrics in baseline_of(task).items():
+        wind = next(wind for wind in task.winds if wind.label == label)
+        definition = {"task": task.name, "version": task.version, "wind": wind.definition, "agent": {"name": agent}}
+        changed[label] = {
+            "definition": definition | {"fingerprint": fingerprint},
+            "agent": agent,
+            "ending": ending,
+            "metrics": {key: value * (changes or {}).get(key, 1.0) for key, value in metrics.items()},
+        }
+    return changed
+
+
+@pytest.fixture
+def reference():
+    return make_reference(TASK, results(TASK), {"better": results(TASK, {"blade_flap_del": 0.8})})
+
+
+@pytest.mark.parametrize("name", task_names())
+def test_tasks_keep_the_rules(name):
+    task = load_task(name)
+    seeds = {wind.seed for wind in task.winds if wind.transient is None}
+    assert seeds <= set(EVALUATION_WIND_SEEDS) - set(TRAINING_WIND_SEEDS)
+    assert len(seeds) >= 6 or all(wind.transient for wind in task.winds)
+    assert task.id == f"{name}-v{task.version}"
+    assert all(term.weight < 0 for term in task.terms if term.metric == "captured_power")
+    assert {"captured_power", "rotor_speed_ratio_max"} <= {limit.metric for limit in task.limits}
+    assert [entry.name for entry in entries_of(task.candidates)] == list(task.candidates)
+
+
+def test_the_digest_follows_what_scores_depend_on():
+    values = json.loads(task_file("load-reduction-15").read_text(encoding="utf-8"))
+    same = BenchmarkTask.from_json(values | {"goal": "another text", "reference": None})
+    assert same.digest == TASK.digest
+    other = BenchmarkTask.from_json(values | {"duration": 599.0})
+    assert other.digest != TASK.digest
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"extra": 1}, r"unknown \['extra'\]"),
+        ({"skip": 600.0}, "skip must be"),
+        ({"clip": [0.0, 100.0]}, "clip must be"),
+        ({"winds": [{"speed": 15.0, "seeds": [1, 2, 3]}]}, "at least 6 different winds"),
+        ({"winds": [{"speed": 15.0, "seeds": [1] * 6}]}, "different winds"),
+        ({"winds": [{"speed": 15.0, "transient": "tornado"}]}, "seeds or one of"),
+        ({"terms": {"blade_flap_del": {"scale": 1.0}}}, "has a weight"),
+        ({"limits": {"captured_power": {"about": 1.0}}}, "is one of least, most"),
+    ],
+)
+def test_files_without_meaning_are_refused(wrong, message):
+    values = json.loads(task_file("load-reduction-15").read_text(encoding="utf-8"))
+    with pytest.raises(BenchmarkError, match=message):
+        BenchmarkTask.from_json(values | wrong)
+
+
+def test_unknown_tasks_are_refused_with_those_there_are():
+    with pytest.raises(BenchmarkError, match=r"no task 'nothing'; there are .*full-range"):
+        load_task("nothing")
+
+
+def test_comments_and_docstrings_are_no_source():
+    source = '"""Text."""\nimport math  # why\n\n\ndef f(x):\n    """More."""\n    return "kept" + x\n'
+    other = '"""Other."""\nimport math\ndef f(x):\n    # new\n    return "kept" + x\n'
+    assert code_of(source) == code_of(other)
+    assert '"kept"' in code_of(source)
+    assert code_of(source) != code_of(source.replace("+ x", "- x"))
+    nested = "if a:\n    b = 1\n    c = 2\n"
+    assert code_of(nested) != code_of("if a:\n    b = 1\nc = 2\n")
+
+
+def test_differing_parts_are_named():
+    assert differing(PRINT, PRINT) == []
+    assert differing(PRINT, PRINT | {"kernels": "x"}) == ["kernels"]
+
+
+def test_the_baseline_scores_zero_and_the_best_a_hundred(reference):
+    zero = score(TASK, results(TASK), reference)
+    assert (zero.score, zero.low, zero.high, zero.better) == (0.0, 0.0, 0.0, 0.0)
+    best = score(TASK, results(TASK, {"blade_flap_del": 0.8}), reference)
+    assert best.score == pytest.approx(100.0)
+    assert best.better == 1.0
+    assert reference.best_improvement == pytest.approx(0.2 * 0.2)
+
+
+@pytest.mark.parametrize(
+    "metric", ["blade_flap_del", "tower_fore_aft_del", "tower_side_side_del", "pitch_duty_cycle", "torque_rate"]
+)
+def test_scores_fall_with_every_load_and_every_use(reference, metric):
+    found = [score(TASK, results(TASK, {metric: factor}), reference).score for factor in (0.9, 0.95, 1.0, 1.1, 1.2)]
+    assert np.all(np.diff(found) < 0.0)
+    assert found[2] == 0.0
+
+
+def test_scores_rise_with_power(reference):
+    found = [score(TASK, results(TASK, {"captured_power": x}), reference).score for x in (0.996, 1.0, 1.01)]
+    assert np.all(np.diff(found) > 0.0)
+
+
+def test_scores_are_clipped(reference):
+    loads = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del", "blade_edge_del")
+    assert score(TASK, results(TASK, dict.fromkeys(loads, 0.01)), reference).score == TASK.clip[1]
+    assert score(TASK, results(TASK, dict.fromkeys(loads, 9.0)), reference).score == TASK.clip[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "ending", "broken"),
+    [
+        ({"blade_flap_del": 0.5, "captured_power": 0.994}, "time", "captured_power"),
+        ({"blade_flap_del": 0.5, "rotor_speed_ratio_max": 1.1}, "time", "rotor_speed_ratio_max"),
+        ({"blade_flap_del": 0.5}, "standstill", "standstill"),
+        ({}, "failure", "failure"),
+    ],
+)
+def test_broken_limits_and_early_ends_get_the_least_score(reference, changes, ending, broken):
+    found = score(TASK, results(TASK, changes, ending), reference)
+    assert found.score == TASK.clip[0]
+    assert {wind.broken for wind in found.winds} == {(broken,)}
+
+
+def test_an_agent_that_stops_the_turbine_cannot_score(reference):
+    still = dict.fromkeys(BASE, 1e-6)
+    assert score(TASK, results(TASK, still), reference).score == TASK.clip[0]
+
+
+def test_what_the_baseline_does_itself_is_no_offence():
+    base = {"rotor_speed_ratio_max": 1.12}  # times 1.06 is above the limit
+    reference = make_reference(TASK, results(TASK, base), {"x": results(TASK, base | {"blade_flap_del": 0.9})})
+    assert score(TASK, results(TASK, base), reference).score == 0.0
+    found = score(TASK, results(TASK, {"rotor_speed_ratio_max": 1.13}), reference)
+    assert found.score == TASK.clip[0]
+
+
+def test_one_bad_wind_pulls_down_its_share(reference):
+    mixed = results(TASK, {"blade_flap_del": 0.8})
+    first = TASK.winds[0].label
+    mixed[first] = mixed[first] | {"ending": "overspeed", "metrics": {}}
+    found = score(TASK, mixed, reference)
+    assert found.score == pytest.approx((5 * 100.0 - 100.0) / 6)
+    assert found.low < found.score < found.high
+    assert found.better == pytest.approx(5 / 6)
+
+
+def test_winds_are_weighted():
+    task = load_task("full-range")
+    reference = make_reference(task, results(task), {"x": results(task, {"blade_flap_del": 0.9})})
+    mixed = results(task)
+    for wind in task.winds:
+        if wind.speed == 8.0:
+            mixed[wind.label] = results(task, {"blade_flap_del": 0.9})[wind.label]
+    found = score(task, mixed, reference)
+    assert found.score == pytest.approx(100.0 * 0.30 / 0.74)
+    # drawn within the wind speeds: where all winds of a speed agree, nothing is uncertain
+    assert (found.low, found.high) == pytest.approx((found.score, found.score))
+
+
+def test_other_fingerprints_are_refused_with_the_way_out(reference):
+    made = results(TASK, fingerprint=PRINT | {"kernels": "x", "wind": "y"})
+    with pytest.raises(BenchmarkError, match=r"another kernels and wind .* reference --task load-reduction-15"):
+        score(TASK, made, reference)
+
+
+def test_other_versions_and_missing_winds_are_refused(reference):
+    made = results(dataclasses.replace(TASK, version=2))
+    with pytest.raises(BenchmarkError, match=r"load-reduction-15-v2 has no score in load-reduction-15-v1"):
+        score(TASK, made, reference)
+    made = results(TASK)
+    del made[TASK.winds[3].label]
+    with pytest.raises(BenchmarkError, match=f"no result in 1 winds, the first is {TASK.winds[3].label}"):
+        score(TASK, made, reference)
+
+
+def test_tasks_without_reference_or_changed_since_are_refused(reference):
+    with pytest.raises(BenchmarkError, match="has no reference numbers yet"):
+        reference_of(dataclasses.replace(TASK, reference=None))
+    changed = dataclasses.replace(TASK, reference=dataclasses.asdict(reference), digest="0" * 16)
+    with pytest.raises(BenchmarkError, match="another definition of the task"):
+        reference_of(changed)
+
+
+def test_references_need_a_baseline_that_lasts_and_a_better_agent():
+    better = results(TASK, {"blade_flap_del": 0.9})
+    with pytest.raises(BenchmarkError, match=r"baseline controller does not last in 15 m/s, seed 1007 \(overspeed\)"):
+        make_reference(TASK, results(TASK, ending="overspeed"), {"x": better})
+    with pytest.raises(BenchmarkError, match="no candidate is better"):
+        make_reference(TASK, results(TASK), {"x": results(TASK, {"blade_flap_del": 1.1})})
+
+
+def test_the_best_known_keeps_the_limits():
+    loses = results(TASK, {"blade_flap_del": 0.3, "captured_power": 0.9})
+    made = make_reference(TASK, results(TASK), {"loses": loses, "x": results(TASK, {"blade_flap_del": 0.9})})
+    assert (made.best_agent, made.improvements["loses"]) == ("x", None)
+
+
+def test_writing_a_reference_changes_nothing_else(tmp_path, reference):
+    path = tmp_path / "task.json"
+    values = json.loads(task_file(TASK.name).read_text(encoding="utf-8"))
+    path.write_text(json.dumps(values | {"reference": None}), encoding="utf-8")
+    write_reference(TASK, reference, path)
+    written = json.loads(path.read_text(encoding="utf-8"))
+    assert Reference(**written.pop("reference")) == reference
+    assert written == {key: value for key, value in values.items() if key != "reference"}
+    assert [file.name for file in tmp_path.iterdir()] == ["task.json"]
+
+
+def test_the_interval_covers_the_truth():
+    rng = np.random.default_rng(1)
+    inside = 0
+    for _ in range(200):
+        low, high = bootstrap_interval(rng.normal(50.0, 20.0, 6), np.ones(6), [0] * 6)
+        inside += low <= 50.0 <= high
+    assert 0.90 <= inside / 200 <= 0.99  # of the plain percentile interval 0.86
+
+
+def test_an_interval_needs_two_winds():
+    with pytest.raises(BenchmarkError, match="at least two winds"):
+        bootstrap_interval(np.zeros(1), np.ones(1), [0])
+
+
+def test_results_are_kept_by_what_defines_them(tmp_path):
+    folder, (first, *_) = ResultFolder(tmp_path / "new"), results(TASK).values()
+    assert not folder.has(first["definition"])
+    path = folder.write(first)
+    assert folder.has(first["definition"])
+    assert folder.read(first["definition"]) == first
+    assert list(folder) == [first]
+    assert result_key(first["definition"]) in path.name
+    other = first["definition"] | {"agent": {"name": "other"}}
+    assert result_key(other) != result_key(first["definition"])
+    reordered = dict(reversed(first["definition"].items()))
+    assert result_key(reordered) == result_key(first["definition"])
+
+
+def test_changed_damaged_and_endless_results_are_refused(tmp_path):
+    folder, (first, *_) = ResultFolder(tmp_path), results(TASK).values()
+    with pytest.raises(ValueError, match="JSON compliant"):
+        folder.write(first | {"metrics": {"energy": float("nan")}})
+    path = folder.write(first)
+    path.write_text(json.dumps(first | {"definition": first["definition"] | {"version": 7}}), encoding="utf-8")
+    with pytest.raises(BenchmarkError, match="not what its name says"):
+        list(folder)
+    path.write_text("{", encoding="utf-8")
+    with pytest.raises(BenchmarkError, match="is damaged"):
+        list(folder)
+
+
+@pytest.fixture
+def with_reference(monkeypatch, reference):
+    task = dataclasses.replace(TASK, reference=dataclasses.asdict(reference))
+    monkeypatch.setattr("wt_gym.benchmark.table.load_task", lambda name: task)
+
+
+def test_the_table_ranks_agents_and_says_why_some_have_no_score(with_reference):
+    rows = [
+        *results(TASK, agent="none").values(),
+        *results(TASK, {"blade_flap_del": 0.8}, agent="good").values(),
+        *results(TASK, {"blade_flap_del": 0.8, "captured_power": 0.9}, agent="lossy").values(),
+        *list(results(TASK, agent="part").values())[:2],
+        *results(TASK, agent="old", fingerprint=PRINT | {"kernels": "x"}).values(),
+    ]
+    board = leaderboard(rows)
+    found = board["tasks"][TASK.name]
+    assert [row["agent"] for row in found[:3]] == ["good", "none", "lossy"]
+    assert {row["agent"] for row in found[3:]} == {"part", "old"}
+    assert found[0]["changes"]["blade_flap_del"] == pytest.approx(-0.2)
+    text = to_markdown(board)
+    assert "| good | 100.0 | 100.0 … 100.0 | 100 % | +0.0 % | -20.0 % |" in text
+    assert "captured_power × 6" in text
+    assert "| part | – | – | 2 of 6 winds run |" in text
+    assert "another kernels than the reference" in text
+    json.dumps(board, allow_nan=False)
+
+
+def test_results_of_unknown_tasks_are_refused():
+    (first, *_) = results(TASK).values()
+    with pytest.raises(BenchmarkError, match="unknown tasks: other"):
+        leaderboard([first | {"definition": first["definition"] | {"task": "other"}}])
+
+
+def test_entries_of_words():
+    names = [entry.name for entry in entries_of(["baselines", "ipc"])]
+    assert names.count("ipc") == 1
+    assert {"zero", "random", "discon", "retuned"} < set(names)
+    assert sum(name.startswith("constrained_ipc") for name in names) == len(LEVELS) == 5
+    entry = entry_of("mine=constrained_ipc:level=0.1,limit=0.05")
+    assert (entry.name, entry.choice) == ("mine", "constrained_ipc:level=0.1,limit=0.05")
+    assert entry.interface["controller"] == ["constrained_ipc", {"level": 0.1, "limit": 0.05}]
+    assert entry_of("planner:horizon=1.0").definition["parameters"] == {"horizon": 1.0}
+    assert parse_controller("ipc+yaw:ipc__limit=0.1") == ("ipc+yaw", {"ipc__limit": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (["nothing"], "'nothing' is no agent: give zero"),
+        (["ipc:level"], "parameters are given as"),
+        (["ipc:limit=many"], "parameters are given as"),
+        (["a=ipc", "a=retuned"], "two agents are called 'a'"),
+    ],
+)
+def test_what_is_no_agent_is_refused(texts, message):
+    with pytest.raises(ValueError, match=message):
+        entries_of(texts)
+
+
+def test_the_front_is_a_table_and_a_figure(tmp_path):
+    runs = {entry.name: results(TASK, agent=entry.name) for entry in front_entries()}
+    strongest = FAMILIES["individual pitch, gain"][-1]
+    runs[strongest] = results(TASK, {"blade_flap_del": 0.8, "pitch_duty_cycle": 4.0})
+    rows = front_rows(TASK, runs)
+    by_agent = {row["agent"]: row for row in rows}
+    assert by_agent["discon"]["blade_flap_del"] == 0.0
+    assert by_agent[strongest]["blade_flap_del"] == pytest.approx(-0.2)
+    assert by_agent[strongest]["flap_sem"] == pytest.approx(0.0, abs=1e-12)
+    assert by_agent[strongest]["pitch_duty_cycle"] == pytest.approx(4.0 * by_agent["discon"]["pitch_duty_cycle"])
+    lines = write_csv(rows, tmp_path / "front.csv").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 1 + len(runs)
+    assert "<svg" in draw_front(rows, tmp_path / "front.svg").read_text(encoding="utf-8")
+    runs[strongest] = results(TASK, ending="overspeed")
+    with pytest.raises(ValueError, match="did not last in 15 m/s, seed 1007"):
+        front_rows(TASK, runs)

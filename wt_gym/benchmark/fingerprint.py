@@ -1,0 +1,84 @@
+"""What the numbers of a run depend on besides task and agent: the turbine, the fidelity, and the source of the physics.
+
+Results can be compared only where all of them are the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import tokenize
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import wt_gym
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.simulation.state import fingerprint
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from wt_gym.simulation import Fidelity
+    from wt_gym.turbines import Turbine
+
+__all__ = ["benchmark_fingerprint", "code_of", "differing"]
+
+_ROOT = Path(wt_gym.__file__).parent
+_SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER}
+_STATEMENT_BEGINS = {tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
+
+
+def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, str]:
+    """Digests by part.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    fidelity : str or Fidelity
+
+    Returns
+    -------
+    dict
+        ``turbine``, ``fidelity``; ``kernels``: source of all compiled kernels; ``wind``: of what makes the winds. Of
+        sources neither comments nor docstrings count.
+    """
+    return {
+        "turbine": fingerprint(turbine)[:16],
+        "fidelity": fingerprint(fidelity_of(fidelity))[:16],
+        **_sources(),
+    }
+
+
+@cache
+def _sources() -> dict[str, str]:
+    wind = [*(_ROOT / "wind").glob("*.py"), _ROOT / "envs" / "wind_sampler.py"]
+    return {"kernels": _digest(_ROOT.rglob("*_kernels.py")), "wind": _digest(wind)}
+
+
+def _digest(files: Iterable[Path]) -> str:
+    total = hashlib.sha256()
+    for file in sorted(files):
+        total.update(file.relative_to(_ROOT).as_posix().encode() + b"\0")
+        total.update(code_of(file.read_text(encoding="utf-8")).encode() + b"\0")
+    return total.hexdigest()[:16]
+
+
+def code_of(source: str) -> str:
+    """Tokens of a source with its lines and indents, without comments, blank lines and docstrings."""
+    kept, begins = [], True
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type in _SILENT or (token.type == tokenize.NEWLINE and begins):  # the latter ends a docstring
+            continue
+        if token.type in _STATEMENT_BEGINS:
+            kept.append({tokenize.NEWLINE: "\n", tokenize.INDENT: "{", tokenize.DEDENT: "}"}[token.type])
+            begins = True
+        elif not (token.type == tokenize.STRING and begins):
+            kept.append(token.string)
+            begins = False
+    return " ".join(kept)
+
+
+def differing(first: dict[str, str], second: dict[str, str]) -> list[str]:
+    """Names of the parts in which two fingerprints differ."""
+    return sorted(name for name in {*first, *second} if first.get(name) != second.get(name))

@@ -1,0 +1,202 @@
+"""One agent in one wind of a task."""
+
+from __future__ import annotations
+
+import platform
+import time
+from functools import cache, partial
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+
+import wt_gym
+from wt_gym.analysis.metrics import run_metrics
+from wt_gym.benchmark.fingerprint import benchmark_fingerprint
+from wt_gym.control.controllers import make_controller
+from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.errors import BenchmarkError
+from wt_gym.simulation import Recorder
+from wt_gym.turbines import load_turbine
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import xarray as xr
+
+    from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind
+    from wt_gym.turbines import Turbine
+
+__all__ = ["INTERFACE", "benchmark_metrics", "make_env", "play", "run_definition"]
+
+INTERFACE = ("action_mode", "pitch", "action_components", "action_spans", "controller", "observation", "history")
+"""Arguments of the environment that an agent may choose: what it sees, what its actions mean, what runs beneath."""
+
+_ENDLESS = 10**9  # control steps
+
+
+def run_definition(
+    task: BenchmarkTask, wind: BenchmarkWind, agent: dict[str, Any], interface: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """What decides on the numbers of a run, as JSON values.
+
+    Parameters
+    ----------
+    task : BenchmarkTask
+    wind : BenchmarkWind
+    agent : dict
+        JSON values that tell the agent from every other one.
+    interface : dict, optional
+        See `make_env`.
+    """
+    return {
+        "task": task.name,
+        "version": task.version,
+        "env_id": task.env_id,
+        "env_kwargs": task.env_kwargs,
+        "duration": task.duration,
+        "skip": task.skip,
+        "wind": wind.definition,
+        "agent": agent,
+        "interface": interface or {},
+        "fingerprint": _fingerprint(_argument(task, "turbine"), _argument(task, "fidelity")),
+    }
+
+
+def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any] | None = None) -> gym.Env:
+    """Environment of a task for a wind.
+
+    Parameters
+    ----------
+    task : BenchmarkTask
+    wind : BenchmarkWind
+    interface : dict, optional
+        Arguments out of `INTERFACE`, as JSON values; ``controller`` with parameters as a list [name, parameters].
+
+    Raises
+    ------
+    wt_gym.errors.BenchmarkError
+        If the interface holds something else.
+    """
+    interface = dict(interface or {})
+    foreign = [name for name in interface if name not in INTERFACE]
+    if foreign:
+        raise BenchmarkError(f"an agent may choose {', '.join(INTERFACE)} of the environment, not {', '.join(foreign)}")
+    if isinstance(interface.get("controller"), list):
+        name, parameters = interface["controller"]
+        interface["controller"] = partial(_make_controller, name, parameters)
+    given = {**task.env_kwargs, **interface}
+    if wind.transient is not None:
+        given |= {"inflow": wind.inflow(_turbine(task)), "wind_speed": None}
+    return gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=_ENDLESS)
+
+
+def _make_controller(name: str, parameters: dict[str, Any], turbine: Turbine):
+    return make_controller(name, turbine, **parameters)
+
+
+def play(
+    task: BenchmarkTask,
+    wind: BenchmarkWind,
+    make_agent: Callable[[gym.Env], Any],
+    interface: dict[str, Any] | None = None,
+    on_step: Callable[[float], None] | None = None,
+) -> dict[str, Any]:
+    """Run an agent once.
+
+    Parameters
+    ----------
+    task : BenchmarkTask
+    wind : BenchmarkWind
+    make_agent : callable
+        Gets the environment and gives something with stable-baselines3's ``predict``.
+    interface : dict, optional
+        See `make_env`.
+    on_step : callable, optional
+        Called with the simulated time [s] after every step.
+
+    Returns
+    -------
+    dict
+        ``metrics`` (empty if the run ended before its time), ``ending`` (``"time"`` or why it was terminated),
+        ``failure``, ``duration`` [s], ``episode_return``, ``cost`` (sum), ``made_with`` and ``wall_seconds``.
+    """
+    began = time.monotonic()
+    env = make_env(task, wind, interface)
+    try:
+        options: dict[str, Any] = {"azimuth": 0.0}
+        if wind.transient is None:
+            options |= {"wind_speed": wind.speed, "wind_seed": wind.seed, "time_offset": 0.0}
+        agent, raw = make_agent(env), env.unwrapped
+        observation, info = env.reset(seed=wind.seed or 0, options=options)
+        recorder, state, start = Recorder(raw.simulator), None, np.ones(1, dtype=bool)
+        total, cost, done = 0.0, 0.0, False
+        while not done:
+            action, state = agent.predict(observation, state=state, episode_start=start, deterministic=True)
+            observation, reward, terminated, truncated, info = env.step(action)
+            start, done = np.zeros(1, dtype=bool), terminated or truncated
+            total, cost = total + float(reward), cost + info["cost"]
+            if "failure" not in info:  # the signals of a failed step are those of the step before
+                recorder.append(raw.signals)
+            if on_step is not None:
+                on_step(info["time"])
+        complete = "termination" not in info
+        return {
+            "metrics": benchmark_metrics(recorder.to_dataset(), raw.turbine, task.skip) if complete else {},
+            "ending": info.get("termination", "time"),
+            "failure": info.get("failure"),
+            "duration": info["time"],
+            "episode_return": total,
+            "cost": cost,
+            "made_with": _made_with(),
+            "wall_seconds": round(time.monotonic() - began, 1),
+        }
+    finally:
+        env.close()
+
+
+def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[str, float]:
+    """Metrics of a run beside those of `wt_gym.analysis.metrics.run_metrics`.
+
+    ``captured_power`` is the mean power plus the gain of the rotor's kinetic energy over the measured time, up to rated
+    speed and times the efficiency of the drivetrain: emptying the rotor at the end earns nothing [W].
+    ``rotor_speed_ratio_max`` is the largest rotor speed over the rated one [-].
+    """
+    metrics = run_metrics(data, turbine, skip)
+    drivetrain = turbine.drivetrain
+    time = data["time"].values
+    measured = time >= time[0] + skip - 1e-9
+    ends = np.clip(data["rotor_speed"].values[measured][[0, -1]], 0.0, drivetrain.rated_rotor_speed)
+    efficiency = drivetrain.gearbox_efficiency * drivetrain.generator_efficiency
+    gained = 0.5 * efficiency * rotor_inertia(turbine) * (ends[1] ** 2 - ends[0] ** 2)
+    metrics["captured_power"] = float(metrics["mean_power"] + gained / (time[measured][-1] - time[measured][0]))
+    metrics["rotor_speed_ratio_max"] = metrics["rotor_speed_max"] / drivetrain.rated_rotor_speed
+    return metrics
+
+
+def _argument(task: BenchmarkTask, name: str) -> Any:
+    """Argument that the environment of a task is made with."""
+    return {**gym.spec(task.env_id).kwargs, **task.env_kwargs}[name]
+
+
+def _turbine(task: BenchmarkTask) -> Turbine:
+    return _load_turbine(_argument(task, "turbine"))
+
+
+_load_turbine = cache(load_turbine)
+
+
+@cache
+def _fingerprint(turbine: str, fidelity: str) -> dict[str, str]:
+    return benchmark_fingerprint(_load_turbine(turbine), fidelity)
+
+
+def _made_with() -> dict[str, str]:
+    """Versions, for the record: they decide on no score."""
+    return {
+        "wt_gym": wt_gym.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "gymnasium": gym.__version__,
+        "machine": platform.machine(),
+    }

@@ -1,0 +1,133 @@
+"""The table of a folder of results."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.benchmark.reference import reference_of
+from wt_gym.benchmark.scoring import score
+from wt_gym.benchmark.tasks import digest, load_task, task_names
+from wt_gym.errors import BenchmarkError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from wt_gym.benchmark.reference import Reference
+    from wt_gym.benchmark.tasks import BenchmarkTask
+
+__all__ = ["leaderboard", "to_markdown"]
+
+_SHOWN = {
+    "captured_power": "power",
+    "blade_flap_del": "flap DEL",
+    "tower_fore_aft_del": "tower f-a DEL",
+    "tower_side_side_del": "tower s-s DEL",
+}
+"""Metrics of which the mean relative change against the baseline is shown."""
+
+
+def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Scores of all agents in all tasks.
+
+    Parameters
+    ----------
+    results : iterable of dict
+        As `wt_gym.benchmark.ResultFolder` gives them.
+
+    Returns
+    -------
+    dict
+        ``tasks``: name to a list of rows, the best first; a row has ``agent``, ``winds`` (runs made), ``score`` (as
+        `wt_gym.benchmark.Score`) or ``refused`` (why there is none), ``changes`` against the baseline and
+        ``pitch_travel`` over that of the baseline. ``references``: name to the best known agent.
+    """
+    runs: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for result in results:
+        definition = result["definition"]
+        entry = digest({key: value for key, value in definition.items() if key != "wind"})
+        runs.setdefault((definition["task"], entry), []).append(result)
+    unknown = sorted({name for name, _ in runs} - set(task_names()))
+    if unknown:
+        raise BenchmarkError(f"results of unknown tasks: {', '.join(unknown)}; there are {', '.join(task_names())}")
+    tasks, references = {}, {}
+    for name in sorted({name for name, _ in runs}):
+        task = load_task(name)
+        rows = [_row(task, own) for (of, _), own in runs.items() if of == name]
+        tasks[name] = sorted(rows, key=lambda row: -row["score"]["score"] if row["score"] else np.inf)
+        if task.reference is not None:
+            references[name] = {key: task.reference[key] for key in ("best_agent", "best_improvement")}
+    return {"tasks": tasks, "references": references}
+
+
+def _row(task: BenchmarkTask, results: list[Mapping[str, Any]]) -> dict[str, Any]:
+    """One agent in one task."""
+    labels = {digest(wind.definition): wind.label for wind in task.winds}
+    by_wind = {labels.get(digest(result["definition"]["wind"])): result for result in results}
+    by_wind.pop(None, None)
+    row = {
+        "agent": results[0]["agent"],
+        "winds": f"{len(by_wind)} of {len(task.winds)}",
+        "score": None,
+        "refused": None,
+    }
+    try:
+        reference = reference_of(task)
+        row["score"] = asdict(score(task, by_wind, reference))
+        row |= _changes(task, by_wind, reference)
+    except BenchmarkError as error:
+        row["refused"] = str(error)
+    return row
+
+
+def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping], reference: Reference) -> dict[str, Any]:
+    """Mean changes over the winds; none where a run ended early."""
+    winds = [wind for wind in task.winds if by_wind[wind.label]["metrics"]]
+    if len(winds) < len(task.winds):
+        return {"changes": {}, "pitch_travel": None}
+    weights = [wind.weight for wind in winds]
+
+    def mean(metric: str) -> float:
+        ratios = [by_wind[w.label]["metrics"][metric] / reference.baseline[w.label][metric] for w in winds]
+        return float(np.average(ratios, weights=weights))
+
+    still = any(reference.baseline[wind.label]["pitch_travel"] == 0.0 for wind in winds)
+    changes = {metric: mean(metric) - 1.0 for metric in _SHOWN}
+    return {"changes": changes, "pitch_travel": None if still else mean("pitch_travel")}
+
+
+def to_markdown(board: Mapping[str, Any]) -> str:
+    """Tables of a `leaderboard`, one a task."""
+    lines = []
+    for name, rows in board["tasks"].items():
+        best = board["references"].get(name)
+        lines += [f"### {load_task(name).id}", ""]
+        if best is not None:
+            lines += [f"100 is `{best['best_agent']}`, an improvement of {100 * best['best_improvement']:.2f} %.", ""]
+        head = ["agent", "score", "95 % interval", "better in", *_SHOWN.values(), "pitch travel", "penalties"]
+        lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+        lines += ["| " + " | ".join(_cells(row)) + " |" for row in rows]
+        lines += ["", *(f"- {row['agent']}: {row['refused']}" for row in rows if row["refused"])]
+        lines += [""] * (lines[-1] != "")
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _cells(row: Mapping[str, Any]) -> list[str]:
+    """Cells of a row."""
+    if row["score"] is None:
+        return [row["agent"], "–", "–", f"{row['winds']} winds run", *["–"] * len(_SHOWN), "–", "–"]
+    found, changes = row["score"], row["changes"]
+    broken = [reason for wind in found["winds"] for reason in wind["broken"]]
+    penalties = ", ".join(f"{reason} × {broken.count(reason)}" for reason in dict.fromkeys(broken))
+    travel = row["pitch_travel"]
+    return [
+        row["agent"],
+        f"{found['score']:.1f}",
+        f"{found['low']:.1f} … {found['high']:.1f}",
+        f"{100 * found['better']:.0f} %",
+        *(f"{100 * changes[metric]:+.1f} %" if changes else "–" for metric in _SHOWN),
+        "–" if travel is None else f"× {travel:.2f}",
+        penalties or "none",
+    ]

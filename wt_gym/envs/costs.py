@@ -1,0 +1,75 @@
+"""Costs of a step for constrained learning: how far the turbine went into the margins that protect it.
+
+Each cost is zero outside its margin and rises evenly to one at the end of it; all are taken from the extremes over the
+structural steps of the control step, so that nothing slips between two samples.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from wt_gym.simulation import Signals
+    from wt_gym.turbines import Turbine
+
+__all__ = ["CLEARANCE_MARGIN", "COST_NAMES", "OVERSPEED_MARGIN", "PITCH_RATE_MARGIN", "Costs", "unloaded_clearance"]
+
+COST_NAMES = ("overspeed", "clearance", "pitch_rate")
+"""Keys of ``info["costs"]``."""
+
+OVERSPEED_MARGIN = 0.6
+"""Part of the way from rated speed to the overspeed limit that is margin: from 110 % on with a limit of 125 %."""
+
+CLEARANCE_MARGIN = 0.3
+"""Part of the clearance of the unloaded rotor that is margin, as Germanischer Lloyd's guideline (2010) asks for."""
+
+PITCH_RATE_MARGIN = 0.1
+"""Part of the greatest pitch rate that is margin."""
+
+
+def unloaded_clearance(turbine: Turbine) -> float:
+    """Distance of the tip of an undeflected blade from the tower surface, where the blade points down [m].
+
+    Parameters
+    ----------
+    turbine : Turbine
+    """
+    nacelle, tower, blade = turbine.nacelle, turbine.tower, turbine.blade
+    lean, reach = nacelle.tilt + turbine.hub.cone, blade.root_radius + blade.length
+    upwind = nacelle.overhang * math.cos(nacelle.tilt) + reach * math.sin(lean) - blade.axis[-1, 0] * math.cos(lean)
+    below = reach * math.cos(lean) - nacelle.overhang * math.sin(nacelle.tilt) - nacelle.tower_top_to_shaft
+    station = min(max(tower.length - below, 0.0), tower.length)
+    return float(upwind - 0.5 * tower.diameter_at(station))
+
+
+class Costs:
+    """Costs of the steps of an environment.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    control_dt : float
+        [s]
+    overspeed_limit : float
+        Rotor speed at which an episode ends, over the rated one.
+    """
+
+    def __init__(self, turbine: Turbine, control_dt: float, overspeed_limit: float):
+        rated = turbine.drivetrain.rated_rotor_speed
+        self._speed_margin = OVERSPEED_MARGIN * (overspeed_limit - 1.0) * rated
+        self._speed_limit = overspeed_limit * rated - self._speed_margin
+        self._clearance = CLEARANCE_MARGIN * unloaded_clearance(turbine)
+        self._travel = control_dt * turbine.pitch.max_rate
+
+    def of(self, signals: Signals) -> dict[str, float]:
+        """Costs by name, each from 0 to 1, of the step that led to these signals."""
+        speed = (signals["rotor_speed_max"] - self._speed_limit) / self._speed_margin
+        clearance = 1.0 - min(signals.tip_clearance_min.tolist()) / self._clearance
+        rate = 1.0 + (max(signals.pitch_travel.tolist()) / self._travel - 1.0) / PITCH_RATE_MARGIN
+        return dict(zip(COST_NAMES, (min(max(x, 0.0), 1.0) for x in (speed, clearance, rate)), strict=True))
+
+    @staticmethod
+    def of_failure() -> dict[str, float]:
+        """Costs of a step that the simulation did not survive: the whole of each."""
+        return dict.fromkeys(COST_NAMES, 1.0)
