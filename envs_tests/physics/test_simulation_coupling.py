@@ -316,7 +316,7 @@ def test_start_without_a_sound_structure_is_a_simulation_error(formulation):
     sim = Simulator("nrel_5mw", inflow=SteadyInflow(11.0), fidelity=fidelity)
     sim.reset(rotor_speed=1.2)
     sim.inflow = SteadyInflow(200.0)
-    with pytest.raises(SimulationError, match="no start at.*static balance") as caught:
+    with pytest.raises(SimulationError, match=r"no start at.*static balance") as caught:
         sim.reset(rotor_speed=1.2)
     assert caught.value.__cause__ is not None
     with pytest.raises(SimulationError, match="reset"):
