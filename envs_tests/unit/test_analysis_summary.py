@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from wt_gym.analysis.scene import scene_figure, trailing_strength
 
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.plots import spectra_figure, time_series_figure
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.analysis.scene import scene_figure, trailing_strength
 from wt_gym.analysis.summary import (
     difference,
     difference_class,
