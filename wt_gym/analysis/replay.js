@@ -30,13 +30,13 @@
     const strongest = shapes.strength.values.reduce((a, b) => (b > a ? b : a), 1e-9);
     return Object.assign({}, agent, {shapes, strongest});
   });
-  let current = agents[agents.length - 1], position = 0, playing = false, last = 0, speed = 1;
+  let current = agents[agents.length - 1], position = 0, playing = false, last = null, speed = 1;
   let [azimuth, elevation] = VIEWS.oblique, zoom = 1;
 
   // ---------------------------------------------------------------- scene
   function camera(width, height) {
-    const reach = data.size, scale = zoom * Math.min(height / (2.6 * reach), width / (3.6 * reach));
-    const centre = [0.75 * reach, 0, 0.95 * data.hub_height];
+    const reach = data.size, scale = zoom * Math.min(height / (2.9 * reach), width / (3.6 * reach));
+    const centre = [0.75 * reach, 0, 0.9 * data.hub_height];
     const ca = Math.cos(azimuth), sa = Math.sin(azimuth), ce = Math.cos(elevation), se = Math.sin(elevation);
     const distance = 9 * reach;
     return function (x, y, z) {
@@ -101,7 +101,9 @@
         [q[0] + ux * rq, q[1] + uy * rq, q[2]], [q[0] - ux * rq, q[1] - uy * rq, q[2]]], '#8fa3b3', '#8fa3b3');
     }
     const nose = point(hub, 0), top = point(tower, 3 * (n - 1));
-    const tail = [2 * top[0] - nose[0], 2 * top[1] - nose[1], 2 * top[2] - nose[2], top[3]];
+    // as far behind the tower axis as the hub is before it, at the height of the hub
+    const at = (shape, index) => mixed(shape, frame, a, index), end = 3 * (n - 1);
+    const tail = project(2 * at(tower, end) - at(hub, 0), 2 * at(tower, end + 1) - at(hub, 1), at(hub, 2) - 0.5);
     items.push({depth: top[2], line: [nose, tail], colour: '#b9c6d1', width: 2 * data.tower_radius[n - 1] * top[3]});
     items.push({depth: nose[2], disc: nose, radius: 0.9 * data.tower_radius[n - 1] * nose[3], colour: '#dfe7ee'});
     const [, count, , spans] = blades.shape;
@@ -127,7 +129,7 @@
       }
       context.stroke();
     }
-    const from = project(-1.3 * data.size, 0, 0), to = project(-1.02 * data.size, 0, 0);
+    const from = project(-0.95 * data.size, 0, 0), to = project(-0.6 * data.size, 0, 0);
     const dx = to[0] - from[0], dy = to[1] - from[1], length = Math.hypot(dx, dy);
     if (length < 12) return;
     context.strokeStyle = context.fillStyle;
@@ -262,7 +264,7 @@
 
   function tick(now) {
     if (!playing) return;
-    position += speed * (now - last) / 1000 / data.dt;
+    if (last !== null) position += speed * (now - last) / 1000 / data.dt;
     last = now;
     if (position >= current.time.length - 1) position = 0;
     draw();
@@ -272,7 +274,7 @@
   function play(on) {
     playing = on;
     playButton.textContent = on ? '❚❚ Pause' : '▶ Play';
-    if (on) { last = performance.now(); requestAnimationFrame(tick); }
+    if (on) { last = null; requestAnimationFrame(tick); }
   }
 
   agents.forEach((agent, k) => find('agent').add(new Option(agent.name, k, false, agent === current)));

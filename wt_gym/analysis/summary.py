@@ -93,7 +93,10 @@ def format_difference(key: str, value: float, reference: float) -> str:
 
 
 def format_estimate(key: str, estimate: Estimate) -> str:
-    """Change with its interval: ``−18.4 % [−20.1, −16.2]``, ``× 4.4 [4.1, 4.8]``, or in the metric's unit; ``=``: none."""
+    """Change with its interval: ``−18.4 % [−20.1, −16.2]``, ``× 4.4 [4.1, 4.8]``, or in the unit shown.
+
+    No change in any wind is ``=``.
+    """
     values = [estimate.value, estimate.low, estimate.high] if estimate.has_interval else [estimate.value]
     if not any(values):
         return "="
