@@ -3,33 +3,41 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import gymnasium as gym
 import numpy as np
 
 import wt_gym
+from agents.choices import controller_of, is_controller_name
 from agents.constant import ConstantAgent
 from agents.controller_agent import ControllerAgent
+from agents.evaluation_folder import EvaluationFolder
 from agents.progress import ProgressLine, clock
+from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
+from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.analysis.results import Evaluation, Run, Wind
+from wt_gym.control.controllers import make_controller
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.simulation import Recorder
+from wt_gym.wind.iec import REFERENCE_SPEED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.turbines import Turbine
 
-__all__ = ["BASELINE", "Agent", "EvaluationConfig", "default_names", "evaluate", "load_agent"]
+__all__ = ["DEFAULT_WIND_SEEDS", "Agent", "EvaluationConfig", "evaluate", "load_agent"]
 
-BASELINE = "Baseline PI"
+DEFAULT_WIND_SEEDS = EVALUATION_WIND_SEEDS[:6]
+"""Turbulence seeds that no training saw; six is what IEC 61400-1 asks for at each mean speed."""
 # A metric of a few samples says nothing: runs that end earlier than this after the skipped start have none.
 _LEAST_MEASURED = 2.0
 _ENDLESS = 10**9  # control steps
@@ -53,21 +61,53 @@ class EvaluationConfig:
     env_kwargs : dict
         Arguments of the environment besides episode length.
     winds : tuple of Wind
-        By default two held-back turbulence seeds at 15 m/s.
+        By default six held-back turbulence seeds at 15 m/s.
     duration : float
         Length of a run [s].
     skip : float
         Start left out of the metrics [s].
     seed : int
         Of the environment (measurement noise).
+    replay : float
+        Length of the end of the runs in the first wind whose shapes are kept for a replay [s]; 0: none.
+    iec_class : str, optional
+        "I", "II" or "III": the wind climate for loads over a life; by default that of the turbine.
+    mean_wind_speed : float, optional
+        Annual mean wind speed at hub height in place of that of the class [m/s].
+    weibull_shape : float
+        Weibull exponent of the climate [-].
+
+    Raises
+    ------
+    ValueError
+        If nothing is left to evaluate, winds are missing or stand twice, or the arguments of the environment hold a
+        length of the episodes.
     """
 
     env_id: str = "wt_gym/LoadReduction-v0"
     env_kwargs: dict[str, Any] = field(default_factory=dict)
-    winds: tuple[Wind, ...] = tuple(Wind(15.0, seed) for seed in EVALUATION_WIND_SEEDS[:2])
+    winds: tuple[Wind, ...] = tuple(Wind(15.0, seed) for seed in DEFAULT_WIND_SEEDS)
     duration: float = 600.0
     skip: float = 30.0
     seed: int = 0
+    replay: float = 20.0
+    iec_class: str | None = None
+    mean_wind_speed: float | None = None
+    weibull_shape: float = 2.0
+
+    def __post_init__(self):
+        if not (self.skip >= 0.0 and self.duration >= self.skip + _LEAST_MEASURED):
+            raise ValueError(
+                f"nothing is left to evaluate: the duration of {self.duration:g} s must exceed the skipped start of "
+                f"{self.skip:g} s (at least 0) by {_LEAST_MEASURED:g} s or more"
+            )
+        if not 0.0 <= self.replay < math.inf:
+            raise ValueError(f"the replay must last 0 s or more, got {self.replay!r} s")
+        if not self.winds or len(set(self.winds)) < len(self.winds):
+            raise ValueError(f"winds must be given, each once, got {', '.join(wind.label for wind in self.winds)}")
+        for name in ("episode_length", "max_episode_steps"):
+            if name in self.env_kwargs:
+                raise ValueError(f"{name} follows from the duration of the evaluation; leave it out of env_kwargs")
 
 
 def load_agent(choice: str, layout: EnvLayout) -> Agent:
@@ -76,18 +116,23 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
     Parameters
     ----------
     choice : str
-        ``"baseline"`` (the controller beneath residual actions, else the baseline controller), ``"constant"``, or the
-        path of a trained model or its folder.
+        ``"baseline"`` (the controller beneath residual actions, else the baseline controller), ``"constant"``, a
+        controller as `agents.choices.controller_of` reads it (beneath residual actions it is the environment's matter,
+        and its agent is the constant one), or the path of a trained model or its folder.
     layout : EnvLayout
 
     Returns
     -------
     Agent
     """
-    if choice == "baseline":  # beneath residual actions runs a controller already
-        return ConstantAgent(layout) if layout.action.mode == "residual" else ControllerAgent(layout)
-    if choice == "constant":
+    beneath = layout.action.mode == "residual"
+    if choice == "constant" or (beneath and (choice == "baseline" or is_controller_name(choice))):
         return ConstantAgent(layout)
+    if choice == "baseline":
+        return ControllerAgent(layout)
+    if is_controller_name(choice):
+        name, parameters = controller_of(choice)
+        return ControllerAgent(layout, name, **parameters)
     from agents.trained import TrainedAgent  # torch takes seconds to import
 
     agent = TrainedAgent.load(choice)
@@ -95,7 +140,14 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
     return agent
 
 
-def evaluate(agents: Mapping[str, str | Agent], config: EvaluationConfig, *, progress: bool = True) -> Evaluation:
+def evaluate(
+    agents: Mapping[str, str | Agent],
+    config: EvaluationConfig,
+    *,
+    folder: str | Path | None = None,
+    overwrite: bool = False,
+    progress: bool = True,
+) -> Evaluation:
     """Run every agent in every wind from the same start.
 
     Parameters
@@ -103,6 +155,11 @@ def evaluate(agents: Mapping[str, str | Agent], config: EvaluationConfig, *, pro
     agents : mapping
         Name to agent, or to a word or path for `load_agent`. The first is the one the others are compared with.
     config : EvaluationConfig
+    folder : str or path, optional
+        Keeps each run as soon as it is done, and in the end the tables. Runs of the same evaluation that are there
+        already are not run again. Needs agents by word or path.
+    overwrite : bool
+        Remove what another evaluation left in the folder.
     progress : bool
         Show progress on standard error.
 
@@ -113,34 +170,33 @@ def evaluate(agents: Mapping[str, str | Agent], config: EvaluationConfig, *, pro
     Raises
     ------
     ValueError
-        If the runs are too short to leave something to measure, or the arguments of the environment hold a length of
-        the episodes.
+        If the folder holds another evaluation, or an agent that is to be kept there is given as an object.
+    OSError
+        If the folder cannot be written.
     """
-    if not (config.skip >= 0.0 and config.duration >= config.skip + _LEAST_MEASURED):
-        raise ValueError(
-            f"nothing is left to evaluate: the duration of {config.duration:g} s must exceed the skipped start of "
-            f"{config.skip:g} s (at least 0) by {_LEAST_MEASURED:g} s or more"
-        )
-    for name in ("episode_length", "max_episode_steps"):
-        if name in config.env_kwargs:
-            raise ValueError(f"{name} follows from the duration of the evaluation; leave it out of env_kwargs")
-    # the duration of the evaluation is the only limit, whatever the length of a task's episodes
-    env = gym.make(config.env_id, **config.env_kwargs, episode_length=config.duration, max_episode_steps=_ENDLESS)
+    store = None
+    if folder is not None:
+        store = EvaluationFolder(folder, agents, config)
+        store.begin(overwrite)
+    envs = _Environments(config)
     try:
-        layout = layout_of(env)
+        layout = layout_of(envs.plain)
+        climate = _climate(layout.turbine, config)
         ready = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
-        line, runs, geometry, label = ProgressLine(progress), [], {}, ""
+        beneath = {name: envs.beneath(agents[name]) for name in ready}  # refuses before the first run
+        line, runs = ProgressLine(progress), []
         for wind in config.winds:
             for name, agent in ready.items():
-                run = _run(env, name, agent, wind, config, line)
+                run = store.find(name, wind) if store else None
+                if run is None:
+                    run = _run(beneath[name], name, agent, wind, config, line)
+                    if store:
+                        store.keep(run)
                 runs.append(run)
-                if not geometry and run.complete:
-                    geometry = env.unwrapped.simulator.geometry()
-                    label = f"{name} at {wind.label}, after {run.duration:.0f} s"
         turbine = layout.turbine
-        return Evaluation(
+        evaluation = Evaluation(
             turbine=turbine.name,
-            settings=_settings(config, layout, env),
+            settings=_settings(config, layout, envs.plain),
             runs=runs,
             baseline=next(iter(agents)),
             limits={
@@ -148,11 +204,57 @@ def evaluate(agents: Mapping[str, str | Agent], config: EvaluationConfig, *, pro
                 "rated_rotor_speed": turbine.drivetrain.rated_rotor_speed,
             },
             training={name: agent.record for name, agent in ready.items() if getattr(agent, "record", None)},
-            geometry=geometry,
-            geometry_label=label,
+            climate=climate,
         )
     finally:
-        env.close()
+        envs.close()
+    if store:
+        evaluation.save_tables(store.path)
+    return evaluation
+
+
+class _Environments:
+    """The environment of an evaluation, and one for each controller that runs beneath residual actions."""
+
+    def __init__(self, config: EvaluationConfig):
+        self._config = config
+        self._made: dict[str | None, gym.Env] = {}
+        self.plain = self._make(None)
+
+    def beneath(self, agent: str | Agent) -> gym.Env:
+        """Environment for an agent: the plain one, except for a controller that has to run beneath the actions."""
+        residual = layout_of(self.plain).action.mode == "residual"
+        return self._make(agent if residual and isinstance(agent, str) and is_controller_name(agent) else None)
+
+    def _make(self, choice: str | None) -> gym.Env:
+        if choice not in self._made:
+            config, more = self._config, {}
+            if choice is not None:
+                name, parameters = controller_of(choice)
+                more = {"controller": lambda turbine: make_controller(name, turbine, **parameters)}
+            # the duration of the evaluation is the only limit, whatever the length of a task's episodes
+            self._made[choice] = gym.make(
+                config.env_id, **config.env_kwargs | more, episode_length=config.duration, max_episode_steps=_ENDLESS
+            )
+        return self._made[choice]
+
+    def close(self) -> None:
+        """Close all."""
+        for env in self._made.values():
+            env.close()
+
+
+def _climate(turbine: Turbine, config: EvaluationConfig) -> WindClimate | None:
+    """Wind climate of the evaluation; None where a wind lies beyond operation, or the turbine's class has none."""
+    limits = {"shape": config.weibull_shape, "cut_in": turbine.cut_in, "cut_out": turbine.cut_out}
+    chosen = config.iec_class or turbine.iec_class
+    if config.mean_wind_speed is not None:
+        climate = WindClimate(config.mean_wind_speed, **limits)
+    elif config.iec_class is None and turbine.iec_class not in REFERENCE_SPEED:
+        return None
+    else:
+        climate = WindClimate.of_class(chosen, **limits)
+    return climate if all(turbine.cut_in <= wind.speed <= turbine.cut_out for wind in config.winds) else None
 
 
 def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationConfig, line: ProgressLine) -> Run:
@@ -168,6 +270,8 @@ def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationCo
     turbine_env, started = env.unwrapped, time.monotonic()
     recorder = Recorder(turbine_env.simulator, agent=name, wind_speed=wind.speed, wind_seed=info["wind_seed"])
     recorder.append(turbine_env.signals)
+    kept = config.replay if wind == config.winds[0] else 0.0
+    shapes = ReplayRecorder(round(kept / turbine_env.control_dt))
     state, episode_start = None, np.ones(1, dtype=bool)
     total, terms, done = 0.0, {}, False
     while not done:
@@ -179,6 +283,8 @@ def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationCo
             terms[key] = terms.get(key, 0.0) + value
         if "failure" not in info:  # the signals of a failed step are those of the step before
             recorder.append(turbine_env.signals)
+            if kept:
+                shapes.append(info["time"], turbine_env.simulator.geometry())
         simulated, elapsed = info["time"], time.monotonic() - started
         line.show(
             f"evaluating {name} at {wind.label}: {simulated:.0f} of {config.duration:.0f} s simulated"
@@ -197,6 +303,7 @@ def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationCo
         duration=float(info["time"]),
         ending=info.get("termination", "time"),
         failure=info.get("failure"),
+        replay=shapes.to_replay(),
     )
 
 
@@ -224,43 +331,3 @@ def _settings(config: EvaluationConfig, layout: EnvLayout, env: gym.Env) -> dict
         "gymnasium": gym.__version__,
     }
     return json.loads(json.dumps(settings, default=str))
-
-
-def default_names(choices: list[str]) -> dict[str, str]:
-    """Names for the agents of a command line: ``NAME=CHOICE``, or a name that follows from the choice.
-
-    Parameters
-    ----------
-    choices : list of str
-        Words or paths for `load_agent`, each with or without a name in front.
-
-    Returns
-    -------
-    dict
-        Name to choice, in the given order.
-
-    Raises
-    ------
-    ValueError
-        If two agents get the same name.
-    """
-    named: dict[str, str] = {}
-    for choice in choices:
-        name, separator, rest = choice.partition("=")
-        if not separator:
-            rest = choice
-            name = {"baseline": BASELINE, "constant": "Constant action"}.get(choice) or _model_name(Path(choice))
-        if name in named:
-            raise ValueError(f"two agents are called {name!r}; give them names as NAME=PATH")
-        named[name] = rest
-    return named
-
-
-def _model_name(path: Path) -> str:
-    """Algorithm of a trained model, else the name of its file or folder."""
-    from agents.trained import RECORD_FILE, read_record
-
-    record = (path if path.is_dir() else path.parent) / RECORD_FILE
-    if record.is_file():
-        return read_record(record)["algorithm"]
-    return path.stem

@@ -30,6 +30,7 @@ __all__ = [
     "NORMALISATION_FILE",
     "RECORD_FILE",
     "TrainedAgent",
+    "model_files",
     "read_normalisation",
     "read_record",
 ]
@@ -105,6 +106,27 @@ def _statistics_file(model_file: Path) -> Path | None:
     return next((model_file.parent / name for name in names if (model_file.parent / name).is_file()), None)
 
 
+def model_files(path: str | Path) -> tuple[Path, ...]:
+    """Files that a trained agent is loaded from: the model and, where there are any, its statistics.
+
+    Parameters
+    ----------
+    path : str or path
+        Folder with ``model.zip``, or a model file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no model.
+    """
+    path = Path(path)
+    model_file = path / MODEL_FILE if path.is_dir() else path
+    if not model_file.is_file():
+        raise FileNotFoundError(f"no trained model at {model_file}")
+    statistics_file = _statistics_file(model_file)
+    return (model_file,) if statistics_file is None else (model_file, statistics_file)
+
+
 class TrainedAgent:
     """A stable-baselines3 model that takes the environment's own observations.
 
@@ -149,11 +171,8 @@ class TrainedAgent:
         ValueError
             If the algorithm is unknown, or a file is damaged.
         """
-        path = Path(path)
-        model_file = path / MODEL_FILE if path.is_dir() else path
-        if not model_file.is_file():
-            raise FileNotFoundError(f"no trained model at {model_file}")
-        record, statistics_file = _record_of(model_file), _statistics_file(model_file)
+        model_file, *statistics = model_files(path)
+        record, statistics_file = _record_of(model_file), statistics[0] if statistics else None
         if statistics_file is None and (record or {}).get("normalised"):
             raise FileNotFoundError(
                 f"{model_file} was trained on normalised observations, but their statistics are not beside it"

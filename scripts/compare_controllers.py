@@ -7,20 +7,12 @@ A controller is a name of wt_gym.control.controllers.make_controller, with param
 """
 
 import argparse
-import ast
 import json
 import sys
 import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-
-def controller_of(text: str) -> tuple[str, dict]:
-    """Name and parameters from ``name:key=value,key=value``."""
-    name, _, rest = text.partition(":")
-    pairs = (pair.split("=", 1) for pair in rest.split(",") if pair)
-    return name, {key: ast.literal_eval(value) for key, value in pairs}
 
 
 def main() -> None:
@@ -37,6 +29,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     arguments = parser.parse_args()
 
+    from agents.choices import controller_of
     from agents.comparison import Case, run_cases, table
     from wt_gym.turbines import load_turbine
 

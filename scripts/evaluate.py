@@ -1,14 +1,25 @@
 #!/usr/bin/env python3
 """Evaluate agents in winds held back from training, and write a report.
 
-Agents are "baseline", "constant", or the folder or zip file of a trained model, each with a name in front if you like:
-
     scripts/evaluate.py baseline runs/ppo
-    scripts/evaluate.py baseline first=runs/a second=runs/b --wind-speed 8 12 16 --duration 600
+    scripts/evaluate.py baseline first=runs/a second=runs/b ipc --wind-speed 12 15 18 --duration 600
+    scripts/evaluate.py discon ipc constrained_ipc:level=0.15 sparing=ipc+tower_dampers:ipc__limit=0.05
+
+An agent is one of these words or paths, with NAME= in front if you like:
+
+    baseline                   the controller beneath residual actions, else the published baseline controller
+    constant                   the middle of every action
+    CONTROLLER[:KEY=VALUE,...] any controller of docs/baselines.md, parts joined with "+", with parameters; write
+                               controller:NAME, or ./NAME for a folder, where both could be meant
+    FOLDER or FILE.zip         a trained model; the folder of a training with several seeds is one agent a seed
+
+The first is the yardstick. Every run is kept in the folder of the results as soon as it is done: the same command goes
+on where it was stopped. docs/evaluation.md says what the figures mean.
 """
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 import use_venv  # noqa: F401 - finds packages and interpreter
@@ -22,9 +33,10 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the yardstick")
     parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/evaluation", help="folder for the results (default: %(default)s)")
+    parser.add_argument("--overwrite", action="store_true", help="remove the evaluation that is in the folder")
     parser.add_argument("--wind-speed", type=float, nargs="+", default=[15.0], metavar="M_S", help="mean speeds [m/s]")
     parser.add_argument(
-        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: two held back)"
+        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held back)"
     )
     parser.add_argument("--duration", type=float, default=600.0, help="length of a run [s] (default: %(default)s)")
     parser.add_argument(
@@ -33,25 +45,39 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--fidelity", help="training, engineering or reference")
     kwargs_help = 'more arguments of the environment, e.g. \'{"pitch": "individual"}\''
     parser.add_argument("--env-kwargs", type=json.loads, default={}, metavar="JSON", help=kwargs_help)
-    parser.add_argument("--title", help="title of the report")
-    parser.add_argument("--no-report", action="store_true", help="write signals and metrics only")
-    parser.add_argument("--json", action="store_true", help="print the metrics as JSON at the end")
+    climate = parser.add_argument_group("wind climate, for loads over a life")
+    one = climate.add_mutually_exclusive_group()
+    one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
+    one.add_argument("--mean-wind-speed", type=float, metavar="M_S", help="annual mean in place of the class's [m/s]")
+    climate.add_argument(
+        "--weibull-shape", type=float, default=2.0, metavar="K", help="Weibull exponent (default: %(default)s)"
+    )
+    report = parser.add_argument_group("report")
+    report.add_argument("--title", help="title of the report")
+    report.add_argument(
+        "--replay", type=float, default=20.0, metavar="S",
+        help="length of the replay, the end of the runs in the first wind [s]; 0: none (default: %(default)s)",
+    )  # fmt: skip
+    report.add_argument("--no-report", action="store_true", help="write signals and metrics only")
+    report.add_argument("--json", action="store_true", help="print the metrics as JSON at the end")
     return parser.parse_args()
 
 
 def main() -> None:
     """Evaluate."""
     arguments = parse_arguments()
+    from agents.choices import named_choices
     from agents.command_line import environment_arguments, user_errors
-    from agents.evaluation import EvaluationConfig, default_names, evaluate
+    from agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig, evaluate
+    from agents.evaluation_folder import REPORT_FILE
     from wt_gym.analysis.report import write_report
     from wt_gym.analysis.results import Wind
-    from wt_gym.analysis.summary import summarise
-    from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
+    from wt_gym.analysis.summary import results_table, summarise
 
+    out = Path(arguments.out)
     with user_errors():
         turbulent = environment_arguments(arguments.env, arguments.env_kwargs)["inflow"] == "turbulent"
-        seeds = [None] if not turbulent else arguments.wind_seeds or EVALUATION_WIND_SEEDS[:2]
+        seeds = [None] if not turbulent else arguments.wind_seeds or DEFAULT_WIND_SEEDS
         kwargs = dict(arguments.env_kwargs)
         if arguments.fidelity:
             kwargs["fidelity"] = arguments.fidelity
@@ -61,14 +87,24 @@ def main() -> None:
             winds=tuple(Wind(speed, seed) for speed in arguments.wind_speed for seed in seeds),
             duration=arguments.duration,
             skip=arguments.skip,
+            replay=arguments.replay,
+            iec_class=arguments.iec_class,
+            mean_wind_speed=arguments.mean_wind_speed,
+            weibull_shape=arguments.weibull_shape,
         )
-        evaluation = evaluate(default_names(arguments.agents), config)
-    out = Path(arguments.out)
-    table = evaluation.save(out)
-    print("\n".join(summarise(evaluation)))
-    print(f"metrics and signals: {table.parent}")
+        try:
+            evaluation = evaluate(
+                named_choices(arguments.agents), config, folder=out, overwrite=arguments.overwrite
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            print(f"\nstopped; the same command goes on with what is in {out}", file=sys.stderr)
+            sys.exit(130)
+        if not arguments.no_report:
+            write_report(evaluation, out / REPORT_FILE, arguments.title)
+    print("\n".join([*results_table(evaluation), "", *summarise(evaluation)]))
+    print(f"metrics and signals: {out}")
     if not arguments.no_report:
-        print(f"report: {write_report(evaluation, out / 'report.html', arguments.title)}")
+        print(f"report: {out / REPORT_FILE}")
     if arguments.json:
         print(json.dumps(evaluation.to_json(), default=str))
 

@@ -66,7 +66,7 @@ class HeldBackEvaluation:
         limits = ("episode_length", "max_episode_steps")  # runs are as long as the evaluation
         kwargs = {name: value for name, value in config.env_kwargs.items() if name not in limits}
         self._config = EvaluationConfig(
-            config.env_id, kwargs, self.winds, duration=config.eval_seconds, skip=_SKIP, seed=_SEED
+            config.env_id, kwargs, self.winds, duration=config.eval_seconds, skip=_SKIP, seed=_SEED, replay=0.0
         )
         # Zero residual actions are the controller, whatever components and mode the policy acts by.
         beneath = {name: value for name, value in kwargs.items() if name != "action_spans"}

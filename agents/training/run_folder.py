@@ -1,4 +1,4 @@
-"""The folder of a training: what it holds, files written whole, and a lock against two trainings in it."""
+"""The folder of a training: what it holds, and a lock against two trainings in it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import json
 import os
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from agents.files import write_whole
 from agents.trained import (
     BEST_MODEL_FILE,
     BEST_NORMALISATION_FILE,
@@ -18,11 +19,7 @@ from agents.trained import (
     read_record,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import BinaryIO
-
-__all__ = ["SEEDS_FILE", "RunFolder", "write_whole"]
+__all__ = ["SEEDS_FILE", "RunFolder"]
 
 SEEDS_FILE = "seeds.json"
 """Plan and summary of a training with several seeds."""
@@ -32,23 +29,6 @@ _LOCK_FILE, _CHECKPOINTS, _TENSORBOARD = "training.lock", "checkpoints", "tensor
 _FILES = (
     MODEL_FILE, NORMALISATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALISATION_FILE, _BUFFER_FILE, SEEDS_FILE,
 )  # fmt: skip
-
-
-def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:
-    """Write a file under a temporary name and then give it its own: nobody ever meets half of it.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    write : callable
-        Gets the open file.
-    """
-    partial = path.with_name(f".{path.name}.partial")
-    with partial.open("wb") as file:
-        write(file)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)
 
 
 class RunFolder:

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from agents.files import write_whole
 from agents.train import train
 from agents.training.callbacks import stop_on_signals
-from agents.training.run_folder import RunFolder, write_whole
+from agents.training.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from collections.abc import Callable

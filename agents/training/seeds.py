@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from agents.files import write_whole
 from agents.train import resume, train
 from agents.training.callbacks import stop_on_signals
 from agents.training.config import TrainingConfig
 from agents.training.held_back import FIGURES
-from agents.training.run_folder import SEEDS_FILE, RunFolder, write_whole
+from agents.training.run_folder import SEEDS_FILE, RunFolder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

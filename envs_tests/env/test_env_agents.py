@@ -1,5 +1,6 @@
 """Agents on the real environment: predict(), training with its files, reproducible evaluation and the report."""
 
+import csv
 import json
 import math
 import shutil
@@ -14,11 +15,13 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import wt_gym  # noqa: F401 - registers the environments
+from agents.choices import BASELINE, named_choices
 from agents.constant import ConstantAgent
 from agents.controller_agent import ControllerAgent
-from agents.evaluation import BASELINE, EvaluationConfig, default_names, evaluate, load_agent
+from agents.evaluation import EvaluationConfig, evaluate, load_agent
 from agents.train import TrainingConfig, train
 from agents.trained import TrainedAgent
+from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
@@ -241,7 +244,10 @@ def test_evaluation_covers_agents_and_winds(evaluation):
     assert base.complete
     np.testing.assert_allclose(base.data["time"], np.arange(76) * 0.2)
     assert set(base.metrics) == set(METRICS)
-    assert result.geometry["blades"].shape[0] == 3
+    replay = result.run("PPO", Wind(12.0, 1001)).replay
+    assert replay.blades.shape[:3] == (75, 3, 2)  # shorter than the replay: all of it
+    np.testing.assert_allclose(replay.time[[0, -1]], [0.2, 15.0])
+    assert result.run("PPO", Wind(16.0, 1002)).replay is None  # only of the first wind
 
 
 def test_agents_meet_the_same_wind_from_the_same_start(evaluation):
@@ -316,14 +322,19 @@ def test_evaluation_is_saved_and_read_back(evaluation, tmp_path):
     loaded = Evaluation.load(tmp_path)
     assert loaded.to_json() == result.to_json()
     assert loaded.runs[0].data.equals(result.runs[0].data)
-    np.testing.assert_array_equal(loaded.geometry["wake"], result.geometry["wake"])
+    np.testing.assert_array_equal(loaded.runs[0].replay.wake, result.runs[0].replay.wake)
+    assert loaded.climate == result.climate == WindClimate.of_class("I")
+    rows = list(csv.DictReader((tmp_path / "metrics.csv").open()))
+    assert [row["agent"] for row in rows] == [BASELINE, "PPO"] * 2
+    assert float(rows[2]["blade_flap_del"]) == result.runs[2].metrics["blade_flap_del"]
 
 
 def test_report_is_one_file_that_needs_no_network(evaluation, tmp_path):
     _, result = evaluation
     page = write_report(result, tmp_path / "report.html", "A test").read_text(encoding="utf-8")
     assert page.count("A test") == 2
-    assert page.count("data-figure=") == 2 + len(result.winds) + 1
+    # changes, front, learning curve, spectra, and a wind of each speed
+    assert page.count("data-figure=") == 4 + len(result.speeds)
     assert 'src="http' not in page
     assert "<!--" not in page.split("<script>")[0]
     for agent in result.agents:
@@ -332,10 +343,10 @@ def test_report_is_one_file_that_needs_no_network(evaluation, tmp_path):
 
 def test_names_on_the_command_line(trained):
     folder = str(trained[0])
-    assert default_names(["baseline", folder]) == {BASELINE: "baseline", "PPO": folder}
-    assert default_names(["a=baseline", f"b={folder}"]) == {"a": "baseline", "b": folder}
+    assert named_choices(["baseline", folder]) == {BASELINE: "baseline", "PPO": folder}
+    assert named_choices(["a=baseline", f"b={folder}"]) == {"a": "baseline", "b": folder}
     with pytest.raises(ValueError, match="two agents"):
-        default_names([folder, folder])
+        named_choices([folder, folder])
 
 
 @pytest.mark.parametrize("script", ["train.py", "evaluate.py"])

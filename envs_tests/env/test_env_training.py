@@ -15,11 +15,12 @@ import pytest
 import torch
 
 from agents import evaluation
+from agents.files import write_whole
 from agents.train import TrainingConfig, resume, train
 from agents.trained import TrainedAgent
 from agents.training import callbacks, held_back
 from agents.training.held_back import SELECTION_WIND_SEEDS, HeldBackEvaluation
-from agents.training.run_folder import RunFolder, write_whole
+from agents.training.run_folder import RunFolder
 from agents.training.seeds import resume_seeds, seeds_table, train_seeds
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 

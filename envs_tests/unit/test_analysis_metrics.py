@@ -6,6 +6,7 @@ import xarray as xr
 
 from wt_gym.analysis.metrics import METRICS, damage_equivalent_load, run_metrics
 from wt_gym.analysis.spectra import power_spectral_density
+from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.turbines import load_turbine
 
 
@@ -97,6 +98,24 @@ def test_metrics_of_a_made_up_run(run, turbine):
     assert metrics["pitch_duty_cycle"] == pytest.approx(0.02 / turbine.pitch.max_rate)
     assert metrics["pitch_travel"] == pytest.approx(2.0)
     assert metrics["yaw_travel"] == pytest.approx(0.1)
+
+
+def test_power_out_of_the_rotor_is_no_power(run, turbine):
+    # 2 MW are taken from 300 MJ of kinetic energy and from nowhere else
+    energy = 3e8 - 2e6 * run["time"].values
+    run["rotor_speed"][:] = np.sqrt(2.0 * energy / rotor_inertia(turbine))
+    for skip in (0.0, 10.0):
+        metrics = run_metrics(run, turbine, skip)
+        assert metrics["mean_power"] == 2e6
+        assert metrics["corrected_power"] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_kinetic_energy_counts_from_the_state_before_the_first_step(run, turbine):
+    speed = np.full(1000, 1.2)
+    speed[:100] = 1.0  # until t = 10.0 s, the start of the first step that is measured
+    run["rotor_speed"][:] = speed
+    gained = 0.5 * rotor_inertia(turbine) * (1.2**2 - 1.0**2)
+    assert run_metrics(run, turbine, skip=10.0)["corrected_power"] == pytest.approx(2e6 + gained / 90.0, rel=1e-12)
 
 
 def test_skipped_start_does_not_count(run, turbine):

@@ -8,9 +8,9 @@ import xarray as xr
 
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.plots import spectra_figure, time_series_figure
+from wt_gym.analysis.replay import trailing_strength
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.analysis.scene import scene_figure, trailing_strength
 from wt_gym.analysis.summary import (
     difference,
     difference_class,
@@ -85,23 +85,23 @@ def agent_text(result):
 
 
 def test_lost_power_is_not_called_a_trade():
-    text = agent_text(evaluation(mean_power=0.4e6, tower_fore_aft_del=0.5e6))
+    text = agent_text(evaluation(corrected_power=0.4e6, tower_fore_aft_del=0.5e6))
     assert "\u221260.0 %" in text
     assert "does not reach Baseline" in text
 
 
 def test_less_load_for_a_little_power_is_a_trade():
-    assert "That is a trade" in agent_text(evaluation(mean_power=0.97e6, tower_fore_aft_del=0.5e6))
+    assert "That is a trade" in agent_text(evaluation(corrected_power=0.97e6, tower_fore_aft_del=0.5e6))
 
 
 def test_more_power_without_more_load_is_ahead():
-    text = agent_text(evaluation(mean_power=1.05e6))
+    text = agent_text(evaluation(corrected_power=1.05e6))
     assert "PPO is ahead of Baseline" in text
-    assert "ahead" not in agent_text(evaluation(mean_power=1.05e6, blade_flap_del=1.2e6))
+    assert "ahead" not in agent_text(evaluation(corrected_power=1.05e6, blade_flap_del=1.2e6))
 
 
 def test_equal_is_equal():
-    assert "do equally well" in agent_text(evaluation(mean_power=1.001e6))
+    assert "do equally well" in agent_text(evaluation(corrected_power=1.001e6))
 
 
 def test_an_early_end_is_told_and_not_compared(tmp_path):
@@ -184,20 +184,3 @@ def test_figures_hold_every_agent():
 def test_trailing_filaments_carry_the_difference_of_their_neighbours():
     circulation = np.array([[[1.0, 4.0, 2.0]]])
     np.testing.assert_array_equal(trailing_strength(circulation), [[[1.0, 3.0, 2.0, 2.0]]])
-
-
-def test_scene_draws_rotor_wake_and_tower():
-    rng, up = np.random.default_rng(0), np.array([0.0, 0.0, 90.0])
-    geometry = {
-        "blades": rng.normal(size=(3, 2, 5, 3)) + up,
-        "wake": rng.normal(size=(7, 3, 5, 3)) + up,
-        "wake_circulation": rng.uniform(10, 20, (6, 3, 4)),
-        "tower": np.column_stack([np.zeros(4), np.zeros(4), np.linspace(0, 87, 4)]),
-        "tower_radius": np.linspace(3, 2, 4),
-        "hub": np.array([-5.0, 0.0, 90.0]),
-    }
-    figure = scene_figure(geometry)
-    kinds = [trace.type for trace in figure.data]
-    assert kinds.count("surface") == 3 + 3
-    lines = [trace for trace in figure.data if trace.type == "scatter3d" and trace.line.cmax is not None]
-    assert sum(np.isfinite(trace.x).sum() for trace in lines) == 7 * 3 * 5

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rainflow
 
+from wt_gym.control.operating_point import rotor_inertia
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -40,6 +42,8 @@ class Metric:
         +1 if more is better, -1 if less is, 0 if neither.
     digits : int
         Decimals to show.
+    over_winds : {"mean", "max", "min", "sum"}
+        What several winds come to: extremes stay extremes, events are counted.
     """
 
     label: str
@@ -47,24 +51,26 @@ class Metric:
     factor: float
     better: int
     digits: int
+    over_winds: str = "mean"
 
 
 METRICS: dict[str, Metric] = {
     "mean_power": Metric("Mean power", "MW", 1e-6, +1, 3),
+    "corrected_power": Metric("Mean power, kinetic energy corrected", "MW", 1e-6, +1, 3),
     "energy": Metric("Energy", "MWh", 1 / 3.6e9, +1, 3),
     "power_std": Metric("Power, standard deviation", "MW", 1e-6, -1, 3),
     "rotor_speed_mean": Metric("Rotor speed, mean", "rpm", 30 / np.pi, 0, 2),
     "rotor_speed_std": Metric("Rotor speed, standard deviation", "rpm", 30 / np.pi, -1, 3),
-    "rotor_speed_max": Metric("Rotor speed, maximum", "rpm", 30 / np.pi, -1, 2),
-    "overspeed_count": Metric("Overspeed events (> 110 % rated)", "-", 1.0, -1, 1),
+    "rotor_speed_max": Metric("Rotor speed, maximum", "rpm", 30 / np.pi, -1, 2, "max"),
+    "overspeed_count": Metric("Overspeed events (> 110 % rated)", "-", 1.0, -1, 1, "sum"),
     "blade_flap_del": Metric("Blade root flapwise DEL (m = 10)", "MN m", 1e-6, -1, 2),
     "blade_edge_del": Metric("Blade root edgewise DEL (m = 10)", "MN m", 1e-6, -1, 2),
-    "blade_flap_max": Metric("Blade root flapwise moment, largest", "MN m", 1e-6, -1, 2),
-    "tip_deflection_max": Metric("Tip deflection downwind, largest", "m", 1.0, -1, 2),
-    "tip_clearance_min": Metric("Tip clearance to the tower, smallest", "m", 1.0, +1, 2),
+    "blade_flap_max": Metric("Blade root flapwise moment, largest", "MN m", 1e-6, -1, 2, "max"),
+    "tip_deflection_max": Metric("Tip deflection downwind, largest", "m", 1.0, -1, 2, "max"),
+    "tip_clearance_min": Metric("Tip clearance to the tower, smallest", "m", 1.0, +1, 2, "min"),
     "tower_fore_aft_del": Metric("Tower base fore-aft DEL (m = 4)", "MN m", 1e-6, -1, 2),
     "tower_side_side_del": Metric("Tower base side-side DEL (m = 4)", "MN m", 1e-6, -1, 2),
-    "tower_base_max": Metric("Tower base moment, largest", "MN m", 1e-6, -1, 1),
+    "tower_base_max": Metric("Tower base moment, largest", "MN m", 1e-6, -1, 1, "max"),
     "pitch_duty_cycle": Metric("Pitch actuator duty cycle", "%", 100.0, -1, 2),
     "pitch_travel": Metric("Pitch travel, mean of the blades", "deg", 180 / np.pi, -1, 1),
     "yaw_travel": Metric("Yaw travel", "deg", 180 / np.pi, -1, 2),
@@ -131,15 +137,19 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
     Returns
     -------
     dict
-        Keys of `METRICS`, SI units. Blade loads are those of the worst blade. Largest and smallest values are those of
-        the structural steps, which the channels ``*_max`` and ``*_min`` hold since the sample before.
+        Keys of `METRICS`, SI units. The corrected power is the mean electrical power plus the kinetic energy that rotor
+        and generator gained over the time measured, divided by that time. Blade loads are those of the worst blade.
+        Largest and smallest values are those of the structural steps, which the channels ``*_max`` and ``*_min`` hold
+        since the sample before.
 
     Raises
     ------
     ValueError
         If less than two samples are left or the sampling is uneven.
     """
-    run = run.isel(time=run["time"].values >= run["time"].values[0] + skip - 1e-9)
+    kept = run["time"].values >= run["time"].values[0] + skip - 1e-9
+    before = run.isel(time=~kept)
+    run = run.isel(time=kept)
     time = run["time"].values
     if time.size < 2:
         raise ValueError(f"metrics need at least two samples after the first {skip} s, got {time.size}")
@@ -156,12 +166,16 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
     def worst_del(name: str) -> float:
         return max(damage_equivalent_load(channel(f"{name}_{b}"), duration, BLADE_EXPONENT) for b in blades)
 
+    # the state that the first step began with, where the run has it
+    start = before.isel(time=-1) if before.sizes["time"] else run.isel(time=0)
     power, speed, fastest = channel("generator_power"), channel("rotor_speed"), channel("rotor_speed_max")
     fore_aft, side_side = channel("tower_base_fore_aft_moment"), channel("tower_base_side_side_moment")
     travel = np.mean([channel(f"pitch_travel_{b}") for b in blades], axis=0).sum()
+    stored = 0.5 * rotor_inertia(turbine) * (speed[-1] ** 2 - float(start["rotor_speed"]) ** 2)
     torque_rate = np.diff(channel("generator_torque")) / step
     return {
         "mean_power": float(power.mean()),
+        "corrected_power": float(power.mean() + stored / (time[-1] - float(start["time"]))),
         "energy": float(power.mean() * duration),
         "power_std": float(power.std()),
         "rotor_speed_mean": float(speed.mean()),

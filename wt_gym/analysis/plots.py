@@ -17,14 +17,25 @@ if TYPE_CHECKING:
 
     from wt_gym.analysis.results import Evaluation, Wind
 
-__all__ = ["FONT", "INK", "agent_styles", "spectra_figure", "time_series_figure", "training_figure"]
+__all__ = [
+    "FONT",
+    "INK",
+    "MUTED",
+    "agent_styles",
+    "compact",
+    "spectra_figure",
+    "style",
+    "time_series_figure",
+    "titles_at_left",
+]
 
 FONT = "Inter, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, MUTED, GRID = "#1c2733", "#465462", "#dde3ea"
 
 # Okabe & Ito (2008): told apart with every common colour vision; the dashes help in print.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-_DASHES = ("solid", "solid", "dash", "dashdot", "dot", "longdash")
+_DASHES = ("solid", "dash", "dot")
+_SYMBOLS = ("circle", "diamond", "square", "triangle-up", "x", "star", "triangle-down")
 _WIND_COLOUR = "#5f6b76"
 _RPM = 30 / np.pi
 
@@ -66,14 +77,24 @@ _ROWS = (
 
 
 def agent_styles(evaluation: Evaluation) -> dict[str, dict[str, str]]:
-    """Colour and dash of each agent, the same in every figure and table."""
+    """Colour, dash and symbol of each agent, the same in every figure and table."""
+    n = len(_COLOURS)
     return {
-        agent: {"color": _COLOURS[i % len(_COLOURS)], "dash": _DASHES[i % len(_DASHES)]}
+        agent: {
+            "color": _COLOURS[i % n],
+            "dash": _DASHES[i // n % len(_DASHES)],
+            "symbol": _SYMBOLS[i % len(_SYMBOLS)],
+        }
         for i, agent in enumerate(evaluation.agents)
     }
 
 
-def _style(figure: go.Figure, height: int) -> go.Figure:
+def _line(look: dict[str, str]) -> dict:
+    """Line of an agent."""
+    return {"color": look["color"], "dash": look["dash"], "width": 1.6}
+
+
+def style(figure: go.Figure, height: int) -> go.Figure:
     """Apply fonts, colours and margins common to all figures."""
     figure.update_layout(
         template="plotly_white",
@@ -103,7 +124,7 @@ def _style(figure: go.Figure, height: int) -> go.Figure:
     return figure
 
 
-def _title_at_left(figure: go.Figure) -> None:
+def titles_at_left(figure: go.Figure) -> None:
     """Put the titles of subplots to the left, where a narrow screen has room for them."""
     for annotation in figure.layout.annotations:
         annotation.update(x=0, xanchor="left", xref="paper", yshift=2)
@@ -121,13 +142,14 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
     for agent in evaluation.agents:
         run = evaluation.run(agent, wind)
         time = run.data["time"].values
+        step = float(time[1] - time[0]) if time.size > 1 else 0.0
         for i, row in enumerate(_ROWS, start=1):
             if i == 1 and agent != evaluation.agents[0]:
                 continue  # all agents meet the same wind
-            line = {"color": _WIND_COLOUR, "width": 1.4} if i == 1 else {**styles[agent], "width": 1.6}
+            line = {"color": _WIND_COLOUR, "width": 1.4} if i == 1 else _line(styles[agent])
             figure.add_trace(
                 go.Scatter(
-                    x=_compact(time), y=_compact(row.values(run.data)), mode="lines", line=line,
+                    x0=float(time[0]), dx=step, y=compact(row.values(run.data)), mode="lines", line=line,
                     name="wind" if i == 1 else agent, legendgroup=agent, showlegend=i == 2, hovertemplate="%{y:.4g}",
                 ),
                 row=i, col=1,
@@ -140,8 +162,8 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
         limit = row.limit(evaluation.limits)
         if limit is not None:
             figure.add_hline(y=limit, line={"color": MUTED, "width": 1, "dash": "dash"}, row=i, col=1)
-    _title_at_left(figure)
-    _style(figure, height=1180)
+    titles_at_left(figure)
+    style(figure, height=1180)
     figure.update_layout(hovermode="x unified", hoversubplots="axis")
     figure.update_xaxes(title_text="Time [s]", row=len(_ROWS), col=1)
     return figure
@@ -168,8 +190,9 @@ def spectra_figure(evaluation: Evaluation, skip: float) -> go.Figure:
             frequency, density = spectra[name]
             figure.add_trace(
                 go.Scatter(
-                    x=_compact(frequency), y=_compact(density / 1e12), mode="lines", line={**styles[agent], "width":
-                    1.6}, name=agent, legendgroup=agent, showlegend=i == 1, hovertemplate="%{y:.3g}",
+                    x=compact(frequency), y=compact(density / 1e12), mode="lines",
+                    line=_line(styles[agent]), name=agent, legendgroup=agent, showlegend=i == 1,
+                    hovertemplate="%{y:.3g}",
                 ),
                 row=i, col=1,
             )  # fmt: skip
@@ -179,7 +202,7 @@ def spectra_figure(evaluation: Evaluation, skip: float) -> go.Figure:
             x=np.log10(frequency), y=1, xref="x", yref="y domain", text=multiple, showarrow=False, yanchor="bottom"
         )
     _title_at_left_of_first(figure, len(rows))
-    _style(figure, height=1000)
+    style(figure, height=1000)
     ticks = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10]
     figure.update_xaxes(type="log", tickvals=ticks, ticktext=[f"{tick:g}" for tick in ticks])
     figure.update_yaxes(type="log", exponentformat="power", dtick=2)
@@ -214,46 +237,6 @@ def _rotor_frequencies(evaluation: Evaluation) -> list[tuple[str, float]]:
     return [("1P", rotation), ("3P", 3 * rotation)]
 
 
-def training_figure(training: dict) -> go.Figure:
-    """Return and length of the training episodes against environment steps.
-
-    Parameters
-    ----------
-    training : dict
-        With ``curve``: lists ``steps``, ``episode_return`` and ``episode_length`` [s].
-    """
-    curve = training["curve"]
-    figure = make_subplots(
-        rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.14,
-        subplot_titles=["Return of a training episode [-]", "Length of a training episode [s]"],
-    )  # fmt: skip
-    for i, name in enumerate(("episode_return", "episode_length"), start=1):
-        steps, values = np.asarray(curve["steps"], dtype=float), np.asarray(curve[name], dtype=float)
-        points = {"color": _COLOURS[4], "size": 5, "opacity": 0.6}
-        figure.add_trace(
-            go.Scatter(x=steps, y=values, mode="markers", marker=points, name="episode", showlegend=i == 1),
-            row=i,
-            col=1,
-        )
-        smooth = _running_mean(values, max(1, len(values) // 12))
-        line = {"color": _COLOURS[1], "width": 2}
-        figure.add_trace(
-            go.Scatter(x=steps, y=smooth, mode="lines", line=line, name="running mean", showlegend=i == 1), row=i, col=1
-        )
-    _title_at_left(figure)
-    _style(figure, height=480)
-    figure.update_xaxes(title_text="Environment steps", row=2, col=1)
-    return figure
-
-
-def _running_mean(values: np.ndarray, half_width: int) -> np.ndarray:
-    """Mean over a centred window that shrinks at the ends."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    index = np.arange(len(values))
-    low, high = np.maximum(index - half_width, 0), np.minimum(index + half_width + 1, len(values))
-    return (total[high] - total[low]) / (high - low)
-
-
-def _compact(values: np.ndarray) -> np.ndarray:
+def compact(values: np.ndarray) -> np.ndarray:
     """float32 copy: half the size in the page, more digits than a screen shows."""
     return np.asarray(values, dtype=np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -10,9 +11,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-__all__ = ["Evaluation", "Run", "Wind"]
+from wt_gym.analysis.lifetime import WindClimate
+from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.replay import Replay
 
-_JSON_NAME, _GEOMETRY_NAME = "evaluation.json", "geometry.npz"
+__all__ = ["METRICS_FILE", "RUNS_FOLDER", "TABLE_FILE", "Evaluation", "Run", "Wind", "run_file"]
+
+TABLE_FILE, METRICS_FILE, RUNS_FOLDER = "evaluation.json", "metrics.csv", "runs"
+_COMBINE = {"mean": np.mean, "max": np.max, "min": np.min, "sum": np.sum}
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,8 @@ class Run:
         ``"time"``, or why the run was terminated.
     failure : str or None
         Message of a failed simulation.
+    replay : Replay or None
+        Shapes of its last seconds, if they were kept.
     """
 
     agent: str
@@ -62,11 +70,59 @@ class Run:
     duration: float
     ending: str
     failure: str | None = None
+    replay: Replay | None = None
 
     @property
     def complete(self) -> bool:
         """Whether the run lasted as long as planned."""
         return self.ending == "time"
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but signals and shapes, as JSON values."""
+        names = [f.name for f in fields(self) if f.name not in ("data", "replay")]
+        return {name: getattr(self, name) for name in names} | {"wind": asdict(self.wind)}
+
+    def save(self, path: Path) -> None:
+        """Write the run as one NetCDF file, which is there when it is whole.
+
+        The replay, if there is one, goes into a second file beside it, which is written first.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            Its folder exists.
+        """
+        if self.replay is not None:
+            self.replay.save(_replay_file(path))
+        partial = path.with_name(f".{path.name}.partial")
+        self.data.assign_attrs(run=json.dumps(self.to_json())).to_netcdf(partial, engine="h5netcdf")
+        partial.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> Run:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        ValueError
+            If the file holds no run.
+        """
+        data = xr.load_dataset(path, engine="h5netcdf")
+        if "run" not in data.attrs:
+            raise ValueError(f"{path} holds no run of an evaluation")
+        row = json.loads(data.attrs.pop("run"))
+        replay = Replay.load(_replay_file(path)) if _replay_file(path).exists() else None
+        return cls(**row | {"wind": Wind(**row["wind"]), "data": data, "replay": replay})
+
+
+def _replay_file(path: Path) -> Path:
+    return path.with_name(f"{path.stem}_replay.npz")
+
+
+def run_file(number: int, agent: str) -> str:
+    """Name of the file of a run: its number in the order of running, and the agent."""
+    safe = "".join(c if c.isalnum() or c == "-" else "_" for c in agent).lower()
+    return f"{number:03d}_{safe}.nc"
 
 
 @dataclass(frozen=True)
@@ -86,10 +142,8 @@ class Evaluation:
         Rated power [W], rated rotor speed [rad/s] and the like, for reference lines in plots.
     training : dict
         Agent name to how it was trained (see `agents.train`), for agents that were.
-    geometry : dict of numpy.ndarray
-        Blades, wake and tower at one instant as the simulator gives them; empty without.
-    geometry_label : str
-        What the geometry shows.
+    climate : WindClimate or None
+        How often each wind speed blows, for loads over a life.
     """
 
     turbine: str
@@ -98,8 +152,7 @@ class Evaluation:
     baseline: str
     limits: dict[str, float] = field(default_factory=dict)
     training: dict[str, dict[str, Any]] = field(default_factory=dict)
-    geometry: dict[str, np.ndarray] = field(default_factory=dict)
-    geometry_label: str = ""
+    climate: WindClimate | None = None
 
     @property
     def agents(self) -> list[str]:
@@ -111,6 +164,11 @@ class Evaluation:
     def winds(self) -> list[Wind]:
         """Winds in the order they were run."""
         return list(dict.fromkeys(run.wind for run in self.runs))
+
+    @property
+    def speeds(self) -> list[float]:
+        """Mean wind speeds, ascending [m/s]."""
+        return sorted({wind.speed for wind in self.winds})
 
     def run(self, agent: str, wind: Wind) -> Run:
         """Give the run of an agent in a wind.
@@ -135,23 +193,27 @@ class Evaluation:
         shared = [key for key in tables[0] if all(key in table for table in tables)]
         return {key: float(np.mean([table[key] for table in tables])) for key in shared}
 
+    def overall_metrics(self, agent: str, speed: float | None = None) -> dict[str, float]:
+        """Each metric over the winds, of one mean speed or all: means, extremes of the extremes, sums of events."""
+        tables = [run.metrics for run in self.runs_of(agent) if speed in (None, run.wind.speed)]
+        shared = [key for key in tables[0] if all(key in table for table in tables)]
+        return {key: float(_COMBINE[METRICS[key].over_winds]([table[key] for table in tables])) for key in shared}
+
     def to_json(self) -> dict[str, Any]:
-        """Everything but the signals and the geometry, as JSON values."""
-        names = [f.name for f in fields(Run) if f.name != "data"]
-        runs = [{name: getattr(run, name) for name in names} | {"wind": asdict(run.wind)} for run in self.runs]
+        """Everything but signals and shapes, as JSON values."""
         return {
             "turbine": self.turbine,
             "settings": self.settings,
             "baseline": self.baseline,
             "limits": self.limits,
             "training": self.training,
-            "geometry_label": self.geometry_label,
+            "climate": None if self.climate is None else asdict(self.climate),
             "mean": {agent: self.mean_metrics(agent) for agent in self.agents},
-            "runs": runs,
+            "runs": [run.to_json() for run in self.runs],
         }
 
     def save(self, folder: str | Path) -> Path:
-        """Write ``evaluation.json``, the signals of each run as NetCDF and the geometry.
+        """Write the runs, a NetCDF file each, and the tables.
 
         Parameters
         ----------
@@ -164,14 +226,24 @@ class Evaluation:
             The JSON file.
         """
         folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
+        (folder / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
+        for number, run in enumerate(self.runs):
+            run.save(folder / RUNS_FOLDER / run_file(number, run.agent))
+        return self.save_tables(folder)
+
+    def save_tables(self, folder: Path) -> Path:
+        """Write ``evaluation.json`` and ``metrics.csv``, a row a run, beside runs that are written already."""
         table = self.to_json()
-        for i, (run, row) in enumerate(zip(self.runs, table["runs"], strict=True)):
-            row["signals"] = f"run_{i:02d}_{_file_safe(run.agent)}.nc"
-            run.data.to_netcdf(folder / row["signals"], engine="h5netcdf")
-        if self.geometry:
-            np.savez_compressed(folder / _GEOMETRY_NAME, **self.geometry)
-        path = folder / _JSON_NAME
+        for number, row in enumerate(table["runs"]):
+            row["file"] = f"{RUNS_FOLDER}/{run_file(number, row['agent'])}"
+        with (folder / METRICS_FILE).open("w", newline="", encoding="utf-8") as file:
+            rows = csv.writer(file)
+            rows.writerow(["agent", "wind_speed", "wind_seed", "ending", "duration", *METRICS])
+            for run in self.runs:
+                measured = [run.metrics.get(key, "") for key in METRICS]
+                seed = "" if run.wind.seed is None else run.wind.seed
+                rows.writerow([run.agent, run.wind.speed, seed, run.ending, run.duration, *measured])
+        path = folder / TABLE_FILE
         path.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
         return path
 
@@ -185,19 +257,8 @@ class Evaluation:
             If the folder holds no evaluation.
         """
         folder = Path(folder)
-        table = json.loads((folder / _JSON_NAME).read_text(encoding="utf-8"))
-        runs = []
-        for row in table["runs"]:
-            signals = xr.load_dataset(folder / row.pop("signals"), engine="h5netcdf")
-            runs.append(Run(**row | {"wind": Wind(**row["wind"]), "data": signals}))
-        geometry = {}
-        if (folder / _GEOMETRY_NAME).exists():
-            with np.load(folder / _GEOMETRY_NAME) as arrays:
-                geometry = {name: arrays[name] for name in arrays.files}
+        table = json.loads((folder / TABLE_FILE).read_text(encoding="utf-8"))
+        runs = [Run.load(folder / row["file"]) for row in table["runs"]]
+        climate = None if table["climate"] is None else WindClimate(**table["climate"])
         del table["mean"]
-        return cls(**table | {"runs": runs, "geometry": geometry})
-
-
-def _file_safe(name: str) -> str:
-    """Name with everything but letters, digits and dashes replaced."""
-    return "".join(c if c.isalnum() or c == "-" else "_" for c in name).lower()
+        return cls(**table | {"runs": runs, "climate": climate})

@@ -2,18 +2,56 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.paired import LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
+from wt_gym.analysis.statistics import LEAST_PER_STRATUM
 
 if TYPE_CHECKING:
+    from wt_gym.analysis.paired import Estimate
     from wt_gym.analysis.results import Evaluation
 
-__all__ = ["difference", "difference_class", "format_difference", "format_value", "headline", "summarise", "unseen"]
+__all__ = [
+    "JUDGED",
+    "Verdict",
+    "difference",
+    "difference_class",
+    "format_difference",
+    "format_estimate",
+    "format_value",
+    "headline",
+    "results_table",
+    "summarise",
+    "unseen",
+    "verdict",
+]
 
-# Differences below this fraction are called equal: two winds cannot tell them apart.
+JUDGED = {
+    "corrected_power": "power",
+    "blade_flap_del": "blade flapwise",
+    "tower_fore_aft_del": "tower fore-aft",
+    "tower_side_side_del": "tower side-side",
+    "pitch_travel": "pitch travel",
+}
+"""What decides whether an agent is better, and how it is called in a sentence."""
+
+# Differences of extremes below this fraction are called equal.
 _NEGLIGIBLE = 0.01
 _LOADS = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
+_TABLE = {
+    "corrected_power": "power",
+    "blade_flap_del": "flap DEL",
+    "blade_edge_del": "edge DEL",
+    "tower_fore_aft_del": "tower f-a DEL",
+    "tower_side_side_del": "tower s-s DEL",
+    "pitch_duty_cycle": "duty",
+    "pitch_travel": "pitch travel",
+    "rotor_speed_max": "speed max",
+    "tip_clearance_min": "clearance min",
+    "overspeed_count": "overspeeds",
+}
 # More lost power than this is no trade for lower loads.
 _TRADED_POWER = 0.05
 _MANY_WINDS = 6
@@ -50,10 +88,33 @@ def format_difference(key: str, value: float, reference: float) -> str:
     if amount == 0.0:
         return "="
     if relative:
-        text = f"{100 * amount:+.1f} %" if abs(amount) < 10 else f"\u00d7 {1 + amount:.0f}"
+        return f"{_signed(100 * amount, 1)} %" if abs(amount) < 10 else f"\u00d7 {1 + amount:.0f}"
+    return _signed(amount, METRICS[key].digits)
+
+
+def format_estimate(key: str, estimate: Estimate) -> str:
+    """Change with its interval: ``−18.4 % [−20.1, −16.2]``, ``× 4.4 [4.1, 4.8]``, or in the unit shown.
+
+    No change in any wind is ``=``.
+    """
+    values = [estimate.value, estimate.low, estimate.high] if estimate.has_interval else [estimate.value]
+    if not any(values):
+        return "="
+    if not estimate.relative:
+        shown, unit = [_signed(value, METRICS[key].digits) for value in values], METRICS[key].unit
+    elif estimate.value >= 1.0:
+        shown, unit = [f"{1.0 + value:.1f}" for value in values], "-"
+        shown[0] = f"\u00d7 {shown[0]}"
     else:
-        text = f"{amount:+.{METRICS[key].digits}f}"
-    return text.replace("-", "\u2212")
+        shown, unit = [_signed(100.0 * value, 1) for value in values], "%"
+    interval = f" [{', '.join(shown[1:])}]" if estimate.has_interval else ""
+    return f"{shown[0]}{'' if unit == '-' else f' {unit}'}{interval}"
+
+
+def _signed(value: float, digits: int) -> str:
+    """Number with its sign, none for what rounds to zero."""
+    text = f"{value:+.{digits}f}"
+    return (text if float(text) else text[1:]).replace("-", "\u2212")
 
 
 def difference_class(key: str, value: float, reference: float) -> str:
@@ -83,6 +144,45 @@ def unseen(evaluation: Evaluation) -> bool:
     return None not in seeds and all(known is not None and seeds.isdisjoint(known) for known in trained)
 
 
+@dataclass(frozen=True)
+class Verdict:
+    """Whether an agent is better than the baseline.
+
+    Attributes
+    ----------
+    kind : str
+        ``"better"``, ``"worse"``, ``"equal"``, ``"trade"`` or ``"lost"`` (a run ended early).
+    word : str
+        The same for people.
+    gains, costs : tuple of str
+        Keys of `JUDGED` that are better and worse.
+    """
+
+    kind: str
+    word: str
+    gains: tuple[str, ...] = ()
+    costs: tuple[str, ...] = ()
+
+
+def verdict(evaluation: Evaluation, agent: str) -> Verdict:
+    """Judge an agent by `JUDGED`: better with gains only, worse with costs only, a trade with both.
+
+    A change counts if it exceeds 1 % and, where there are winds enough for an interval, that excludes zero. More than
+    5 % of lost power is no trade.
+    """
+    if not (_all_complete(evaluation, agent) and _all_complete(evaluation, evaluation.baseline)):
+        return Verdict("lost", "Runs ended early")
+    changes = {key: paired_change(evaluation, agent, key) for key in JUDGED}
+    kinds = {key: change.kind(key) for key, change in changes.items() if change is not None}
+    gains, costs = (tuple(key for key in kinds if kinds[key] == kind) for kind in ("better", "worse"))
+    power = changes["corrected_power"]
+    if costs and (not gains or (power is not None and power.relative and power.value < -_TRADED_POWER)):
+        return Verdict("worse", "Not better", gains, costs)
+    if gains:
+        return Verdict("trade", "A trade", gains, costs) if costs else Verdict("better", "Better", gains, costs)
+    return Verdict("equal", "No difference")
+
+
 def summarise(evaluation: Evaluation) -> list[str]:
     """Describe what was found, one paragraph an agent and one on how far the result carries.
 
@@ -100,9 +200,9 @@ def _baseline_paragraph(evaluation: Evaluation) -> str:
     agent = evaluation.baseline
     text = f"{_survival(evaluation, agent)}"
     mean = evaluation.mean_metrics(agent)
-    if _all_complete(evaluation, agent) and "mean_power" in mean:
+    if _all_complete(evaluation, agent) and "corrected_power" in mean:
         text += (
-            f" It made {_shown('mean_power', mean)} on average, with a rotor speed of up to"
+            f" It made {_shown('corrected_power', mean)} on average, with a rotor speed of up to"
             f" {_shown('rotor_speed_max', mean)} and a pitch duty cycle of {_shown('pitch_duty_cycle', mean)}."
         )
     return text
@@ -159,51 +259,38 @@ _REASONS = {
 def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
     """Power, loads and actuator use against the baseline, and what they come to."""
     mine, base = evaluation.mean_metrics(agent), evaluation.mean_metrics(evaluation.baseline)
-    change = {key: format_difference(key, mine[key], base[key]) for key in mine}
-    verdict = {key: difference_class(key, mine[key], base[key]) for key in mine}
-    loads = ", ".join(f"{_LOAD_NAMES[key]} {change[key]}" for key in _LOADS)
+    change = {key: format_estimate(key, paired_change(evaluation, agent, key)) for key in JUDGED}
+    loads = ", ".join(f"{JUDGED[key]} {change[key]}" for key in _LOADS)
     sentences = [
-        f"It made {_shown('mean_power', mine)} ({change['mean_power']} against {evaluation.baseline}).",
+        f"It made {_shown('corrected_power', mine)} ({change['corrected_power']} against {evaluation.baseline}).",
         f"Damage-equivalent loads: {loads}.",
         f"Its pitch duty cycle is {_shown('pitch_duty_cycle', mine)} against {_shown('pitch_duty_cycle', base)}.",
     ]
     if mine["overspeed_count"] > base["overspeed_count"]:
         sentences.append("It ran into overspeed (above 110 % of rated) more often.")
-    worse_loads = [key for key in _LOADS if verdict[key] == "worse"]
-    better_loads = [key for key in _LOADS if verdict[key] == "better"]
-    power = verdict["mean_power"]
-    if power != "worse" and not worse_loads and (better_loads or power == "better"):
-        sentences.append(f"In these winds {agent} is ahead of {evaluation.baseline}.")
-    elif _lost_power(mine, base) or (power != "better" and not better_loads and (worse_loads or power == "worse")):
-        sentences.append(f"In these winds {agent} does not reach {evaluation.baseline}.")
-    elif power == "equal" and not worse_loads and not better_loads:
-        sentences.append(f"In these winds {agent} and {evaluation.baseline} do equally well.")
-    else:
-        sentences.append(f"That is a trade, not an improvement on {evaluation.baseline} in everything.")
+    result = verdict(evaluation, agent)
+    gains, costs = (", ".join(JUDGED[key] for key in keys) for keys in (result.gains, result.costs))
+    match result.kind:
+        case "better":
+            sentences.append(f"In these winds {agent} is ahead of {evaluation.baseline}.")
+        case "worse":
+            sentences.append(f"In these winds {agent} does not reach {evaluation.baseline}.")
+        case "equal":
+            sentences.append(f"In these winds {agent} and {evaluation.baseline} do equally well.")
+        case _:
+            sentences.append(f"That is a trade: better are {gains}; worse are {costs}.")
     return sentences
-
-
-def _lost_power(mine: dict[str, float], base: dict[str, float]) -> bool:
-    """Whether so much power is missing that no saved load makes up for it."""
-    return mine["mean_power"] < (1.0 - _TRADED_POWER) * base["mean_power"]
-
-
-_LOAD_NAMES = {
-    "blade_flap_del": "blade flapwise",
-    "tower_fore_aft_del": "tower fore-aft",
-    "tower_side_side_del": "tower side-side",
-}
 
 
 def _reach_paragraph(evaluation: Evaluation) -> str:
     """How far the result carries."""
     duration = max(run.planned_duration for run in evaluation.runs)
     sentences = [f"Each run lasts {duration:.0f} s at most."]
-    if len(evaluation.winds) < _MANY_WINDS or duration < 600:
-        sentences.append(
-            "Standards ask for at least six ten-minute winds at each mean speed, so read differences of a few percent"
-            " as chance."
-        )
+    fewest = min([wind.speed for wind in evaluation.winds].count(speed) for speed in evaluation.speeds)
+    if fewest < _MANY_WINDS or duration < 600:
+        sentences.append("Standards ask for at least six ten-minute winds at each mean speed.")
+    if fewest < LEAST_PER_STRATUM:
+        sentences.append("There are too few winds here for intervals: read differences of a few percent as chance.")
     if any(training["steps"] < _SHORT_TRAINING for training in evaluation.training.values()):
         sentences.append(
             "An agent for a task like this needs some 10\u2075 to 10\u2076 steps: the short training here shows that"
@@ -234,3 +321,44 @@ def _shown(key: str, metrics: dict[str, float]) -> str:
 def _count(number: int, noun: str) -> str:
     """Number with its noun."""
     return f"{_WORDS.get(number, number)} {noun}{'' if number == 1 else 's'}"
+
+
+def results_table(evaluation: Evaluation) -> list[str]:
+    """Markdown: values of the baseline, changes of the others with their intervals, by wind speed, and over a life.
+
+    Greatest speed, smallest clearance and overspeeds are extremes and sums over the winds, not changes.
+    """
+    lines = ["| wind | agent | " + " | ".join(_TABLE.values()) + " |", "|---" * (len(_TABLE) + 2) + "|"]
+    speeds = evaluation.speeds
+    groups = [(f"{speed:g} m/s", speed) for speed in speeds] + ([("all", None)] if len(speeds) > 1 else [])
+    for label, speed in groups:
+        for agent in evaluation.agents:
+            cells = [_table_cell(evaluation, agent, key, speed) for key in _TABLE]
+            lines.append(f"| {label} | {agent} | " + " | ".join(cells) + " |")
+    if evaluation.climate is not None and len(speeds) > 1:
+        for agent in evaluation.agents:
+            cells = [_lifetime_cell(evaluation, agent, key) for key in _TABLE]
+            lines.append(f"| lifetime | {agent} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _table_cell(evaluation: Evaluation, agent: str, key: str, speed: float | None) -> str:
+    """Value of the baseline or of an extreme, else a change."""
+    values = evaluation.overall_metrics(agent, speed)
+    if key not in values:
+        return "\u2013"
+    if agent == evaluation.baseline or METRICS[key].over_winds != "mean":
+        return _shown(key, values).removesuffix(" -")
+    change = paired_change(evaluation, agent, key, speed)
+    return "not compared" if change is None else format_estimate(key, change)
+
+
+def _lifetime_cell(evaluation: Evaluation, agent: str, key: str) -> str:
+    """Load over a life, or its change."""
+    if key not in LIFETIME_EXPONENTS:
+        return ""
+    if agent == evaluation.baseline:
+        value = lifetime(evaluation, agent, key)
+        return "\u2013" if value is None else _shown(key, {key: value})
+    change = lifetime_change(evaluation, agent, key)
+    return "\u2013" if change is None else format_estimate(key, change)

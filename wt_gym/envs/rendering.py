@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from wt_gym.analysis.scene import trailing_strength
+from wt_gym.analysis.replay import trailing_strength
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -1,0 +1,157 @@
+"""What the words for agents on a command line mean."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from wt_gym.control.controllers import CONTROLLERS
+
+__all__ = ["BASELINE", "controller_of", "expand_seeds", "fingerprint", "is_controller_name", "named_choices"]
+
+BASELINE = "Baseline PI"
+_WORDS = {"baseline": BASELINE, "constant": "Constant action"}
+_PREFIX = "controller:"
+
+
+def is_controller_name(choice: str) -> bool:
+    """Whether a choice names a controller of the library: ``controller:`` in front, or a name of `CONTROLLERS`."""
+    names = choice.partition(":")[0].split("+")
+    return choice.startswith(_PREFIX) or all(name in CONTROLLERS for name in names)
+
+
+def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
+    """Name and parameters of a controller from ``name:key=value,key=value``, with or without ``controller:`` in front.
+
+    Parameters
+    ----------
+    choice : str
+        For example ``"ipc+tower_dampers"`` or ``"constrained_ipc:level=0.1"``; values are Python literals.
+
+    Returns
+    -------
+    name : str
+    parameters : dict
+        Both as `wt_gym.control.controllers.make_controller` takes them.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is not of the form ``key=value`` with a number, or True, False or None as its value.
+    """
+    name, _, rest = choice.removeprefix(_PREFIX).partition(":")
+    parameters = {}
+    for pair in filter(None, rest.split(",")):
+        key, separator, value = pair.partition("=")
+        if not (separator and key):
+            raise ValueError(f"a parameter of a controller is key=value, got {pair!r} in {choice!r}")
+        try:
+            parameters[key] = ast.literal_eval(value)
+        except (ValueError, SyntaxError) as error:
+            raise ValueError(
+                f"the value of {key!r} in {choice!r} must be a number, True, False or None, got {value!r}"
+            ) from error
+    return name, parameters
+
+
+def named_choices(choices: list[str]) -> dict[str, str]:
+    """Names for the agents of a command line: ``NAME=CHOICE``, or a name that follows from the choice.
+
+    A name in front has no colon, so that ``constrained_ipc:level=0.1`` is a controller with a parameter.
+
+    Parameters
+    ----------
+    choices : list of str
+        Words, controllers or paths for `agents.evaluation.load_agent`, each with or without a name in front. The folder
+        of a training with several seeds stands for one agent a seed.
+
+    Returns
+    -------
+    dict
+        Name to choice, in the given order.
+
+    Raises
+    ------
+    ValueError
+        If two agents get the same name.
+    FileNotFoundError
+        If a choice is neither a word, nor a controller, nor a path that exists.
+    """
+    named: dict[str, str] = {}
+    for given in choices:
+        name, separator, choice = given.partition("=")
+        if not separator or ":" in name:
+            name, choice = "", given
+        if not (choice in _WORDS or is_controller_name(choice) or Path(choice).exists()):
+            raise FileNotFoundError(
+                f"no trained model at {choice}; an agent is one of {', '.join(_WORDS)}, a controller "
+                f"({', '.join(CONTROLLERS)}, joined with '+'), or the path of a trained model"
+            )
+        for suffix, single in expand_seeds(choice):
+            label = (name or _default_name(choice)) + suffix
+            if label in named:
+                raise ValueError(f"two agents are called {label!r}; give them names as NAME={single}")
+            named[label] = single
+    return named
+
+
+def expand_seeds(choice: str) -> list[tuple[str, str]]:
+    """Suffix of the name and path of each seed where a choice is the folder of a training with several seeds.
+
+    Returns
+    -------
+    list of (str, str)
+        One pair with an empty suffix for anything else.
+    """
+    if choice in _WORDS or is_controller_name(choice):
+        return [("", choice)]
+    from agents.trained import MODEL_FILE  # torch takes seconds to import
+    from agents.training.run_folder import SEEDS_FILE
+
+    folder = Path(choice)
+    if not (folder / SEEDS_FILE).is_file():
+        return [("", choice)]
+    found = {file.parent.name.removeprefix("seed-"): file.parent for file in folder.glob(f"seed-*/{MODEL_FILE}")}
+    return [(f" seed {seed}", str(found[seed])) for seed in sorted(found, key=int)]
+
+
+def fingerprint(choice: str) -> dict[str, Any]:
+    """What an agent is, to tell whether a stopped evaluation can go on with it.
+
+    Parameters
+    ----------
+    choice : str
+
+    Returns
+    -------
+    dict
+        The choice, and for a trained model the SHA-256 sums of its files.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such model.
+    """
+    if choice in _WORDS or is_controller_name(choice):
+        return {"choice": choice}
+    from agents.trained import model_files  # torch takes seconds to import
+
+    sums = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in model_files(choice)}
+    return {"choice": choice, "sha256": sums}
+
+
+def _default_name(choice: str) -> str:
+    """Name that says what the choice is: algorithm of a trained model, else the name of its file or folder."""
+    if choice in _WORDS:
+        return _WORDS[choice]
+    if is_controller_name(choice):
+        return choice.removeprefix(_PREFIX)
+    from agents.trained import RECORD_FILE, read_record
+
+    path = Path(choice)
+    for record in (path / RECORD_FILE, path.parent / RECORD_FILE, *path.glob(f"seed-*/{RECORD_FILE}")):
+        if record.is_file():
+            return read_record(record)["algorithm"]
+    return path.stem

@@ -1,0 +1,122 @@
+"""The folder of an evaluation: runs are kept as they come, and a stopped evaluation goes on where it was."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import wt_gym
+from agents.choices import fingerprint
+from agents.files import write_whole
+from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Run, Wind, run_file
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from agents.evaluation import Agent, EvaluationConfig
+
+__all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder"]
+
+CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
+# These weigh what the runs gave, and change no run.
+_ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")
+
+
+class EvaluationFolder:
+    """Runs of one evaluation on disk.
+
+    Parameters
+    ----------
+    path : str or path
+    agents : mapping
+        Name to word or path.
+    config : EvaluationConfig
+
+    Raises
+    ------
+    ValueError
+        If an agent is an object, of which a file cannot say which it was.
+    FileNotFoundError
+        If an agent's model does not exist.
+    """
+
+    def __init__(self, path: str | Path, agents: Mapping[str, str | Agent], config: EvaluationConfig):
+        objects = [name for name, agent in agents.items() if not isinstance(agent, str)]
+        if objects:
+            raise ValueError(
+                f"an evaluation that is kept in a folder takes agents by word or path; {', '.join(objects)} came as "
+                "objects: leave the folder out and save the result"
+            )
+        self.path = Path(path)
+        self._numbers = {pair: k for k, pair in enumerate((a, w) for w in config.winds for a in agents)}
+        configuration = {
+            "agents": {name: fingerprint(choice) for name, choice in agents.items()},
+            **{name: value for name, value in asdict(config).items() if name not in _ONLY_WEIGH},
+            "version": wt_gym.__version__,
+        }
+        # through JSON, so that it can be compared with what a file says
+        self._configuration: dict[str, Any] = json.loads(json.dumps(configuration, default=str))
+
+    def begin(self, overwrite: bool) -> None:
+        """Make the folder ready: empty for a new evaluation, as it is for one to go on with.
+
+        Parameters
+        ----------
+        overwrite : bool
+            Start afresh, and remove what any evaluation left there; other files stay.
+
+        Raises
+        ------
+        ValueError
+            If it holds another evaluation that is not to be overwritten.
+        OSError
+            If it cannot be written.
+        """
+        if overwrite:
+            self._clear()
+        elif self._used and (differing := self._differences()):
+            raise ValueError(
+                f"{self.path} holds another evaluation, with other {', '.join(differing)}: take another folder, or "
+                "overwrite it"
+            )
+        (self.path / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self._configuration, indent=1) + "\n"
+        write_whole(self.path / CONFIGURATION_FILE, lambda file: file.write(text.encode()))
+
+    def find(self, agent: str, wind: Wind) -> Run | None:
+        """Run of an agent in a wind, None if it has not been done yet."""
+        file = self._file(agent, wind)
+        return Run.load(file) if file.exists() else None
+
+    def keep(self, run: Run) -> None:
+        """Write a run."""
+        run.save(self._file(run.agent, run.wind))
+
+    def _file(self, agent: str, wind: Wind) -> Path:
+        return self.path / RUNS_FOLDER / run_file(self._numbers[agent, wind], agent)
+
+    @property
+    def _used(self) -> bool:
+        """Whether an evaluation has been here."""
+        return any((self.path / name).exists() for name in (CONFIGURATION_FILE, TABLE_FILE))
+
+    def _differences(self) -> list[str]:
+        """Parts of the configuration that are not those of the evaluation that is there."""
+        file = self.path / CONFIGURATION_FILE
+        found: dict[str, Any] = {}
+        if file.exists():
+            try:
+                found = json.loads(file.read_text(encoding="utf-8"))
+            except ValueError as error:
+                raise ValueError(f"{file} is damaged: {error}") from error
+        return [name for name, value in self._configuration.items() if name not in found or found[name] != value]
+
+    def _clear(self) -> None:
+        """Remove what an evaluation left here, and nothing else."""
+        for name in (CONFIGURATION_FILE, TABLE_FILE, METRICS_FILE, REPORT_FILE):
+            (self.path / name).unlink(missing_ok=True)
+        for pattern in ("*.nc", "*_replay.npz", ".*.partial"):
+            for file in (self.path / RUNS_FOLDER).glob(pattern):
+                file.unlink()

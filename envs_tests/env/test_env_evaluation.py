@@ -1,0 +1,138 @@
+"""Evaluations kept in a folder: stopped and gone on with, refused, overwritten; controllers as agents."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents import evaluation as module
+from agents.constant import ConstantAgent
+from agents.evaluation import EvaluationConfig, evaluate
+from agents.evaluation_folder import EvaluationFolder
+from wt_gym.analysis.results import Evaluation, Wind
+
+STEADY = "wt_gym/NREL5MW-Steady-v0"
+CONFIG = EvaluationConfig(env_id=STEADY, winds=(Wind(9.0), Wind(12.0)), duration=4.0, skip=1.0, replay=1.0)
+AGENTS = {"Baseline": "baseline", "Constant": "constant"}
+
+
+@pytest.fixture
+def count_runs(monkeypatch):
+    """Agents and winds that are run; stops with Ctrl-C where told."""
+    done, original = [], module._run
+
+    def run(env, name, agent, wind, config, line):
+        if len(done) == run.stop_after:
+            raise KeyboardInterrupt
+        done.append((name, wind.speed))
+        return original(env, name, agent, wind, config, line)
+
+    run.stop_after = None
+    monkeypatch.setattr(module, "_run", run)
+    return done, run
+
+
+def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, count_runs):
+    done, run = count_runs
+    run.stop_after = 3
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(AGENTS, CONFIG, folder=tmp_path, progress=False)
+    assert len(list((tmp_path / "runs").glob("*.nc"))) == 3
+    assert not (tmp_path / "evaluation.json").exists()
+    (tmp_path / "runs" / ".003_constant.nc.partial").write_bytes(b"half of a run")
+
+    done.clear()
+    run.stop_after = None
+    result = evaluate(AGENTS, CONFIG, folder=tmp_path, progress=False)
+    assert done == [("Constant", 12.0)]
+    at_once = evaluate(AGENTS, CONFIG, progress=False)
+    assert result.to_json() == at_once.to_json()
+    for mine, theirs in zip(result.runs, at_once.runs, strict=True):
+        assert mine.data.equals(theirs.data)
+        assert (mine.replay is None) == (theirs.replay is None)
+    np.testing.assert_array_equal(result.runs[1].replay.blades, at_once.runs[1].replay.blades)
+    assert Evaluation.load(tmp_path).to_json() == result.to_json()
+
+    done.clear()
+    weighed = evaluate(AGENTS, replace(CONFIG, iec_class="III"), folder=tmp_path, progress=False)
+    assert done == []  # another climate weighs the same runs
+    assert (result.climate.mean_speed, weighed.climate.mean_speed) == (10.0, 7.5)
+
+
+def test_another_evaluation_in_the_folder_is_refused_unless_overwritten(tmp_path, count_runs):
+    done, _ = count_runs
+    first = replace(CONFIG, winds=(Wind(9.0),))
+    evaluate(AGENTS, first, folder=tmp_path, progress=False)
+    (tmp_path / "notes.txt").write_text("mine")
+    before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")}
+    done.clear()
+    others = {
+        "duration": (AGENTS, replace(first, duration=5.0)),
+        "agents": ({"Baseline": "baseline", "Constant": "discon"}, first),
+        "env_kwargs, winds": (AGENTS, replace(CONFIG, env_kwargs={"sensor_noise": 1.0})),
+    }
+    for names, (agents, config) in others.items():
+        with pytest.raises(ValueError, match=f"holds another evaluation, with other {names}: take another folder"):
+            evaluate(agents, config, folder=tmp_path, progress=False)
+    assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")} == before
+    assert done == []
+
+    evaluate({"Constant": "constant"}, first, folder=tmp_path, overwrite=True, progress=False)
+    assert done == [("Constant", 9.0)]
+    assert [file.name for file in sorted((tmp_path / "runs").glob("*.nc"))] == ["000_constant.nc"]
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_folders_that_cannot_be_used_are_refused_before_the_first_run(tmp_path, count_runs):
+    done, _ = count_runs
+    with pytest.raises(ValueError, match="Mine came as objects"):
+        EvaluationFolder(tmp_path, {"Mine": ConstantAgent}, CONFIG)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file"):
+        evaluate(AGENTS, CONFIG, folder=tmp_path / "file", progress=False)
+    (tmp_path / "configuration.json").write_text("{")
+    with pytest.raises(ValueError, match=r"configuration\.json is damaged"):
+        evaluate(AGENTS, CONFIG, folder=tmp_path, progress=False)
+    (tmp_path / "configuration.json").unlink()
+    (tmp_path / "evaluation.json").write_text(json.dumps({"runs": []}))  # of a version that kept no configuration
+    with pytest.raises(ValueError, match="holds another evaluation"):
+        evaluate(AGENTS, CONFIG, folder=tmp_path, progress=False)
+    assert done == []
+
+
+def test_controllers_run_beneath_residual_actions():
+    kwargs = {"action_mode": "residual", "pitch": "fixed-frame"}
+    config = replace(CONFIG, env_kwargs=kwargs, winds=(Wind(16.0),))
+    agents = {"Baseline": "baseline", "discon": "discon", "ipc": "ipc", "weak": "controller:ipc:limit=0.001"}
+    base, discon, ipc, weak = (run.data for run in evaluate(agents, config, progress=False).runs)
+    assert base.equals(discon.assign_attrs(base.attrs))
+    np.testing.assert_array_equal(base["pitch_1"], base["pitch_2"])
+    spread = [float(np.abs(data["pitch_1"] - data["pitch_2"]).max()) for data in (ipc, weak)]
+    assert spread[0] > spread[1] > 0.0
+    assert spread[1] < 0.002  # two blades, each within the limit
+
+
+def test_controllers_give_actions_where_nothing_runs_beneath():
+    config = replace(CONFIG, winds=(Wind(16.0),))
+    agents = {"Baseline": "baseline", "discon": "discon", "damped": "fore_aft_damper"}
+    base, discon, damped = evaluate(agents, config, progress=False).runs
+    assert base.metrics == discon.metrics
+    assert base.metrics["pitch_travel"] != damped.metrics["pitch_travel"]
+    with pytest.raises(ValueError, match="individual pitch needs pitch='individual'"):
+        evaluate({"ipc": "ipc"}, config, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"replay": -1.0}, "the replay must last 0 s or more"),
+        ({"winds": (Wind(9.0), Wind(9.0))}, "each once, got 9 m/s, 9 m/s"),
+        ({"winds": ()}, "winds must be given"),
+        ({"mean_wind_speed": -3.0}, "mean_speed of a wind climate must be positive"),
+    ],
+)
+def test_configurations_without_meaning_are_refused(changes, message, count_runs):
+    with pytest.raises(ValueError, match=message):
+        evaluate(AGENTS, replace(CONFIG, **changes), progress=False)
+    assert count_runs[0] == []

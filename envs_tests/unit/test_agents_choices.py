@@ -1,0 +1,71 @@
+"""What the words for agents on a command line mean."""
+
+import pytest
+
+from agents.choices import BASELINE, controller_of, fingerprint, is_controller_name, named_choices
+
+
+def test_controllers_come_with_parameters():
+    assert controller_of("ipc+tower_dampers") == ("ipc+tower_dampers", {})
+    assert controller_of("controller:constrained_ipc:level=0.1,leak_time=None") == (
+        "constrained_ipc",
+        {"level": 0.1, "leak_time": None},
+    )
+    assert is_controller_name("rosco:thrust_limit=0.95")
+    assert is_controller_name("controller:anything")  # said to be one: its maker refuses it by name
+    assert not is_controller_name("runs/ipc")
+    assert not is_controller_name("ipc+ppo")
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [("ipc:limit", "key=value, got 'limit'"), ("ipc:limit=wide", "'limit' in 'ipc:limit=wide' must be a number")],
+)
+def test_parameters_without_meaning_are_refused(choice, message):
+    with pytest.raises(ValueError, match=message):
+        controller_of(choice)
+
+
+def test_names_follow_from_choices_or_stand_in_front(tmp_path):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    choices = ["baseline", "constrained_ipc:level=0.1", "soft=ipc:limit=0.05", "controller:discon", str(folder)]
+    assert named_choices(choices) == {
+        BASELINE: "baseline",
+        "constrained_ipc:level=0.1": "constrained_ipc:level=0.1",
+        "soft": "ipc:limit=0.05",
+        "discon": "controller:discon",
+        "mine": str(folder),
+    }
+    with pytest.raises(ValueError, match="two agents are called 'ipc'"):
+        named_choices(["ipc", "ipc=discon"])
+    with pytest.raises(
+        FileNotFoundError, match="no trained model at ipcc; an agent is one of baseline, constant, a con"
+    ):
+        named_choices(["ipcc"])
+
+
+def test_a_training_with_several_seeds_is_an_agent_a_seed(tmp_path):
+    (tmp_path / "seeds.json").write_text("{}")
+    for seed in (10, 2):
+        (tmp_path / f"seed-{seed}").mkdir()
+        (tmp_path / f"seed-{seed}" / "model.zip").touch()
+        (tmp_path / f"seed-{seed}" / "training.json").write_text('{"algorithm": "SAC"}')
+    (tmp_path / "seed-3").mkdir()  # not trained yet
+    found = named_choices([str(tmp_path), f"mine={tmp_path}"])
+    assert list(found) == ["SAC seed 2", "SAC seed 10", "mine seed 2", "mine seed 10"]
+    assert found["mine seed 10"] == str(tmp_path / "seed-10")
+
+
+def test_a_model_is_known_by_what_its_files_hold(tmp_path):
+    model = tmp_path / "model.zip"
+    model.write_bytes(b"one")
+    first = fingerprint(str(tmp_path))
+    assert fingerprint(str(tmp_path)) == first
+    assert list(first["sha256"]) == ["model.zip"]
+    (tmp_path / "vecnormalize.pkl").write_bytes(b"statistics")
+    second = fingerprint(str(tmp_path))
+    assert list(second["sha256"]) == ["model.zip", "vecnormalize.pkl"]
+    model.write_bytes(b"two")
+    assert fingerprint(str(tmp_path))["sha256"]["model.zip"] != second["sha256"]["model.zip"]
+    assert fingerprint("ipc:limit=0.05") == {"choice": "ipc:limit=0.05"}

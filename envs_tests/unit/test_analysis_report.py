@@ -1,0 +1,218 @@
+"""The report holds its parts, and its replay what was recorded."""
+
+import base64
+import json
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from wt_gym.analysis.comparison_plots import pareto_figure, verdict_figure
+from wt_gym.analysis.learning_plots import learning_figure, median_and_range, running_mean, trainings
+from wt_gym.analysis.lifetime import WindClimate
+from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.replay import Replay, ReplayRecorder, trailing_strength
+from wt_gym.analysis.replay_section import encode
+from wt_gym.analysis.report import write_report
+from wt_gym.analysis.results import Evaluation, Run, Wind
+
+SPEEDS = (12.0, 16.0)
+WINDS = tuple(Wind(speed, seed) for speed in SPEEDS for seed in (1001, 1002, 1003))
+MEAN = {key: 1.0 / metric.factor for key, metric in METRICS.items()}
+TIME = np.arange(1, 401) * 0.2
+FLAP = {"Baseline": 1.0, "<PPO>": 0.8, "ipc": 0.7}
+DUTY = {"Baseline": 0.05, "<PPO>": 0.3, "ipc": 0.2}
+
+
+def geometry(k=0, n_rows=7):
+    rng = np.random.default_rng(k)
+    return {
+        "blades": rng.normal(size=(3, 3, 5, 3)) + np.array([0.0, 0.0, 90.0]),
+        "wake": rng.normal(size=(n_rows, 3, 5, 3)) + np.array([0.0, 0.0, 90.0]),
+        "wake_circulation": rng.uniform(10, 20, (n_rows - 1, 3, 4)),
+        "tower": np.column_stack([np.zeros(4), np.zeros(4), np.linspace(0, 87, 4)]),
+        "tower_radius": np.linspace(3, 2, 4),
+        "hub": np.array([-5.0, 0.0, 90.0]),
+    }
+
+
+@pytest.fixture(scope="module")
+def evaluation():
+    wave = np.sin(2 * np.pi * 0.2 * TIME)
+    names = ["wind_x", "generator_power", "rotor_speed", "generator_torque", "tower_base_fore_aft_moment",
+             "tower_base_side_side_moment", "root_flap_moment_1", "root_edge_moment_1"]  # fmt: skip
+    names += [f"{name}_{b}" for name in ("pitch", "tip_out_of_plane") for b in (1, 2, 3)]
+    data = xr.Dataset({name: ("time", 5.0 + wave) for name in names}, {"time": TIME})
+    recorder = ReplayRecorder(5)
+    for k, time in enumerate(TIME):
+        if k > 380:
+            recorder.append(time, geometry(k, n_rows=5 + k % 3))
+    runs = []
+    for k, wind in enumerate(WINDS):
+        for agent, factor in FLAP.items():
+            flap = MEAN["blade_flap_del"] * factor * (1.0 + 0.01 * k * (agent == "ipc"))
+            metrics = MEAN | {"blade_flap_del": flap, "pitch_duty_cycle": DUTY[agent]}
+            replay = recorder.to_replay() if k == 0 else None
+            runs.append(Run(agent, wind, data, metrics, 1.0, {}, 80.0, 80.0, "time", replay=replay))
+    steps = np.arange(100, 2100, 100)
+    curve = {"steps": steps.tolist(), "episode_return": (steps / 100).tolist(), "episode_length": [60.0] * 20}
+    record = {"steps": 2000, "wall_seconds": 60.0, "control_dt": 0.2, "wind_seeds": [1], "curve": curve}
+    limits = {"rated_power": 5e6}
+    return Evaluation("Turbine", {"skip": 10.0}, runs, "Baseline", limits, {"<PPO>": record}, WindClimate(10.0))
+
+
+class Outline(HTMLParser):
+    """Sections, their headings, and the JSON in the page."""
+
+    def __init__(self):
+        super().__init__()
+        self.sections, self.headings, self.data, self.open = [], [], {}, []
+        self._reading = None
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        if tag == "section":
+            self.sections.append(attributes["id"])
+        if tag == "script" and attributes.get("type") == "application/json":
+            self._reading = attributes["id"]
+        if tag in ("h1", "h2"):
+            self._reading = tag
+        if tag in ("section", "div", "table", "details", "main", "script"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag in ("section", "div", "table", "details", "main", "script"):
+            assert self.open.pop() == tag
+        self._reading = None
+
+    def handle_data(self, text):
+        if self._reading in ("h1", "h2"):
+            self.headings.append(text)
+        elif self._reading:
+            self.data[self._reading] = json.loads(text)
+
+
+@pytest.fixture(scope="module")
+def page(evaluation, tmp_path_factory):
+    return write_report(evaluation, tmp_path_factory.mktemp("report") / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def outline(page):
+    outline = Outline()
+    outline.feed(page)
+    return outline
+
+
+def test_report_answers_first(page, outline):
+    assert not outline.open  # well nested
+    assert outline.sections == [
+        "verdict", "summary", "comparison", "lifetime", "pareto", "replay", "training0", "time", "spectra", "method",
+    ]  # fmt: skip
+    assert outline.headings[:2] == ["Turbine: evaluation of controllers", "Is any of these better than Baseline?"]
+    assert "<PPO>" not in page.split("<script")[0]  # names are escaped
+    assert "&lt;PPO&gt;" in page
+    assert "\u221220.0 %<small>[\u221220.0, \u221220.0]</small>" in page  # flap DEL of PPO, the same in every wind
+    for address in ("src=", "http-equiv", "@import", "url("):
+        assert address not in page.split("<script")[0]
+
+
+def test_verdict_shows_changes_with_intervals(evaluation, outline):
+    points = [trace for trace in outline.data["changes-data"]["data"] if trace["mode"] == "markers"]
+    assert [trace["name"] for trace in points] == ["<PPO>", "ipc"] * 2
+    loads = verdict_figure(evaluation).data[-2]
+    expected = 100 * (0.7 * (1.0 + 0.01 * np.arange(6)) - 1.0)
+    assert loads.x[0] == pytest.approx(expected[1:-1].mean())
+    low, high = loads.x[0] - loads.error_x.arrayminus[0], loads.x[0] + loads.error_x.array[0]
+    assert expected.min() < low < loads.x[0] < high < expected.max()
+
+
+def test_front_has_a_panel_a_wind_speed_and_joins_the_best(evaluation):
+    figure = pareto_figure(evaluation)
+    assert [title.text for title in figure.layout.annotations] == ["12 m/s", "16 m/s"]
+    first = [trace for trace in figure.data if trace.xaxis == "x"]
+    front, *points = first
+    assert {trace.name: (trace.x[0], round(trace.y[0], 1)) for trace in points} == {
+        "Baseline": (5.0, 0.0),
+        "<PPO>": (30.0, -20.0),
+        "ipc": (20.0, -29.3),
+    }
+    assert front.x == (5.0, 20.0)  # PPO pitches more than ipc for less
+
+
+def test_replay_holds_what_was_recorded(evaluation, outline):
+    data = outline.data["replay-data"]
+    assert [agent["name"] for agent in data["agents"]] == list(FLAP)
+    assert data["dt"] == pytest.approx(0.2)
+    replay = evaluation.runs[0].replay
+    assert data["agents"][0]["time"] == pytest.approx(replay.time)
+    for name in ("blades", "wake", "strength", "hub"):
+        entry, values = data["agents"][0]["shapes"][name], getattr(replay, name)
+        assert entry["shape"] == list(values.shape)
+        raw = np.frombuffer(base64.b64decode(entry["data"]), f"<i{entry['bits'] // 8}").astype(float)
+        full = 2 ** (entry["bits"] - 1) - 1
+        decoded = np.where(raw < -full, np.nan, entry["offset"] + entry["scale"] * raw / full).reshape(values.shape)
+        np.testing.assert_allclose(decoded, values, atol=0.51 * entry["scale"] / full)
+
+
+def test_numbers_survive_their_packing():
+    entry = encode(np.array([[1.0, np.nan], [3.0, 2.0]]))
+    assert (entry["offset"], entry["scale"], entry["shape"]) == (2.0, 1.0, [2, 2])
+    assert np.frombuffer(base64.b64decode(entry["data"]), "<i2").tolist() == [-32767, -32768, 32767, 0]
+    assert encode(np.full(3, 7.0))["offset"] == 7.0
+
+
+def test_recorder_keeps_the_end_and_pads_short_wakes(tmp_path):
+    recorder = ReplayRecorder(3)
+    assert recorder.to_replay() is None
+    for k, n_rows in enumerate((9, 4, 6, 5)):
+        recorder.append(float(k), geometry(k, n_rows))
+    replay = recorder.to_replay()
+    assert replay.time.tolist() == [1.0, 2.0, 3.0]
+    assert replay.wake.shape == (3, 6, 3, 5, 3)
+    assert np.isnan(replay.wake[0, 4:]).all()
+    assert np.isfinite(replay.wake[1]).all()
+    np.testing.assert_allclose(replay.blades[2], geometry(3)["blades"][:, [0, 2]], rtol=1e-6)
+    rings = trailing_strength(geometry(2, 6)["wake_circulation"])
+    np.testing.assert_allclose(replay.strength[1], np.concatenate([rings, rings[-1:]]), rtol=1e-6)
+    replay.save(tmp_path / "replay.npz")
+    np.testing.assert_array_equal(Replay.load(tmp_path / "replay.npz").wake, replay.wake)
+
+
+def test_large_wakes_are_thinned():
+    recorder, rng = ReplayRecorder(1), np.random.default_rng(0)
+    recorder.append(0.0, geometry() | {"wake": rng.normal(size=(300, 3, 21, 3)),
+                                       "wake_circulation": rng.normal(size=(299, 3, 20))})  # fmt: skip
+    assert recorder.to_replay().wake.shape == (1, 64, 3, 5, 3)
+
+
+def test_seeds_of_a_training_share_a_figure(evaluation):
+    record = evaluation.training["<PPO>"]
+    config = {"algorithm": "PPO", "gamma": 0.98}
+
+    def seed(number, offset):
+        curve = record["curve"] | {"episode_return": [value + offset for value in record["curve"]["episode_return"]]}
+        return record | {"algorithm": "PPO", "config": config | {"seed": number}, "curve": curve}
+
+    training = {"Baseline": seed(0, 0.0), "<PPO>": seed(1, 5.0), "ipc": seed(2, 1.0)}
+    several = Evaluation("Turbine", {}, evaluation.runs, "Baseline", training=training)
+    assert trainings(several) == [["Baseline", "<PPO>", "ipc"]]
+    low, high, median = learning_figure(several, trainings(several)[0]).data[:3]
+    np.testing.assert_allclose(median.y, low.y + 1.0)
+    np.testing.assert_allclose(high.y, low.y + 5.0)
+    other = training | {"ipc": seed(2, 1.0) | {"config": {"gamma": 0.9, "seed": 2}}}
+    assert trainings(Evaluation("Turbine", {}, evaluation.runs, "Baseline", training=other)) == [
+        ["Baseline", "<PPO>"],
+        ["ipc"],
+    ]
+
+
+def test_curves_are_compared_where_all_of_them_are():
+    steps, median, low, high = median_and_range(
+        [(np.array([0.0, 10.0]), np.array([0.0, 10.0])), (np.array([2.0, 6.0]), np.array([0.0, 0.0]))]
+    )
+    assert (steps[0], steps[-1]) == (2.0, 6.0)
+    np.testing.assert_allclose(median, steps / 2)
+    np.testing.assert_allclose([low, high], [0.0 * steps, steps])
+    assert running_mean(np.array([1.0, 2.0, 6.0]), 1).tolist() == [1.5, 3.0, 4.0]

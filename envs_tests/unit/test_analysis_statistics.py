@@ -1,0 +1,198 @@
+"""Interquartile mean, stratified bootstrap, loads over a life and changes wind by wind, against numbers by hand."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import stats
+
+from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
+from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.paired import Estimate, level_of, lifetime, lifetime_change, paired_change, shared_winds
+from wt_gym.analysis.results import Evaluation, Run, Wind
+from wt_gym.analysis.statistics import interquartile_mean, percentile_interval, stratified_resamples
+from wt_gym.analysis.summary import format_estimate, results_table, verdict
+from wt_gym.errors import InflowError
+
+
+def test_interquartile_mean_is_the_mean_of_the_middle_half():
+    assert interquartile_mean([9.0, 1.0, 2.0, 3.0, 4.0, 100.0, -50.0, 5.0]) == 3.5  # of 2, 3, 4, 5
+    assert interquartile_mean([1.0, 2.0, 6.0]) == 3.0  # a quarter of three, rounded down, is none
+    values = np.random.default_rng(0).normal(size=(7, 20))
+    np.testing.assert_allclose(interquartile_mean(values), stats.trim_mean(values, 0.25, axis=1))
+    np.testing.assert_allclose(interquartile_mean(values.T, axis=0), interquartile_mean(values))
+
+
+def test_resamples_stay_within_their_stratum():
+    strata = (8.0, 12.0, 8.0, 12.0, 12.0)
+    indices = stratified_resamples(strata, 500)
+    assert indices.shape == (500, 5)
+    assert set(indices[:, [0, 2]].ravel()) == {0, 2}
+    assert set(indices[:, [1, 3, 4]].ravel()) == {1, 3, 4}
+
+
+def test_differences_between_strata_make_no_interval():
+    values = np.array([1.0, 1.0, 1.0, 5.0, 5.0, 5.0])  # all scatter is between the wind speeds
+    means = values[stratified_resamples((8.0,) * 3 + (12.0,) * 3)].mean(axis=1)
+    assert percentile_interval(means) == (3.0, 3.0)
+    mixed = values[stratified_resamples((8.0,) * 6)].mean(axis=1)
+    assert percentile_interval(mixed)[0] < 2.0
+
+
+def test_interval_of_a_bootstrap_that_is_known_exactly():
+    # of {0, 1} the mean is 0, 1/2 or 1 with probability 1/4, 1/2, 1/4
+    means = np.array([0.0, 1.0])[stratified_resamples((8.0, 8.0))].mean(axis=1)
+    assert percentile_interval(means) == (0.0, 1.0)
+    assert percentile_interval(means, level=0.4) == (0.5, 0.5)
+
+
+def test_interval_is_that_of_scipy():
+    values = np.random.default_rng(3).normal(size=12)
+    reference = stats.bootstrap(
+        (values,), np.mean, method="percentile", n_resamples=10_000, rng=np.random.default_rng(1)
+    ).confidence_interval
+    mine = percentile_interval(values[stratified_resamples((8.0,) * 12)].mean(axis=1))
+    np.testing.assert_allclose(mine, reference, atol=0.02)
+
+
+def test_weights_of_the_wind_speeds():
+    climate = WindClimate.of_class("II")
+    assert climate.mean_speed == 8.5
+    assert climate.scale == pytest.approx(8.5 * 2 / math.sqrt(math.pi))  # Rayleigh
+
+    def share(low, high):  # with exp(-pi/4 (v / mean)^2), as IEC 61400-1 writes it
+        return math.exp(-math.pi / 4 * (low / 8.5) ** 2) - math.exp(-math.pi / 4 * (high / 8.5) ** 2)
+
+    expected = np.array([share(3, 10), share(10, 14), share(14, 25)]) / share(3, 25)
+    np.testing.assert_allclose(wind_weights(climate, [8.0, 12.0, 16.0]), expected, rtol=1e-12)
+    assert wind_weights(climate, [12.0]) == [1.0]
+    weibull = WindClimate(9.0, shape=1.7)
+    assert weibull.share_below(11.0) == pytest.approx(stats.weibull_min.cdf(11.0, 1.7, scale=weibull.scale))
+    assert stats.weibull_min.mean(1.7, scale=weibull.scale) == pytest.approx(9.0)
+
+
+def test_climates_without_meaning_are_refused():
+    with pytest.raises(InflowError, match="turbine_class must be one of 'I', 'II', 'III'; got 'V'"):
+        WindClimate.of_class("V")
+    with pytest.raises(ValueError, match="mean_speed of a wind climate must be positive and finite, got 0"):
+        WindClimate(0.0)
+    with pytest.raises(ValueError, match="ascend from cut-in 3 m/s to cut-out 25 m/s"):
+        wind_weights(WindClimate(10.0), [12.0, 8.0])
+    with pytest.raises(ValueError, match=r"got \[12.0, 30.0\]"):
+        wind_weights(WindClimate(10.0), [12.0, 30.0])
+
+
+def test_load_over_a_life():
+    assert lifetime_load(np.array([2.0, 3.0]), np.array([0.25, 0.75]), 4.0) == pytest.approx(
+        (0.25 * 16 + 0.75 * 81) ** 0.25
+    )
+    large = lifetime_load(np.array([2e40, 3e40]), np.array([0.25, 0.75]), 10.0)
+    assert large == pytest.approx(1e40 * (0.25 * 2**10 + 0.75 * 3**10) ** 0.1)
+    assert lifetime_load(np.zeros(2), np.array([0.5, 0.5]), 10.0) == 0.0
+
+
+WINDS = tuple(Wind(speed, seed) for speed in (10.0, 14.0) for seed in (1001, 1002, 1003, 1004))
+MEAN = {key: 1.0 / metric.factor for key, metric in METRICS.items()} | {"overspeed_count": 0.0}
+
+
+def evaluation(changes, key="blade_flap_del", ending="time", climate=None):
+    """Baseline whose metric differs from wind to wind, and an agent with these relative changes."""
+    data = xr.Dataset({}, {"time": [0.0, 1.0]})
+    runs = []
+    for k, (wind, change) in enumerate(zip(WINDS, changes, strict=True)):
+        base = (2.0 + k) * MEAN[key]
+        for agent, value in (("Baseline", base), ("PPO", base * (1.0 + change))):
+            over = ending if agent == "PPO" and k == 0 else "time"
+            runs.append(Run(agent, wind, data, MEAN | {key: value}, 0.0, {}, 60.0, 60.0, over))
+    return Evaluation("Turbine", {}, runs, "Baseline", climate=climate)
+
+
+CHANGES = np.array([-0.5, -0.22, -0.2, -0.18, -0.16, -0.14, -0.12, 0.3])
+
+
+def test_changes_are_taken_wind_by_wind():
+    found = paired_change(evaluation(CHANGES), "PPO", "blade_flap_del")
+    assert found.value == pytest.approx(CHANGES[2:6].mean())
+    assert found.relative
+    assert found.n_winds == 8
+    resampled = interquartile_mean(CHANGES[stratified_resamples(tuple(wind.speed for wind in WINDS))])
+    assert (found.low, found.high) == pytest.approx(percentile_interval(resampled))
+    at_speed = paired_change(evaluation(CHANGES), "PPO", "blade_flap_del", 10.0)
+    assert at_speed.value == pytest.approx(CHANGES[1:3].mean())
+    # of power every wind counts
+    assert paired_change(evaluation(CHANGES, "corrected_power"), "PPO", "corrected_power").value == pytest.approx(
+        CHANGES.mean()
+    )
+
+
+def test_the_same_change_in_every_wind_has_no_scatter():
+    found = paired_change(evaluation(np.full(8, -0.1)), "PPO", "blade_flap_del")
+    assert (found.value, found.low, found.high) == pytest.approx((-0.1, -0.1, -0.1))
+    assert found.kind("blade_flap_del") == "better"
+    assert verdict(evaluation(np.full(8, -0.1)), "PPO").word == "Better"
+
+
+def test_too_few_winds_have_no_interval():
+    few = evaluation(CHANGES)
+    few = replace(few, runs=[run for run in few.runs if run.wind.seed < 1003])
+    found = paired_change(few, "PPO", "blade_flap_del")
+    assert not found.has_interval
+    assert format_estimate("blade_flap_del", found) == "\u221219.0 %"  # mean of -22 and -16 %, the middle two of four
+
+
+def test_winds_that_were_lost_are_left_out():
+    lost = evaluation(CHANGES, ending="overspeed", climate=WindClimate(10.0))
+    assert shared_winds(lost, "PPO") == list(WINDS[1:])
+    assert paired_change(lost, "PPO", "blade_flap_del").n_winds == 7
+    assert lifetime(lost, "PPO", "blade_flap_del") is None
+    assert lifetime_change(lost, "PPO", "blade_flap_del") is None
+    assert lifetime(lost, "Baseline", "blade_flap_del") > 0.0
+    assert verdict(lost, "PPO").kind == "lost"
+
+
+def test_lifetime_of_several_seeds():
+    climate = WindClimate(10.0)
+    result = evaluation(np.full(8, -0.1), climate=climate)
+    slow, fast = wind_weights(climate, [10.0, 14.0])
+    loads = [(2.0 + k) * 1e6 for k in range(8)]
+    expected = (slow * np.mean(np.power(loads[:4], 10)) + fast * np.mean(np.power(loads[4:], 10))) ** 0.1
+    assert lifetime(result, "Baseline", "blade_flap_del") == pytest.approx(expected)
+    change = lifetime_change(result, "PPO", "blade_flap_del")
+    assert (change.value, change.low, change.high) == pytest.approx((-0.1, -0.1, -0.1))
+    assert "lifetime | PPO" in results_table(result)[-1]
+    assert lifetime(replace(result, climate=None), "Baseline", "blade_flap_del") is None
+
+
+def test_levels_are_means_in_the_unit_shown():
+    found = level_of(evaluation(np.zeros(8), "pitch_duty_cycle"), "PPO", "pitch_duty_cycle", 14.0)
+    assert found.value == pytest.approx(np.mean([6.0, 7.0, 8.0, 9.0]))
+    assert found.low < found.value < found.high
+
+
+@pytest.mark.parametrize(
+    ("estimate", "key", "kind", "text"),
+    [
+        (Estimate(-0.184, -0.2, -0.16, True, 6), "blade_flap_del", "better", "\u221218.4 % [\u221220.0, \u221216.0]"),
+        (Estimate(-0.05, -0.2, 0.1, True, 6), "blade_flap_del", "open", "\u22125.0 % [\u221220.0, +10.0]"),
+        (Estimate(0.005, 0.001, 0.008, True, 6), "blade_flap_del", "equal", "+0.5 % [+0.1, +0.8]"),
+        (Estimate(3.4, 3.0, 4.0, True, 6), "pitch_travel", "worse", "\u00d7 4.4 [4.0, 5.0]"),
+        (Estimate(-1e-5, -2e-5, 2e-5, True, 6), "corrected_power", "equal", "0.0 % [0.0, 0.0]"),
+        (Estimate(1.5, math.nan, math.nan, False, 1), "pitch_travel", "worse", "+1.5 deg"),
+        (Estimate(0.0, 0.0, 0.0, False, 6), "yaw_travel", "equal", "="),
+        (Estimate(0.5, 0.4, 0.6, True, 6), "rotor_speed_mean", "none", "+50.0 % [+40.0, +60.0]"),
+    ],
+)
+def test_what_an_estimate_means_and_how_it_is_written(estimate, key, kind, text):
+    assert estimate.kind(key) == kind
+    assert format_estimate(key, estimate) == text
+
+
+def test_extremes_stay_extremes_and_events_are_counted():
+    result = evaluation(np.zeros(8), "rotor_speed_max")
+    counted = [replace(run, metrics=run.metrics | {"overspeed_count": 2.0}) for run in result.runs]
+    overall = replace(result, runs=counted).overall_metrics("PPO")
+    assert overall["rotor_speed_max"] == pytest.approx(9.0 * MEAN["rotor_speed_max"])
+    assert overall["overspeed_count"] == 16.0
+    assert result.overall_metrics("PPO", 10.0)["rotor_speed_max"] == pytest.approx(5.0 * MEAN["rotor_speed_max"])

@@ -1,0 +1,61 @@
+"""The page about evaluation: its examples run, its commands are accepted, its files and numbers are so."""
+
+import doctest
+import importlib.util
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from agents.choices import controller_of, is_controller_name
+from agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
+from agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
+from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
+from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
+from wt_gym.control.controllers import make_controller
+from wt_gym.turbines import load_turbine
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "evaluation.md"
+TEXT = PAGE.read_text(encoding="utf-8")
+HELP = (ROOT / "scripts" / "evaluate.py").read_text(encoding="utf-8").split('"""')[1]
+COMMANDS = re.findall(r"^ *(scripts/evaluate\.py .*)$", TEXT + HELP, re.MULTILINE)
+
+
+def test_examples_run():
+    result = doctest.testfile(str(PAGE), module_relative=False, optionflags=doctest.NORMALIZE_WHITESPACE)
+    assert result.attempted > 10
+    assert result.failed == 0
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_are_accepted(command, monkeypatch):
+    script, *words = shlex.split(command)
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    spec = importlib.util.spec_from_file_location("script_evaluate", ROOT / script)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setattr(sys, "argv", [script, *words])
+    arguments = module.parse_arguments()
+    turbine = load_turbine("nrel_5mw")
+    for agent in arguments.agents:
+        choice = agent.split("=", 1)[1] if "=" in agent and ":" not in agent.split("=")[0] else agent
+        if is_controller_name(choice):
+            name, parameters = controller_of(choice)
+            make_controller(name, turbine, **parameters)
+
+
+def test_commands_are_found():
+    assert len(COMMANDS) >= 7
+
+
+def test_what_the_page_says_is_so():
+    for name in (CONFIGURATION_FILE, REPORT_FILE, METRICS_FILE, TABLE_FILE):
+        assert f"| `{name}` |" in TEXT
+    assert f"| `{RUNS_FOLDER}/{run_file(0, '<agent>').replace('000', 'NNN').replace('_agent_', '<agent>')}` |" in TEXT
+    assert f"{N_RESAMPLES:,} bootstrap".replace(",", " ") in TEXT
+    assert (LEAST_PER_STRATUM, len(DEFAULT_WIND_SEEDS)) == (3, 6)
+    assert EvaluationConfig().skip == 30.0
+    assert "(docs/evaluation.md)" in (ROOT / "README.md").read_text(encoding="utf-8")

@@ -1,0 +1,308 @@
+// Replay of rotor, tower and wake on a canvas. The page holds one element ".replay" and its data as JSON; see
+// wt_gym/analysis/replay_section.py for the format. Coordinates: x downwind, y left, z up, metres.
+(function () {
+  'use strict';
+  const root = document.querySelector('.replay');
+  if (!root) return;
+  const data = JSON.parse(document.getElementById('replay-data').textContent);
+  const find = (name) => root.querySelector('[data-part="' + name + '"]');
+  const canvas = find('scene'), charts = find('charts'), slider = find('time'), playButton = find('play');
+  const BLADES = ['#ffd166', '#7ee0c3', '#f7a1c4'];
+  const VIEWS = {
+    oblique: [-0.95, 0.22], side: [-Math.PI / 2, 0.04], front: [-Math.PI, 0.04], above: [-Math.PI / 2, 1.35],
+  };
+  // The wake drifts a little slower than the wind; between two frames its nodes are carried along with this share.
+  const DRIFT = 0.85;
+
+  function decode(entry) {
+    const bytes = Uint8Array.from(atob(entry.data), (c) => c.charCodeAt(0));
+    const raw = entry.bits === 8 ? new Int8Array(bytes.buffer) : new Int16Array(bytes.buffer);
+    const full = 2 ** (entry.bits - 1) - 1, values = new Float32Array(raw.length);
+    for (let i = 0; i < raw.length; i++) {
+      values[i] = raw[i] < -full ? NaN : entry.offset + entry.scale * raw[i] / full;
+    }
+    return {values, shape: entry.shape, size: entry.shape.slice(1).reduce((a, b) => a * b, 1)};
+  }
+
+  const agents = data.agents.map((agent) => {
+    const shapes = {};
+    for (const name of Object.keys(agent.shapes)) shapes[name] = decode(agent.shapes[name]);
+    const strongest = shapes.strength.values.reduce((a, b) => (b > a ? b : a), 1e-9);
+    return Object.assign({}, agent, {shapes, strongest});
+  });
+  let current = agents[agents.length - 1], position = 0, playing = false, last = null, speed = 1;
+  let [azimuth, elevation] = VIEWS.oblique, zoom = 1;
+
+  // ---------------------------------------------------------------- scene
+  function camera(width, height) {
+    const reach = data.size, scale = zoom * Math.min(height / (2.9 * reach), width / (3.6 * reach));
+    const centre = [0.75 * reach, 0, 0.9 * data.hub_height];
+    const ca = Math.cos(azimuth), sa = Math.sin(azimuth), ce = Math.cos(elevation), se = Math.sin(elevation);
+    const distance = 9 * reach;
+    return function (x, y, z) {
+      const dx = x - centre[0], dy = y - centre[1], dz = z - centre[2];
+      const right = -sa * dx + ca * dy, ahead = -(ca * dx + sa * dy);
+      const depth = ce * ahead - se * dz, up = se * ahead + ce * dz;
+      const k = scale * distance / Math.max(distance + depth, 0.2 * distance);
+      return [width / 2 + k * right, height / 2 - k * up, depth, k];
+    };
+  }
+
+  function mixed(shape, frame, a, index) {
+    const i = frame * shape.size + index, j = Math.min(frame + 1, shape.shape[0] - 1) * shape.size + index;
+    return (1 - a) * shape.values[i] + a * shape.values[j];
+  }
+
+  function wakeColour(strength, age) {
+    const s = Math.min(1, Math.sqrt(strength)), fade = 1 - 0.75 * age;
+    return 'rgba(' + Math.round(90 + 150 * s) + ',' + Math.round(170 + 75 * s) + ',' + Math.round(225 + 30 * s) + ',' +
+      ((0.10 + 0.80 * s) * fade).toFixed(3) + ')';
+  }
+
+  function addWake(items, project, frame, a) {
+    const {wake, strength} = current.shapes, [, rows, blades, filaments] = wake.shape;
+    const shift = a * DRIFT * data.dt * current.signals.wind[frame];
+    for (let b = 0; b < blades; b++) {
+      for (let f = 0; f < filaments; f++) {
+        let before = null;
+        for (let r = 0; r < rows; r++) {
+          const node = (r * blades + b) * filaments + f, k = 3 * node;
+          const start = frame * wake.size + k;
+          if (Number.isNaN(wake.values[start])) break;
+          const point = r === 0
+            ? project(mixed(wake, frame, a, k), mixed(wake, frame, a, k + 1), mixed(wake, frame, a, k + 2))
+            : project(wake.values[start] + shift, wake.values[start + 1], wake.values[start + 2]);
+          if (before) {
+            const s = strength.values[frame * strength.size + node] / current.strongest;
+            items.push({
+              depth: 0.5 * (before[2] + point[2]), line: [before, point], colour: wakeColour(s, r / rows),
+              width: 0.7 + 1.5 * s,
+            });
+          }
+          before = point;
+        }
+      }
+    }
+  }
+
+  function quad(items, corners, colour, edge) {
+    items.push({depth: corners.reduce((sum, c) => sum + c[2], 0) / corners.length, face: corners, colour, edge});
+  }
+
+  function addTurbine(items, project, frame, a) {
+    const {tower, hub, blades} = current.shapes, point = (shape, index) => project(
+      mixed(shape, frame, a, index), mixed(shape, frame, a, index + 1), mixed(shape, frame, a, index + 2));
+    const n = tower.shape[1];
+    for (let i = 0; i + 1 < n; i++) {
+      const p = point(tower, 3 * i), q = point(tower, 3 * i + 3);
+      const rp = data.tower_radius[i] * p[3], rq = data.tower_radius[i + 1] * q[3];
+      const nx = -(q[1] - p[1]), ny = q[0] - p[0], length = Math.hypot(nx, ny) || 1, ux = nx / length, uy = ny / length;
+      quad(items, [[p[0] - ux * rp, p[1] - uy * rp, p[2]], [p[0] + ux * rp, p[1] + uy * rp, p[2]],
+        [q[0] + ux * rq, q[1] + uy * rq, q[2]], [q[0] - ux * rq, q[1] - uy * rq, q[2]]], '#8fa3b3', '#8fa3b3');
+    }
+    const nose = point(hub, 0), top = point(tower, 3 * (n - 1));
+    // as far behind the tower axis as the hub is before it, at the height of the hub
+    const at = (shape, index) => mixed(shape, frame, a, index), end = 3 * (n - 1);
+    const tail = project(2 * at(tower, end) - at(hub, 0), 2 * at(tower, end + 1) - at(hub, 1), at(hub, 2) - 0.5);
+    items.push({depth: top[2], line: [nose, tail], colour: '#b9c6d1', width: 2 * data.tower_radius[n - 1] * top[3]});
+    items.push({depth: nose[2], disc: nose, radius: 0.9 * data.tower_radius[n - 1] * nose[3], colour: '#dfe7ee'});
+    const [, count, , spans] = blades.shape;
+    for (let b = 0; b < count; b++) {
+      const edge = (side, s) => point(blades, 3 * ((2 * b + side) * spans + s));
+      quad(items, [nose, edge(0, 0), edge(1, 0)], '#c8d4dd', '#c8d4dd');
+      for (let s = 0; s + 1 < spans; s++) {
+        quad(items, [edge(0, s), edge(0, s + 1), edge(1, s + 1), edge(1, s)], '#f5f8fa', BLADES[b % BLADES.length]);
+      }
+    }
+  }
+
+  function ground(context, project) {
+    context.strokeStyle = 'rgba(140,170,190,.28)';
+    context.fillStyle = 'rgba(140,170,190,.55)';
+    context.lineWidth = 1;
+    context.font = '12px Inter, "Segoe UI", Roboto, Arial, sans-serif';
+    for (const share of [0.5, 1]) {
+      context.beginPath();
+      for (let k = 0; k <= 72; k++) {
+        const p = project(share * data.size * Math.cos(k * Math.PI / 36), share * data.size * Math.sin(k * Math.PI / 36), 0);
+        if (k) context.lineTo(p[0], p[1]); else context.moveTo(p[0], p[1]);
+      }
+      context.stroke();
+    }
+    const from = project(-0.95 * data.size, 0, 0), to = project(-0.6 * data.size, 0, 0);
+    const dx = to[0] - from[0], dy = to[1] - from[1], length = Math.hypot(dx, dy);
+    if (length < 12) return;
+    context.strokeStyle = context.fillStyle;
+    context.beginPath();
+    context.moveTo(from[0], from[1]);
+    context.lineTo(to[0], to[1]);
+    context.moveTo(to[0] - (8 * dx - 5 * dy) / length, to[1] - (8 * dy + 5 * dx) / length);
+    context.lineTo(to[0], to[1]);
+    context.lineTo(to[0] - (8 * dx + 5 * dy) / length, to[1] - (8 * dy - 5 * dx) / length);
+    context.stroke();
+    context.textAlign = 'center';
+    context.fillText('wind', (from[0] + to[0]) / 2, Math.max(from[1], to[1]) + 18);
+  }
+
+  function sized(element) {
+    const ratio = window.devicePixelRatio || 1, width = element.clientWidth, height = element.clientHeight;
+    if (element.width !== Math.round(ratio * width) || element.height !== Math.round(ratio * height)) {
+      element.width = Math.round(ratio * width);
+      element.height = Math.round(ratio * height);
+    }
+    const context = element.getContext('2d');
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, width, height);
+    return [context, width, height];
+  }
+
+  function drawScene(frame, a) {
+    const [context, width, height] = sized(canvas), project = camera(width, height), items = [];
+    ground(context, project);
+    addWake(items, project, frame, a);
+    addTurbine(items, project, frame, a);
+    items.sort((p, q) => q.depth - p.depth);
+    context.lineCap = 'round';
+    context.lineJoin = 'round';
+    for (const item of items) {
+      context.beginPath();
+      if (item.line) {
+        context.strokeStyle = item.colour;
+        context.lineWidth = item.width;
+        context.moveTo(item.line[0][0], item.line[0][1]);
+        context.lineTo(item.line[1][0], item.line[1][1]);
+        context.stroke();
+      } else if (item.disc) {
+        context.fillStyle = item.colour;
+        context.arc(item.disc[0], item.disc[1], item.radius, 0, 2 * Math.PI);
+        context.fill();
+      } else {
+        item.face.forEach((p, k) => (k ? context.lineTo(p[0], p[1]) : context.moveTo(p[0], p[1])));
+        context.closePath();
+        context.fillStyle = item.colour;
+        context.fill();
+        context.strokeStyle = item.edge;
+        context.lineWidth = 0.8;
+        context.stroke();
+      }
+    }
+  }
+
+  // ---------------------------------------------------------------- signals
+  const ROWS = [['tip', 'Tip deflection downwind [m]'], ['pitch', 'Pitch [deg]']];
+
+  function limits(name) {
+    let low = Infinity, high = -Infinity;
+    for (const agent of agents) {
+      for (const blade of agent.signals[name]) {
+        for (const value of blade) { low = Math.min(low, value); high = Math.max(high, value); }
+      }
+    }
+    const margin = 0.08 * (high - low) + 1e-3;
+    return [low - margin, high + margin];
+  }
+  const RANGES = Object.fromEntries(ROWS.map(([name]) => [name, limits(name)]));
+
+  function drawCharts(frame, a) {
+    const [context, width, height] = sized(charts), left = 40, step = height / ROWS.length;
+    const count = current.time.length, across = (k) => left + (width - left - 8) * k / Math.max(1, data.frames - 1);
+    context.font = '12px Inter, "Segoe UI", Roboto, Arial, sans-serif';
+    ROWS.forEach(([name, title], row) => {
+      const top = row * step + 22, bottom = (row + 1) * step - 8, [low, high] = RANGES[name];
+      const up = (value) => bottom - (bottom - top) * (value - low) / (high - low);
+      context.fillStyle = '#465462';
+      context.textAlign = 'left';
+      context.fillText(title, left, top - 8);
+      context.textAlign = 'right';
+      context.strokeStyle = '#dde3ea';
+      context.lineWidth = 1;
+      for (const value of [low + 0.1 * (high - low), high - 0.1 * (high - low)]) {
+        context.fillText(value.toFixed(1), left - 6, up(value) + 4);
+        context.beginPath();
+        context.moveTo(left, up(value));
+        context.lineTo(width - 8, up(value));
+        context.stroke();
+      }
+      current.signals[name].forEach((values, b) => {
+        context.strokeStyle = ['#c98a00', '#0b8f6a', '#b8487c'][b % 3];
+        context.lineWidth = 1.4;
+        context.beginPath();
+        values.forEach((value, k) => (k ? context.lineTo(across(k), up(value)) : context.moveTo(across(k), up(value))));
+        context.stroke();
+      });
+      context.strokeStyle = '#1c2733';
+      context.beginPath();
+      context.moveTo(across(Math.min(frame + a, count - 1)), top);
+      context.lineTo(across(Math.min(frame + a, count - 1)), bottom);
+      context.stroke();
+    });
+  }
+
+  function showNumbers(frame) {
+    const s = current.signals, at = (values) => values[frame];
+    find('clock').textContent = current.time[frame].toFixed(1) + ' s';
+    const mean = (name) => s[name].reduce((sum, values) => sum + values[frame], 0) / s[name].length;
+    const largest = Math.max(...s.tip.map(at));
+    const rows = [
+      ['Wind at the hub', at(s.wind).toFixed(1) + ' m/s'], ['Power', at(s.power).toFixed(2) + ' MW'],
+      ['Rotor speed', at(s.speed).toFixed(2) + ' rpm'], ['Pitch, mean', mean('pitch').toFixed(1) + '°'],
+      ['Tip deflection, largest', largest.toFixed(2) + ' m'],
+    ];
+    find('numbers').innerHTML = rows.map(([name, value]) => '<div><dt>' + name + '</dt><dd>' + value + '</dd></div>').join('');
+  }
+
+  // ---------------------------------------------------------------- controls
+  function draw() {
+    const lastFrame = current.time.length - 1;
+    position = Math.min(position, lastFrame);
+    const frame = Math.min(Math.floor(position), lastFrame), a = position - frame;
+    drawScene(frame, a);
+    drawCharts(frame, a);
+    showNumbers(frame);
+    slider.value = position;
+  }
+
+  function tick(now) {
+    if (!playing) return;
+    if (last !== null) position += speed * (now - last) / 1000 / data.dt;
+    last = now;
+    if (position >= current.time.length - 1) position = 0;
+    draw();
+    requestAnimationFrame(tick);
+  }
+
+  function play(on) {
+    playing = on;
+    playButton.textContent = on ? '❚❚ Pause' : '▶ Play';
+    if (on) { last = null; requestAnimationFrame(tick); }
+  }
+
+  agents.forEach((agent, k) => find('agent').add(new Option(agent.name, k, false, agent === current)));
+  find('agent').addEventListener('change', (event) => {
+    current = agents[event.target.value];
+    slider.max = current.time.length - 1;
+    draw();
+  });
+  find('speed').addEventListener('change', (event) => { speed = Number(event.target.value); });
+  playButton.addEventListener('click', () => play(!playing));
+  slider.max = current.time.length - 1;
+  slider.addEventListener('input', () => { play(false); position = Number(slider.value); draw(); });
+  for (const button of root.querySelectorAll('[data-view]')) {
+    button.addEventListener('click', () => { [azimuth, elevation] = VIEWS[button.dataset.view]; draw(); });
+  }
+  for (const button of root.querySelectorAll('[data-zoom]')) {
+    button.addEventListener('click', () => { zoom = Math.min(6, Math.max(0.4, zoom * Number(button.dataset.zoom))); draw(); });
+  }
+  let held = null;
+  canvas.addEventListener('pointerdown', (event) => { held = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener('pointermove', (event) => {
+    if (!held) return;
+    azimuth -= 0.008 * (event.clientX - held[0]);
+    elevation = Math.min(1.5, Math.max(-0.1, elevation + 0.008 * (event.clientY - held[1])));
+    held = [event.clientX, event.clientY];
+    draw();
+  });
+  for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, () => { held = null; });
+  window.addEventListener('resize', draw);
+  draw();
+})();
