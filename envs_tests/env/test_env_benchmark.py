@@ -5,8 +5,10 @@ import re
 from functools import cache
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from stable_baselines3 import PPO
 
 from agents.benchmark_runs import definition_of, jobs_of, results_of, run_jobs
 from agents.entries import entry_of
@@ -133,6 +135,52 @@ def test_a_series_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
     assert folder.read(definition_of(jobs[3]))["metrics"] != played("discon")["metrics"]
     with pytest.raises(FileNotFoundError):
         results_of(task, entries[0], folder)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """Folder of a model that was made and never trained, with the record of a training."""
+    folder = tmp_path_factory.mktemp("runs") / "mine"
+    kwargs = {"pitch": "collective", "observation": ["rotor", "pitch"], "wind_speed": [10.0, 20.0]}
+    env = gym.make("wt_gym/LoadReduction-v0", **kwargs)
+    folder.mkdir()
+    PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=0).save(folder / "model.zip")
+    config = {"env_id": "wt_gym/LoadReduction-v0", "env_kwargs": kwargs}
+    record = {"algorithm": "PPO", "config": config, "control_dt": 0.2}
+    (folder / "training.json").write_text(json.dumps(record), encoding="utf-8")
+    return folder
+
+
+def test_trained_models_run_as_they_were_trained(model):
+    entry = entry_of(str(model))
+    assert entry.name == "mine"
+    assert entry.interface["pitch"] == "collective"
+    assert entry.interface["observation"] == ["rotor", "pitch"]
+    assert "wind_speed" not in entry.interface
+    task = short()
+    result = play(task, task.winds[0], entry.make, entry.interface)
+    assert result["ending"] == "time"
+    assert result["metrics"] != played("zero")["metrics"]
+
+
+def test_another_model_is_another_run(model):
+    task = short()
+    before = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
+    assert before == definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
+    content = (model / "model.zip").read_bytes()
+    env = gym.make("wt_gym/LoadReduction-v0", pitch="collective", observation=["rotor", "pitch"])
+    PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=1).save(model / "model.zip")
+    after = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
+    (model / "model.zip").write_bytes(content)
+    assert after["agent"]["sha256"] != before["agent"]["sha256"]
+
+
+def test_models_of_another_control_step_are_refused(model):
+    record = json.loads((model / "training.json").read_text(encoding="utf-8"))
+    (model / "training.json").write_text(json.dumps(record | {"control_dt": 0.4}), encoding="utf-8")
+    entry, task = entry_of(str(model)), short()
+    with pytest.raises(ValueError, match=r"control step of 0.4 s, the task has 0.2 s"):
+        play(task, task.winds[0], entry.make, entry.interface)
 
 
 def test_no_worker_is_refused(tmp_path):
