@@ -71,6 +71,12 @@ class Entry:
 
             agent = TrainedAgent.load(self.choice)
             agent.check_fits(layout)
+            trained_at = (agent.record or {}).get("control_dt", layout.control_dt)
+            if trained_at != layout.control_dt:
+                raise ValueError(
+                    f"{self.choice} was trained with a control step of {trained_at} s, the task has "
+                    f"{layout.control_dt} s"
+                )
             return agent
         return ConstantAgent(layout)
 
@@ -112,14 +118,15 @@ def entry_of(text: str) -> Entry:
         If it is none of them.
     """
     name, choice = _named(text)
-    word, parameters = ("", {}) if Path(choice).exists() else parse_controller(choice)
+    word = choice.partition(":")[0]
     if choice in ("zero", "random"):
         return Entry(name, choice, {"kind": choice})
     if word == "planner":
-        return Entry(name, choice, {"kind": "planner", "parameters": parameters})
-    if word and all(part in CONTROLLERS for part in word.split("+")):
-        definition = {"kind": "controller", "controller": word, "parameters": parameters}
-        return Entry(name, choice, definition, {**_BENEATH, "controller": [word, parameters]})
+        return Entry(name, choice, {"kind": "planner", "parameters": parse_controller(choice)[1]})
+    if all(part in CONTROLLERS for part in word.split("+")):
+        controller, parameters = parse_controller(choice)
+        definition = {"kind": "controller", "controller": controller, "parameters": parameters}
+        return Entry(name, choice, definition, {**_BENEATH, "controller": [controller, parameters]})
     if Path(choice).exists():
         return _trained(name, Path(choice))
     raise ValueError(

@@ -1,7 +1,9 @@
 """Planning by snapshots: the environment is left as it was found, and the plan is no worse than doing nothing."""
 
 import copy
+import re
 from collections import deque
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -106,3 +108,11 @@ def test_settings_without_meaning_are_refused(env, wrong, message):
 def test_several_environments_are_refused(env):
     with pytest.raises(ValueError, match="one environment"):
         ShootingPlanner(env, **SMALL).predict(np.zeros((2, 5)))
+
+
+def test_the_example_of_the_page_runs():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    (example,) = (x for x in re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL) if "Planner" in x)
+    names = {}
+    exec(compile(example, "docs/benchmark.md", "exec"), names)
+    assert names["info"]["time"] == pytest.approx(0.8)

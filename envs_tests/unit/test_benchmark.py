@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from agents.entries import LEVELS, entries_of, entry_of, parse_controller
 from agents.front import FAMILIES, draw_front, front_entries, front_rows, write_csv
 from wt_gym.benchmark import (
+    INTERFACE,
     BenchmarkTask,
     Reference,
     ResultFolder,
@@ -368,3 +371,27 @@ def test_the_front_is_a_table_and_a_figure(tmp_path):
     runs[strongest] = results(TASK, ending="overspeed")
     with pytest.raises(ValueError, match="did not last in 15 m/s, seed 1007"):
         front_rows(TASK, runs)
+
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
+
+
+def test_the_page_has_the_tasks_as_they_are():
+    rows = dict(re.findall(r"^\| `([\w-]+-v\d+)` \|.*\| (.*) \|$", PAGE, re.MULTILINE))
+    tasks = [load_task(name) for name in task_names()]
+    assert rows == {task.id: f"{len(task.winds)} of {task.duration:g} s" for task in tasks}
+    for task in tasks:
+        assert task.skip == 30.0
+        assert {wind.seed for wind in task.winds} <= {None, *range(1007, 1013)}
+    assert set(INTERFACE) <= set(re.findall(r"`(\w+)`", PAGE))
+
+
+def test_the_page_has_the_weights_as_they_are():
+    table = re.findall(r"^\| (`\w+`.*?) \| ([^|]+) \| [^|]+ \|$", PAGE, re.MULTILINE)
+    weights = {}
+    for names, values in table:
+        if "-v1" not in names:
+            numbers = [float(value.replace("−", "-")) for value in values.split(", ")]
+            weights |= dict(zip(re.findall(r"`(\w+)`", names), numbers, strict=True))
+    for name in ("load-reduction-12", "load-reduction-15", "load-reduction-18", "full-range"):
+        assert {term.metric: term.weight for term in load_task(name).terms} == weights

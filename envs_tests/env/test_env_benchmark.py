@@ -1,0 +1,195 @@
+"""Runs of the benchmark on the simulator, short ones: repeatable, kept, fair, and taken up again after a stop."""
+
+import json
+import re
+from functools import cache
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+
+from agents.benchmark_runs import definition_of, jobs_of, results_of, run_jobs
+from agents.entries import entry_of
+from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
+from wt_gym.benchmark.run import make_env
+from wt_gym.benchmark.scoring import wind_score
+from wt_gym.benchmark.tasks import task_file
+from wt_gym.errors import BenchmarkError
+
+
+@cache
+def short(name="load-reduction-18", **changes):
+    """A task of six short winds."""
+    values = json.loads(task_file(name).read_text(encoding="utf-8"))
+    return BenchmarkTask.from_json(values | {"duration": 4.0, "skip": 1.0, "reference": None} | changes)
+
+
+@cache
+def played(choice, wind=0, name="load-reduction-18", **changes):
+    """Result of an agent in one wind."""
+    task = short(name, **changes)
+    entry = entry_of(choice)
+    return play(task, task.winds[wind], entry.make, entry.interface)
+
+
+def same_numbers(first, second):
+    return all(first[key] == second[key] for key in ("metrics", "ending", "duration", "episode_return", "cost"))
+
+
+def test_a_run_lasts_and_is_the_same_again():
+    first = played("discon")
+    assert (first["ending"], first["duration"], first["failure"]) == ("time", pytest.approx(4.0), None)
+    assert same_numbers(first, played.__wrapped__("discon"))
+    json.dumps(first, allow_nan=False)
+
+
+def test_zero_actions_are_the_baseline():
+    assert same_numbers(played("zero"), played("discon"))
+
+
+def test_winds_and_controllers_differ():
+    assert played("discon", wind=1)["metrics"] != played("discon")["metrics"]
+    assert played("ipc")["metrics"] != played("discon")["metrics"]
+    wide, narrow = (played(f"constrained_ipc:level={x}")["metrics"]["pitch_travel"] for x in (0.01, 10.0))
+    assert wide > narrow == pytest.approx(played("discon")["metrics"]["pitch_travel"], rel=1e-6)
+
+
+def test_random_actions_are_the_same_again():
+    first = played("random")
+    assert first["metrics"]["pitch_travel"] > 1.1 * played("discon")["metrics"]["pitch_travel"]
+    assert same_numbers(first, played.__wrapped__("random"))
+
+
+def test_power_is_corrected_for_what_the_rotor_stores():
+    class Brake:
+        """Asks for more torque above what balances the air: the rotor slows down and its energy turns into power."""
+
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            return np.array([0.0, 1.0], dtype=np.float32), state
+
+    task = short("below-rated-8")
+    brake = play(task, task.winds[0], lambda env: Brake())["metrics"]
+    base = played("discon", name="below-rated-8")["metrics"]
+    assert brake["mean_power"] > 1.01 * base["mean_power"]
+    gained = brake["mean_power"] - base["mean_power"]
+    assert brake["captured_power"] - base["captured_power"] < 0.25 * gained
+
+
+def test_an_agent_that_feathers_cannot_score():
+    class Feather:
+        """Turns the blades out of the wind as far as the actions reach."""
+
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            return np.ones(1, dtype=np.float32), state
+
+    interface = {"action_mode": "absolute", "pitch": "collective", "action_components": ["pitch"]}
+    task, baseline = short(), played("discon")
+    wind = task.winds[0]
+    reference = Reference(task.digest, {}, {wind.label: baseline["metrics"]}, "ipc", 0.02, {})
+    feather = play(task, wind, lambda env: Feather(), interface)
+    assert wind_score(task, wind, baseline, reference).score == 0.0
+    assert wind_score(task, wind, feather, reference).score == task.clip[0]
+    assert feather["metrics"]["captured_power"] < 0.9 * baseline["metrics"]["captured_power"]
+
+
+def test_transients_come_when_the_task_says():
+    task = short("gust-survival", duration=12.0, skip=2.0)
+    wind = next(wind for wind in task.winds if wind.transient == "ECD")
+    inflow = make_env(task, wind).unwrapped.wind.sample(np.random.default_rng(0)).inflow
+    calm, blown = (inflow.velocity(np.array([[0.0, 0.0, 90.0]]), wind.start + t)[0] for t in (-1.0, 11.0))
+    assert np.hypot(*calm[:2]) == pytest.approx(wind.speed, rel=1e-6)
+    assert np.hypot(*blown[:2]) == pytest.approx(wind.speed + 15.0, rel=1e-3)
+
+
+def test_agents_cannot_change_the_task():
+    task = short()
+    with pytest.raises(BenchmarkError, match=r"may choose action_mode, .* not wind_speed, fidelity"):
+        make_env(task, task.winds[0], {"wind_speed": 5.0, "fidelity": "engineering"})
+
+
+def test_a_series_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
+    task, entries, folder, made = short(), [entry_of("discon")], ResultFolder(tmp_path), []
+    jobs = jobs_of([task], entries)
+
+    def stop_in_the_third(job, on_step=None):
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        made.append(job)
+        return {"definition": definition_of(job), "agent": "discon"} | played("discon")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("agents.benchmark_runs._run", stop_in_the_third)
+        with pytest.raises(KeyboardInterrupt):
+            run_jobs(jobs, folder, progress=False)
+        assert [result["definition"] for result in folder] == sorted(
+            map(definition_of, jobs[:2]), key=lambda definition: folder.file(definition).name
+        )
+        made[:] = jobs[:1]  # room for one more
+        with pytest.raises(KeyboardInterrupt):
+            run_jobs(jobs, folder, progress=False)
+    assert made[1] == jobs[2]
+    assert run_jobs(jobs[:4], folder, progress=False) == 1
+    assert same_numbers(folder.read(definition_of(jobs[0])), played("discon"))
+    assert folder.read(definition_of(jobs[3]))["metrics"] != played("discon")["metrics"]
+    with pytest.raises(FileNotFoundError):
+        results_of(task, entries[0], folder)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """Folder of a model that was made and never trained, with the record of a training."""
+    folder = tmp_path_factory.mktemp("runs") / "mine"
+    kwargs = {"pitch": "collective", "observation": ["rotor", "pitch"], "wind_speed": [10.0, 20.0]}
+    env = gym.make("wt_gym/LoadReduction-v0", **kwargs)
+    folder.mkdir()
+    PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=0).save(folder / "model.zip")
+    config = {"env_id": "wt_gym/LoadReduction-v0", "env_kwargs": kwargs}
+    record = {"algorithm": "PPO", "config": config, "control_dt": 0.2}
+    (folder / "training.json").write_text(json.dumps(record), encoding="utf-8")
+    return folder
+
+
+def test_trained_models_run_as_they_were_trained(model):
+    entry = entry_of(str(model))
+    assert entry.name == "mine"
+    assert entry.interface["pitch"] == "collective"
+    assert entry.interface["observation"] == ["rotor", "pitch"]
+    assert "wind_speed" not in entry.interface
+    task = short()
+    result = play(task, task.winds[0], entry.make, entry.interface)
+    assert result["ending"] == "time"
+    assert result["metrics"] != played("zero")["metrics"]
+
+
+def test_another_model_is_another_run(model):
+    task = short()
+    before = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
+    assert before == definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
+    content = (model / "model.zip").read_bytes()
+    env = gym.make("wt_gym/LoadReduction-v0", pitch="collective", observation=["rotor", "pitch"])
+    PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=1).save(model / "model.zip")
+    after = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
+    (model / "model.zip").write_bytes(content)
+    assert after["agent"]["sha256"] != before["agent"]["sha256"]
+
+
+def test_models_of_another_control_step_are_refused(model):
+    record = json.loads((model / "training.json").read_text(encoding="utf-8"))
+    (model / "training.json").write_text(json.dumps(record | {"control_dt": 0.4}), encoding="utf-8")
+    entry, task = entry_of(str(model)), short()
+    with pytest.raises(ValueError, match=r"control step of 0.4 s, the task has 0.2 s"):
+        play(task, task.winds[0], entry.make, entry.interface)
+
+
+def test_no_worker_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="at least 1 job"):
+        run_jobs([], ResultFolder(tmp_path), workers=0)
+
+
+def test_the_example_of_the_page_runs(capsys):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    (example,) = (x for x in re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL) if "play(" in x)
+    exec(compile(example, "docs/benchmark.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("time 1")
