@@ -12,8 +12,8 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
+from agents.choices import controller_of
 from agents.controller_agent import ControllerAgent
-from agents.entries import parse_controller
 from agents.uniform import UniformAgent
 from wt_gym.control.controllers import CONTROLLERS
 from wt_gym.envs.layout import layout_of
@@ -157,7 +157,7 @@ def _agent(config: DatasetConfig):
     env_id, kwargs = config.env_id or "wt_gym/NREL5MW-Turbulent-v0", {**ENV_KWARGS, **config.env_kwargs}
     if config.agent == "random":
         return env_id, kwargs, lambda env: UniformAgent(layout_of(env), config.seed)
-    name, parameters = parse_controller("discon" if config.agent == "baseline" else config.agent)
+    name, parameters = controller_of("discon" if config.agent == "baseline" else config.agent)
     if any(part not in CONTROLLERS for part in name.split("+")):
         raise ValueError(
             f"{config.agent!r} is no agent: give baseline, random, {', '.join(CONTROLLERS)} (joined with '+', "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
+from agents.choices import controller_of
 from agents.constant import ConstantAgent
 from agents.uniform import UniformAgent
 from wt_gym.benchmark import INTERFACE
@@ -19,7 +19,7 @@ from wt_gym.envs.layout import layout_of
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["BASELINE", "LEVELS", "WORDS", "Entry", "entries_of", "entry_of", "parse_controller"]
+__all__ = ["BASELINE", "LEVELS", "WORDS", "Entry", "entries_of", "entry_of"]
 
 BASELINE = "discon"
 """Entry whose score is zero."""
@@ -81,27 +81,6 @@ class Entry:
         return ConstantAgent(layout)
 
 
-def parse_controller(text: str) -> tuple[str, dict[str, Any]]:
-    """Name and parameters of ``name:key=value,key=value``.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is no number, truth value or None.
-    """
-    name, _, rest = text.partition(":")
-    parameters = {}
-    for pair in filter(None, rest.split(",")):
-        key, separator, value = pair.partition("=")
-        try:
-            parameters[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            separator = ""
-        if not separator:
-            raise ValueError(f"parameters are given as {name}:key=value,key=value, got {text!r}")
-    return name, parameters
-
-
 def entry_of(text: str) -> Entry:
     """Entry of one word, path or ``NAME=CHOICE``.
 
@@ -122,9 +101,9 @@ def entry_of(text: str) -> Entry:
     if choice in ("zero", "random"):
         return Entry(name, choice, {"kind": choice})
     if word == "planner":
-        return Entry(name, choice, {"kind": "planner", "parameters": parse_controller(choice)[1]})
+        return Entry(name, choice, {"kind": "planner", "parameters": controller_of(choice)[1]})
     if all(part in CONTROLLERS for part in word.split("+")):
-        controller, parameters = parse_controller(choice)
+        controller, parameters = controller_of(choice)
         definition = {"kind": "controller", "controller": controller, "parameters": parameters}
         return Entry(name, choice, definition, {**_BENEATH, "controller": [controller, parameters]})
     if Path(choice).exists():

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.entries import LEVELS, entries_of, entry_of, parse_controller
+from agents.choices import controller_of
+from agents.entries import LEVELS, entries_of, entry_of
 from agents.front import FAMILIES, draw_front, front_entries, front_rows, write_csv
 from wt_gym.benchmark import (
     INTERFACE,
@@ -338,7 +339,7 @@ def test_entries_of_words():
     assert (entry.name, entry.choice) == ("mine", "constrained_ipc:level=0.1,limit=0.05")
     assert entry.interface["controller"] == ["constrained_ipc", {"level": 0.1, "limit": 0.05}]
     assert entry_of("planner:horizon=1.0").definition["parameters"] == {"horizon": 1.0}
-    assert parse_controller("ipc+yaw:ipc__limit=0.1") == ("ipc+yaw", {"ipc__limit": 0.1})
+    assert controller_of("ipc+yaw:ipc__limit=0.1") == ("ipc+yaw", {"ipc__limit": 0.1})
 
 
 @pytest.mark.parametrize(
