@@ -346,8 +346,8 @@ def test_entries_of_words():
     ("texts", "message"),
     [
         (["nothing"], "'nothing' is no agent: give zero"),
-        (["ipc:level"], "parameters are given as"),
-        (["ipc:limit=many"], "parameters are given as"),
+        (["ipc:level"], "is key=value"),
+        (["ipc:limit=many"], "must be a number"),
         (["a=ipc", "a=retuned"], "two agents are called 'a'"),
     ],
 )
