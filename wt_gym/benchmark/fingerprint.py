@@ -40,8 +40,9 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
     Returns
     -------
     dict
-        ``turbine``, ``fidelity``; ``kernels``: source of all compiled kernels; ``wind``: of what makes the winds. Of
-        sources neither comments nor docstrings count.
+        ``turbine``, ``fidelity``, and of the sources ``kernels``: all compiled kernels, ``model``: what else the
+        simulator is made of, ``wind``: what makes the winds, ``control``: controllers and actions. Of sources neither
+        comments nor docstrings count.
     """
     return {
         "turbine": fingerprint(turbine)[:16],
@@ -52,8 +53,17 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
 
 @cache
 def _sources() -> dict[str, str]:
-    wind = [*(_ROOT / "wind").glob("*.py"), _ROOT / "envs" / "wind_sampler.py"]
-    return {"kernels": _digest(_ROOT.rglob("*_kernels.py")), "wind": _digest(wind)}
+    kernels = set(_ROOT.rglob("*_kernels.py"))
+    rooms = {
+        "model": _modules("aerodynamics", "multibody", "simulation", "structure"),
+        "wind": {*_modules("wind"), _ROOT / "envs" / "wind_sampler.py"},
+        "control": _modules("control"),
+    }
+    return {"kernels": _digest(kernels)} | {name: _digest(files - kernels) for name, files in rooms.items()}
+
+
+def _modules(*rooms: str) -> set[Path]:
+    return {file for room in rooms for file in (_ROOT / room).rglob("*.py")}
 
 
 def _digest(files: Iterable[Path]) -> str:
