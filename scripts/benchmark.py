@@ -33,6 +33,7 @@ def parse_arguments() -> argparse.Namespace:
     run.add_argument("agents", nargs="+", metavar="AGENT")
     table = commands.add_parser("table", description="Scores of a folder of results: leaderboard.md and .json in it.")
     table.add_argument("folder", type=Path, metavar="DIR")
+    table.add_argument("--page", type=Path, metavar="FILE", help="put the table into this page too")
     reference = commands.add_parser("reference", description="Renew the reference numbers in the files of tasks.")
     front = commands.add_parser(
         "front", description="Flap DEL against pitch travel of individual pitch: gains, and bands that constrain it."
@@ -85,7 +86,7 @@ def run(arguments: argparse.Namespace) -> dict:
 
 def table(arguments: argparse.Namespace) -> dict:
     """Score a folder."""
-    from wt_gym.benchmark import ResultFolder, leaderboard, to_markdown
+    from wt_gym.benchmark import ResultFolder, into_page, leaderboard, to_markdown
     from wt_gym.errors import BenchmarkError
 
     results = list(ResultFolder(arguments.folder))
@@ -95,6 +96,8 @@ def table(arguments: argparse.Namespace) -> dict:
     text = to_markdown(board)
     (arguments.folder / "leaderboard.md").write_text(text, encoding="utf-8")
     (arguments.folder / "leaderboard.json").write_text(json.dumps(board, indent=1) + "\n", encoding="utf-8")
+    if arguments.page is not None:
+        arguments.page.write_text(into_page(text, arguments.page.read_text(encoding="utf-8")), encoding="utf-8")
     print(text)
     return board
 

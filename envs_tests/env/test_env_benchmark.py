@@ -183,6 +183,15 @@ def test_models_of_another_control_step_are_refused(model):
         play(task, task.winds[0], entry.make, entry.interface)
 
 
+@pytest.mark.slow
+def test_two_processes_make_the_runs_of_one(tmp_path):
+    task, folder = short(), ResultFolder(tmp_path)
+    jobs = jobs_of([task], [entry_of("discon")])[:2]
+    assert run_jobs(jobs, folder, workers=2, progress=False) == 2
+    for k, job in enumerate(jobs):
+        assert same_numbers(folder.read(definition_of(job)), played("discon", k))
+
+
 def test_no_worker_is_refused(tmp_path):
     with pytest.raises(ValueError, match="at least 1 job"):
         run_jobs([], ResultFolder(tmp_path), workers=0)

@@ -16,6 +16,7 @@ from wt_gym.benchmark import (
     BenchmarkTask,
     Reference,
     ResultFolder,
+    into_page,
     leaderboard,
     load_task,
     make_reference,
@@ -33,6 +34,7 @@ from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.errors import BenchmarkError
 
 TASK = load_task("load-reduction-15")
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
 PRINT = {"turbine": "a", "fidelity": "b", "kernels": "c", "wind": "d"}
 BASE = {
     "captured_power": 5e6, "blade_flap_del": 6e6, "blade_edge_del": 6e6, "tower_fore_aft_del": 1.5e7,
@@ -324,6 +326,16 @@ def test_the_table_ranks_agents_and_says_why_some_have_no_score(with_reference):
     json.dumps(board, allow_nan=False)
 
 
+def test_tables_find_their_place_in_a_page():
+    page = into_page("first\n", PAGE)
+    assert "\n\nfirst\n\n<!-- end of the leaderboard -->" in page
+    again = into_page("second\n", page)
+    assert "first\n\n<!--" not in again
+    assert again == into_page("second\n", PAGE)
+    with pytest.raises(BenchmarkError, match="no place for a table"):
+        into_page("first\n", "a page")
+
+
 def test_results_of_unknown_tasks_are_refused():
     (first, *_) = results(TASK).values()
     with pytest.raises(BenchmarkError, match="unknown tasks: other"):
@@ -372,9 +384,6 @@ def test_the_front_is_a_table_and_a_figure(tmp_path):
     runs[strongest] = results(TASK, ending="overspeed")
     with pytest.raises(ValueError, match="did not last in 15 m/s, seed 1007"):
         front_rows(TASK, runs)
-
-
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
 
 
 def test_the_page_has_the_tasks_as_they_are():

@@ -9,7 +9,7 @@ from wt_gym.benchmark.reference import Reference, make_reference, reference_of, 
 from wt_gym.benchmark.results import ResultFolder, result_key
 from wt_gym.benchmark.run import INTERFACE, play, run_definition
 from wt_gym.benchmark.scoring import Score, score
-from wt_gym.benchmark.table import leaderboard, to_markdown
+from wt_gym.benchmark.table import into_page, leaderboard, to_markdown
 from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind, Limit, Term, load_task, task_names
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "Score",
     "Term",
     "benchmark_fingerprint",
+    "into_page",
     "leaderboard",
     "load_task",
     "make_reference",

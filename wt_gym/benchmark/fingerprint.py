@@ -40,8 +40,9 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
     Returns
     -------
     dict
-        ``turbine``, ``fidelity``; ``kernels``: source of all compiled kernels; ``wind``: of what makes the winds. Of
-        sources neither comments nor docstrings count.
+        ``turbine``, ``fidelity``, and of the sources ``kernels``: all compiled kernels, ``model``: what else the
+        simulator is made of, ``wind``: what makes the winds, ``control``: controllers and actions. Of sources neither
+        comments nor docstrings count.
     """
     return {
         "turbine": fingerprint(turbine)[:16],
@@ -52,8 +53,17 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
 
 @cache
 def _sources() -> dict[str, str]:
-    wind = [*(_ROOT / "wind").glob("*.py"), _ROOT / "envs" / "wind_sampler.py"]
-    return {"kernels": _digest(_ROOT.rglob("*_kernels.py")), "wind": _digest(wind)}
+    kernels = set(_ROOT.rglob("*_kernels.py"))
+    rooms = {
+        "model": _modules("aerodynamics", "multibody", "simulation", "structure"),
+        "wind": {*_modules("wind"), _ROOT / "envs" / "wind_sampler.py"},
+        "control": _modules("control"),
+    }
+    return {"kernels": _digest(kernels)} | {name: _digest(files - kernels) for name, files in rooms.items()}
+
+
+def _modules(*rooms: str) -> set[Path]:
+    return {file for room in rooms for file in (_ROOT / room).rglob("*.py")}
 
 
 def _digest(files: Iterable[Path]) -> str:
@@ -65,7 +75,10 @@ def _digest(files: Iterable[Path]) -> str:
 
 
 def code_of(source: str) -> str:
-    """Tokens of a source with its lines and indents, without comments, blank lines and docstrings."""
+    """Tokens of a source with its lines and indents, without comments, blank lines, docstrings and all other space.
+
+    Python 3.12 takes formatted strings apart where earlier versions give one token; without space both are the same.
+    """
     kept, begins = [], True
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type in _SILENT or (token.type == tokenize.NEWLINE and begins):  # the latter ends a docstring
@@ -74,9 +87,9 @@ def code_of(source: str) -> str:
             kept.append({tokenize.NEWLINE: "\n", tokenize.INDENT: "{", tokenize.DEDENT: "}"}[token.type])
             begins = True
         elif not (token.type == tokenize.STRING and begins):
-            kept.append(token.string)
+            kept.append("".join(token.string.split()))
             begins = False
-    return " ".join(kept)
+    return "".join(kept)
 
 
 def differing(first: dict[str, str], second: dict[str, str]) -> list[str]:

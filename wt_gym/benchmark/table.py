@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from wt_gym.benchmark.reference import Reference
     from wt_gym.benchmark.tasks import BenchmarkTask
 
-__all__ = ["leaderboard", "to_markdown"]
+__all__ = ["into_page", "leaderboard", "to_markdown"]
 
 _SHOWN = {
     "captured_power": "power",
@@ -27,6 +27,9 @@ _SHOWN = {
     "tower_side_side_del": "tower s-s DEL",
 }
 """Metrics of which the mean relative change against the baseline is shown."""
+
+
+_BEGIN, _END = "<!-- leaderboard -->", "<!-- end of the leaderboard -->"
 
 
 def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
@@ -112,6 +115,21 @@ def to_markdown(board: Mapping[str, Any]) -> str:
         lines += ["", *(f"- {row['agent']}: {row['refused']}" for row in rows if row["refused"])]
         lines += [""] * (lines[-1] != "")
     return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def into_page(table: str, page: str) -> str:
+    """Put a table between the lines ``<!-- leaderboard -->`` and ``<!-- end of the leaderboard -->`` of a page.
+
+    Raises
+    ------
+    wt_gym.errors.BenchmarkError
+        If the page has no such lines.
+    """
+    before, begin, rest = page.partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not (begin and end):
+        raise BenchmarkError(f"the page has no place for a table: it needs the lines {_BEGIN} and {_END}")
+    return f"{before}{begin}\n\n{table}\n{end}{after}"
 
 
 def _cells(row: Mapping[str, Any]) -> list[str]:
