@@ -166,7 +166,8 @@ class ControllerAgent:
         demand = checked_demand(controller.step(signals, layout.control_dt), controller, n_blades)
         now = seen if layout.delay == 0 else asked[-1]
         action = layout.action.encode(demand, now).astype(np.float32)
-        asked.append(layout.action.decode(action.astype(np.float64), now))
+        aim = layout.action.start(now) if isinstance(now, Demand) else now
+        asked.append(layout.action.decode(action.astype(np.float64), aim))
         return action
 
     def _same(self, asked: Aim | Demand, seen: Demand) -> bool:
