@@ -41,8 +41,9 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
     if not found:
         return None
     rows = [max(1, len(agents)) * len(panel) for panel in panels]
+    height = 150 + max(24 * sum(rows), 190)
     figure = make_subplots(
-        rows=2, cols=1, row_heights=[rows[0] + 0.4, rows[1] + 0.4], vertical_spacing=0.2,
+        rows=2, cols=1, row_heights=[rows[0] + 0.4, rows[1] + 0.4], vertical_spacing=66 / height,
         subplot_titles=["Power [%], more is better", "Damage-equivalent loads [%], less is better"],
     )  # fmt: skip
     styles = agent_styles(evaluation)
@@ -65,7 +66,7 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
             range=[0.6 - len(panel), 0.6], showgrid=False, fixedrange=True,
         )  # fmt: skip
     titles_at_left(figure)
-    return style(figure, height=150 + max(24 * sum(rows), 190))
+    return style(figure, height)
 
 
 def _add_points(

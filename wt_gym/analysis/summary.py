@@ -55,6 +55,8 @@ _TABLE = {
 # More lost power than this is no trade for lower loads.
 _TRADED_POWER = 0.05
 _MANY_WINDS = 6
+# A headline names so many agents at most.
+_MOST_NAMED = 3
 _SHORT_TRAINING = 300_000
 _WORDS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
 
@@ -134,7 +136,8 @@ def headline(evaluation: Evaluation) -> str:
     winds = _count(len(evaluation.winds), "unseen wind" if evaluation.training and unseen(evaluation) else "wind")
     if not others:
         return f"{evaluation.baseline} in {winds}"
-    return f"{' and '.join(others)} against {evaluation.baseline} in {winds}"
+    named = " and ".join(others) if len(others) <= _MOST_NAMED else _count(len(others), "agent")
+    return f"{named} against {evaluation.baseline} in {winds}"
 
 
 def unseen(evaluation: Evaluation) -> bool:
