@@ -107,7 +107,7 @@ def expand_seeds(choice: str) -> list[tuple[str, str]]:
     """
     if choice in _WORDS or is_controller_name(choice):
         return [("", choice)]
-    from agents.trained import MODEL_FILE  # torch takes seconds to import
+    from agents.trained_agent import MODEL_FILE  # torch takes seconds to import
     from agents.training.run_folder import SEEDS_FILE
 
     folder = Path(choice)
@@ -136,7 +136,7 @@ def fingerprint(choice: str) -> dict[str, Any]:
     """
     if choice in _WORDS or is_controller_name(choice):
         return {"choice": choice}
-    from agents.trained import model_files  # torch takes seconds to import
+    from agents.trained_agent import model_files  # torch takes seconds to import
 
     sums = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in model_files(choice)}
     return {"choice": choice, "sha256": sums}
@@ -148,7 +148,7 @@ def _default_name(choice: str) -> str:
         return _WORDS[choice]
     if is_controller_name(choice):
         return choice.removeprefix(_PREFIX)
-    from agents.trained import RECORD_FILE, read_record
+    from agents.trained_agent import RECORD_FILE, read_record
 
     path = Path(choice)
     for record in (path / RECORD_FILE, path.parent / RECORD_FILE, *path.glob(f"seed-*/{RECORD_FILE}")):

@@ -141,7 +141,7 @@ def _datasets_in(folder: Path) -> Iterator[None]:
 def _agent(config: DatasetConfig):
     """Environment, its arguments, and what makes the agent for it."""
     if Path(config.agent).exists():
-        from agents.trained import TrainedAgent  # torch takes seconds to import
+        from agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
         trained = TrainedAgent.load(config.agent)
         of_training = (trained.record or {}).get("config", {})

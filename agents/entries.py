@@ -67,7 +67,7 @@ class Entry:
 
             return ShootingPlanner(env, **self.definition["parameters"])
         if kind == "trained":
-            from agents.trained import TrainedAgent  # torch takes seconds to import
+            from agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
             agent = TrainedAgent.load(self.choice)
             agent.check_fits(layout)
@@ -141,7 +141,7 @@ def _named(text: str) -> tuple[str, str]:
 
 def _trained(name: str, path: Path) -> Entry:
     """Entry of a trained model, in the environment it was trained in."""
-    from agents.trained import MODEL_FILE, NORMALISATION_FILE, TrainedAgent
+    from agents.trained_agent import MODEL_FILE, NORMALISATION_FILE, TrainedAgent
 
     model_file = path / MODEL_FILE if path.is_dir() else path
     record = TrainedAgent.load(path).record or {}

@@ -133,7 +133,7 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
     if is_controller_name(choice):
         name, parameters = controller_of(choice)
         return ControllerAgent(layout, name, **parameters)
-    from agents.trained import TrainedAgent  # torch takes seconds to import
+    from agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
     agent = TrainedAgent.load(choice)
     agent.check_fits(layout)

@@ -13,7 +13,7 @@ from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.logger import configure
 
 import wt_gym
-from agents.trained import BEST_MODEL_FILE, BEST_NORMALISATION_FILE, RECORD_FILE, TrainedAgent
+from agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALISATION_FILE, RECORD_FILE, TrainedAgent
 from agents.training.callbacks import Checkpoints, EpisodeFigures, Evaluations, Watch, stop_on_signals
 from agents.training.config import TrainingConfig
 from agents.training.environments import make_training_env

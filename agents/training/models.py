@@ -13,7 +13,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 
 from agents.files import write_whole
-from agents.trained import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
+from agents.trained_agent import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.files import write_whole
-from agents.trained import (
+from agents.trained_agent import (
     BEST_MODEL_FILE,
     BEST_NORMALISATION_FILE,
     MODEL_FILE,

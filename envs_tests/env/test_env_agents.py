@@ -20,7 +20,7 @@ from agents.constant import ConstantAgent
 from agents.controller_agent import ControllerAgent
 from agents.evaluation import EvaluationConfig, evaluate, load_agent
 from agents.train import TrainingConfig, train
-from agents.trained import TrainedAgent
+from agents.trained_agent import TrainedAgent
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.report import write_report

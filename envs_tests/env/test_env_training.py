@@ -17,7 +17,7 @@ import torch
 from agents import evaluation
 from agents.files import write_whole
 from agents.train import TrainingConfig, resume, train
-from agents.trained import TrainedAgent
+from agents.trained_agent import TrainedAgent
 from agents.training import callbacks, held_back
 from agents.training.held_back import SELECTION_WIND_SEEDS, HeldBackEvaluation
 from agents.training.run_folder import RunFolder

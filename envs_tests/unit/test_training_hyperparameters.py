@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from stable_baselines3.common.utils import LinearSchedule
 
-from agents.trained import ALGORITHM_CLASSES
+from agents.trained_agent import ALGORITHM_CLASSES
 from agents.training.config import TrainingConfig
 from agents.training.environments import make_training_env
 from agents.training.hyperparameters import ALGORITHMS, hyperparameters_for, parse_override, read_hyperparameters
