@@ -1,0 +1,31 @@
+"""The agents that come with the project."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import agents
+from agents.evaluation import EvaluationConfig, evaluate
+from agents.trained_agent import TrainedAgent
+from wt_gym.analysis.results import Wind
+
+FOLDERS = sorted(path.parent for path in (Path(agents.__file__).parent / "trained").glob("*/model.zip"))
+
+
+def test_there_are_agents():
+    assert FOLDERS
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
+def test_it_spares_the_blades_in_a_wind_it_has_not_seen(folder):
+    """A minute at 16 m/s; the damage of ten minutes is measured by scripts/evaluate.py."""
+    wind = Wind(16.0, 1013)
+    record = TrainedAgent.load(folder).record
+    assert wind.seed not in record["wind_seeds"]
+    config = EvaluationConfig(env_id=record["config"]["env_id"], winds=(wind,), duration=60.0, skip=10.0)
+    found = evaluate({"baseline": "baseline", "agent": str(folder)}, config)
+    flap, power = ([run.metrics[name] for run in found.runs] for name in ("blade_flap_del", "mean_power"))
+    assert np.isfinite(flap).all()
+    assert flap[1] < 0.95 * flap[0]
+    assert power[1] > 0.99 * power[0]
