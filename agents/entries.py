@@ -71,12 +71,6 @@ class Entry:
 
             agent = TrainedAgent.load(self.choice)
             agent.check_fits(layout)
-            trained_at = (agent.record or {}).get("control_dt", layout.control_dt)
-            if trained_at != layout.control_dt:
-                raise ValueError(
-                    f"{self.choice} was trained with a control step of {trained_at} s, the task has "
-                    f"{layout.control_dt} s"
-                )
             return agent
         return ConstantAgent(layout)
 
@@ -141,16 +135,14 @@ def _named(text: str) -> tuple[str, str]:
 
 def _trained(name: str, path: Path) -> Entry:
     """Entry of a trained model, in the environment it was trained in."""
-    from agents.trained_agent import MODEL_FILE, NORMALISATION_FILE, TrainedAgent
+    from agents.trained_agent import TrainedAgent, model_files
 
-    model_file = path / MODEL_FILE if path.is_dir() else path
     record = TrainedAgent.load(path).record or {}
     config = record.get("config", {})
     kwargs = {**gym.spec(config["env_id"]).kwargs, **config["env_kwargs"]} if config else {}
     interface = {key: kwargs[key] for key in INTERFACE if key in kwargs}
-    content = hashlib.sha256(model_file.read_bytes())
-    statistics = model_file.parent / NORMALISATION_FILE
-    if statistics.is_file():
-        content.update(statistics.read_bytes())
+    content = hashlib.sha256()
+    for file in model_files(path):
+        content.update(file.read_bytes())
     definition = {"kind": "trained", "algorithm": record.get("algorithm"), "sha256": content.hexdigest()}
     return Entry(name, str(path), definition, interface)

@@ -177,13 +177,14 @@ def evaluate(
     store = None
     if folder is not None:
         store = EvaluationFolder(folder, agents, config)
-        store.begin(overwrite)
     envs = _Environments(config)
     try:
         layout = layout_of(envs.plain)
         climate = _climate(layout.turbine, config)
         ready = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
-        beneath = {name: envs.beneath(agents[name]) for name in ready}  # refuses before the first run
+        beneath = {name: envs.beneath(agents[name]) for name in ready}
+        if store:
+            store.begin(overwrite)  # nothing can be refused any more
         line, runs = ProgressLine(progress), []
         for wind in config.winds:
             for name, agent in ready.items():

@@ -198,7 +198,7 @@ class TrainedAgent:
         ------
         ValueError
             With the first component in which they differ from the record of the training, or, without one, with the
-            shapes of both.
+            shapes of both; or with the control steps of both.
         """
         for what, offered in (("observation", layout.observation.names), ("action", layout.action.names)):
             wanted = (self.record or {}).get(what, offered)
@@ -208,6 +208,12 @@ class TrainedAgent:
                         f"the model was trained with {trained or 'nothing'} as component {k} of the {what}, the "
                         f"environment has {found or 'nothing'} there"
                     )
+        trained_at = (self.record or {}).get("control_dt", layout.control_dt)
+        if trained_at != layout.control_dt:
+            raise ValueError(
+                f"the model was trained with a control step of {trained_at} s, the environment has "
+                f"{layout.control_dt} s"
+            )
         wanted = (self.model.observation_space.shape, self.model.action_space.shape)
         offered = ((len(layout.observation),), (layout.action.size,))
         if wanted != offered:

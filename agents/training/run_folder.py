@@ -5,9 +5,8 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import shutil
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from agents.files import write_whole
 from agents.trained_agent import (
@@ -19,6 +18,9 @@ from agents.trained_agent import (
     read_record,
 )
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 __all__ = ["SEEDS_FILE", "RunFolder"]
 
 SEEDS_FILE = "seeds.json"
@@ -29,6 +31,7 @@ _LOCK_FILE, _CHECKPOINTS, _TENSORBOARD = "training.lock", "checkpoints", "tensor
 _FILES = (
     MODEL_FILE, NORMALISATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALISATION_FILE, _BUFFER_FILE, SEEDS_FILE,
 )  # fmt: skip
+_CHECKPOINT_FILES = ("*_steps.zip", "*_steps.pkl")
 
 
 class RunFolder:
@@ -109,7 +112,7 @@ class RunFolder:
     @property
     def used(self) -> bool:
         """Whether a training has been here."""
-        return any((self.path / name).exists() for name in (MODEL_FILE, RECORD_FILE, SEEDS_FILE))
+        return any(True for _ in self._left())
 
     def refuse_used(self, overwrite: bool) -> None:
         """Refuse a folder in which a training has been, unless that is to be overwritten.
@@ -143,8 +146,15 @@ class RunFolder:
 
     def clear(self) -> None:
         """Remove what a training left here, and nothing else; folders of single seeds stay."""
-        for name in _FILES:
-            (self.path / name).unlink(missing_ok=True)
+        for file in list(self._left()):
+            file.unlink()
         for folder in (self.checkpoints, self.tensorboard):
-            if folder.is_dir():
-                shutil.rmtree(folder)
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
+
+    def _left(self) -> Iterator[Path]:
+        """Files that a training writes, as far as they are here."""
+        yield from (self.path / name for name in _FILES if (self.path / name).is_file())
+        for pattern in _CHECKPOINT_FILES:
+            yield from self.checkpoints.glob(pattern)
+        yield from self.tensorboard.glob("**/events.out.tfevents.*")

@@ -179,7 +179,7 @@ def test_models_of_another_control_step_are_refused(model):
     record = json.loads((model / "training.json").read_text(encoding="utf-8"))
     (model / "training.json").write_text(json.dumps(record | {"control_dt": 0.4}), encoding="utf-8")
     entry, task = entry_of(str(model)), short()
-    with pytest.raises(ValueError, match=r"control step of 0.4 s, the task has 0.2 s"):
+    with pytest.raises(ValueError, match=r"control step of 0.4 s, the environment has 0.2 s"):
         play(task, task.winds[0], entry.make, entry.interface)
 
 

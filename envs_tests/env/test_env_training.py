@@ -408,3 +408,19 @@ def test_several_seeds_go_on_where_they_were_stopped(tmp_path):
     (tmp_path / "seeds.json").write_text("{}")
     with pytest.raises(ValueError, match=r"seeds\.json is damaged"):
         resume_seeds(tmp_path, progress=False)
+
+
+def test_clearing_takes_only_what_a_training_wrote(tmp_path):
+    (tmp_path / "checkpoints").mkdir()
+    mine, left = tmp_path / "checkpoints" / "mine.pt", tmp_path / "checkpoints" / "ppo_5_steps.zip"
+    mine.touch()
+    with RunFolder(tmp_path) as run:
+        assert not run.used
+        run.clear()
+        assert mine.exists()
+        left.touch()
+        with pytest.raises(ValueError, match="holds a training already"):
+            run.refuse_used(overwrite=False)
+        run.clear()
+    assert mine.exists()
+    assert not left.exists()

@@ -236,7 +236,7 @@ def _is_count(value):
 # of eleven nodes.
 TRAINING = AeroOptions(
     n_chord=1, n_span=10, narrow_strips="tip", azimuth_step_deg=8.0, wake_rows=60, full_rows=8, coarse_stride=3,
-    sparse_from=12, sparse_stride=3, sparse_span=3, fresh_rows=0, refresh_stride=16, wind_stride=10, far_wake_rows=19,
+    sparse_from=12, sparse_stride=3, sparse_span=3, fresh_rows=0, refresh_stride=16, wind_stride=10, far_wake_rows=16,
     squire=2e-3,
 )  # fmt: skip
 # Four turns: 16 steps in full, 168 with every third row.

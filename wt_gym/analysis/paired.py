@@ -92,9 +92,9 @@ def shared_winds(evaluation: Evaluation, agent: str, speed: float | None = None)
 def paired_change(evaluation: Evaluation, agent: str, key: str, speed: float | None = None) -> Estimate | None:
     """Change of a metric against the baseline in the same winds.
 
-    The interquartile mean of the changes in each wind both completed, for power and energy their mean, because what
-    one wind costs another must earn; with a bootstrap interval stratified by wind speed. Relative, unless the
-    baseline's value rounds to zero in one of the winds or counts events.
+    The interquartile mean of the changes in each wind both completed, for power and energy the change of their sums,
+    because what one wind costs another must earn; with a bootstrap interval stratified by wind speed. Relative, unless
+    the baseline's value rounds to zero in one of the winds or counts events.
 
     Parameters
     ----------
@@ -117,8 +117,12 @@ def paired_change(evaluation: Evaluation, agent: str, key: str, speed: float | N
     metric = METRICS[key]
     relative = key != "overspeed_count" and bool(np.all(np.abs(base) * metric.factor >= 10.0**-metric.digits))
     changes = (mine - base) / np.abs(base) if relative else (mine - base) * metric.factor
-    statistic = np.mean if key in _ADD_UP else interquartile_mean
-    return _estimate(tuple(wind.speed for wind in winds), lambda k: statistic(changes[k], axis=-1), relative)
+    speeds = tuple(wind.speed for wind in winds)
+    if key in _ADD_UP:
+        if relative:
+            return _estimate(speeds, lambda k: mine[k].sum(axis=-1) / base[k].sum(axis=-1) - 1.0, relative)
+        return _estimate(speeds, lambda k: changes[k].mean(axis=-1), relative)
+    return _estimate(speeds, lambda k: interquartile_mean(changes[k], axis=-1), relative)
 
 
 def level_of(evaluation: Evaluation, agent: str, key: str, speed: float | None = None) -> Estimate | None:

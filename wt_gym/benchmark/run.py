@@ -158,19 +158,23 @@ def play(
 def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[str, float]:
     """Metrics of a run beside those of `wt_gym.analysis.metrics.run_metrics`.
 
-    ``captured_power`` is the mean power plus the gain of the rotor's kinetic energy over the measured time, up to rated
-    speed and times the efficiency of the drivetrain: emptying the rotor at the end earns nothing [W].
-    ``rotor_speed_ratio_max`` is the largest rotor speed over the rated one [-].
+    ``captured_power`` is the mean power plus the gain of the rotor's kinetic energy over the measured time, at most the
+    rated power [W]: emptying the rotor at the end earns nothing, nor does overloading the generator, nor what was
+    stored beyond rated speed before the measured time begins. The energy counts times the efficiency of the drivetrain,
+    at the end up to that of rated speed. ``rotor_speed_ratio_max`` is the largest rotor speed of the whole run, its
+    unmeasured start included, over the rated one [-].
     """
     metrics = run_metrics(data, turbine, skip)
     drivetrain = turbine.drivetrain
     time = data["time"].values
     measured = time >= time[0] + skip - 1e-9
-    ends = np.clip(data["rotor_speed"].values[measured][[0, -1]], 0.0, drivetrain.rated_rotor_speed)
+    first, last = data["rotor_speed"].values[measured][[0, -1]]
+    last = min(last, drivetrain.rated_rotor_speed)
     efficiency = drivetrain.gearbox_efficiency * drivetrain.generator_efficiency
-    gained = 0.5 * efficiency * rotor_inertia(turbine) * (ends[1] ** 2 - ends[0] ** 2)
-    metrics["captured_power"] = float(metrics["mean_power"] + gained / (time[measured][-1] - time[measured][0]))
-    metrics["rotor_speed_ratio_max"] = metrics["rotor_speed_max"] / drivetrain.rated_rotor_speed
+    gained = 0.5 * efficiency * rotor_inertia(turbine) * (last**2 - first**2)
+    captured = metrics["mean_power"] + gained / (time[measured][-1] - time[measured][0])
+    metrics["captured_power"] = float(min(captured, drivetrain.rated_power))
+    metrics["rotor_speed_ratio_max"] = float(data["rotor_speed_max"].max()) / drivetrain.rated_rotor_speed
     return metrics
 
 
