@@ -26,6 +26,7 @@ __all__ = ["benchmark_fingerprint", "code_of", "differing"]
 
 _ROOT = Path(wt_gym.__file__).parent
 _SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER}
+_ENVIRONMENT = ("layout.py", "observations.py", "turbine_env.py")
 _STATEMENT_BEGINS = {tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
 
 
@@ -41,8 +42,8 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
     -------
     dict
         ``turbine``, ``fidelity``, and of the sources ``kernels``: all compiled kernels, ``model``: what else the
-        simulator is made of, ``wind``: what makes the winds, ``control``: controllers and actions. Of sources neither
-        comments nor docstrings count.
+        simulator is made of, ``wind``: what makes the winds, ``control``: controllers and actions, ``environment``: a
+        step and its end, ``metrics``: what is measured of a run. Of sources neither comments nor docstrings count.
     """
     return {
         "turbine": fingerprint(turbine)[:16],
@@ -58,6 +59,8 @@ def _sources() -> dict[str, str]:
         "model": _modules("aerodynamics", "multibody", "simulation", "structure"),
         "wind": {*_modules("wind"), _ROOT / "envs" / "wind_sampler.py"},
         "control": _modules("control"),
+        "environment": {_ROOT / "tasks.py", *(_ROOT / "envs" / name for name in _ENVIRONMENT)},
+        "metrics": {_ROOT / "analysis" / "metrics.py", _ROOT / "benchmark" / "run.py"},
     }
     return {"kernels": _digest(kernels)} | {name: _digest(files - kernels) for name, files in rooms.items()}
 
