@@ -189,6 +189,7 @@ def test_sigterm_ends_the_training_and_it_goes_on(tmp_path):
     assert again["steps"] == record["steps"] + 1
 
 
+@pytest.mark.slow
 def test_ctrl_c_reaches_all_processes_and_the_training_decides(tmp_path):
     record = interrupted(tmp_path / "run", os.killpg, signal.SIGINT, "--n-envs", "2")
     assert record["steps"] % 2 == 0
