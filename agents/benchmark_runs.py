@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from agents.compilation import compile_kernels
 from agents.progress import ProgressLine
 from wt_gym.benchmark import ResultFolder, play, run_definition
 from wt_gym.benchmark.run import make_env
@@ -89,7 +90,8 @@ def run_jobs(jobs: Sequence[Job], folder: ResultFolder, workers: int = 1, progre
         for job in left:
             finished(job, _run(job, lambda t, job=job: line.show(f"{done} of {len(jobs)}: {job.label}, {t:.0f} s")))
         return len(left)
-    _compile(left[0])
+    first = left[0]
+    compile_kernels(make_env(first.task, first.wind, first.entry.interface))
     # the kernels do not survive a fork; one thread a process, read when a process imports them
     threads = {name: "1" for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS")}
     before = {name: os.environ.get(name) for name in threads}
@@ -107,14 +109,6 @@ def run_jobs(jobs: Sequence[Job], folder: ResultFolder, workers: int = 1, progre
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.update({name: value})
     return len(left)
-
-
-def _compile(job: Job) -> None:
-    """Compile all kernels into the cache that the workers share."""
-    env = make_env(job.task, job.wind, job.entry.interface)
-    env.reset(seed=0)
-    env.step(env.action_space.sample() * 0.0)
-    env.close()
 
 
 def results_of(task: BenchmarkTask, entry: Entry, folder: ResultFolder) -> dict[str, dict[str, Any]]:

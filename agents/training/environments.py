@@ -6,9 +6,10 @@ import signal
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
-import numpy as np
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecNormalize
+
+from agents.compilation import compile_kernels
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,7 +34,7 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
     if config.n_envs == 1:
         venv: VecEnv = DummyVecEnv([lambda: Monitor(first)])
     else:
-        _compile(first)
+        compile_kernels(first)
         venv = SubprocVecEnv([_worker(config.env_id, config.env_kwargs)] * config.n_envs, start_method="forkserver")
     hyperparameters = config.resolved
     return VecNormalize(
@@ -64,10 +65,3 @@ def _worker(env_id: str, kwargs: dict[str, Any]) -> Callable[[], gym.Env]:
         return Monitor(gym.make(env_id, **kwargs))
 
     return make
-
-
-def _compile(env: gym.Env) -> None:
-    """Run one step, so that every kernel is in the cache."""
-    env.reset(seed=0)
-    env.step(np.zeros(env.action_space.shape, dtype=np.float32))
-    env.close()

@@ -42,8 +42,7 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
     def residual(state):
         return system.rates(state, inputs, work)[u]
 
-    jacobian, fresh = _derivatives(residual, y, q), True
-    change = np.linalg.solve(jacobian, -residual(y))
+    (jacobian, change), fresh = _newton_step(residual, y, q), True
     for _ in range(iterations):
         if np.abs(change).max() < tolerance * max(1.0, np.abs(y[q]).max()):
             y[q] += change
@@ -54,8 +53,7 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
         # nearly linear: the derivatives serve as long as they bring the balance nearer by half
         fresh = following is None or np.linalg.norm(following) > 0.5 * np.linalg.norm(change)
         if fresh:
-            jacobian = _derivatives(residual, y, q)
-            following = np.linalg.solve(jacobian, -residual(y))
+            jacobian, following = _newton_step(residual, y, q)
         change = following
     raise SimulationError("the structure finds no static balance under its loads")
 
@@ -82,16 +80,16 @@ def _shortened_step(residual, y, q, change, jacobian, smallest):
     return None
 
 
-def _derivatives(residual, y, q, step=1e-4):
-    """Of the residual by the coordinates q."""
-    columns = []
-    here = residual(y).copy()
+def _newton_step(residual, y, q, step=1e-4):
+    """Derivatives of the residual by the coordinates q, and the step that follows from them."""
+    here, columns = residual(y), []
     for place in q:
         origin = y[place]
         y[place] = origin + step
         columns.append((residual(y) - here) / step)
         y[place] = origin
-    return np.array(columns).T
+    jacobian = np.array(columns).T
+    return jacobian, np.linalg.solve(jacobian, -here)
 
 
 def highest_frequency(system, step=1e-5):
