@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -136,10 +135,9 @@ def fingerprint(choice: str) -> dict[str, Any]:
     """
     if choice in _WORDS or is_controller_name(choice):
         return {"choice": choice}
-    from agents.trained_agent import model_files  # torch takes seconds to import
+    from agents.trained_agent import model_digests  # torch takes seconds to import
 
-    sums = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in model_files(choice)}
-    return {"choice": choice, "sha256": sums}
+    return {"choice": choice, "sha256": model_digests(choice)}
 
 
 def _default_name(choice: str) -> str:

@@ -16,12 +16,15 @@ from agents.choices import controller_of
 from agents.controller_agent import ControllerAgent
 from agents.uniform import UniformAgent
 from wt_gym.control.controllers import CONTROLLERS
+from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from minari import MinariDataset
+
+    from wt_gym.envs.episode import Agent
 
 __all__ = ["ENV_KWARGS", "DatasetConfig", "record_dataset"]
 
@@ -102,11 +105,13 @@ def record_dataset(
     folder.mkdir(parents=True, exist_ok=True)
     env_id, kwargs, make_agent = _agent(config)
     env = gym.make(env_id, **kwargs)
-    agent, noisy = make_agent(env), np.random.default_rng(config.seed)
+    agent = make_agent(env)
+    if config.noise > 0.0:
+        agent = _Noisy(agent, config.noise, config.seed)
     lowest = [_episode(env, UniformAgent(layout_of(env)), config.seed + k) for k in range(config.random_episodes)]
     played = []
     for k in range(config.episodes):
-        played.append(_episode(env, agent, config.seed + k, config.noise, noisy))
+        played.append(_episode(env, agent, config.seed + k))
         if on_episode is not None:
             on_episode(k + 1, sum(played[-1]["rewards"]))
     with _datasets_in(folder):
@@ -166,27 +171,30 @@ def _agent(config: DatasetConfig):
     return env_id, kwargs, lambda env: ControllerAgent(layout_of(env), name, **parameters)
 
 
-def _episode(
-    env: gym.Env, agent, seed: int, noise: float = 0.0, rng: np.random.Generator | None = None
-) -> dict[str, Any]:
+class _Noisy:
+    """An agent with normal noise on its actions, which stay within their bounds."""
+
+    def __init__(self, agent: Agent, noise: float, seed: int):
+        self._agent, self._noise, self._rng = agent, noise, np.random.default_rng(seed)
+
+    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+        action, state = self._agent.predict(observation, state, episode_start, deterministic)
+        noisy = action + self._noise * self._rng.standard_normal(action.shape)
+        return np.clip(noisy, -1.0, 1.0).astype(np.float32), state
+
+
+def _episode(env: gym.Env, agent: Agent, seed: int) -> dict[str, Any]:
     """Play an episode; give what Minari keeps of one, with a cost of zero at its start."""
     observation, _ = env.reset(seed=seed)
-    state, start, done = None, np.ones(1, dtype=bool), False
-    observations, costs, steps = [observation], [0.0], []
-    while not done:
-        action, state = agent.predict(observation, state=state, episode_start=start)
-        if noise > 0.0:
-            action = np.clip(action + noise * rng.standard_normal(action.shape), -1.0, 1.0).astype(np.float32)
-        observation, reward, terminated, truncated, info = env.step(action)
-        start, done = np.zeros(1, dtype=bool), terminated or truncated
-        observations.append(observation)
-        costs.append(info["cost"])
-        steps.append((action, float(reward), terminated, truncated))
-    actions, rewards, terminations, truncations = map(list, zip(*steps, strict=True))
+    steps = list(episode_steps(env, agent, observation))
     return {
-        "observations": observations, "actions": actions, "rewards": rewards, "terminations": terminations,
-        "truncations": truncations, "infos": {"cost": costs},
-    }  # fmt: skip
+        "observations": [observation, *(step.observation for step in steps)],
+        "actions": [step.action for step in steps],
+        "rewards": [float(step.reward) for step in steps],
+        "terminations": [step.terminated for step in steps],
+        "truncations": [step.truncated for step in steps],
+        "infos": {"cost": [0.0, *(step.info["cost"] for step in steps)]},
+    }
 
 
 def _mean_return(episodes: list[dict[str, Any]]) -> float:

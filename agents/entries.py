@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -135,14 +134,11 @@ def _named(text: str) -> tuple[str, str]:
 
 def _trained(name: str, path: Path) -> Entry:
     """Entry of a trained model, in the environment it was trained in."""
-    from agents.trained_agent import TrainedAgent, model_files
+    from agents.trained_agent import TrainedAgent, model_digests
 
     record = TrainedAgent.load(path).record or {}
     config = record.get("config", {})
     kwargs = {**gym.spec(config["env_id"]).kwargs, **config["env_kwargs"]} if config else {}
     interface = {key: kwargs[key] for key in INTERFACE if key in kwargs}
-    content = hashlib.sha256()
-    for file in model_files(path):
-        content.update(file.read_bytes())
-    definition = {"kind": "trained", "algorithm": record.get("algorithm"), "sha256": content.hexdigest()}
+    definition = {"kind": "trained", "algorithm": record.get("algorithm"), "sha256": model_digests(path)}
     return Entry(name, str(path), definition, interface)

@@ -6,7 +6,7 @@ import json
 import math
 import time
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -22,6 +22,7 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.control.controllers import make_controller
+from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.simulation import Recorder
@@ -31,24 +32,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.turbines import Turbine
 
-__all__ = ["DEFAULT_WIND_SEEDS", "Agent", "EvaluationConfig", "evaluate", "load_agent"]
+__all__ = ["DEFAULT_WIND_SEEDS", "EvaluationConfig", "evaluate", "load_agent"]
 
 DEFAULT_WIND_SEEDS = EVALUATION_WIND_SEEDS[:6]
 """Turbulence seeds that no training saw; six is what IEC 61400-1 asks for at each mean speed."""
 # A metric of a few samples says nothing: runs that end earlier than this after the skipped start have none.
 _LEAST_MEASURED = 2.0
 _ENDLESS = 10**9  # control steps
-
-
-class Agent(Protocol):
-    """Anything with stable-baselines3's ``predict``."""
-
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
-        """Action and state for an observation."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -273,16 +267,13 @@ def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationCo
     recorder.append(turbine_env.signals)
     kept = config.replay if wind == config.winds[0] else 0.0
     shapes = ReplayRecorder(round(kept / turbine_env.control_dt))
-    state, episode_start = None, np.ones(1, dtype=bool)
-    total, terms, done = 0.0, {}, False
-    while not done:
-        action, state = agent.predict(observation, state=state, episode_start=episode_start, deterministic=True)
-        observation, reward, terminated, truncated, info = env.step(action)
-        episode_start, done = np.zeros(1, dtype=bool), terminated or truncated
-        total += float(np.sum(reward))  # one number, or its terms with vector_reward
+    total, terms = 0.0, {}
+    for step in episode_steps(env, agent, observation):
+        info = step.info
+        total += float(np.sum(step.reward))  # one number, or its terms with vector_reward
         for key, value in info["reward_terms"].items():
             terms[key] = terms.get(key, 0.0) + value
-        if "failure" not in info:  # the signals of a failed step are those of the step before
+        if not step.failed:
             recorder.append(turbine_env.signals)
             if kept:
                 shapes.append(info["time"], turbine_env.simulator.geometry())
@@ -290,7 +281,7 @@ def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationCo
         line.show(
             f"evaluating {name} at {wind.label}: {simulated:.0f} of {config.duration:.0f} s simulated"
             f" in {clock(elapsed)} min ({simulated / max(elapsed, 1e-9):.0f} x real time)",
-            final=done,
+            final=step.done,
         )
     data = recorder.to_dataset()
     return Run(

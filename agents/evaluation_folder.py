@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import wt_gym
 from agents.choices import fingerprint
-from agents.files import write_whole
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Run, Wind, run_file
+from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from agents.evaluation import Agent, EvaluationConfig
+    from agents.evaluation import EvaluationConfig
+    from wt_gym.envs.episode import Agent
 
 __all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder"]
 
@@ -83,7 +84,7 @@ class EvaluationFolder:
             )
         (self.path / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
         text = json.dumps(self._configuration, indent=1) + "\n"
-        write_whole(self.path / CONFIGURATION_FILE, lambda file: file.write(text.encode()))
+        write_text_whole(self.path / CONFIGURATION_FILE, text)
 
     def find(self, agent: str, wind: Wind) -> Run | None:
         """Run of an agent in a wind, None if it has not been done yet."""

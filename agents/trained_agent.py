@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import pickle
 import re
@@ -30,6 +31,7 @@ __all__ = [
     "NORMALISATION_FILE",
     "RECORD_FILE",
     "TrainedAgent",
+    "model_digests",
     "model_files",
     "read_normalisation",
     "read_record",
@@ -125,6 +127,22 @@ def model_files(path: str | Path) -> tuple[Path, ...]:
         raise FileNotFoundError(f"no trained model at {model_file}")
     statistics_file = _statistics_file(model_file)
     return (model_file,) if statistics_file is None else (model_file, statistics_file)
+
+
+def model_digests(path: str | Path) -> dict[str, str]:
+    """SHA-256 sums of the files that a trained agent is loaded from, by name: what tells it from every other one.
+
+    Parameters
+    ----------
+    path : str or path
+        As of `model_files`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no model.
+    """
+    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in model_files(path)}
 
 
 class TrainedAgent:

@@ -13,9 +13,9 @@ from wt_gym.analysis.results import Wind
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 
 if TYPE_CHECKING:
-    from agents.evaluation import Agent
     from agents.training.config import TrainingConfig
     from wt_gym.analysis.results import Run
+    from wt_gym.envs.episode import Agent
     from wt_gym.envs.wind_sampler import WindSampler
 
 __all__ = ["FIGURES", "SELECTION_WIND_SEEDS", "HeldBackEvaluation"]

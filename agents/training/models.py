@@ -12,8 +12,8 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 
-from agents.files import write_whole
 from agents.trained_agent import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
+from wt_gym.files import write_whole
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,7 +8,6 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from agents.files import write_whole
 from agents.trained_agent import (
     BEST_MODEL_FILE,
     BEST_NORMALISATION_FILE,
@@ -17,6 +16,7 @@ from agents.trained_agent import (
     RECORD_FILE,
     read_record,
 )
+from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -142,7 +142,7 @@ class RunFolder:
     def write_record(self, record: dict[str, Any]) -> None:
         """Write the record; arguments of an environment that JSON does not know are written as text."""
         text = json.dumps(record, indent=1, default=str) + "\n"
-        write_whole(self.path / RECORD_FILE, lambda file: file.write(text.encode()))
+        write_text_whole(self.path / RECORD_FILE, text)
 
     def clear(self) -> None:
         """Remove what a training left here, and nothing else; folders of single seeds stay."""

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from agents.files import write_whole
 from agents.train import train
 from agents.training.callbacks import stop_on_signals
 from agents.training.run_folder import RunFolder
+from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -224,5 +224,5 @@ def _write_best(study: optuna.Study, config: TrainingConfig, folder: Path) -> di
         f"{study.best_trial.number}, return against the baseline's {study.best_value:+.2f}\n"
         + yaml.safe_dump({config.env_id: values}, sort_keys=False, default_flow_style=None)
     )
-    write_whole(folder / BEST_FILE, lambda file: file.write(text.encode()))
+    write_text_whole(folder / BEST_FILE, text)
     return values

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agents.files import write_whole
 from agents.train import resume, train
 from agents.training.callbacks import stop_on_signals
 from agents.training.config import TrainingConfig
 from agents.training.held_back import FIGURES
 from agents.training.run_folder import SEEDS_FILE, RunFolder
+from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -138,7 +138,7 @@ def _of_seed(folder: Path, seed: int) -> Path:
 
 def _write(folder: Path, plan: dict[str, Any]) -> None:
     text = json.dumps(plan, indent=1, default=str) + "\n"
-    write_whole(folder / SEEDS_FILE, lambda file: file.write(text.encode()))
+    write_text_whole(folder / SEEDS_FILE, text)
 
 
 def _collect(

@@ -15,7 +15,6 @@ import pytest
 import torch
 
 from agents import evaluation
-from agents.files import write_whole
 from agents.train import TrainingConfig, resume, train
 from agents.trained_agent import TrainedAgent
 from agents.training import callbacks, held_back
@@ -23,6 +22,7 @@ from agents.training.held_back import SELECTION_WIND_SEEDS, HeldBackEvaluation
 from agents.training.run_folder import RunFolder
 from agents.training.seeds import resume_seeds, seeds_table, train_seeds
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.files import whole_file, write_whole
 
 ROOT = Path(__file__).parents[2]
 STEADY = "wt_gym/NREL5MW-Steady-v0"
@@ -235,7 +235,19 @@ def test_files_are_whole_or_as_they_were(tmp_path):
 
     with pytest.raises(OSError, match="disk full"):
         write_whole(path, half)
+    assert [file.name for file in tmp_path.iterdir()] == ["file"]
     assert path.read_bytes() == b"first"
+
+
+def test_processes_that_write_the_same_file_do_not_disturb_each_other(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    with whole_file(path) as mine:
+        mine.write_bytes(b"mine")
+        with monkeypatch.context() as patch:
+            patch.setattr("wt_gym.files.os.getpid", lambda: -1)
+            write_whole(path, lambda file: file.write(b"theirs"))
+        assert path.read_bytes() == b"theirs"
+    assert path.read_bytes() == b"mine"
 
 
 def test_checkpoints_by_time_and_by_steps(monkeypatch):

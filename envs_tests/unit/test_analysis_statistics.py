@@ -12,7 +12,7 @@ from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import Estimate, level_of, lifetime, lifetime_change, paired_change, shared_winds
 from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.analysis.statistics import interquartile_mean, percentile_interval, stratified_resamples
+from wt_gym.analysis.statistics import N_RESAMPLES, bootstrap_interval, interquartile_mean, stratified_resamples
 from wt_gym.analysis.summary import format_estimate, results_table, verdict
 from wt_gym.errors import InflowError
 
@@ -33,28 +33,46 @@ def test_resamples_stay_within_their_stratum():
     assert set(indices[:, [1, 3, 4]].ravel()) == {1, 3, 4}
 
 
+def mean_interval(values, strata, **options):
+    return bootstrap_interval(lambda k: values[k].mean(axis=-1), strata, **options)
+
+
 def test_differences_between_strata_make_no_interval():
     values = np.array([1.0, 1.0, 1.0, 5.0, 5.0, 5.0])  # all scatter is between the wind speeds
-    means = values[stratified_resamples((8.0,) * 3 + (12.0,) * 3)].mean(axis=1)
-    assert percentile_interval(means) == (3.0, 3.0)
-    mixed = values[stratified_resamples((8.0,) * 6)].mean(axis=1)
-    assert percentile_interval(mixed)[0] < 2.0
+    assert mean_interval(values, (8.0,) * 3 + (12.0,) * 3) == (3.0, 3.0)
+    assert mean_interval(values, (8.0,) * 6)[0] < 2.0
 
 
 def test_interval_of_a_bootstrap_that_is_known_exactly():
     # of {0, 1} the mean is 0, 1/2 or 1 with probability 1/4, 1/2, 1/4
-    means = np.array([0.0, 1.0])[stratified_resamples((8.0, 8.0))].mean(axis=1)
-    assert percentile_interval(means) == (0.0, 1.0)
-    assert percentile_interval(means, level=0.4) == (0.5, 0.5)
+    values = np.array([0.0, 1.0])
+    assert mean_interval(values, (8.0, 8.0)) == (0.0, 1.0)
+    assert mean_interval(values, (8.0, 8.0), level=0.2) == (0.5, 0.5)
 
 
-def test_interval_is_that_of_scipy():
+def test_interval_is_that_of_scipy_between_expanded_percentiles():
     values = np.random.default_rng(3).normal(size=12)
+    tail = stats.norm.cdf(math.sqrt(12 / 11) * stats.t.ppf(0.025, 11))
     reference = stats.bootstrap(
-        (values,), np.mean, method="percentile", n_resamples=10_000, rng=np.random.default_rng(1)
-    ).confidence_interval
-    mine = percentile_interval(values[stratified_resamples((8.0,) * 12)].mean(axis=1))
-    np.testing.assert_allclose(mine, reference, atol=0.02)
+        (values,), np.mean, confidence_level=1.0 - 2.0 * tail, method="percentile", n_resamples=N_RESAMPLES,
+        rng=np.random.default_rng(1),
+    ).confidence_interval  # fmt: skip
+    np.testing.assert_allclose(mean_interval(values, (8.0,) * 12), reference, atol=0.03)
+
+
+@pytest.mark.parametrize("statistic", [np.mean, interquartile_mean])
+def test_the_interval_covers_the_truth(statistic):
+    rng, strata, inside = np.random.default_rng(1), (8.0,) * 6, 0
+    for _ in range(200):
+        values = rng.normal(50.0, 20.0, 6)
+        low, high = bootstrap_interval(lambda k, values=values: statistic(values[k], axis=-1), strata)
+        inside += low <= 50.0 <= high
+    assert 0.91 <= inside / 200 <= 0.99  # between the plain percentiles 0.86 for the mean
+
+
+def test_an_interval_needs_two_values():
+    with pytest.raises(ValueError, match=r"at least two values in each stratum, got \[1, 2\]"):
+        mean_interval(np.zeros(3), (8.0, 12.0, 12.0))
 
 
 def test_weights_of_the_wind_speeds():
@@ -117,8 +135,10 @@ def test_changes_are_taken_wind_by_wind():
     assert found.value == pytest.approx(CHANGES[2:6].mean())
     assert found.relative
     assert found.n_winds == 8
-    resampled = interquartile_mean(CHANGES[stratified_resamples(tuple(wind.speed for wind in WINDS))])
-    assert (found.low, found.high) == pytest.approx(percentile_interval(resampled))
+    speeds = tuple(wind.speed for wind in WINDS)
+    assert (found.low, found.high) == pytest.approx(
+        bootstrap_interval(lambda k: interquartile_mean(CHANGES[k]), speeds)
+    )
     at_speed = paired_change(evaluation(CHANGES), "PPO", "blade_flap_del", 10.0)
     assert at_speed.value == pytest.approx(CHANGES[1:3].mean())
     # of power every wind counts, with what it yields: the baseline's wind k has 2 + k

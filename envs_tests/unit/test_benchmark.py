@@ -28,7 +28,6 @@ from wt_gym.benchmark import (
     write_reference,
 )
 from wt_gym.benchmark.fingerprint import code_of, differing
-from wt_gym.benchmark.scoring import bootstrap_interval
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.errors import BenchmarkError
@@ -256,20 +255,6 @@ def test_writing_a_reference_changes_nothing_else(tmp_path, reference):
     assert Reference(**written.pop("reference")) == reference
     assert written == {key: value for key, value in values.items() if key != "reference"}
     assert [file.name for file in tmp_path.iterdir()] == ["task.json"]
-
-
-def test_the_interval_covers_the_truth():
-    rng = np.random.default_rng(1)
-    inside = 0
-    for _ in range(200):
-        low, high = bootstrap_interval(rng.normal(50.0, 20.0, 6), np.ones(6), [0] * 6)
-        inside += low <= 50.0 <= high
-    assert 0.90 <= inside / 200 <= 0.99  # of the plain percentile interval 0.86
-
-
-def test_an_interval_needs_two_winds():
-    with pytest.raises(BenchmarkError, match="at least two winds"):
-        bootstrap_interval(np.zeros(1), np.ones(1), [0])
 
 
 def test_results_are_kept_by_what_defines_them(tmp_path):

@@ -10,12 +10,7 @@ import numpy as np
 
 from wt_gym.analysis.lifetime import lifetime_load, wind_weights
 from wt_gym.analysis.metrics import BLADE_EXPONENT, METRICS, TOWER_EXPONENT
-from wt_gym.analysis.statistics import (
-    LEAST_PER_STRATUM,
-    interquartile_mean,
-    percentile_interval,
-    stratified_resamples,
-)
+from wt_gym.analysis.statistics import LEAST_PER_STRATUM, bootstrap_interval, interquartile_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -190,5 +185,5 @@ def _estimate(strata: tuple[float, ...], statistic: Callable, relative: bool) ->
     value = float(statistic(np.arange(len(strata))))
     low = high = math.nan
     if min(strata.count(speed) for speed in set(strata)) >= LEAST_PER_STRATUM:
-        low, high = percentile_interval(statistic(stratified_resamples(strata)))
+        low, high = bootstrap_interval(statistic, strata)
     return Estimate(value, low, high, relative, len(strata))

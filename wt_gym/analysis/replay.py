@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.files import write_whole
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
@@ -65,10 +67,8 @@ class Replay:
 
     def save(self, path: Path) -> None:
         """Write a compressed NumPy archive, which is there when it is whole."""
-        partial = path.with_name(f".{path.name}.partial")
-        with partial.open("wb") as file:
-            np.savez_compressed(file, **{f.name: getattr(self, f.name) for f in fields(self)})
-        partial.replace(path)
+        shapes = {f.name: getattr(self, f.name) for f in fields(self)}
+        write_whole(path, lambda file: np.savez_compressed(file, **shapes))
 
     @classmethod
     def load(cls, path: Path) -> Replay:

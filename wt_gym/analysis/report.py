@@ -307,8 +307,9 @@ def _method(evaluation: Evaluation) -> str:
         "All agents meet the same winds and start in the same state. A change against"
         f" {evaluation.baseline} is taken wind by wind; shown is the interquartile mean of these changes (for power"
         " and energy the mean, because what one wind costs another must earn), and in"
-        f" brackets its 95 % interval: percentiles of {N_RESAMPLES} bootstrap resamples of the winds, stratified by"
-        f" mean wind speed. There are no intervals with less than {LEAST_PER_STRATUM} winds a speed.",
+        f" brackets its 95 % interval: expanded percentiles (Hesterberg 2015) of {N_RESAMPLES} bootstrap"
+        f" resamples of the winds, stratified by mean wind speed. There are"
+        f" no intervals with less than {LEAST_PER_STRATUM} winds a speed.",
         "\u2713 better and \u2717 worse: a change of more than 1 % whose interval excludes zero; \u2248 its interval"
         " holds zero.",
         "Power is corrected: the mean electrical power plus the kinetic energy that rotor and generator gained over the"

@@ -14,6 +14,7 @@ import xarray as xr
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.replay import Replay
+from wt_gym.files import whole_file, write_text_whole
 
 __all__ = ["METRICS_FILE", "RUNS_FOLDER", "TABLE_FILE", "Evaluation", "Run", "Wind", "run_file"]
 
@@ -94,9 +95,8 @@ class Run:
         """
         if self.replay is not None:
             self.replay.save(_replay_file(path))
-        partial = path.with_name(f".{path.name}.partial")
-        self.data.assign_attrs(run=json.dumps(self.to_json())).to_netcdf(partial, engine="h5netcdf")
-        partial.replace(path)
+        with whole_file(path) as partial:
+            self.data.assign_attrs(run=json.dumps(self.to_json())).to_netcdf(partial, engine="h5netcdf")
 
     @classmethod
     def load(cls, path: Path) -> Run:
@@ -244,7 +244,7 @@ class Evaluation:
                 seed = "" if run.wind.seed is None else run.wind.seed
                 rows.writerow([run.agent, run.wind.speed, seed, run.ending, run.duration, *measured])
         path = folder / TABLE_FILE
-        path.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+        write_text_whole(path, json.dumps(table, indent=1) + "\n")
         return path
 
     @classmethod

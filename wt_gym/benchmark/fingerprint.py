@@ -26,7 +26,7 @@ __all__ = ["benchmark_fingerprint", "code_of", "differing"]
 
 _ROOT = Path(wt_gym.__file__).parent
 _SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER}
-_ENVIRONMENT = ("layout.py", "observations.py", "turbine_env.py")
+_ENVIRONMENT = ("episode.py", "layout.py", "observations.py", "turbine_env.py")
 _STATEMENT_BEGINS = {tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
 
 

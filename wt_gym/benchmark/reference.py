@@ -11,6 +11,7 @@ import numpy as np
 from wt_gym.benchmark.fingerprint import differing
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.errors import BenchmarkError
+from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -139,7 +140,5 @@ def write_reference(task: BenchmarkTask, reference: Reference, path: Path | None
     path = path or task_file(task.name)
     values = json.loads(path.read_text(encoding="utf-8"))
     values["reference"] = asdict(reference)
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_text_whole(path, json.dumps(values, indent=1) + "\n")
     return path

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.benchmark.tasks import digest
 from wt_gym.errors import BenchmarkError
+from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,8 +26,7 @@ def result_key(definition: dict[str, Any]) -> str:
 class ResultFolder:
     """Folder with one JSON file a run.
 
-    Files are written under a temporary name and renamed: whoever stops a series finds every finished run again, and
-    none by halves.
+    Files are there when they are whole: whoever stops a series finds every finished run again, and none by halves.
 
     Parameters
     ----------
@@ -55,9 +54,7 @@ class ResultFolder:
         """
         self.path.mkdir(parents=True, exist_ok=True)
         path = self.file(result["definition"])
-        partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-        partial.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        partial.replace(path)
+        write_text_whole(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
         return path
 
     def read(self, definition: dict[str, Any]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.envs.episode import episode_steps
 from wt_gym.errors import BenchmarkError
 from wt_gym.simulation import Recorder
 from wt_gym.turbines import load_turbine
@@ -128,18 +129,15 @@ def play(
         if wind.transient is None:
             options |= {"wind_speed": wind.speed, "wind_seed": wind.seed, "time_offset": 0.0}
         agent, raw = make_agent(env), env.unwrapped
-        observation, info = env.reset(seed=wind.seed or 0, options=options)
-        recorder, state, start = Recorder(raw.simulator), None, np.ones(1, dtype=bool)
-        total, cost, done = 0.0, 0.0, False
-        while not done:
-            action, state = agent.predict(observation, state=state, episode_start=start, deterministic=True)
-            observation, reward, terminated, truncated, info = env.step(action)
-            start, done = np.zeros(1, dtype=bool), terminated or truncated
-            total, cost = total + float(reward), cost + info["cost"]
-            if "failure" not in info:  # the signals of a failed step are those of the step before
+        observation, _ = env.reset(seed=wind.seed or 0, options=options)
+        recorder, total, cost = Recorder(raw.simulator), 0.0, 0.0
+        for step in episode_steps(env, agent, observation):
+            total, cost = total + float(step.reward), cost + step.info["cost"]
+            if not step.failed:
                 recorder.append(raw.signals)
             if on_step is not None:
-                on_step(info["time"])
+                on_step(step.info["time"])
+        info = step.info
         complete = "termination" not in info
         return {
             "metrics": benchmark_metrics(recorder.to_dataset(), raw.turbine, task.skip) if complete else {},

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import stdtrit
 
+from wt_gym.analysis.statistics import bootstrap_interval
 from wt_gym.benchmark.reference import reference_of
 from wt_gym.errors import BenchmarkError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from wt_gym.benchmark.reference import Reference
     from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind
 
-__all__ = ["Score", "WindScore", "bootstrap_interval", "score", "wind_score"]
-
-_RESAMPLES = 10_000
+__all__ = ["Score", "WindScore", "score", "wind_score"]
 
 
 @dataclass(frozen=True)
@@ -106,41 +102,6 @@ def score(task: BenchmarkTask, results: Mapping[str, Mapping[str, Any]], referen
         reference.check(task, results[wind.label]["definition"])
     rows = tuple(wind_score(task, wind, results[wind.label], reference) for wind in task.winds)
     values = np.array([row.score for row in rows])
-    weights = np.array([wind.weight for wind in task.winds])
-    low, high = bootstrap_interval(values, weights, [wind.stratum for wind in task.winds])
+    weights, strata = np.array([wind.weight for wind in task.winds]), [wind.stratum for wind in task.winds]
+    low, high = bootstrap_interval(lambda k: np.average(values[k], axis=-1, weights=weights[k]), strata)
     return Score(float(np.average(values, weights=weights)), low, high, float(np.mean(values > 0.0)), rows)
-
-
-def bootstrap_interval(
-    values: np.ndarray, weights: np.ndarray, strata: Sequence[int], level: float = 0.95, seed: int = 0
-) -> tuple[float, float]:
-    """Interval of a weighted mean by drawing the values of each stratum anew.
-
-    The percentiles are those of the expanded bootstrap (Hesterberg, The American Statistician 69 (2015) 371, section
-    4.3): for a handful of winds the plain percentile interval is too narrow.
-
-    Parameters
-    ----------
-    values, weights : numpy.ndarray, shape (n,)
-    strata : sequence of int
-        One a value; each stratum has at least two.
-    level : float
-    seed : int
-        Of the draws.
-
-    Returns
-    -------
-    low, high : float
-    """
-    rng, strata = np.random.default_rng(seed), np.asarray(strata)
-    sums, freedom, expansion = np.zeros(_RESAMPLES), 0, 0.0
-    for stratum in np.unique(strata):
-        own = np.flatnonzero(strata == stratum)
-        if own.size < 2:
-            raise BenchmarkError(f"an interval needs at least two winds in each stratum, stratum {stratum} has one")
-        sums += (weights * values)[rng.choice(own, (_RESAMPLES, own.size))].sum(axis=1)
-        freedom += own.size - 1
-        expansion = max(expansion, math.sqrt(own.size / (own.size - 1)))
-    tail = NormalDist().cdf(expansion * float(stdtrit(freedom, 0.5 * (1.0 - level))))
-    low, high = np.quantile(sums / weights.sum(), [tail, 1.0 - tail])
-    return float(low), float(high)

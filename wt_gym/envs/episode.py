@@ -1,0 +1,79 @@
+"""An agent in an environment, from a reset to the end of the episode."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import gymnasium as gym
+
+__all__ = ["Agent", "EpisodeStep", "episode_steps"]
+
+
+class Agent(Protocol):
+    """Anything with stable-baselines3's ``predict``."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+        """Action and state for an observation."""
+        ...
+
+
+class EpisodeStep(NamedTuple):
+    """An action and what came of it.
+
+    Attributes
+    ----------
+    action : numpy.ndarray, shape (n_act,)
+    observation : numpy.ndarray, shape (n_obs,)
+        After the step.
+    reward : float or numpy.ndarray
+        Its terms with ``vector_reward``.
+    terminated, truncated : bool
+    info : dict
+    """
+
+    action: np.ndarray
+    observation: np.ndarray
+    reward: float | np.ndarray
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+
+    @property
+    def done(self) -> bool:
+        """Whether it was the last one."""
+        return self.terminated or self.truncated
+
+    @property
+    def failed(self) -> bool:
+        """Whether the simulation failed: the signals of the environment are then those of the step before."""
+        return "failure" in self.info
+
+
+def episode_steps(env: gym.Env, agent: Agent, observation: np.ndarray) -> Iterator[EpisodeStep]:
+    """Steps of an episode after its reset, made as they are asked for.
+
+    Parameters
+    ----------
+    env : gymnasium.Env
+        Has been reset.
+    agent : Agent
+        Acts without exploration.
+    observation : numpy.ndarray, shape (n_obs,)
+        Given by the reset.
+
+    Yields
+    ------
+    EpisodeStep
+        The last one is ``done``.
+    """
+    state, start, done = None, True, False
+    while not done:
+        action, state = agent.predict(observation, state=state, episode_start=np.array([start]), deterministic=True)
+        step = EpisodeStep(action, *env.step(action))
+        observation, start, done = step.observation, False, step.done
+        yield step

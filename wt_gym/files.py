@@ -1,0 +1,60 @@
+"""Files that are there when they are whole."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+    from typing import BinaryIO
+
+__all__ = ["whole_file", "write_text_whole", "write_whole"]
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a temporary path to write to, which takes the name of the file in the end: nobody ever meets half of it.
+
+    Processes that write the same file at the same time do not disturb each other. Where writing fails, the file stays
+    as it was and the temporary one is removed.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Its folder exists.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        yield partial
+        with partial.open("rb+") as file:  # on the disk before the old content is gone
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:
+    """Write a file as `whole_file` does.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    write : callable
+        Gets the open file.
+    """
+    with whole_file(path) as partial, partial.open("wb") as file:
+        write(file)
+
+
+def write_text_whole(path: Path, text: str) -> None:
+    """Write a text in UTF-8 as `whole_file` does."""
+    write_whole(path, lambda file: file.write(text.encode()))
