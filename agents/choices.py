@@ -103,17 +103,34 @@ def expand_seeds(choice: str) -> list[tuple[str, str]]:
     -------
     list of (str, str)
         One pair with an empty suffix for anything else.
+
+    Raises
+    ------
+    FileNotFoundError
+        If no seed has been trained.
+    ValueError
+        If the plan of the training is damaged.
     """
     if choice in _WORDS or is_controller_name(choice):
         return [("", choice)]
     from agents.trained_agent import MODEL_FILE  # torch takes seconds to import
-    from agents.training.run_folder import SEEDS_FILE
 
-    folder = Path(choice)
-    if not (folder / SEEDS_FILE).is_file():
+    folders = _folders_of_seeds(Path(choice))
+    if not folders:
         return [("", choice)]
-    found = {file.parent.name.removeprefix("seed-"): file.parent for file in folder.glob(f"seed-*/{MODEL_FILE}")}
-    return [(f" seed {seed}", str(found[seed])) for seed in sorted(found, key=int)]
+    trained = {seed: folder for seed, folder in folders.items() if (folder / MODEL_FILE).is_file()}
+    if not trained:
+        raise FileNotFoundError(f"no trained model in {choice} yet: none of its seeds has one")
+    return [(f" seed {seed}", str(folder)) for seed, folder in trained.items()]
+
+
+def _folders_of_seeds(folder: Path) -> dict[int, Path]:
+    """Folders of the seeds by number, as the plan of the training names them; none for anything else."""
+    from agents.training.run_folder import SEEDS_FILE, read_plan, seed_folder
+
+    if not (folder / SEEDS_FILE).is_file():
+        return {}
+    return {seed: seed_folder(folder, seed) for seed in sorted(read_plan(folder)["seeds"])}
 
 
 def fingerprint(choice: str) -> dict[str, Any]:
@@ -149,7 +166,8 @@ def _default_name(choice: str) -> str:
     from agents.trained_agent import RECORD_FILE, read_record
 
     path = Path(choice)
-    for record in (path / RECORD_FILE, path.parent / RECORD_FILE, *path.glob(f"seed-*/{RECORD_FILE}")):
+    for folder in (path, path.parent, *_folders_of_seeds(path).values()):
+        record = folder / RECORD_FILE
         if record.is_file():
             return read_record(record)["algorithm"]
     return path.stem

@@ -122,7 +122,7 @@ def resume(
     FileNotFoundError
         If the folder holds no training.
     ValueError
-        If the training has done its steps, or a file is damaged.
+        If the training is finished and has done its steps, or a file is damaged.
     """
     RunFolder(folder).record()  # before the lock makes a folder
     with RunFolder(folder) as run:
@@ -132,7 +132,8 @@ def resume(
         config = replace(config, **{name: value for name, value in changes.items() if value is not None})
         with closing(make_training_env(config)) as venv:
             model = load_model(config, venv, run)
-            if model.num_timesteps >= config.total_steps:
+            # one that was stopped at its last step still lacks its last evaluation: that is made up for
+            if model.num_timesteps >= config.total_steps and record.get("status") == "finished":
                 raise ValueError(
                     f"the training in {run.path} has done its {config.total_steps} steps: give it more to go on"
                 )

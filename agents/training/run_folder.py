@@ -21,7 +21,7 @@ from wt_gym.files import write_text_whole
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["SEEDS_FILE", "RunFolder"]
+__all__ = ["SEEDS_FILE", "RunFolder", "read_plan", "seed_folder"]
 
 SEEDS_FILE = "seeds.json"
 """Plan and summary of a training with several seeds."""
@@ -32,6 +32,38 @@ _FILES = (
     MODEL_FILE, NORMALISATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALISATION_FILE, _BUFFER_FILE, SEEDS_FILE,
 )  # fmt: skip
 _CHECKPOINT_FILES = ("*_steps.zip", "*_steps.pkl")
+
+
+def seed_folder(folder: Path, seed: int) -> Path:
+    """Folder of one seed in that of a training with several."""
+    return folder / f"seed-{seed}"
+
+
+def read_plan(folder: Path) -> dict[str, Any]:
+    """Read the plan of a training with several seeds: which ones are its own, whatever other folders there are.
+
+    Returns
+    -------
+    dict
+        ``seeds``, a list of int, ``config``, as of `agents.training.config.TrainingConfig.to_json`, and, once there is
+        one, ``summary``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder holds no such training.
+    ValueError
+        If the plan is damaged.
+    """
+    file = folder / SEEDS_FILE
+    try:
+        plan = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{file} is damaged: {error}") from error
+    seeds = plan.get("seeds") if isinstance(plan, dict) else None
+    if not (isinstance(seeds, list) and seeds and all(isinstance(seed, int) for seed in seeds) and "config" in plan):
+        raise ValueError(f"{file} is damaged: it must name the seeds and the configuration of a training")
+    return plan
 
 
 class RunFolder:

@@ -13,7 +13,7 @@ from agents.train import resume, train
 from agents.training.callbacks import stop_on_signals
 from agents.training.config import TrainingConfig
 from agents.training.held_back import FIGURES
-from agents.training.run_folder import SEEDS_FILE, RunFolder
+from agents.training.run_folder import SEEDS_FILE, RunFolder, read_plan, seed_folder
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
@@ -57,11 +57,13 @@ def train_seeds(
     configs = [replace(config, seed=seed) for seed in seeds]  # refuses a bad one before the first is trained
     with RunFolder(folder) as run, stop_on_signals() as stop:
         run.refuse_used(overwrite)
+        for seed in seeds:  # now, not when its turn comes
+            RunFolder(seed_folder(folder, seed)).refuse_used(overwrite)
         run.clear()
         plan = {"seeds": seeds, "config": config.with_hyperparameters().to_json()}
         _write(folder, plan)
         records = (
-            train(c, _of_seed(folder, c.seed), overwrite=overwrite, progress=progress, stop=stop) for c in configs
+            train(c, seed_folder(folder, c.seed), overwrite=overwrite, progress=progress, stop=stop) for c in configs
         )
         return _collect(folder, plan, seeds, records, stop)
 
@@ -74,7 +76,7 @@ def resume_seeds(
     Parameters
     ----------
     folder, total_steps, max_seconds, progress
-        As `agents.train.resume`.
+        As `agents.train.resume`; new limits hold for every seed, from now on.
 
     Raises
     ------
@@ -84,28 +86,31 @@ def resume_seeds(
         If a file is damaged.
     """
     folder = Path(folder)
-    file = folder / SEEDS_FILE
-    try:
-        plan = json.loads(file.read_text(encoding="utf-8"))
-        seeds, config = list(plan["seeds"]), TrainingConfig.from_json(plan["config"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{file} is damaged: {error}") from error
+    plan = read_plan(folder)
+    seeds, config = plan["seeds"], TrainingConfig.from_json(plan["config"])
     changes = {"total_steps": total_steps, "max_seconds": max_seconds}
     config = replace(config, **{name: value for name, value in changes.items() if value is not None})
+    plan["config"] = config.to_json()
 
     def go_on(seed: int, stop: StopRequest) -> dict[str, Any]:
-        run = RunFolder(_of_seed(folder, seed))
-        if not run.used:
-            return train(replace(config, seed=seed), run.path, progress=progress, stop=stop)
-        record = run.record()
-        if not run.model.exists():  # stopped by force before anything was saved
+        run = RunFolder(seed_folder(folder, seed))
+        record = run.record() if run.model.exists() else None  # none: stopped by force before anything was saved
+        if record is None or not _same_training(record.get("config"), plan["config"]):
             return train(replace(config, seed=seed), run.path, overwrite=True, progress=progress, stop=stop)
         if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
             return record
-        return resume(run.path, total_steps=total_steps, max_seconds=max_seconds, progress=progress, stop=stop)
+        limits = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
+        return resume(run.path, **limits, progress=progress, stop=stop)
 
     with RunFolder(folder), stop_on_signals() as stop:
+        _write(folder, plan)  # the next one to resume goes on with these limits, however this ends
         return _collect(folder, plan, seeds, (go_on(seed, stop) for seed in seeds), stop)
+
+
+def _same_training(config: Any, plan: dict[str, Any]) -> bool:
+    """Whether a seed was trained by this plan, and not by one that was overwritten before the seed's turn came."""
+    free = dict.fromkeys(("seed", "total_steps", "max_seconds"))
+    return isinstance(config, dict) and config | free == plan | free
 
 
 def seeds_table(runs: list[dict[str, Any]]) -> list[str]:
@@ -130,10 +135,6 @@ def _text(value: float | None, pattern: str) -> str:
     """A number, or a dash of the same width where there is none."""
     width = int(pattern.lstrip("+").split(".")[0].rstrip("d"))
     return f"{value:{pattern}}" if value is not None else "-".rjust(width)
-
-
-def _of_seed(folder: Path, seed: int) -> Path:
-    return folder / f"seed-{seed}"
 
 
 def _write(folder: Path, plan: dict[str, Any]) -> None:

@@ -15,9 +15,11 @@ import pytest
 import torch
 
 from agents import evaluation
+from agents.choices import named_choices
 from agents.train import TrainingConfig, resume, train
 from agents.trained_agent import TrainedAgent
 from agents.training import callbacks, held_back
+from agents.training import seeds as seeds_module
 from agents.training.held_back import SELECTION_WIND_SEEDS, HeldBackEvaluation
 from agents.training.run_folder import RunFolder
 from agents.training.seeds import resume_seeds, seeds_table, train_seeds
@@ -418,9 +420,53 @@ def test_several_seeds_go_on_where_they_were_stopped(tmp_path):
     assert [run["status"] for run in summary["runs"]] == ["finished", "finished"]
     assert (tmp_path / "seed-1" / "training.json").read_bytes() == done
     assert [run["steps"] for run in resume_seeds(tmp_path, total_steps=96, progress=False)["runs"]] == [96, 96]
+    assert [run["steps"] for run in resume_seeds(tmp_path, progress=False)["runs"]] == [96, 96]
     (tmp_path / "seeds.json").write_text("{}")
     with pytest.raises(ValueError, match=r"seeds\.json is damaged"):
         resume_seeds(tmp_path, progress=False)
+
+
+def test_more_steps_hold_for_every_seed_however_often_the_series_is_stopped(tmp_path, monkeypatch):
+    train_seeds(SMALL, tmp_path, [1, 2], progress=False)
+
+    def stop_at_once(folder, **options):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return resume(folder, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(seeds_module, "resume", stop_at_once)
+        summary = resume_seeds(tmp_path, total_steps=96, progress=False)
+    assert (summary["status"], [run["seed"] for run in summary["runs"]]) == ("interrupted", [1])
+    assert json.loads((tmp_path / "seeds.json").read_text())["config"]["total_steps"] == 96
+    steps = [run["steps"] for run in resume_seeds(tmp_path, progress=False)["runs"]]
+    assert steps == [64 + 1 + 32, 64 + 32]  # the first was stopped after one more step; rollouts are of 32
+
+
+def test_a_seed_that_was_stopped_at_its_last_step_holds_up_no_other(tmp_path):
+    train_seeds(replace(SMALL, eval_every=1000), tmp_path, [1, 2], progress=False)
+    record = RunFolder(tmp_path / "seed-1").record()
+    stopped = record["evaluation"] | {"curve": {name: [] for name in record["evaluation"]["curve"]}, "best": None}
+    RunFolder(tmp_path / "seed-1").write_record(record | {"status": "interrupted", "evaluation": stopped})
+    (tmp_path / "seed-2" / "model.zip").unlink()
+    summary = resume_seeds(tmp_path, progress=False)
+    assert (summary["status"], [run["status"] for run in summary["runs"]]) == ("finished", ["finished"] * 2)
+    assert RunFolder(tmp_path / "seed-1").record()["evaluation"]["curve"]["steps"] == [64]  # made up for
+
+
+def test_seeds_of_an_overwritten_series_are_not_those_of_the_new_one(tmp_path):
+    train_seeds(SMALL, tmp_path, [1, 2, 3], progress=False)
+    other = replace(SMALL, hyperparameters=SMALL.hyperparameters | {"gamma": 0.5})
+    train_seeds(other, tmp_path, [1, 2], overwrite=True, progress=False)
+    before = RunFolder(tmp_path / "seed-3").record()
+    assert list(named_choices([f"mine={tmp_path}"])) == ["mine seed 1", "mine seed 2"]
+    # as if the second series had been stopped before its second seed
+    (tmp_path / "seed-2" / "training.json").write_text(json.dumps(before | {"config": before["config"] | {"seed": 2}}))
+    assert [run["seed"] for run in resume_seeds(tmp_path, progress=False)["runs"]] == [1, 2]
+    assert RunFolder(tmp_path / "seed-2").record()["config"]["hyperparameters"]["gamma"] == 0.5
+    (tmp_path / "seeds.json").unlink()
+    with pytest.raises(ValueError, match="seed-3 holds a training already"):
+        train_seeds(SMALL, tmp_path, [4, 3], progress=False)
+    assert not (tmp_path / "seed-4").exists()
 
 
 def test_clearing_takes_only_what_a_training_wrote(tmp_path):

@@ -46,15 +46,21 @@ def test_names_follow_from_choices_or_stand_in_front(tmp_path):
 
 
 def test_a_training_with_several_seeds_is_an_agent_a_seed(tmp_path):
-    (tmp_path / "seeds.json").write_text("{}")
-    for seed in (10, 2):
+    (tmp_path / "seeds.json").write_text('{"seeds": [10, 2, 3], "config": {}}')
+    for seed in (10, 2, 7):
         (tmp_path / f"seed-{seed}").mkdir()
         (tmp_path / f"seed-{seed}" / "model.zip").touch()
         (tmp_path / f"seed-{seed}" / "training.json").write_text('{"algorithm": "SAC"}')
-    (tmp_path / "seed-3").mkdir()  # not trained yet
+    (tmp_path / "seed-3").mkdir()  # not trained yet; 7 was left there by an earlier training
     found = named_choices([str(tmp_path), f"mine={tmp_path}"])
     assert list(found) == ["SAC seed 2", "SAC seed 10", "mine seed 2", "mine seed 10"]
     assert found["mine seed 10"] == str(tmp_path / "seed-10")
+    (tmp_path / "seeds.json").write_text('{"seeds": [3], "config": {}}')
+    with pytest.raises(FileNotFoundError, match="none of its seeds"):
+        named_choices([f"mine={tmp_path}"])
+    (tmp_path / "seeds.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"seeds\.json is damaged"):
+        named_choices([f"mine={tmp_path}"])
 
 
 def test_a_model_is_known_by_what_its_files_hold(tmp_path):
