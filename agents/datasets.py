@@ -14,6 +14,7 @@ import numpy as np
 import wt_gym
 from agents.choices import controller_of
 from agents.controller_agent import ControllerAgent
+from agents.trained_environment import check_environment
 from agents.uniform import UniformAgent
 from wt_gym.control.controllers import CONTROLLERS
 from wt_gym.envs.episode import episode_steps
@@ -55,6 +56,8 @@ class DatasetConfig:
         Of the first episode (the winds are drawn from the seeds of the environment); the next ones count on.
     random_episodes : int
         Of random actions, for the lower reference score.
+    allow_other_environment : bool
+        Take a trained model into other noise, action spans or another controller beneath than in its training.
     """
 
     agent: str
@@ -65,6 +68,7 @@ class DatasetConfig:
     noise: float = 0.0
     seed: int = 0
     random_episodes: int = 2
+    allow_other_environment: bool = False
 
     def __post_init__(self):
         if self.episodes < 1 or self.random_episodes < 1:
@@ -156,6 +160,8 @@ def _agent(config: DatasetConfig):
 
         def make_trained(env):
             trained.check_fits(layout_of(env))
+            if not config.allow_other_environment:
+                check_environment(trained.record or {}, env)
             return trained
 
         return env_id, {**of_training.get("env_kwargs", {}), **config.env_kwargs}, make_trained

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import gymnasium as gym
-
 from agents.choices import controller_of
 from agents.constant import ConstantAgent
+from agents.trained_environment import trained_arguments
 from agents.uniform import UniformAgent
 from wt_gym.benchmark import INTERFACE
 from wt_gym.control.controllers import CONTROLLERS
@@ -17,6 +16,8 @@ from wt_gym.envs.layout import layout_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    import gymnasium as gym
 
 __all__ = ["BASELINE", "LEVELS", "WORDS", "Entry", "entries_of", "entry_of"]
 
@@ -137,8 +138,7 @@ def _trained(name: str, path: Path) -> Entry:
     from agents.trained_agent import TrainedAgent, model_digests
 
     record = TrainedAgent.load(path).record or {}
-    config = record.get("config", {})
-    kwargs = {**gym.spec(config["env_id"]).kwargs, **config["env_kwargs"]} if config else {}
+    kwargs = trained_arguments(record)
     interface = {key: kwargs[key] for key in INTERFACE if key in kwargs}
     definition = {"kind": "trained", "algorithm": record.get("algorithm"), "sha256": model_digests(path)}
     return Entry(name, str(path), definition, interface)

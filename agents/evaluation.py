@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +16,9 @@ import wt_gym
 from agents.choices import controller_of, is_controller_name
 from agents.constant import ConstantAgent
 from agents.controller_agent import ControllerAgent
-from agents.evaluation_folder import EvaluationFolder
+from agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from agents.progress import ProgressLine, clock
+from agents.trained_environment import check_environment
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
@@ -36,10 +38,14 @@ if TYPE_CHECKING:
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.turbines import Turbine
 
-__all__ = ["DEFAULT_WIND_SEEDS", "EvaluationConfig", "evaluate", "load_agent"]
+__all__ = ["DEFAULT_WIND_SEEDS", "FIRST_SEED", "EvaluationConfig", "evaluate", "load_agent"]
 
 DEFAULT_WIND_SEEDS = EVALUATION_WIND_SEEDS[:6]
 """Turbulence seeds that no training saw; six is what IEC 61400-1 asks for at each mean speed."""
+FIRST_SEED = 2**40
+"""Seeds of the environment in evaluations begin here, far beyond those of any training: what a wind seed does not
+decide (gusts, directions, own inflows, noise) is never what a training has drawn."""
+_SEEDS_A_WIND, _MOST_SEED = 1000, 2**32
 # A metric of a few samples says nothing: runs that end earlier than this after the skipped start have none.
 _LEAST_MEASURED = 2.0
 _ENDLESS = 10**9  # control steps
@@ -61,7 +67,8 @@ class EvaluationConfig:
     skip : float
         Start left out of the metrics [s].
     seed : int
-        Of the environment (measurement noise).
+        Of what the wind seeds do not decide: gusts, directions, one's own inflows, measurement noise; counted from
+        `FIRST_SEED` on, so that no training has met it.
     replay : float
         Length of the end of the runs in the first wind whose shapes are kept for a replay [s]; 0: none.
     iec_class : str, optional
@@ -74,8 +81,8 @@ class EvaluationConfig:
     Raises
     ------
     ValueError
-        If nothing is left to evaluate, winds are missing or stand twice, or the arguments of the environment hold a
-        length of the episodes.
+        If nothing is left to evaluate, the seed is out of range, winds are missing or stand twice, or the arguments of
+        the environment hold a length of the episodes.
     """
 
     env_id: str = "wt_gym/LoadReduction-v0"
@@ -97,6 +104,8 @@ class EvaluationConfig:
             )
         if not 0.0 <= self.replay < math.inf:
             raise ValueError(f"the replay must last 0 s or more, got {self.replay!r} s")
+        if not 0 <= self.seed <= _MOST_SEED:
+            raise ValueError(f"the seed must lie between 0 and {_MOST_SEED}, got {self.seed!r}")
         if not self.winds or len(set(self.winds)) < len(self.winds):
             raise ValueError(f"winds must be given, each once, got {', '.join(wind.label for wind in self.winds)}")
         for name in ("episode_length", "max_episode_steps"):
@@ -140,6 +149,7 @@ def evaluate(
     *,
     folder: str | Path | None = None,
     overwrite: bool = False,
+    allow_other_environment: bool = False,
     progress: bool = True,
 ) -> Evaluation:
     """Run every agent in every wind from the same start.
@@ -154,6 +164,9 @@ def evaluate(
         already are not run again. Needs agents by word or path.
     overwrite : bool
         Remove what another evaluation left in the folder.
+    allow_other_environment : bool
+        Take trained models into an environment with other noise, action spans or controller beneath than in their
+        training, see `agents.trained_environment`.
     progress : bool
         Show progress on standard error.
 
@@ -164,21 +177,22 @@ def evaluate(
     Raises
     ------
     ValueError
-        If the folder holds another evaluation, or an agent that is to be kept there is given as an object.
+        If the folder holds another evaluation or is in use by another process, an agent that is to be kept there is
+        given as an object, or a model does not fit the environment.
     OSError
         If the folder cannot be written.
     """
-    store = None
-    if folder is not None:
-        store = EvaluationFolder(folder, agents, config)
-    envs = _Environments(config)
-    try:
+    store = None if folder is None else EvaluationFolder(folder, agents, config)
+    with store or nullcontext(), closing(_Environments(config)) as envs:
         layout = layout_of(envs.plain)
         climate = _climate(layout.turbine, config)
         ready = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
         beneath = {name: envs.beneath(agents[name]) for name in ready}
+        if not allow_other_environment:
+            _check_environments(ready, envs.plain)
         if store:
-            store.begin(overwrite)  # nothing can be refused any more
+            # nothing else can be refused any more
+            store.begin(code_fingerprint(layout.turbine, envs.plain.unwrapped.fidelity), overwrite)
         line, runs = ProgressLine(progress), []
         for wind in config.winds:
             for name, agent in ready.items():
@@ -201,11 +215,18 @@ def evaluate(
             training={name: agent.record for name, agent in ready.items() if getattr(agent, "record", None)},
             climate=climate,
         )
-    finally:
-        envs.close()
-    if store:
-        evaluation.save_tables(store.path)
+        if store:
+            evaluation.save_tables(store.path)
     return evaluation
+
+
+def _check_environments(agents: Mapping[str, Agent], env: gym.Env) -> None:
+    """Refuse models that were trained in another environment, by name."""
+    for name, agent in agents.items():
+        try:
+            check_environment(getattr(agent, "record", None) or {}, env)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from error
 
 
 class _Environments:
@@ -261,7 +282,8 @@ def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationCo
         options["wind_speed"] = wind.speed
     if wind.seed is not None and "wind_seed" in allowed:
         options["wind_seed"] = wind.seed
-    observation, info = env.reset(seed=config.seed + 1000 * number, options=options)
+    seed = FIRST_SEED + config.seed + _SEEDS_A_WIND * number
+    observation, info = env.reset(seed=seed, options=options)
     turbine_env, started = env.unwrapped, time.monotonic()
     recorder = Recorder(turbine_env.simulator, agent=name, wind_speed=wind.speed, wind_seed=info["wind_seed"])
     recorder.append(turbine_env.signals)

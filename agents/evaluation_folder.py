@@ -7,9 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import agents as agents_package
 import wt_gym
 from agents.choices import fingerprint
+from agents.folder_lock import FolderLock
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Run, Wind, run_file
+from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing, sources_digest
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
@@ -17,16 +20,40 @@ if TYPE_CHECKING:
 
     from agents.evaluation import EvaluationConfig
     from wt_gym.envs.episode import Agent
+    from wt_gym.simulation import Fidelity
+    from wt_gym.turbines import Turbine
 
-__all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder"]
+__all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder", "code_fingerprint"]
 
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
+_AGENTS, _ENVS = Path(agents_package.__file__).parent, Path(wt_gym.__file__).parent / "envs"
+_SOURCES = ("constant.py", "controller_agent.py", "evaluation.py", "trained_agent.py")
 # These weigh what the runs gave, and change no run.
 _ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")
 
 
-class EvaluationFolder:
-    """Runs of one evaluation on disk.
+def code_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, str]:
+    """Digests of all that the numbers of a run depend on besides its configuration.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    fidelity : str or Fidelity
+
+    Returns
+    -------
+    dict
+        That of the benchmark (`wt_gym.benchmark.benchmark_fingerprint`), with ``rewards`` and ``agents``.
+    """
+    rewards = {_ENVS / "costs.py", *(_ENVS / "rewards").rglob("*.py")}
+    return benchmark_fingerprint(turbine, fidelity) | {
+        "rewards": sources_digest(rewards, _ENVS),
+        "agents": sources_digest({_AGENTS / name for name in _SOURCES}, _AGENTS),
+    }
+
+
+class EvaluationFolder(FolderLock):
+    """Runs of one evaluation on disk; a context that holds the folder for this process.
 
     Parameters
     ----------
@@ -39,6 +66,7 @@ class EvaluationFolder:
     ------
     ValueError
         If an agent is an object, of which a file cannot say which it was.
+        On entering, if another process evaluates there.
     FileNotFoundError
         If an agent's model does not exist.
     """
@@ -50,21 +78,22 @@ class EvaluationFolder:
                 f"an evaluation that is kept in a folder takes agents by word or path; {', '.join(objects)} came as "
                 "objects: leave the folder out and save the result"
             )
-        self.path = Path(path)
+        super().__init__(path, "evaluation")
         self._numbers = {pair: k for k, pair in enumerate((a, w) for w in config.winds for a in agents)}
         configuration = {
             "agents": {name: fingerprint(choice) for name, choice in agents.items()},
             **{name: value for name, value in asdict(config).items() if name not in _ONLY_WEIGH},
-            "version": wt_gym.__version__,
         }
         # through JSON, so that it can be compared with what a file says
         self._configuration: dict[str, Any] = json.loads(json.dumps(configuration, default=str))
 
-    def begin(self, overwrite: bool) -> None:
+    def begin(self, code: dict[str, str], overwrite: bool) -> None:
         """Make the folder ready: empty for a new evaluation, as it is for one to go on with.
 
         Parameters
         ----------
+        code : dict
+            Of `code_fingerprint`: runs of other code are another evaluation's.
         overwrite : bool
             Start afresh, and remove what any evaluation left there; other files stay.
 
@@ -75,11 +104,12 @@ class EvaluationFolder:
         OSError
             If it cannot be written.
         """
+        self._configuration["code"] = code
         if overwrite:
             self._clear()
-        elif self._used and (differing := self._differences()):
+        elif self._used and (others := self._differences()):
             raise ValueError(
-                f"{self.path} holds another evaluation, with other {', '.join(differing)}: take another folder, or "
+                f"{self.path} holds another evaluation, with other {', '.join(others)}: take another folder, or "
                 "overwrite it"
             )
         (self.path / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
@@ -112,7 +142,11 @@ class EvaluationFolder:
                 found = json.loads(file.read_text(encoding="utf-8"))
             except ValueError as error:
                 raise ValueError(f"{file} is damaged: {error}") from error
-        return [name for name, value in self._configuration.items() if name not in found or found[name] != value]
+        names = [name for name, value in self._configuration.items() if name not in found or found[name] != value]
+        if "code" in names and isinstance(found.get("code"), dict):
+            parts = differing(found["code"], self._configuration["code"])
+            names[names.index("code")] = f"code ({', '.join(parts)})"
+        return names
 
     def _clear(self) -> None:
         """Remove what an evaluation left here, and nothing else."""

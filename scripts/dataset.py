@@ -26,6 +26,8 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument(
         "--env-kwargs", type=json.loads, default={}, metavar="JSON", help="arguments of the environment"
     )
+    parser.add_argument("--allow-other-environment", action="store_true", help="take a trained model into other noise, "
+        "action spans or a controller beneath than those of its training")  # fmt: skip
     parser.add_argument("--episodes", type=int, default=20, help="number of episodes (default: %(default)s)")
     parser.add_argument("--noise", type=float, default=0.0, help="standard deviation on actions (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the first episode (default: %(default)s)")
@@ -52,7 +54,7 @@ def main() -> None:
             environment_arguments(arguments.env, arguments.env_kwargs)
         config = DatasetConfig(
             arguments.agent, arguments.id, arguments.env, arguments.env_kwargs, arguments.episodes, arguments.noise,
-            arguments.seed,
+            arguments.seed, allow_other_environment=arguments.allow_other_environment,
         )  # fmt: skip
         dataset = record_dataset(config, arguments.out, show)
     found = {

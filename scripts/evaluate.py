@@ -45,6 +45,10 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--fidelity", help="training, engineering or reference")
     kwargs_help = 'more arguments of the environment, e.g. \'{"pitch": "individual"}\''
     parser.add_argument("--env-kwargs", type=json.loads, default={}, metavar="JSON", help=kwargs_help)
+    parser.add_argument(
+        "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
+        "controllers beneath than those of their training",
+    )  # fmt: skip
     climate = parser.add_argument_group("wind climate, for loads over a life")
     one = climate.add_mutually_exclusive_group()
     one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
@@ -94,7 +98,8 @@ def main() -> None:
         )
         try:
             evaluation = evaluate(
-                named_choices(arguments.agents), config, folder=out, overwrite=arguments.overwrite
+                named_choices(arguments.agents), config, folder=out, overwrite=arguments.overwrite,
+                allow_other_environment=arguments.allow_other_environment,
             )  # fmt: skip
         except KeyboardInterrupt:
             print(f"\nstopped; the same command goes on with what is in {out}", file=sys.stderr)

@@ -34,7 +34,7 @@ FIGURES = {
 """Difference of the return, and relative changes of metrics against the baseline in the same winds."""
 
 _SKIP = 10.0  # start left out of the metrics [s]
-_SEED = 2**31  # of what the wind seed does not decide (directions, gusts, noise); trainings have smaller ones
+_SEED = 2**31  # of what the wind seed does not decide (directions, gusts, noise): no other evaluation's
 
 
 class HeldBackEvaluation:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from agents.folder_lock import FolderLock
 from agents.trained_agent import (
     BEST_MODEL_FILE,
     BEST_NORMALISATION_FILE,
@@ -20,6 +18,7 @@ from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 __all__ = ["SEEDS_FILE", "RunFolder", "read_plan", "seed_folder"]
 
@@ -27,7 +26,7 @@ SEEDS_FILE = "seeds.json"
 """Plan and summary of a training with several seeds."""
 
 _BUFFER_FILE = "replay_buffer.pkl"
-_LOCK_FILE, _CHECKPOINTS, _TENSORBOARD = "training.lock", "checkpoints", "tensorboard"
+_CHECKPOINTS, _TENSORBOARD = "checkpoints", "tensorboard"
 _FILES = (
     MODEL_FILE, NORMALISATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALISATION_FILE, _BUFFER_FILE, SEEDS_FILE,
 )  # fmt: skip
@@ -66,11 +65,8 @@ def read_plan(folder: Path) -> dict[str, Any]:
     return plan
 
 
-class RunFolder:
-    """Folder of one training; a context that holds its lock, and leaves no folder behind where nothing was written.
-
-    The lock is the operating system's and ends with the process, however that ends: a file that a killed training left
-    behind locks nothing. In the file stands the number of the process that holds it.
+class RunFolder(FolderLock):
+    """Folder of one training; a context that holds its lock.
 
     Parameters
     ----------
@@ -84,37 +80,7 @@ class RunFolder:
     """
 
     def __init__(self, path: str | Path):
-        self.path = Path(path)
-        self._lock: int | None = None
-        self._made = False
-
-    def __enter__(self) -> RunFolder:
-        self._made = not self.path.exists()
-        self.path.mkdir(parents=True, exist_ok=True)
-        lock = self.path / _LOCK_FILE
-        while self._lock is None:
-            descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                # between opening and locking the file may have been removed by the one who held it: then try again
-                if lock.exists() and os.path.samestat(os.fstat(descriptor), lock.stat()):
-                    self._lock, descriptor = descriptor, None
-            except BlockingIOError:
-                holder = os.read(descriptor, 100).decode(errors="replace").strip() or "unknown"
-                raise ValueError(f"{self.path} is in use by another training (process {holder})") from None
-            finally:
-                if descriptor is not None:
-                    os.close(descriptor)
-        os.truncate(self._lock, 0)
-        os.write(self._lock, f"{os.getpid()}\n".encode())
-        return self
-
-    def __exit__(self, *_exception) -> None:
-        (self.path / _LOCK_FILE).unlink(missing_ok=True)
-        os.close(self._lock)
-        self._lock = None
-        if self._made and not any(self.path.iterdir()):  # the training was refused before it began
-            self.path.rmdir()
+        super().__init__(path, "training")
 
     @property
     def model(self) -> Path:

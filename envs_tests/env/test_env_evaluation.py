@@ -3,14 +3,19 @@
 import json
 from dataclasses import replace
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from agents import evaluation as module
 from agents.constant import ConstantAgent
 from agents.evaluation import EvaluationConfig, evaluate
-from agents.evaluation_folder import EvaluationFolder
+from agents.evaluation_folder import EvaluationFolder, code_fingerprint
+from agents.trained_environment import check_environment
+from agents.training.config import TrainingConfig
 from wt_gym.analysis.results import Evaluation, Wind
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.turbines import load_turbine
 
 STEADY = "wt_gym/NREL5MW-Steady-v0"
 CONFIG = EvaluationConfig(env_id=STEADY, winds=(Wind(9.0), Wind(12.0)), duration=4.0, skip=1.0, replay=1.0)
@@ -84,6 +89,65 @@ def test_another_evaluation_in_the_folder_is_refused_unless_overwritten(tmp_path
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
+def test_one_evaluation_at_a_time_in_a_folder(tmp_path, count_runs):
+    with EvaluationFolder(tmp_path, AGENTS, CONFIG), pytest.raises(ValueError, match="in use by another evaluation"):
+        evaluate(AGENTS, CONFIG, folder=tmp_path, progress=False)
+    assert count_runs[0] == []
+    assert not list(tmp_path.iterdir())
+
+
+def test_runs_of_other_code_are_not_gone_on_with(tmp_path):
+    turbine = load_turbine("nrel_5mw")
+    code = code_fingerprint(turbine, "training")
+    assert code.keys() >= {"turbine", "fidelity", "kernels", "control", "metrics", "rewards", "agents"}
+    folder = EvaluationFolder(tmp_path, AGENTS, CONFIG)
+    folder.begin(code, overwrite=False)
+    folder.begin(dict(code), overwrite=False)
+    with pytest.raises(ValueError, match=r"with other code \(control, rewards\): take another folder"):
+        folder.begin(code | {"rewards": "x", "control": "y"}, overwrite=False)
+    old = json.loads((tmp_path / "configuration.json").read_text())
+    del old["code"]  # as of a version that told code apart by its number
+    (tmp_path / "configuration.json").write_text(json.dumps(old))
+    with pytest.raises(ValueError, match="with other code: take"):
+        folder.begin(code, overwrite=False)
+
+
+class Trained(ConstantAgent):
+    """Has the record of a training."""
+
+    def __init__(self, layout, env_id, **env_kwargs):
+        super().__init__(layout)
+        self.record = {"config": {"env_id": env_id, "env_kwargs": env_kwargs}}
+
+
+@pytest.mark.parametrize(
+    ("trained", "here", "message"),
+    [
+        ({"sensor_noise": 1.0}, {}, r"mine: .* sensor_noise 1.0, here 0.0; give"),
+        ({}, {"sensor_delay": 0.2}, r"sensor_delay 0.0, here 0.2;"),
+        ({"action_spans": {"pitch_rate": 0.02}}, {}, r"action_spans \{'pitch_rate': 0.02\}, here \{\};"),
+        ({"controller": "ipc"}, {"sensor_noise": 0.5}, r"controller 'ipc', here 'discon'; sensor_noise 0.0, here 0.5;"),
+    ],
+)
+def test_models_are_not_taken_into_another_environment_unasked(trained, here, message, count_runs):
+    residual = {"action_mode": "residual", "inflow": "steady"}
+    config = replace(CONFIG, env_kwargs=residual | here, winds=(Wind(9.0),), duration=2.0, skip=0.0)
+    layout = gym.make(STEADY, **config.env_kwargs).unwrapped.layout
+    agents = {"mine": Trained(layout, "wt_gym/NREL5MW-Turbulent-v0", **{"action_mode": "residual"} | trained)}
+    with pytest.raises(ValueError, match=message):
+        evaluate(agents, config, progress=False)
+    assert count_runs[0] == []
+    evaluate(agents, config, allow_other_environment=True, progress=False)
+    assert count_runs[0] == [("mine", 9.0)]
+
+
+def test_fidelity_inflow_and_an_idle_controller_are_free():
+    env = gym.make(STEADY, inflow="gusts", wind_speed=9.0, fidelity="engineering")
+    config = {"env_id": "wt_gym/NREL5MW-Turbulent-v0", "env_kwargs": {"controller": "ipc", "action_spans": {}}}
+    check_environment({"config": config}, env)  # nothing runs beneath rates
+    check_environment({}, env)
+
+
 def test_folders_that_cannot_be_used_are_refused_before_the_first_run(tmp_path, count_runs):
     done, _ = count_runs
     with pytest.raises(ValueError, match="Mine came as objects"):
@@ -123,9 +187,29 @@ def test_controllers_give_actions_where_nothing_runs_beneath():
         evaluate({"ipc": "ipc"}, config, progress=False)
 
 
+def test_what_wind_seeds_leave_open_is_drawn_from_seeds_of_no_training(monkeypatch):
+    seeds, reset = [], WindTurbineEnv.reset
+
+    def note(self, *, seed=None, options=None):
+        seeds.append(seed)
+        return reset(self, seed=seed, options=options)
+
+    monkeypatch.setattr(WindTurbineEnv, "reset", note)
+    winds = (Wind(9.0), Wind(12.0))
+    evaluate(AGENTS, replace(CONFIG, env_kwargs={"inflow": "gusts"}, winds=winds), progress=False)
+    first, second = seeds[0], seeds[2]
+    assert seeds == [first, first, second, second]  # every agent meets the same gusts
+    assert first != second
+    # a training draws with its seed and one a copy more, and after a resume with any of 32 bits
+    with pytest.raises(ValueError, match="seed must be"):
+        TrainingConfig(seed=2**32)
+    assert min(first, second) > 2**32 + 256
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"seed": -(2**40)}, "the seed must lie between 0 and"),
         ({"replay": -1.0}, "the replay must last 0 s or more"),
         ({"winds": (Wind(9.0), Wind(9.0))}, "each once, got 9 m/s, 9 m/s"),
         ({"winds": ()}, "winds must be given"),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
-__all__ = ["benchmark_fingerprint", "code_of", "differing"]
+__all__ = ["benchmark_fingerprint", "code_of", "differing", "sources_digest"]
 
 _ROOT = Path(wt_gym.__file__).parent
 _SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER}
@@ -62,19 +62,21 @@ def _sources() -> dict[str, str]:
         "environment": {_ROOT / "tasks.py", *(_ROOT / "envs" / name for name in _ENVIRONMENT)},
         "metrics": {_ROOT / "analysis" / "metrics.py", _ROOT / "benchmark" / "run.py"},
     }
-    return {"kernels": _digest(kernels)} | {name: _digest(files - kernels) for name, files in rooms.items()}
+    rooms = {"kernels": kernels} | {name: files - kernels for name, files in rooms.items()}
+    return {name: sources_digest(files, _ROOT) for name, files in rooms.items()}
+
+
+def sources_digest(files: Iterable[Path], root: Path) -> str:
+    """Digest of sources by their paths below a folder; neither comments nor docstrings count."""
+    total = hashlib.sha256()
+    for file in sorted(files):
+        total.update(file.relative_to(root).as_posix().encode() + b"\0")
+        total.update(code_of(file.read_text(encoding="utf-8")).encode() + b"\0")
+    return total.hexdigest()[:16]
 
 
 def _modules(*rooms: str) -> set[Path]:
     return {file for room in rooms for file in (_ROOT / room).rglob("*.py")}
-
-
-def _digest(files: Iterable[Path]) -> str:
-    total = hashlib.sha256()
-    for file in sorted(files):
-        total.update(file.relative_to(_ROOT).as_posix().encode() + b"\0")
-        total.update(code_of(file.read_text(encoding="utf-8")).encode() + b"\0")
-    return total.hexdigest()[:16]
 
 
 def code_of(source: str) -> str:

@@ -1,0 +1,78 @@
+"""The environment that a model was trained in, and whether another one is like it."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+
+from wt_gym.envs.layout import layout_of
+from wt_gym.envs.turbine_env import WindTurbineEnv
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["KEPT", "check_environment", "trained_arguments"]
+
+KEPT = ("action_spans", "controller", "sensor_noise", "sensor_delay")
+"""Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
+inflow and wind are no part of them: to carry an agent over to others is an experiment."""
+
+
+def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of the environment of a training: registered and given ones.
+
+    Parameters
+    ----------
+    record : mapping
+        As `agents.train.train` writes it.
+
+    Returns
+    -------
+    dict
+        Empty if the record does not say.
+
+    Raises
+    ------
+    gymnasium.error.Error
+        If the environment is not registered.
+    """
+    config = record.get("config")
+    return {**gym.spec(config["env_id"]).kwargs, **config["env_kwargs"]} if config else {}
+
+
+def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
+    """Refuse an environment in which what a model sees and does means something else than in its training.
+
+    Parameters
+    ----------
+    record : mapping
+        Of the training; without a configuration nothing can be said, and nothing is refused.
+    env : gymnasium.Env
+        Made by `gymnasium.make`.
+
+    Raises
+    ------
+    ValueError
+        With the arguments out of `KEPT` that differ, in the training and here.
+    """
+    if not record.get("config"):
+        return
+    trained, here = _kept(trained_arguments(record)), _kept(env.spec.kwargs)
+    if not layout_of(env).action.needs_controller:
+        del trained["controller"], here["controller"]  # nothing runs beneath the actions
+    differing = [f"{name} {trained[name]!r}, here {here[name]!r}" for name in trained if trained[name] != here[name]]
+    if differing:
+        raise ValueError(
+            f"the model was trained in another environment: with {'; '.join(differing)}; give the environment the "
+            "same, or ask for the other one by --allow-other-environment (allow_other_environment=True)"
+        )
+
+
+def _kept(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of `KEPT`, as a record would have them."""
+    parameters = inspect.signature(WindTurbineEnv).parameters
+    values = {name: arguments.get(name, parameters[name].default) for name in KEPT}
+    return json.loads(json.dumps(values | {"action_spans": values["action_spans"] or {}}, default=str))
