@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.controllers import CONTROLLERS
 
-__all__ = ["BASELINE", "controller_of", "expand_seeds", "fingerprint", "is_controller_name", "named_choices"]
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+__all__ = [
+    "BASELINE",
+    "controller_of",
+    "expand_seeds",
+    "fingerprint",
+    "is_controller_name",
+    "kind_of",
+    "named_choices",
+    "split_name",
+]
 
 BASELINE = "Baseline PI"
 _WORDS = {"baseline": BASELINE, "constant": "Constant action"}
@@ -19,6 +31,47 @@ def is_controller_name(choice: str) -> bool:
     """Whether a choice names a controller of the library: ``controller:`` in front, or a name of `CONTROLLERS`."""
     names = choice.partition(":")[0].split("+")
     return choice.startswith(_PREFIX) or all(name in CONTROLLERS for name in names)
+
+
+def split_name(text: str) -> tuple[str, str]:
+    """Name and choice of ``NAME=CHOICE``; the name is empty where there is none.
+
+    A name has no colon, so that ``constrained_ipc:level=0.1`` is a controller with a parameter.
+    """
+    name, separator, choice = text.partition("=")
+    return (name, choice) if separator and ":" not in name else ("", text)
+
+
+def kind_of(choice: str, words: Collection[str], more: Collection[str] = ()) -> str:
+    """What a choice is: a word, else a controller, else a path.
+
+    Parameters
+    ----------
+    choice : str
+    words : collection of str
+        That mean something here.
+    more : collection of str
+        Other words, which the message names too.
+
+    Returns
+    -------
+    {"word", "controller", "trained"}
+
+    Raises
+    ------
+    ValueError
+        If it is none of them.
+    """
+    if choice in words:
+        return "word"
+    if is_controller_name(choice):
+        return "controller"
+    if Path(choice).exists():
+        return "trained"
+    raise ValueError(
+        f"{choice!r} is no agent: give {', '.join([*words, *more])}, a controller ({', '.join(CONTROLLERS)}, joined "
+        "with '+', parameters behind ':'), or the path of a trained model"
+    )
 
 
 def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
@@ -58,8 +111,6 @@ def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
 def named_choices(choices: list[str]) -> dict[str, str]:
     """Names for the agents of a command line: ``NAME=CHOICE``, or a name that follows from the choice.
 
-    A name in front has no colon, so that ``constrained_ipc:level=0.1`` is a controller with a parameter.
-
     Parameters
     ----------
     choices : list of str
@@ -74,20 +125,12 @@ def named_choices(choices: list[str]) -> dict[str, str]:
     Raises
     ------
     ValueError
-        If two agents get the same name.
-    FileNotFoundError
-        If a choice is neither a word, nor a controller, nor a path that exists.
+        If two agents get the same name, or a choice is neither a word, nor a controller, nor a path that exists.
     """
     named: dict[str, str] = {}
     for given in choices:
-        name, separator, choice = given.partition("=")
-        if not separator or ":" in name:
-            name, choice = "", given
-        if not (choice in _WORDS or is_controller_name(choice) or Path(choice).exists()):
-            raise FileNotFoundError(
-                f"no trained model at {choice}; an agent is one of {', '.join(_WORDS)}, a controller "
-                f"({', '.join(CONTROLLERS)}, joined with '+'), or the path of a trained model"
-            )
+        name, choice = split_name(given)
+        kind_of(choice, _WORDS)
         for suffix, single in expand_seeds(choice):
             label = (name or _default_name(choice)) + suffix
             if label in named:
@@ -111,7 +154,7 @@ def expand_seeds(choice: str) -> list[tuple[str, str]]:
     ValueError
         If the plan of the training is damaged.
     """
-    if choice in _WORDS or is_controller_name(choice):
+    if is_controller_name(choice) or not Path(choice).exists():
         return [("", choice)]
     from agents.trained_agent import MODEL_FILE  # torch takes seconds to import
 

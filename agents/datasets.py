@@ -12,11 +12,10 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from agents.choices import controller_of
+from agents.choices import controller_of, kind_of
 from agents.controller_agent import ControllerAgent
 from agents.trained_environment import check_environment
 from agents.uniform import UniformAgent
-from wt_gym.control.controllers import CONTROLLERS
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 
@@ -149,7 +148,8 @@ def _datasets_in(folder: Path) -> Iterator[None]:
 
 def _agent(config: DatasetConfig):
     """Environment, its arguments, and what makes the agent for it."""
-    if Path(config.agent).exists():
+    kind = kind_of(config.agent, ("baseline", "random"))
+    if kind == "trained":
         from agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
         trained = TrainedAgent.load(config.agent)
@@ -169,11 +169,6 @@ def _agent(config: DatasetConfig):
     if config.agent == "random":
         return env_id, kwargs, lambda env: UniformAgent(layout_of(env), config.seed)
     name, parameters = controller_of("discon" if config.agent == "baseline" else config.agent)
-    if any(part not in CONTROLLERS for part in name.split("+")):
-        raise ValueError(
-            f"{config.agent!r} is no agent: give baseline, random, {', '.join(CONTROLLERS)} (joined with '+', "
-            "parameters behind ':'), or the path of a trained model"
-        )
     return env_id, kwargs, lambda env: ControllerAgent(layout_of(env), name, **parameters)
 
 

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from agents.choices import controller_of
+from agents.choices import controller_of, expand_seeds, kind_of, split_name
 from agents.constant import ConstantAgent
 from agents.trained_environment import trained_arguments
 from agents.uniform import UniformAgent
 from wt_gym.benchmark import INTERFACE
-from wt_gym.control.controllers import CONTROLLERS
 from wt_gym.envs.layout import layout_of
 
 if TYPE_CHECKING:
@@ -90,26 +89,31 @@ def entry_of(text: str) -> Entry:
     ValueError
         If it is none of them.
     """
-    name, choice = _named(text)
-    word = choice.partition(":")[0]
-    if choice in ("zero", "random"):
-        return Entry(name, choice, {"kind": choice})
-    if word == "planner":
+    name, choice = split_name(text)
+    return _entry(name or _default_name(choice), choice)
+
+
+def _default_name(choice: str) -> str:
+    """Name of an entry: the choice, of a path its last part."""
+    return Path(choice).name if Path(choice).exists() else choice
+
+
+def _entry(name: str, choice: str) -> Entry:
+    """Entry of a choice."""
+    if choice.partition(":")[0] == "planner":
         return Entry(name, choice, {"kind": "planner", "parameters": controller_of(choice)[1]})
-    if all(part in CONTROLLERS for part in word.split("+")):
-        controller, parameters = controller_of(choice)
-        definition = {"kind": "controller", "controller": controller, "parameters": parameters}
-        return Entry(name, choice, definition, {**_BENEATH, "controller": [controller, parameters]})
-    if Path(choice).exists():
+    kind = kind_of(choice, ("zero", "random"), ("planner", *WORDS))
+    if kind == "word":
+        return Entry(name, choice, {"kind": choice})
+    if kind == "trained":
         return _trained(name, Path(choice))
-    raise ValueError(
-        f"{choice!r} is no agent: give zero, random, planner, {', '.join(CONTROLLERS)} (joined with '+', parameters "
-        f"behind ':'), {', '.join(WORDS)}, or the path of a trained model"
-    )
+    controller, parameters = controller_of(choice)
+    definition = {"kind": kind, "controller": controller, "parameters": parameters}
+    return Entry(name, choice, definition, {**_BENEATH, "controller": [controller, parameters]})
 
 
 def entries_of(texts: Iterable[str]) -> list[Entry]:
-    """Entries of a command line, each once.
+    """Entries of a command line, each once; the folder of a training with several seeds is one a seed.
 
     Raises
     ------
@@ -119,18 +123,12 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
     entries: dict[str, Entry] = {}
     for text in texts:
         for word in WORDS.get(text, (text,)):
-            entry = entry_of(word)
-            if entries.setdefault(entry.name, entry) != entry:
-                raise ValueError(f"two agents are called {entry.name!r}; give them names as NAME=CHOICE")
+            name, choice = split_name(word)
+            for suffix, single in expand_seeds(choice):
+                entry = _entry((name or _default_name(choice)) + suffix, single)
+                if entries.setdefault(entry.name, entry) != entry:
+                    raise ValueError(f"two agents are called {entry.name!r}; give them names as NAME=CHOICE")
     return list(entries.values())
-
-
-def _named(text: str) -> tuple[str, str]:
-    """Name and choice; an equals sign behind a colon belongs to the parameters."""
-    name, separator, choice = text.partition("=")
-    if separator and ":" not in name and name:
-        return name, choice
-    return (Path(text).name if Path(text).exists() else text), text
 
 
 def _trained(name: str, path: Path) -> Entry:

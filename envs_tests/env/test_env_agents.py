@@ -359,7 +359,7 @@ def test_scripts_explain_themselves(script):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["evaluate.py", "no/such/agent"], "no trained model"),
+        (["evaluate.py", "no/such/agent"], "'no/such/agent' is no agent"),
         (["evaluate.py", "--env", STEADY, "--wind-speed", "60"], "cut-in and cut-out"),
         (["evaluate.py", "--env", "CartPole-v1"], "must be one of wt_gym/"),
         (["evaluate.py", "--env", "NoSuchEnv-v0"], "NoSuchEnv"),

@@ -2,7 +2,15 @@
 
 import pytest
 
-from agents.choices import BASELINE, controller_of, fingerprint, is_controller_name, named_choices
+from agents.choices import (
+    BASELINE,
+    controller_of,
+    fingerprint,
+    is_controller_name,
+    kind_of,
+    named_choices,
+    split_name,
+)
 
 
 def test_controllers_come_with_parameters():
@@ -39,9 +47,7 @@ def test_names_follow_from_choices_or_stand_in_front(tmp_path):
     }
     with pytest.raises(ValueError, match="two agents are called 'ipc'"):
         named_choices(["ipc", "ipc=discon"])
-    with pytest.raises(
-        FileNotFoundError, match="no trained model at ipcc; an agent is one of baseline, constant, a con"
-    ):
+    with pytest.raises(ValueError, match="'ipcc' is no agent: give baseline, constant, a controller"):
         named_choices(["ipcc"])
 
 
@@ -61,6 +67,23 @@ def test_a_training_with_several_seeds_is_an_agent_a_seed(tmp_path):
     (tmp_path / "seeds.json").write_text("{}")
     with pytest.raises(ValueError, match=r"seeds\.json is damaged"):
         named_choices([f"mine={tmp_path}"])
+
+
+def test_a_choice_is_a_word_before_a_controller_before_a_path(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("random", "ipc", "mine"):
+        (tmp_path / name).mkdir()
+    choices = ["random", "ipc:limit=0.1", "mine", "./ipc", "./random"]
+    found = [kind_of(choice, ("random",)) for choice in choices]
+    assert found == ["word", "controller", "trained", "trained", "trained"]
+    with pytest.raises(ValueError, match="'constant' is no agent: give random, zero, a controller"):
+        kind_of("constant", ("random",), ("zero",))
+
+
+def test_a_name_has_no_colon():
+    assert split_name("mine=ipc:limit=0.1") == ("mine", "ipc:limit=0.1")
+    assert split_name("ipc:limit=0.1") == ("", "ipc:limit=0.1")
+    assert split_name("=ipc") == ("", "ipc")
 
 
 def test_a_model_is_known_by_what_its_files_hold(tmp_path):

@@ -344,6 +344,7 @@ def test_entries_of_words():
     [
         (["nothing"], "'nothing' is no agent: give zero"),
         (["ipc:level"], "is key=value"),
+        (["zero:x=1"], "'zero:x=1' is no agent"),
         (["ipc:limit=many"], "must be a number"),
         (["a=ipc", "a=retuned"], "two agents are called 'a'"),
     ],
