@@ -93,7 +93,7 @@ class ControllerAgent:
         self.layout = layout
         self.controller = make_controller(controller, layout.turbine, **parameters)
         action = layout.action
-        if action.needs_controller or action.pitch == "fixed-frame":
+        if action.needs_controller or action.turns_with_rotor:
             raise ValueError(
                 "a ControllerAgent needs rate or absolute actions for the pitch of blades and for torque, got "
                 f"action_mode {action.mode!r} with pitch {action.pitch!r} and components {action.components}; beneath "

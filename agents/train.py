@@ -14,6 +14,7 @@ from stable_baselines3.common.logger import configure
 
 import wt_gym
 from agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALISATION_FILE, RECORD_FILE, TrainedAgent
+from agents.trained_environment import resolved_arguments
 from agents.training.callbacks import Checkpoints, EpisodeFigures, Evaluations, Watch, stop_on_signals
 from agents.training.config import TrainingConfig
 from agents.training.environments import make_training_env
@@ -247,6 +248,7 @@ class _Session:
             "wt_gym": wt_gym.__version__,
             "versions": {name: version(name) for name in ("stable-baselines3", "sb3-contrib", "torch", "gymnasium")},
             "config": config.to_json(),
+            "environment": resolved_arguments(config.env_id, config.env_kwargs),
             "curve": self._curve,
             "evaluation": self._evaluation_record(),
             "sessions": [*self._sessions, session],

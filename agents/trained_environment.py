@@ -14,11 +14,24 @@ from wt_gym.envs.turbine_env import WindTurbineEnv
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["KEPT", "check_environment", "trained_arguments"]
+__all__ = ["KEPT", "check_environment", "resolved_arguments", "trained_arguments"]
 
-KEPT = ("action_spans", "controller", "sensor_noise", "sensor_delay")
+KEPT = ("action_spans", "residual_fade", "residual_washout", "controller", "sensor_noise", "sensor_delay")
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
 inflow and wind are no part of them: to carry an agent over to others is an experiment."""
+
+
+def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of an environment, registered and given ones, as a record keeps them: JSON values.
+
+    An id may mean other arguments in a later version of the package; a record says what they were.
+
+    Raises
+    ------
+    gymnasium.error.Error
+        If the environment is not registered.
+    """
+    return json.loads(json.dumps({**gym.spec(env_id).kwargs, **env_kwargs}, default=str))
 
 
 def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -39,8 +52,10 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     gymnasium.error.Error
         If the environment is not registered.
     """
+    if "environment" in record:
+        return record["environment"]
     config = record.get("config")
-    return {**gym.spec(config["env_id"]).kwargs, **config["env_kwargs"]} if config else {}
+    return resolved_arguments(config["env_id"], config["env_kwargs"]) if config else {}
 
 
 def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:

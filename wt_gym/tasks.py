@@ -51,16 +51,28 @@ _FIXED_FRAME = {
     "reward": {"tower_side_side_fatigue": 1.0},
     "termination_penalty": 120.0,
 }
+# Loads are to be spared at no cost in power. With the mean pitch in the hands of an agent, blades held a degree or two
+# off fine pitch about rated wind earned more than none, and agents gave 6 to 8 % of the power at 12 m/s for loads;
+# above rated wind the controller takes every lasting mean back, so that agents drifted there for nothing. So the action
+# is tilt and yaw, faded out below rated wind as individual pitch in industry is, and pitch travel weighs more.
+_LOAD_REDUCTION = {
+    **_RESIDUAL,
+    "pitch": "cyclic",
+    "action_components": ("pitch",),
+    "residual_fade": True,
+    "reward": {"tower_side_side_fatigue": 1.0, "actuator_use": 0.5},
+    "termination_penalty": 120.0,
+}
 
 TASKS = {
     task.name: task
     for task in (
         Task(
             "LoadReduction",
-            "Spare blades and tower above rated wind by pitch in the fixed frame on top of the baseline controller.",
+            "Spare the blades above rated wind, not at the tower's cost, by cyclic pitch on top of the controller.",
             "flap DEL at no less than 99.5 % of the energy; pitch travel beside it",
             60.0,
-            {**_FIXED_FRAME, "action_components": ("pitch",), "wind_speed": (12.0, 20.0)},
+            {**_LOAD_REDUCTION, "wind_speed": (12.0, 20.0)},
         ),
         Task(
             "FullRange",
@@ -115,12 +127,7 @@ TASKS = {
             "Load reduction on a turbine of three times the power: does a method carry over?",
             "as LoadReduction",
             60.0,
-            {
-                **_FIXED_FRAME,
-                "turbine": "iea_15mw",
-                "action_components": ("pitch",),
-                "wind_speed": (11.0, 20.0),
-            },
+            {**_LOAD_REDUCTION, "turbine": "iea_15mw", "wind_speed": (11.0, 20.0)},
         ),
     )
 }

@@ -11,7 +11,7 @@ from agents import evaluation as module
 from agents.constant import ConstantAgent
 from agents.evaluation import EvaluationConfig, evaluate
 from agents.evaluation_folder import EvaluationFolder, code_fingerprint
-from agents.trained_environment import check_environment
+from agents.trained_environment import check_environment, resolved_arguments
 from agents.training.config import TrainingConfig
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -146,6 +146,16 @@ def test_fidelity_inflow_and_an_idle_controller_are_free():
     config = {"env_id": "wt_gym/NREL5MW-Turbulent-v0", "env_kwargs": {"controller": "ipc", "action_spans": {}}}
     check_environment({"config": config}, env)  # nothing runs beneath rates
     check_environment({}, env)
+
+
+def test_a_record_says_what_an_id_meant_then():
+    """The id may mean another action in the version that reads the record."""
+    env = gym.make("wt_gym/LoadReduction-v0")
+    record = {"config": {"env_id": "wt_gym/LoadReduction-v0", "env_kwargs": {}}}
+    check_environment(record, env)
+    before = resolved_arguments("wt_gym/LoadReduction-v0", {}) | {"residual_fade": False}
+    with pytest.raises(ValueError, match=r"residual_fade False, here True;"):
+        check_environment(record | {"environment": before}, env)
 
 
 def test_folders_that_cannot_be_used_are_refused_before_the_first_run(tmp_path, count_runs):

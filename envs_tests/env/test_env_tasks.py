@@ -45,7 +45,10 @@ def same(first, second):
 # ---- contract of every choice ----
 
 
-@pytest.mark.parametrize(("mode", "pitch"), list(itertools.product(ACTION_MODES, PITCH_FORMS)))
+FORMS = [(mode, pitch) for mode, pitch in itertools.product(ACTION_MODES, PITCH_FORMS) if pitch != "cyclic"]
+
+
+@pytest.mark.parametrize(("mode", "pitch"), [*FORMS, ("residual", "cyclic")])
 def test_both_checkers_have_nothing_to_say(mode, pitch):
     env = gym.make(TURBULENT, action_mode=mode, pitch=pitch, episode_length=10.0)
     with warnings.catch_warnings():
@@ -80,7 +83,7 @@ def test_ending_a_task_early_never_pays(name):
 def test_the_time_limit_of_a_task_is_a_truncation():
     env = gym.make("wt_gym/LoadReduction-v0", max_episode_steps=4)
     env.reset(seed=0)
-    ends = [env.step(np.zeros(3, dtype=np.float32))[2:4] for _ in range(4)]
+    ends = [env.step(np.zeros(2, dtype=np.float32))[2:4] for _ in range(4)]
     assert ends == [(False, False)] * 3 + [(False, True)]
 
 
@@ -114,6 +117,81 @@ def test_pitch_in_the_fixed_frame_arrives_at_its_azimuth():
         assert tilt == pytest.approx(np.radians(3.0), rel=0.01)
         assert abs(np.degrees(np.arctan2(yaw, tilt))) < 1.0
         assert abs(mean) < 0.1 * tilt
+
+
+@pytest.mark.parametrize(("wind_speed", "share"), [(8.0, 0.0), (18.0, 1.0)])
+def test_faded_residual_pitch_acts_above_rated_wind_only(wind_speed, share):
+    """The same offset leaves the blades at fine pitch to the controller and moves pitched ones in full."""
+    env = WindTurbineEnv(
+        inflow=SteadyInflow(wind_speed), episode_length=10.0, action_components=("pitch",), residual_fade=True,
+        observation=("offsets",), **RESIDUAL,
+    )  # fmt: skip
+    env.reset(seed=0)
+    for _ in range(5):
+        observation, *_ = env.step(np.array([1.0, 0.0, 0.0]))
+    assert env.layout.observation.value(observation, "residual_share") == pytest.approx(share, abs=1e-6)
+    offset = np.mean(env.demand.pitch - env.base.pitch)
+    assert offset == pytest.approx(share * env.aim.pitch[0], abs=1e-12)
+    assert env.aim.pitch[0] == pytest.approx(np.radians(1.5))
+
+
+def test_a_lasting_mean_offset_is_washed_out_tilt_is_not():
+    """A step of 1.5 deg in 1 s: the mean decays with the time constant, as tau s / (1 + tau s) has it."""
+    tau, step = 4.0, np.radians(1.5)
+    env = WindTurbineEnv(
+        inflow=SteadyInflow(18.0), episode_length=20.0, action_components=("pitch",), residual_washout=tau,
+        observation=("offsets",), **RESIDUAL,
+    )  # fmt: skip
+    env.reset(seed=0)
+    for k in range(50):
+        observation, *_ = env.step(np.full(3, 1.0 if k < 5 else 0.0))
+        if k in (4, 24, 49):
+            time = 0.2 * (k + 1)
+            decay = np.exp(-(time - 1.0) / tau) - np.exp(-time / tau)  # of a ramp of 1 s
+            mean, tilt, yaw = to_fixed_frame(env.demand.pitch - env.base.pitch, env.signals["azimuth"])
+            assert mean == pytest.approx(step * tau * decay, rel=0.02)
+            assert env.layout.observation.value(observation, "residual_mean") == pytest.approx(mean, rel=1e-5)
+            assert np.hypot(tilt, yaw) == pytest.approx(np.sqrt(2.0) * step, rel=0.01)
+    with pytest.raises(ValueError, match="residual_washout must be a positive time in s or None, got 0"):
+        WindTurbineEnv(action_mode="residual", residual_washout=0)
+
+
+def test_a_snapshot_holds_fade_and_washout():
+    """Between no and full share the memory of the filters is part of the state."""
+    choice = {"residual_fade": True, "residual_washout": 5.0}
+    env = gym.make(TURBULENT, wind_speed=12.0, episode_length=20.0, **RESIDUAL, **choice).unwrapped
+    rng = np.random.default_rng(0)
+    env.reset(seed=3)
+    play(env, rng, 20)
+    kept, actions = env.snapshot(), np.random.default_rng(1)
+    first = play(env, actions, 10)
+    play(env, rng, 10)
+    env.restore(kept)
+    assert same(first, play(env, np.random.default_rng(1), 10))
+
+
+def test_only_residual_pitch_fades():
+    with pytest.raises(ValueError, match=r"must be True, False or FadeParameters, got 0\.5"):
+        WindTurbineEnv(action_mode="residual", residual_fade=0.5)
+    for choice in ({"action_mode": "rate"}, {"action_mode": "residual", "action_components": ("torque",)}):
+        env = WindTurbineEnv(residual_fade=True, **choice)
+        assert "residual_share" not in env.layout.observation.names
+
+
+def test_cyclic_pitch_is_that_of_the_fixed_frame_without_its_mean():
+    """The same tilt and yaw by both, and a refusal where there is no controller for the mean."""
+    ends = []
+    for pitch, ahead in (("cyclic", ()), ("fixed-frame", (0.0,))):
+        choice = {"action_mode": "residual", "pitch": pitch, "action_components": ("pitch",)}
+        env = WindTurbineEnv(inflow=SteadyInflow(16.0), episode_length=4.0, **choice)
+        env.reset(seed=0)
+        for _ in range(10):
+            env.step(np.array([*ahead, 0.7, -0.4]))
+        ends.append(env.demand.pitch)
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-12)
+    assert np.ptp(ends[0]) > np.radians(1.0)
+    with pytest.raises(ValueError, match="pitch='cyclic' has no mean of its own: it needs action_mode='residual'"):
+        WindTurbineEnv(pitch="cyclic", action_mode="rate")
 
 
 def test_random_residual_policies_survive():

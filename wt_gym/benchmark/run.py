@@ -30,7 +30,10 @@ if TYPE_CHECKING:
 
 __all__ = ["INTERFACE", "benchmark_metrics", "make_env", "play", "run_definition"]
 
-INTERFACE = ("action_mode", "pitch", "action_components", "action_spans", "controller", "observation", "history")
+INTERFACE = (
+    "action_mode", "pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "controller",
+    "observation", "history",
+)  # fmt: skip
 """Arguments of the environment that an agent may choose: what it sees, what its actions mean, what runs beneath."""
 
 _ENDLESS = 10**9  # control steps

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.control.coleman import FIXED_FRAME, to_blades
+from wt_gym.control.coleman import FIXED_FRAME, from_harmonic, to_blades
 from wt_gym.control.operating_point import operating_point, torque_curve
 from wt_gym.errors import ActionError
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "ActionMap", "Aim", "Demand"]
 
 ACTION_MODES = ("rate", "absolute", "residual")
-PITCH_FORMS = ("collective", "individual", "fixed-frame")
+PITCH_FORMS = ("collective", "individual", "fixed-frame", "cyclic")
+_TURNING = ("fixed-frame", "cyclic")
 COMPONENTS = ("pitch", "yaw", "torque")
 SPANS = ("pitch", "pitch_rate", "yaw_rate", "torque", "torque_rate")
 # An action may leave [-1, 1] by float32 rounding of a policy's output, by no more.
@@ -61,7 +62,7 @@ class Aim:
     Attributes
     ----------
     pitch : numpy.ndarray, shape (n_pitch,)
-        Of all blades, of each, or mean, tilt and yaw [rad].
+        Of all blades, of each, mean, tilt and yaw, or tilt and yaw [rad].
     yaw_rate : float
         [rad/s]
     generator_torque : float
@@ -77,9 +78,9 @@ class ActionMap:
     """Meaning of the components of an action in [-1, 1].
 
     Components are, in this order, pitch, yaw (none for a turbine whose greatest yaw rate is 0), generator torque, as
-    far as they are chosen. Pitch has one component ("collective"), one a blade ("individual"), or mean, tilt and yaw
-    ("fixed-frame", see `coleman`), of which the blades get their share at every step of the simulator, with an azimuth
-    that leads by the delay of the drives.
+    far as they are chosen. Pitch has one component ("collective"), one a blade ("individual"), mean, tilt and yaw
+    ("fixed-frame", see `coleman`), or tilt and yaw alone on top of a controller ("cyclic"). Of those in the fixed frame
+    the blades get their share at every step of the simulator, with an azimuth that leads by the delay of the drives.
 
     - ``"rate"``: rates of the demand, held over a control step: it moves by ``action * rate * control_dt``.
     - ``"absolute"``: the demand itself; pitch from the operating points of the winds and 5 degrees beyond them on both
@@ -96,7 +97,7 @@ class ActionMap:
     control_dt : float
         Control step [s].
     mode : {"rate", "absolute", "residual"}
-    pitch : {"collective", "individual", "fixed-frame"}
+    pitch : {"collective", "individual", "fixed-frame", "cyclic"}
     components : sequence of {"pitch", "yaw", "torque"}
     spans : mapping, optional
         Other spans than the default ones: "pitch_rate" [rad/s], "yaw_rate" [rad/s], "torque_rate" [N m/s]: greatest
@@ -141,8 +142,10 @@ class ActionMap:
             raise ValueError(f"control_dt must be positive, got {control_dt!r} s")
         self.mode, self.pitch, self.control_dt, self.delay = mode, pitch, float(control_dt), float(delay)
         self.n_blades = turbine.n_blades
-        if pitch == "fixed-frame" and self.n_blades < 3:
-            raise ValueError(f"pitch='fixed-frame' needs three blades or more, the turbine has {self.n_blades}")
+        if pitch in _TURNING and self.n_blades < 3:
+            raise ValueError(f"pitch={pitch!r} needs three blades or more, the turbine has {self.n_blades}")
+        if pitch == "cyclic" and mode != "residual":
+            raise ValueError(f"pitch='cyclic' has no mean of its own: it needs action_mode='residual', got {mode!r}")
         self.components = self._chosen(components, turbine)
         self.has_yaw = "yaw" in self.components
         self.pitch_limits = (turbine.pitch.min_pitch, turbine.pitch.max_pitch)
@@ -154,6 +157,7 @@ class ActionMap:
             "collective": ("pitch",),
             "individual": tuple(f"pitch_{b + 1}" for b in range(self.n_blades)),
             "fixed-frame": tuple(f"pitch_{name}" for name in FIXED_FRAME),
+            "cyclic": tuple(f"pitch_{name}" for name in FIXED_FRAME[1:]),
         }[pitch]
         self.n_pitch = len(self._coordinates)
         self.pitch_low, self.pitch_high = self._pitch_range()
@@ -180,7 +184,12 @@ class ActionMap:
     @property
     def turns_with_rotor(self) -> bool:
         """Whether the demand changes with the azimuth within a control step."""
-        return self.pitch == "fixed-frame" and "pitch" in self.components
+        return self.pitch in _TURNING and "pitch" in self.components
+
+    @property
+    def n_mean(self) -> int:
+        """Of how many pitch coordinates, the first ones, the mean is that of the blades: none of tilt and yaw."""
+        return {"fixed-frame": 1, "cyclic": 0}.get(self.pitch, self.n_pitch)
 
     def _chosen(self, components, turbine) -> tuple[str, ...]:
         components = components if isinstance(components, str) else tuple(components)
@@ -352,6 +361,8 @@ class ActionMap:
         pitch, yaw_rate, torque = aim.pitch, aim.yaw_rate, aim.generator_torque
         if self.pitch == "fixed-frame":
             pitch = to_blades(pitch, azimuth + rotor_speed * self.delay, self.n_blades)
+        elif self.pitch == "cyclic":
+            pitch = from_harmonic(*pitch.tolist(), azimuth + rotor_speed * self.delay, self.n_blades)
         residual = self.mode == "residual"
         if "pitch" not in self.components:
             pitch = base.pitch
@@ -391,7 +402,7 @@ class ActionMap:
         ValueError
             For residual actions and pitch in the fixed frame: controllers run beneath those.
         """
-        if self.mode == "residual" or self.pitch == "fixed-frame":
+        if self.mode == "residual" or self.turns_with_rotor:
             raise ValueError(
                 f"a controller's demand cannot be written as an action of mode {self.mode!r} with pitch "
                 f"{self.pitch!r}; let it run beneath: controller=..., and take zero actions"

@@ -21,6 +21,7 @@ from wt_gym.simulation.channels import channel_table
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from wt_gym.control.residual import ResidualPitch
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
@@ -72,6 +73,8 @@ class Situation:
     action : numpy.ndarray, shape (n_act,)
         That led here.
     inflow : Inflow
+    residual : ResidualPitch, optional
+        What residual pitch passes.
     """
 
     signals: Signals
@@ -80,6 +83,7 @@ class Situation:
     base: Demand | None
     action: np.ndarray
     inflow: Inflow
+    residual: ResidualPitch | None = None
 
 
 class Observer:
@@ -100,6 +104,8 @@ class Observer:
     history : int
         Readings in an observation: this one, then those before it.
     lidar : Lidar, optional
+    residual : ResidualPitch, optional
+        What residual pitch passes, if anything; what acts of it can then be observed.
 
     Raises
     ------
@@ -116,6 +122,7 @@ class Observer:
         delay: int = 0,
         history: int = 1,
         lidar: Lidar | None = None,
+        residual: ResidualPitch | None = None,
     ):
         if not 0.0 <= noise_level < math.inf:
             raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
@@ -123,6 +130,8 @@ class Observer:
             raise ValueError(f"history must be a whole number of readings, at least 1, got {history!r}")
         self._turbine, self._action, self._noise_level = turbine, action, noise_level
         self._delay, self._history = int(delay), int(history)
+        self._fades = residual is not None and residual.fades
+        self._washes = residual is not None and residual.washes
         self._anemometer = NacelleAnemometer()
         self._estimator: WindEstimator | None = None
         self._lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
@@ -292,6 +301,8 @@ class Observer:
             "controller_pitch": lambda s: _mean(s.base.pitch),
             "controller_torque": lambda s: s.base.generator_torque,
             "torque_offset": lambda s: s.aim.generator_torque,
+            "residual_share": lambda s: s.residual.share,
+            "residual_mean": lambda s: s.residual.mean,
         }.get(name)
 
     # ---- channels; scales are the standard deviations under the baseline controller in turbulence of class B ----
@@ -430,6 +441,13 @@ class Observer:
         if "torque" in self._action.components:
             limit = self._action.torque_offset_limit
             channels.append(Channel("torque_offset", "N m", 0.0, 0.5 * limit, -limit, limit, 0.0, "residual torque"))
+        if self._fades:
+            text = "share of residual pitch that acts"
+            channels.append(Channel("residual_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, text))
+        if self._washes:
+            limit = 2.0 * float(self._action.pitch_high[0])
+            text = "mean of the blades' residual pitch that acts"
+            channels.append(Channel("residual_mean", "rad", 0.0, 0.25 * limit, -limit, limit, 0.0, text))
         return channels
 
     def _lidar_channels(self) -> list[Channel]:

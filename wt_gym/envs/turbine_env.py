@@ -14,7 +14,8 @@ from gymnasium.error import ResetNeeded
 
 from wt_gym.control import COMPONENTS, ActionMap, Aim, Demand, OperatingPoint, operating_point
 from wt_gym.control.closed_loop import advance_under
-from wt_gym.control.controllers import checked_demand, make_controller
+from wt_gym.control.controllers import AboveRated, FadeParameters, checked_demand, make_controller
+from wt_gym.control.residual import ResidualPitch
 from wt_gym.envs import rewards
 from wt_gym.envs.costs import Costs
 from wt_gym.envs.layout import EnvLayout
@@ -43,7 +44,7 @@ _RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitc
 # What an episode remembers beside the simulator, the sensors and the random numbers
 _SNAPSHOT = (
     "signals", "demand", "base", "aim", "controller", "reward_terms", "_action", "_observation", "_saturated", "_steps",
-    "_running", "_failed", "_twin_terms",
+    "_running", "_failed", "_twin_terms", "_residual",
 )  # fmt: skip
 
 
@@ -85,7 +86,8 @@ class WindTurbineEnv(gym.Env):
 
     ``pitch``: ``"collective"`` one component for all blades; ``"individual"`` one a blade, blade 1 first;
     ``"fixed-frame"`` mean, tilt and yaw in the frame that does not turn (`wt_gym.control.coleman`), of which every
-    blade gets its share at every step of the simulator. ``action_components`` leaves components out: pitch and torque
+    blade gets its share at every step of the simulator; ``"cyclic"``, residual only, tilt and yaw without the mean,
+    which stays with the controller. ``action_components`` leaves components out: pitch and torque
     are then the controller's, yaw rests unless the controller yaws. ``action_spans`` changes rates and limits. Residual
     offsets are narrow enough for a random policy to survive.
 
@@ -233,10 +235,17 @@ class WindTurbineEnv(gym.Env):
     episode_length : float or None
         Time after which an episode is truncated [s]; None: never, for a time limit from outside.
     action_mode : {"rate", "absolute", "residual"}
-    pitch : {"collective", "individual", "fixed-frame"}
+    pitch : {"collective", "individual", "fixed-frame", "cyclic"}
     action_components : sequence of {"pitch", "yaw", "torque"}
     action_spans : mapping, optional
         Other rates and limits, see `wt_gym.control.ActionMap`.
+    residual_fade : bool or FadeParameters
+        Let residual pitch act only above rated wind, as additions to industrial controllers do
+        (`wt_gym.control.controllers.fading.AboveRated`): blades at fine pitch stay where they make the most power.
+        The agent sees the share that acts as "residual_share", of the group "offsets". Other modes have none to fade.
+    residual_washout : float, optional
+        Time constant of a high-pass filter on the mean of the blades' residual pitch [s]: offsets of all blades that
+        last are left to the controller beneath, see `wt_gym.control.residual`. What acts is seen as "residual_mean".
     controller : str, Controller or callable
         What runs beneath residual actions, or decides on components left out: a name for
         `wt_gym.control.controllers.make_controller`, a controller, or a function that makes one for a turbine.
@@ -298,6 +307,8 @@ class WindTurbineEnv(gym.Env):
         pitch: str = "collective",
         action_components: Sequence[str] = COMPONENTS,
         action_spans: Mapping[str, float] | None = None,
+        residual_fade: bool | FadeParameters = False,
+        residual_washout: float | None = None,
         controller: str | Controller | Callable = "discon",
         reward: Mapping[str, float] | Iterable[RewardTerm] | None = None,
         relative_reward: bool = False,
@@ -345,10 +356,11 @@ class WindTurbineEnv(gym.Env):
         self.controller = None
         if action.needs_controller or controller != "discon":  # a copy: no two environments share its memory
             self.controller = copy.deepcopy(make_controller(controller, self.turbine))
+        self._residual = self._make_residual(action, residual_fade, residual_washout)
         if observation is None:
             observation = RESIDUAL_GROUPS if action_mode == "residual" else DEFAULT_GROUPS
         late = self._steps_in("sensor_delay", sensor_delay, least=0)
-        self._observer = Observer(self.turbine, action, observation, sensor_noise, late, history, lidar)
+        self._observer = Observer(self.turbine, action, observation, sensor_noise, late, history, lidar, self._residual)
         self._costs = Costs(self.turbine, self.control_dt, self.overspeed_limit)
         self.layout = EnvLayout(self.turbine, self._observer.layout, action, self.control_dt, late)
         self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
@@ -437,6 +449,8 @@ class WindTurbineEnv(gym.Env):
         self.aim = self.layout.action.start(self.demand)
         if self.controller is not None:
             self.controller.start(self.signals, self.demand)
+        if self._residual is not None:
+            self._residual.start(pitch, rotor_speed, self._inner_dt)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running, self._failed = 0, True, False
         self._observer.reset(self._situation())
@@ -507,11 +521,14 @@ class WindTurbineEnv(gym.Env):
         turn, rise = aim.pitch - start.pitch, aim.generator_torque - start.generator_torque
 
         def demand_at(k: int, signals: Signals) -> Demand:
-            share = k / n
-            present = Aim(start.pitch + share * turn, aim.yaw_rate, start.generator_torque + share * rise)
+            part = k / n
             if controller is not None:
                 base = controller.step(signals, self._inner_dt)
                 self.base = checked_demand(base, controller, self.turbine.n_blades)
+            pitch = start.pitch + part * turn
+            if self._residual is not None:
+                pitch = self._residual.acting(pitch, self.base.pitch, signals["rotor_speed"], self._inner_dt)
+            present = Aim(pitch, aim.yaw_rate, start.generator_torque + part * rise)
             self.demand = demand(present, self.base, signals["azimuth"], signals["rotor_speed"])
             return self.demand
 
@@ -612,6 +629,17 @@ class WindTurbineEnv(gym.Env):
 
         return Renderer(self.turbine)
 
+    def _make_residual(self, action: ActionMap, fade, washout) -> ResidualPitch | None:
+        """What residual pitch passes on its way to the blades, if there is such a pitch and anything to pass."""
+        if not isinstance(fade, bool | FadeParameters):
+            raise ValueError(f"residual_fade must be True, False or FadeParameters, got {fade!r}")
+        above = None
+        if fade is not False:
+            above = AboveRated.of_turbine(self.turbine, None if fade is True else fade)
+        residual = ResidualPitch(above, washout, action.n_mean)
+        has_pitch = action.mode == "residual" and "pitch" in action.components
+        return residual if has_pitch and (residual.fades or residual.washes) else None
+
     def _inner_steps(self) -> tuple[float, int]:
         """Step of the simulator [s] and how many make a control step."""
         step = fidelity_of(self.fidelity).step_for(self.turbine.drivetrain.rated_rotor_speed)
@@ -640,7 +668,9 @@ class WindTurbineEnv(gym.Env):
             self.simulator.inflow = self.episode_wind.inflow
 
     def _situation(self) -> Situation:
-        return Situation(self.signals, self.demand, self.aim, self.base, self._action, self.episode_wind.inflow)
+        return Situation(
+            self.signals, self.demand, self.aim, self.base, self._action, self.episode_wind.inflow, self._residual
+        )
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from wt_gym.aerodynamics import TowerFlow, VortexLattice
 from wt_gym.simulation.blade_lattice import blade_planform
@@ -46,6 +47,8 @@ class TurbineModels:
     embedded: "TurbineModels | None" = None
 
 
+# One thread: with several, on some processors, products of large matrices round otherwise and no run is repeatable.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     """Models of a turbine.
 
