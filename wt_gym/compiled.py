@@ -7,17 +7,27 @@ numba also leaves it to the linker which version of a kernel runs: the code of a
 calls as weak symbols, and of several versions, each optimised with its caller and rounding differently, the one that
 was loaded first serves all. What a step computes would then depend in the last bits on what ran before it in the same
 process. Here every kernel keeps the versions that it was compiled with.
+
+So each kernel would be optimised again within every kernel above it. A kernel marked as ``separate`` is not: its
+callers call its one machine code through a symbol, which names the kernel, its argument types and the sources that it
+was compiled from. A caller that comes from the cache has its separate kernels loaded, or compiled, first.
 """
 
+import hashlib
 import math
+from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numba
 from llvmlite.binding import Linkage
+from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.funcdesc import PythonFunctionDescriptor
 from numba.core.typed_passes import AnnotateTypes
 
 __all__ = ["compiled_for", "kernel"]
@@ -26,8 +36,69 @@ FASTMATH = {"contract", "arcp", "nsz", "reassoc"}
 """Never nnan or ninf: the checks for states that are not finite must keep their meaning."""
 
 
+class _Changed(Exception):
+    """A separate kernel is no longer what its caller was compiled for."""
+
+
+@dataclass(frozen=True)
+class _Separate:
+    """A separate kernel for certain argument types; called, it sees to it that the machine code is in the process.
+
+    numba keeps such calls with the machine code of a caller and makes them before it loads it (``reload_init``).
+    """
+
+    module: str
+    name: str
+    arguments: tuple
+    symbol: str
+
+    def kernel(self):
+        """The kernel as it is now."""
+        return getattr(import_module(self.module), self.name)
+
+    def __call__(self):
+        kernel = self.kernel()
+        kernel.compile(self.arguments)
+        if _separate(kernel.py_func, self.arguments) != self:
+            raise _Changed(f"{self.module}.{self.name} has changed since its callers were compiled")
+
+
+_SEPARATE = WeakKeyDictionary()
+"""The `_Separate` and the name in LLVM's code of each library of a separate kernel."""
+
+
+def _separate(function, arguments):
+    """What stands for a separate kernel in the cache of its callers; numba's own names differ between processes."""
+    module, name = function.__module__, function.__name__
+    cache_file = getattr(import_module(module), name)._cache._cache_file
+    sources = f"{_stamp()} {cache_file._source_stamp} {arguments}"
+    return _Separate(module, name, tuple(arguments), f"{module}.{name}.{hashlib.sha256(sources.encode()).hexdigest()}")
+
+
 class _SelfContained(JITCodeLibrary):
     """Machine code whose own versions of the kernels that it calls no other code can replace."""
+
+    _name_and_symbol = None  # of a separate kernel
+
+    def __init__(self, codegen, name):
+        super().__init__(codegen, name)
+        self._called = {}  # separate kernels: their names in LLVM's code, and symbols
+
+    def add_linking_library(self, library):
+        """Link the code of what is called; of a separate kernel only remember what its callers call it."""
+        if library in _SEPARATE:
+            separate, name = _SEPARATE[library]
+            self._called[name] = separate.symbol
+            self._reload_init.add(separate)
+        else:
+            super().add_linking_library(library)
+
+    def finalize(self):
+        """Optimise and load the code, in which separate kernels now go by their symbols."""
+        for function in list(self._final_module.functions):  # before others with the same symbols are linked
+            if function.name in self._called:
+                function.name = self._called[function.name]
+        super().finalize()
 
     def _finalize_final_module(self):
         self._finalized = True
@@ -35,6 +106,9 @@ class _SelfContained(JITCodeLibrary):
         for function in self._final_module.functions:
             if function.linkage == Linkage.linkonce_odr and not function.is_declaration:
                 function.linkage = "internal"
+        if self._name_and_symbol:
+            name, symbol = self._name_and_symbol
+            self._final_module.get_function(name).name = symbol
         super()._finalize_final_module()
 
 
@@ -54,15 +128,62 @@ class _UseSelfContained(LoweringPass):
         return True
 
 
+@register_pass(mutates_CFG=False, analysis_only=False)
+class _UseSeparate(_UseSelfContained):
+    """The same for a separate kernel."""
+
+    _name = "use_separate_library"
+
+    def run_pass(self, state):
+        """Make the library, with the name that callers will know."""
+        super().run_pass(state)
+        function = PythonFunctionDescriptor.from_specialized_function(
+            state.func_ir, state.typemap, state.return_type, state.calltypes, mangler=state.targetctx.mangler,
+            inline=state.flags.forceinline, noalias=state.flags.noalias, abi_tags=[state.flags.get_mangle_string()],
+        )  # fmt: skip
+        separate = _separate(state.func_id.func, state.args)
+        state.library._name_and_symbol = function.llvm_func_name, separate.symbol
+        _SEPARATE[state.library] = separate, function.llvm_func_name
+        return True
+
+
 class _KernelCompiler(CompilerBase):
     """The stages of numba's compiler with self-contained machine code."""
+
+    _library_pass = _UseSelfContained
 
     def define_pipelines(self):
         """One pipeline, without Python objects."""
         stages = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        stages.add_pass_after(_UseSelfContained, AnnotateTypes)
+        stages.add_pass_after(self._library_pass, AnnotateTypes)
         stages.finalize()
         return [stages]
+
+
+class _SeparateCompiler(_KernelCompiler):
+    """The same for separate kernels."""
+
+    _library_pass = _UseSeparate
+
+
+class _KernelCache(FunctionCache):
+    """Machine code on disk, which comes with the separate kernels that it calls."""
+
+    separate = False
+
+    def _load_overload(self, sig, target_context):
+        try:
+            result = super()._load_overload(sig, target_context)
+        except _Changed:  # the caller is then compiled anew
+            return None
+        if result is not None:
+            result.library._reload_init.update(result.reload_init)  # numba gives them to callers compiled later
+            if self.separate:
+                _SEPARATE[result.library] = (
+                    _separate(self._py_func, result.signature.args),
+                    result.fndesc.llvm_func_name,
+                )
+        return result
 
 
 @cache
@@ -73,7 +194,7 @@ def _stamp():
     return f"{numba.__version__} {math.fsum(s.st_mtime for s in stats)} {sum(s.st_size for s in stats)}"
 
 
-def kernel(function=None, **options):
+def kernel(function=None, separate=False, **options):
     """Compile a function on plain arrays.
 
     Reference counting is off (arrays live in the caller), which trebles the speed of functions that pass many arrays;
@@ -82,15 +203,27 @@ def kernel(function=None, **options):
     Parameters
     ----------
     function : callable
+    separate : bool
+        Compile it once for all its callers, which then call it: some nanoseconds and as many for each array among the
+        arguments. For big kernels outside of inner loops; at the top level of their module.
     **options
         Further options of ``numba.njit``. ``inline="always"`` suits a kernel with a single caller: it is then compiled
         once, not on its own and again within its caller.
+
+    Raises
+    ------
+    ValueError
+        If a separate kernel is defined within a function or class.
     """
     if function is None:
-        return lambda f: kernel(f, **options)
-    defaults = {"cache": True, "error_model": "numpy", "fastmath": FASTMATH, "_nrt": False}
-    defaults["pipeline_class"] = _KernelCompiler
+        return lambda f: kernel(f, separate, **options)
+    if separate and function.__qualname__ != function.__name__:
+        raise ValueError(f"{function.__qualname__}: a separate kernel stands at the top level of its module")
+    defaults = {"error_model": "numpy", "fastmath": FASTMATH, "_nrt": False}
+    defaults["pipeline_class"] = _SeparateCompiler if separate else _KernelCompiler
     dispatcher = numba.njit(**(defaults | options))(function)
+    dispatcher._cache = _KernelCache(function)
+    dispatcher._cache.separate = separate
     # in the place of the version, because numba reads an old file no further: it may name types that have moved since
     dispatcher._cache._cache_file._version = _stamp()
     return dispatcher

@@ -83,7 +83,7 @@ def let_through(source, n_blade, n_chord, n_span, through):
                 through[(b * n_chord + i) * n_span + j] -= source[b * n_span + j]
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def convect_wake(o, a, dt):
     """Move all wake rows and the air at the shedding edge through one step and make room for the new row."""
     convect(a, dt, dt / a.last_dt[0] if a.n_levels[0] > 1 else 0.0)
@@ -108,7 +108,7 @@ def prepare(p, o, a, w, nodes, place, bodies=None, body_work=None):
     prepare_boundary(p, o, a, w, nodes, bodies, body_work)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
     """Points of the blades, newest row, far wake, and the sheet of the wake without its newest ring."""
     n_row = nodes.shape[1]
@@ -135,7 +135,7 @@ def prepare_wake(p, o, a, w, nodes, place, bodies=None, body_work=None):
         cut_wake(p, o, bodies, body_work.flags, a.wake, n_rows, w)
 
 
-@kernel(fastmath=False, nogil=True)
+@kernel(fastmath=False, nogil=True, separate=True)
 def prepare_boundary(p, o, a, w, nodes, bodies=None, body_work=None):
     """Influence of the bound rings with their newest wake rings, and the inverse of the boundary condition."""
     n_blade, n_row, n_node, _ = nodes.shape
@@ -155,7 +155,7 @@ def prepare_boundary(p, o, a, w, nodes, bodies=None, body_work=None):
     a.prepared[0] = 1
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def cut_wake(p, o, bodies, flags, wake, n_rows, w):
     """Take the segments that would cut through the tower out of the sheets of the wake, rows 2..n_rows."""
     if bodies.stations.shape[0] == 0:
@@ -180,7 +180,7 @@ def cut_wake(p, o, bodies, flags, wake, n_rows, w):
                             here[5] = 0.0
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def answer_of_bodies(p, o, a, w, bodies, body_work):
     """Eliminate the bodies: influence of the rings and velocity of the wake with the sources that answer them."""
     n_rows = a.n_rows[0]
@@ -226,7 +226,7 @@ def circulation_rate(o, a, dt, gamma, rate):
         rate[r] = now * gamma[r] + before * gamma_1[r] + earlier * gamma_2[r]
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def solve(p, o, a, w, nodes, velocities, wind, dt, first):
     """Circulation and nodal forces at the given nodes, with the wake frozen."""
     n_blade, n_row, n_node, _ = nodes.shape
@@ -307,7 +307,7 @@ def accept(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     store_induced(p, o, a, w, n_target, bodies, body_work)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def shed_newest(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     """Shed the newest ring, finish the sheets and gather the targets whose turn it is; returns their number."""
     n_span = a.gamma.shape[2]
@@ -338,7 +338,7 @@ def shed_newest(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     return gather_targets(p, o, a, w)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def store_induced(p, o, a, w, n_target, bodies=None, body_work=None):
     """Velocities of the targets, with those of the bodies, back to the rows."""
     if bodies is not None:

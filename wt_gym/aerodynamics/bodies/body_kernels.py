@@ -141,7 +141,7 @@ def panels_velocity(bodies, strength, points, ground, has_ground, part, out):
                 out[c, i] += strength[p] * part[c, i]
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, separate=True)
 def add_body_velocity(bodies, strength, targets, velocity, n_target, origin, ground, has_ground):
     """Add the velocity of all panels and their images to float32 velocities at float32 targets.
 
@@ -193,7 +193,7 @@ def add_body_velocity(bodies, strength, targets, velocity, n_target, origin, gro
                             vz[i] += flip * (s * w)
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, separate=True)
 def couple_bodies(bodies, work, points, ground, has_ground, influence, wake_flow):
     """Take the bodies out of the unknowns of the lattice, in place.
 

@@ -29,7 +29,7 @@ FOUR_PI = 4.0 * np.pi
 FAST = {"contract", "afn", "arcp", "reassoc", "nsz"}
 
 
-@kernel(fastmath=False, nogil=True)
+@kernel(fastmath=False, nogil=True, separate=True)
 def direct_induction(sheet, targets, velocity, first, last, scratch):
     """Add the velocity of all sheets at targets ``first`` to ``last`` - 1.
 

@@ -86,7 +86,7 @@ def _on_ground(a, o, k, b, j):
     return a.wake[k, b, j, 2] - o.ground < 0.01 * _distance(a.wake[k - 1, b, j], a.wake[k, b, j])
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def add_local_velocity(p, o, a, w):
     """Put the arcs in the place of their segments at the rows whose turn it is, in the order of `gather_targets`."""
     n, n_rows = 0, a.n_rows[0]

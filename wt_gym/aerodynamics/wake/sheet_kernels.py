@@ -81,7 +81,7 @@ def _place_corner(a, k, b, j, middle, fore, aft, corner):
             corner[c] -= bend
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
     """Write wake rows first..last as a sheet of merged segments, relative to ``a.origin``.
 
@@ -151,7 +151,7 @@ def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
                     _segment(here, 3 + 2 * side, strength, core)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def build_sparse_sheet(a, p, o, grow, sheet):
     """Write the rows from ``sparse_from`` on, of which only the carrying nodes hold vortices.
 

@@ -154,7 +154,7 @@ def wake_sheets(a, o, w, first):
     return w.wake_sheet[first : n_dense + 1], w.sparse_sheet[: n_rows - n_dense + (n_rows > n_dense)]
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def induced_at(bound_sheet, wake_sheet, sparse_sheet, a, n_target, w, o, table):
     """Velocity of sheets and far wake at the first ``n_target`` targets (float32, relative to the origin)."""
     n_padded = pad_targets(w, n_target, o, a.origin)

@@ -79,7 +79,7 @@ def turn_by_servo(c, y, tree, work):
         work.frame_w[0, i] += work.c1[i]
 
 
-@kernel
+@kernel(separate=True)
 def constraint_rows(y, tree, work):
     """Jacobian B, acceleration bias γ and residuals φ, φ̇ of all constraints, in axes of their first frames.
 

@@ -5,7 +5,7 @@ from wt_gym.multibody.tree.rotation_kernels import cross_add
 from wt_gym.multibody.tree.tree_kernels import body_terms, kinematics
 
 
-@kernel
+@kernel(separate=True)
 def energies(y, tree, work):
     """Kinetic, elastic (bodies and joint springs about zero) and gravitational energy [J]; updates the kinematics."""
     n_q, n_u = tree.n_q, tree.n_u
@@ -38,7 +38,7 @@ def energies(y, tree, work):
     return kinetic, elastic, potential
 
 
-@kernel
+@kernel(separate=True)
 def joint_wrenches(y, acceleration, loads, tree, work, wrench):
     """Force and moment that each joint exerts on its body, at the body frame origin in body components.
 

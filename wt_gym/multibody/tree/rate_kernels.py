@@ -102,7 +102,7 @@ def position_rates(y, yd, dof_q, kinds, joint_q, joint_u, dy):
             dy[q + 3] = 0.5 * (a * w2 + x * w1 - yy * w0)
 
 
-@kernel
+@kernel(separate=True)
 def project(y, tree, work, change, shift):
     """Put a state back onto the constraint equations φ = 0, φ̇ = 0, in place.
 

@@ -58,7 +58,7 @@ def attachment(b, p, y, yd, tree, work):
     tangent_bias(t, td, work.wb)
 
 
-@kernel
+@kernel(separate=True)
 def kinematics(y, tree, work):
     """Frames, velocities, velocity transformation and acceleration bias of all bodies for the state y."""
     n_q = tree.n_q
@@ -317,7 +317,7 @@ def elastic_mass(b, y, tree, work):
                 mff[j, k] += value
 
 
-@kernel
+@kernel(separate=True)
 def body_terms(b, y, yd, tree, work):
     """State-dependent inertia of body b: mc, J, C, D, M and the velocity-dependent forces h (elastic ones too)."""
     nf = tree.n_elastic[b]
