@@ -35,12 +35,13 @@ def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, 
 
 
 def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of the environment of a training: registered and given ones.
+    """Arguments of the environment that a model is to run in: those of its training, registered and given ones.
 
     Parameters
     ----------
     record : mapping
-        As `agents.train.train` writes it.
+        As `agents.train.train` writes it. Who ships a model for other bounds than those of its training, because it
+        was found to do well with them, adds those arguments as "intended_for".
 
     Returns
     -------
@@ -52,10 +53,11 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     gymnasium.error.Error
         If the environment is not registered.
     """
-    if "environment" in record:
-        return record["environment"]
     config = record.get("config")
-    return resolved_arguments(config["env_id"], config["env_kwargs"]) if config else {}
+    if "environment" not in record and not config:
+        return {}
+    trained = record.get("environment") or resolved_arguments(config["env_id"], config["env_kwargs"])
+    return {**trained, **record.get("intended_for", {})}
 
 
 def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:

@@ -4,6 +4,7 @@ Importing this module loads nothing heavy; `wt_gym` registers the tasks under ``
 `wt_gym.envs.turbine_env.WindTurbineEnv` can be given to ``gymnasium.make`` on top.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -51,17 +52,16 @@ _FIXED_FRAME = {
     "reward": {"tower_side_side_fatigue": 1.0},
     "termination_penalty": 120.0,
 }
-# Loads are to be spared at no cost in power. With the mean pitch in the hands of an agent, blades held a degree or two
-# off fine pitch about rated wind earned more than none, and agents gave 6 to 8 % of the power at 12 m/s for loads;
-# above rated wind the controller takes every lasting mean back, so that agents drifted there for nothing. So the action
-# is tilt and yaw, faded out below rated wind as individual pitch in industry is, and pitch travel weighs more.
+# Loads are to be spared at no cost in power. With all of the mean pitch in the hands of an agent, blades held a degree
+# or two off fine pitch about rated wind earned more than none, and agents gave 6 to 8 % of the power at 12 m/s for
+# loads. So the mean has half a degree, enough to damp the tower, and all of it fades out below rated wind as individual
+# pitch in industry does; pitch travel weighs more.
 _LOAD_REDUCTION = {
-    **_RESIDUAL,
-    "pitch": "cyclic",
+    **_FIXED_FRAME,
     "action_components": ("pitch",),
+    "action_spans": {"pitch_mean": math.radians(0.5)},
     "residual_fade": True,
     "reward": {"tower_side_side_fatigue": 1.0, "actuator_use": 0.5},
-    "termination_penalty": 120.0,
 }
 
 TASKS = {
@@ -69,7 +69,7 @@ TASKS = {
     for task in (
         Task(
             "LoadReduction",
-            "Spare the blades above rated wind, not at the tower's cost, by cyclic pitch on top of the controller.",
+            "Spare the blades above rated wind, not at the tower's cost, by pitch on top of the controller.",
             "flap DEL at no less than 99.5 % of the energy; pitch travel beside it",
             60.0,
             {**_LOAD_REDUCTION, "wind_speed": (12.0, 20.0)},

@@ -83,7 +83,7 @@ def test_ending_a_task_early_never_pays(name):
 def test_the_time_limit_of_a_task_is_a_truncation():
     env = gym.make("wt_gym/LoadReduction-v0", max_episode_steps=4)
     env.reset(seed=0)
-    ends = [env.step(np.zeros(2, dtype=np.float32))[2:4] for _ in range(4)]
+    ends = [env.step(np.zeros(3, dtype=np.float32))[2:4] for _ in range(4)]
     assert ends == [(False, False)] * 3 + [(False, True)]
 
 
@@ -124,7 +124,7 @@ def test_faded_residual_pitch_acts_above_rated_wind_only(wind_speed, share):
     """The same offset leaves the blades at fine pitch to the controller and moves pitched ones in full."""
     env = WindTurbineEnv(
         inflow=SteadyInflow(wind_speed), episode_length=10.0, action_components=("pitch",), residual_fade=True,
-        observation=("offsets",), **RESIDUAL,
+        observation=("offsets", "residual_share"), **RESIDUAL,
     )  # fmt: skip
     env.reset(seed=0)
     for _ in range(5):
@@ -140,7 +140,7 @@ def test_a_lasting_mean_offset_is_washed_out_tilt_is_not():
     tau, step = 4.0, np.radians(1.5)
     env = WindTurbineEnv(
         inflow=SteadyInflow(18.0), episode_length=20.0, action_components=("pitch",), residual_washout=tau,
-        observation=("offsets",), **RESIDUAL,
+        observation=("offsets", "residual_mean"), **RESIDUAL,
     )  # fmt: skip
     env.reset(seed=0)
     for k in range(50):
@@ -174,8 +174,8 @@ def test_only_residual_pitch_fades():
     with pytest.raises(ValueError, match=r"must be True, False or FadeParameters, got 0\.5"):
         WindTurbineEnv(action_mode="residual", residual_fade=0.5)
     for choice in ({"action_mode": "rate"}, {"action_mode": "residual", "action_components": ("torque",)}):
-        env = WindTurbineEnv(residual_fade=True, **choice)
-        assert "residual_share" not in env.layout.observation.names
+        with pytest.raises(ValueError, match="residual_share"):
+            WindTurbineEnv(residual_fade=True, observation=("rotor", "residual_share"), **choice)
 
 
 def test_cyclic_pitch_is_that_of_the_fixed_frame_without_its_mean():

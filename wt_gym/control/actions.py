@@ -23,7 +23,7 @@ ACTION_MODES = ("rate", "absolute", "residual")
 PITCH_FORMS = ("collective", "individual", "fixed-frame", "cyclic")
 _TURNING = ("fixed-frame", "cyclic")
 COMPONENTS = ("pitch", "yaw", "torque")
-SPANS = ("pitch", "pitch_rate", "yaw_rate", "torque", "torque_rate")
+SPANS = ("pitch", "pitch_mean", "pitch_rate", "yaw_rate", "torque", "torque_rate")
 # An action may leave [-1, 1] by float32 rounding of a policy's output, by no more.
 _ROUNDING = 1e-6
 CYCLIC = math.radians(4.0)
@@ -101,7 +101,8 @@ class ActionMap:
     components : sequence of {"pitch", "yaw", "torque"}
     spans : mapping, optional
         Other spans than the default ones: "pitch_rate" [rad/s], "yaw_rate" [rad/s], "torque_rate" [N m/s]: greatest
-        rates; "pitch" [rad], "torque" [N m]: limits of the offsets (of tilt and yaw in all modes).
+        rates; "pitch" [rad], "torque" [N m]: limits of the offsets (of tilt and yaw in all modes); "pitch_mean" [rad]:
+        that of the mean offset in the fixed frame, by default as for tilt and yaw.
     wind_speeds : (float, float), optional
         Range of the mean winds, for mode "absolute" [m/s]; by default that in which the turbine operates.
     delay : float
@@ -224,11 +225,13 @@ class ActionMap:
                 allowed = f"positive and at most {limit:.6g}" if name in most else "positive and finite"
                 raise ValueError(f"action_spans[{name!r}] must be {allowed}, got {value!r}")
             chosen[name] = float(value)
-        return chosen
+        return {"pitch_mean": chosen["pitch"]} | chosen
 
     def _pitch_range(self) -> tuple[np.ndarray, np.ndarray]:
         """Limits of the pitch coordinates (n_pitch,) [rad]."""
         around = np.full(self.n_pitch, self._spans["pitch"])
+        if self.pitch == "fixed-frame":
+            around[0] = self._spans["pitch_mean"]
         low, high = -around, around
         if self.mode != "residual":
             own = 1 if self.pitch == "fixed-frame" else self.n_pitch  # tilt and yaw lie about nothing

@@ -441,13 +441,6 @@ class Observer:
         if "torque" in self._action.components:
             limit = self._action.torque_offset_limit
             channels.append(Channel("torque_offset", "N m", 0.0, 0.5 * limit, -limit, limit, 0.0, "residual torque"))
-        if self._fades:
-            text = "share of residual pitch that acts"
-            channels.append(Channel("residual_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, text))
-        if self._washes:
-            limit = 2.0 * float(self._action.pitch_high[0])
-            text = "mean of the blades' residual pitch that acts"
-            channels.append(Channel("residual_mean", "rad", 0.0, 0.25 * limit, -limit, limit, 0.0, text))
         return channels
 
     def _lidar_channels(self) -> list[Channel]:
@@ -466,7 +459,16 @@ class Observer:
     def _more(self) -> list[Channel]:
         """Channels of no group."""
         moment = reference_tower_moment(self._turbine)
+        acting = []
+        if self._fades:
+            text = "share of residual pitch that acts"
+            acting.append(Channel("residual_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, text))
+        if self._washes:
+            limit = 2.0 * float(self._action.pitch_high[0])
+            text = "mean of the blades' residual pitch that acts"
+            acting.append(Channel("residual_mean", "rad", 0.0, 0.25 * limit, -limit, limit, 0.0, text))
         return [
+            *acting,
             Channel("tower_base_fore_aft_moment", "N m", 0.55 * moment, 0.15 * moment, -10 * moment, 10 * moment,
                     0.005 * moment, "tower-base moment, positive for a downwind push"),
             Channel("tower_base_side_side_moment", "N m", 0.055 * moment, 0.04 * moment, -10 * moment, 10 * moment,

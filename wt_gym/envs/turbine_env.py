@@ -242,10 +242,11 @@ class WindTurbineEnv(gym.Env):
     residual_fade : bool or FadeParameters
         Let residual pitch act only above rated wind, as additions to industrial controllers do
         (`wt_gym.control.controllers.fading.AboveRated`): blades at fine pitch stay where they make the most power.
-        The agent sees the share that acts as "residual_share", of the group "offsets". Other modes have none to fade.
+        The share that acts can be observed as "residual_share". Other modes have none to fade.
     residual_washout : float, optional
         Time constant of a high-pass filter on the mean of the blades' residual pitch [s]: offsets of all blades that
-        last are left to the controller beneath, see `wt_gym.control.residual`. What acts is seen as "residual_mean".
+        last are left to the controller beneath, see `wt_gym.control.residual`. What acts can be observed as
+        "residual_mean".
     controller : str, Controller or callable
         What runs beneath residual actions, or decides on components left out: a name for
         `wt_gym.control.controllers.make_controller`, a controller, or a function that makes one for a turbine.
