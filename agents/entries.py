@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from agents.choices import controller_of, expand_seeds, kind_of, split_name
 from agents.constant import ConstantAgent
-from agents.trained_environment import trained_arguments
+from agents.trained_environment import environment_of_training
 from agents.uniform import UniformAgent
 from wt_gym.benchmark import INTERFACE
 from wt_gym.envs.layout import layout_of
@@ -136,7 +136,6 @@ def _trained(name: str, path: Path) -> Entry:
     from agents.trained_agent import TrainedAgent, model_digests
 
     record = TrainedAgent.load(path).record or {}
-    kwargs = trained_arguments(record)
-    interface = {key: kwargs[key] for key in INTERFACE if key in kwargs}
+    interface = environment_of_training(record, INTERFACE)
     definition = {"kind": "trained", "algorithm": record.get("algorithm"), "sha256": model_digests(path)}
     return Entry(name, str(path), definition, interface)

@@ -131,6 +131,13 @@ def resume(
         config = TrainingConfig.from_json(record.get("config"))
         changes = {"total_steps": total_steps, "max_seconds": max_seconds}
         config = replace(config, **{name: value for name, value in changes.items() if value is not None})
+        arguments = resolved_arguments(config.env_id, config.env_kwargs)
+        before = record.get("environment", arguments)
+        if differing := [name for name in {**before, **arguments} if before.get(name) != arguments.get(name)]:
+            raise ValueError(
+                f"{config.env_id} has other arguments now than when the training in {run.path} began: "
+                f"{', '.join(differing)}; start anew, or give those of then by --env-kwargs"
+            )
         with closing(make_training_env(config)) as venv:
             model = load_model(config, venv, run)
             # one that was stopped at its last step still lacks its last evaluation: that is made up for

@@ -12,9 +12,9 @@ from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
-__all__ = ["KEPT", "check_environment", "resolved_arguments", "trained_arguments"]
+__all__ = ["KEPT", "check_environment", "environment_of_training", "resolved_arguments", "trained_arguments"]
 
 KEPT = ("action_spans", "residual_fade", "residual_washout", "controller", "sensor_noise", "sensor_delay")
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
@@ -60,6 +60,28 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     return {**trained, **record.get("intended_for", {})}
 
 
+def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """Arguments of the environment that a model is to run in, those left to their defaults included.
+
+    In another id than that of the training what is not named would be that id's own.
+
+    Parameters
+    ----------
+    record : mapping
+        As of `trained_arguments`.
+    names : iterable of str
+        Which arguments.
+
+    Returns
+    -------
+    dict
+        JSON values; empty if the record does not say.
+    """
+    arguments, parameters = trained_arguments(record), inspect.signature(WindTurbineEnv).parameters
+    values = {name: arguments.get(name, parameters[name].default) for name in names} if arguments else {}
+    return json.loads(json.dumps(values, default=str))
+
+
 def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
     """Refuse an environment in which what a model sees and does means something else than in its training.
 
@@ -83,7 +105,7 @@ def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
     differing = [f"{name} {trained[name]!r}, here {here[name]!r}" for name in trained if trained[name] != here[name]]
     if differing:
         raise ValueError(
-            f"the model was trained in another environment: with {'; '.join(differing)}; give the environment the "
+            f"the model is for another environment: with {'; '.join(differing)}; give the environment the "
             "same, or ask for the other one by --allow-other-environment (allow_other_environment=True)"
         )
 

@@ -190,6 +190,10 @@ def test_cyclic_pitch_is_that_of_the_fixed_frame_without_its_mean():
         ends.append(env.demand.pitch)
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-12)
     assert np.ptp(ends[0]) > np.radians(1.0)
+    for pitch, n in (("collective", 1), ("fixed-frame", 3)):
+        env = WindTurbineEnv(action_mode="residual", pitch=pitch, action_spans={"pitch_mean": 0.01})
+        limits = env.unwrapped.layout.action.pitch_high
+        np.testing.assert_allclose(limits, [0.01, *np.radians([4.0] * (n - 1))])
     with pytest.raises(ValueError, match="pitch='cyclic' has no mean of its own: it needs action_mode='residual'"):
         WindTurbineEnv(pitch="cyclic", action_mode="rate")
 

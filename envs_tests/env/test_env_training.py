@@ -83,6 +83,16 @@ def read_scalars(folder):
     return scalars
 
 
+def test_a_training_does_not_go_on_in_another_environment(tmp_path):
+    """The id has other arguments in the version that resumes than in the one that began."""
+    train(SMALL, tmp_path, progress=False)
+    path = tmp_path / "training.json"
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | {"environment": record["environment"] | {"residual_washout": 3.0}}))
+    with pytest.raises(ValueError, match=r"has other arguments now .*: residual_washout;"):
+        resume(tmp_path, total_steps=96, progress=False)
+
+
 @pytest.mark.parametrize("algorithm", ["SAC", "TQC"])
 def test_off_policy_training_keeps_its_replay_buffer(algorithm, tmp_path):
     train(replace(SMALL, algorithm=algorithm, hyperparameters=OFF_POLICY), tmp_path, progress=False)

@@ -102,7 +102,7 @@ class ActionMap:
     spans : mapping, optional
         Other spans than the default ones: "pitch_rate" [rad/s], "yaw_rate" [rad/s], "torque_rate" [N m/s]: greatest
         rates; "pitch" [rad], "torque" [N m]: limits of the offsets (of tilt and yaw in all modes); "pitch_mean" [rad]:
-        that of the mean offset in the fixed frame, by default as for tilt and yaw.
+        that of a residual mean, collective or in the fixed frame, by default as for tilt and yaw.
     wind_speeds : (float, float), optional
         Range of the mean winds, for mode "absolute" [m/s]; by default that in which the turbine operates.
     delay : float
@@ -230,7 +230,7 @@ class ActionMap:
     def _pitch_range(self) -> tuple[np.ndarray, np.ndarray]:
         """Limits of the pitch coordinates (n_pitch,) [rad]."""
         around = np.full(self.n_pitch, self._spans["pitch"])
-        if self.pitch == "fixed-frame":
+        if self.pitch in ("collective", "fixed-frame"):
             around[0] = self._spans["pitch_mean"]
         low, high = -around, around
         if self.mode != "residual":

@@ -136,7 +136,8 @@ class WindTurbineEnv(gym.Env):
 
     By default residual actions see rotor, power, pitch, wind, fixed_frame, tower, controller and offsets, others rotor,
     power, pitch, wind, blades, tower, azimuth and previous_action. Single channels beyond the groups: the moments of
-    the tower base, and mean, tilt and yaw of any signal of the blades, for example ``"root_edge_moment_yaw"``.
+    the tower base, mean, tilt and yaw of any signal of the blades, for example ``"root_edge_moment_yaw"``, and
+    ``"residual_share"`` and ``"residual_mean"`` where residual pitch fades or is washed out.
     ``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more.
     ``env.unwrapped.layout`` holds names, units, scales and ranges for every turbine and choice of arguments;
     `wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
@@ -246,7 +247,7 @@ class WindTurbineEnv(gym.Env):
     residual_washout : float, optional
         Time constant of a high-pass filter on the mean of the blades' residual pitch [s]: offsets of all blades that
         last are left to the controller beneath, see `wt_gym.control.residual`. What acts can be observed as
-        "residual_mean".
+        "residual_mean". It has no effect on tilt and yaw alone, or in other modes.
     controller : str, Controller or callable
         What runs beneath residual actions, or decides on components left out: a name for
         `wt_gym.control.controllers.make_controller`, a controller, or a function that makes one for a turbine.
