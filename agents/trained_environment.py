@@ -77,9 +77,8 @@ def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> 
     dict
         JSON values; empty if the record does not say.
     """
-    arguments, parameters = trained_arguments(record), inspect.signature(WindTurbineEnv).parameters
-    values = {name: arguments.get(name, parameters[name].default) for name in names} if arguments else {}
-    return json.loads(json.dumps(values, default=str))
+    arguments = trained_arguments(record)
+    return _with_defaults(arguments, names) if arguments else {}
 
 
 def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
@@ -112,6 +111,12 @@ def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
 
 def _kept(arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Values of `KEPT`, as a record would have them."""
+    values = _with_defaults(arguments, KEPT)
+    return values | {"action_spans": values["action_spans"] or {}}
+
+
+def _with_defaults(arguments: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """Arguments of these names, the environment's defaults where they are not given, as JSON values."""
     parameters = inspect.signature(WindTurbineEnv).parameters
-    values = {name: arguments.get(name, parameters[name].default) for name in KEPT}
-    return json.loads(json.dumps(values | {"action_spans": values["action_spans"] or {}}, default=str))
+    values = {name: arguments.get(name, parameters[name].default) for name in names}
+    return json.loads(json.dumps(values, default=str))
