@@ -130,8 +130,7 @@ def named_choices(choices: list[str]) -> dict[str, str]:
     named: dict[str, str] = {}
     for given in choices:
         name, choice = split_name(given)
-        kind_of(choice, _WORDS)
-        for suffix, single in expand_seeds(choice):
+        for suffix, single in expand_seeds(choice) if kind_of(choice, _WORDS) == "trained" else [("", choice)]:
             label = (name or _default_name(choice)) + suffix
             if label in named:
                 raise ValueError(f"two agents are called {label!r}; give them names as NAME={single}")
@@ -140,7 +139,12 @@ def named_choices(choices: list[str]) -> dict[str, str]:
 
 
 def expand_seeds(choice: str) -> list[tuple[str, str]]:
-    """Suffix of the name and path of each seed where a choice is the folder of a training with several seeds.
+    """Suffix of the name and path of each seed where a path is the folder of a training with several seeds.
+
+    Parameters
+    ----------
+    choice : str
+        `kind_of` says "trained".
 
     Returns
     -------
@@ -154,8 +158,6 @@ def expand_seeds(choice: str) -> list[tuple[str, str]]:
     ValueError
         If the plan of the training is damaged.
     """
-    if is_controller_name(choice) or not Path(choice).exists():
-        return [("", choice)]
     from agents.trained_agent import MODEL_FILE  # torch takes seconds to import
 
     folders = _folders_of_seeds(Path(choice))
@@ -193,7 +195,7 @@ def fingerprint(choice: str) -> dict[str, Any]:
     FileNotFoundError
         If there is no such model.
     """
-    if choice in _WORDS or is_controller_name(choice):
+    if kind_of(choice, _WORDS) != "trained":
         return {"choice": choice}
     from agents.trained_agent import model_digests  # torch takes seconds to import
 
@@ -202,9 +204,10 @@ def fingerprint(choice: str) -> dict[str, Any]:
 
 def _default_name(choice: str) -> str:
     """Name that says what the choice is: algorithm of a trained model, else the name of its file or folder."""
-    if choice in _WORDS:
+    kind = kind_of(choice, _WORDS)
+    if kind == "word":
         return _WORDS[choice]
-    if is_controller_name(choice):
+    if kind == "controller":
         return choice.removeprefix(_PREFIX)
     from agents.trained_agent import RECORD_FILE, read_record
 

@@ -98,11 +98,18 @@ def _default_name(choice: str) -> str:
     return Path(choice).name if Path(choice).exists() else choice
 
 
+def _kind(choice: str) -> str:
+    """Kind of a choice: "planner", or as `agents.choices.kind_of` says."""
+    return (
+        "planner" if choice.partition(":")[0] == "planner" else kind_of(choice, ("zero", "random"), ("planner", *WORDS))
+    )
+
+
 def _entry(name: str, choice: str) -> Entry:
     """Entry of a choice."""
-    if choice.partition(":")[0] == "planner":
-        return Entry(name, choice, {"kind": "planner", "parameters": controller_of(choice)[1]})
-    kind = kind_of(choice, ("zero", "random"), ("planner", *WORDS))
+    kind = _kind(choice)
+    if kind == "planner":
+        return Entry(name, choice, {"kind": kind, "parameters": controller_of(choice)[1]})
     if kind == "word":
         return Entry(name, choice, {"kind": choice})
     if kind == "trained":
@@ -124,7 +131,7 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
     for text in texts:
         for word in WORDS.get(text, (text,)):
             name, choice = split_name(word)
-            for suffix, single in expand_seeds(choice):
+            for suffix, single in expand_seeds(choice) if _kind(choice) == "trained" else [("", choice)]:
                 entry = _entry((name or _default_name(choice)) + suffix, single)
                 if entries.setdefault(entry.name, entry) != entry:
                     raise ValueError(f"two agents are called {entry.name!r}; give them names as NAME=CHOICE")

@@ -71,6 +71,8 @@ class EvaluationFolder(FolderLock):
         If an agent's model does not exist.
     """
 
+    subfolders = (RUNS_FOLDER,)
+
     def __init__(self, path: str | Path, agents: Mapping[str, str | Agent], config: EvaluationConfig):
         objects = [name for name, agent in agents.items() if not isinstance(agent, str)]
         if objects:
@@ -152,6 +154,6 @@ class EvaluationFolder(FolderLock):
         """Remove what an evaluation left here, and nothing else."""
         for name in (CONFIGURATION_FILE, TABLE_FILE, METRICS_FILE, REPORT_FILE):
             (self.path / name).unlink(missing_ok=True)
-        for pattern in ("*.nc", "*_replay.npz", ".*.partial"):
+        for pattern in ("*.nc", "*_replay.npz"):
             for file in (self.path / RUNS_FOLDER).glob(pattern):
                 file.unlink()

@@ -6,11 +6,15 @@ import fcntl
 import os
 from pathlib import Path
 
+from wt_gym.files import remove_partial
+
 __all__ = ["FolderLock"]
 
 
 class FolderLock:
     """Holds a folder for one process while it is entered, and leaves no folder behind where nothing was written.
+
+    What killed processes had begun to write there is removed. Needs POSIX file locks.
 
     The lock is the operating system's and ends with the process, however that ends: a file that a killed process left
     behind locks nothing. In the file stands the number of the process that holds it.
@@ -30,6 +34,9 @@ class FolderLock:
         On entering, if the folder cannot be made.
     """
 
+    subfolders: tuple[str, ...] = ()
+    """Folders in this one that the work writes to."""
+
     def __init__(self, path: str | Path, work: str):
         self.path, self._work = Path(path), work
         self._lock_file = self.path / f"{work}.lock"
@@ -43,6 +50,8 @@ class FolderLock:
             self._lock = self._taken()
         os.truncate(self._lock, 0)
         os.write(self._lock, f"{os.getpid()}\n".encode())
+        for folder in (self.path, *(self.path / name for name in self.subfolders)):
+            remove_partial(folder)
         return self
 
     def _taken(self) -> int | None:

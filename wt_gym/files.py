@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
-__all__ = ["whole_file", "write_text_whole", "write_whole"]
+__all__ = ["remove_partial", "whole_file", "write_text_whole", "write_whole"]
 
 
 @contextmanager
@@ -40,6 +40,12 @@ def whole_file(path: Path) -> Iterator[Path]:
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+def remove_partial(folder: Path) -> None:
+    """Remove what killed processes had begun to write; for those who know that nobody else writes in the folder now."""
+    for file in folder.glob(".*.partial"):
+        file.unlink()
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:

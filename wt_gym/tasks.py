@@ -56,11 +56,11 @@ _FIXED_FRAME = {
 # or two off fine pitch about rated wind earned more than none, and agents gave 6 to 8 % of the power at 12 m/s for
 # loads. So the mean has half a degree, enough to damp the tower, and all of it fades out below rated wind as individual
 # pitch in industry does; pitch travel weighs more.
+_NO_PEAK_SHAVING = {"action_spans": {"pitch_mean": math.radians(0.5)}, "residual_fade": True}
 _LOAD_REDUCTION = {
     **_FIXED_FRAME,
+    **_NO_PEAK_SHAVING,
     "action_components": ("pitch",),
-    "action_spans": {"pitch_mean": math.radians(0.5)},
-    "residual_fade": True,
     "reward": {"tower_side_side_fatigue": 1.0, "actuator_use": 0.5},
 }
 
@@ -79,7 +79,12 @@ TASKS = {
             "The same over the whole range of winds, with torque too.",
             "flap and tower DEL weighted over the winds, energy, pitch travel",
             60.0,
-            {**_FIXED_FRAME, "action_components": ("pitch", "torque"), "wind_speed": (5.0, 22.0)},
+            {
+                **_FIXED_FRAME,
+                **_NO_PEAK_SHAVING,
+                "action_components": ("pitch", "torque"),
+                "wind_speed": (5.0, 22.0),
+            },
         ),
         Task(
             "MaxPower",

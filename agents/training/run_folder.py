@@ -79,6 +79,8 @@ class RunFolder(FolderLock):
         On entering, if another process trains there.
     """
 
+    subfolders = (_CHECKPOINTS,)
+
     def __init__(self, path: str | Path):
         super().__init__(path, "training")
 

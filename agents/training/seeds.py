@@ -110,7 +110,10 @@ def resume_seeds(
 def _same_training(config: Any, plan: dict[str, Any]) -> bool:
     """Whether a seed was trained by this plan, and not by one that was overwritten before the seed's turn came."""
     free = dict.fromkeys(("seed", "total_steps", "max_seconds"))
-    return isinstance(config, dict) and config | free == plan | free
+    if not isinstance(config, dict):
+        return False
+    # read and written again: a record of before a field was added has its default
+    return TrainingConfig.from_json(config).to_json() | free == plan | free
 
 
 def seeds_table(runs: list[dict[str, Any]]) -> list[str]:

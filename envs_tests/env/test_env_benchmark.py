@@ -164,10 +164,10 @@ def test_trained_models_run_as_they_were_trained(model):
 
 
 def test_a_model_of_another_task_keeps_its_own_bounds(model):
-    """FullRange has four degrees of the mean and no fade; the ids of load reduction name others."""
+    """Gusts has four degrees of the mean and no fade; the ids of load reduction name others."""
     path = model / "training.json"
     before = path.read_text(encoding="utf-8")
-    config = {"env_id": "wt_gym/FullRange-v0", "env_kwargs": {"pitch": "collective", "action_components": ["pitch"]}}
+    config = {"env_id": "wt_gym/Gusts-v0", "env_kwargs": {"pitch": "collective", "action_components": ["pitch"]}}
     path.write_text(json.dumps(json.loads(before) | {"config": config}), encoding="utf-8")
     entry, task = entry_of(str(model)), short()
     path.write_text(before, encoding="utf-8")

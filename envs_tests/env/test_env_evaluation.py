@@ -45,12 +45,13 @@ def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, count_runs):
         evaluate(AGENTS, CONFIG, folder=tmp_path, progress=False)
     assert len(list((tmp_path / "runs").glob("*.nc"))) == 3
     assert not (tmp_path / "evaluation.json").exists()
-    (tmp_path / "runs" / ".003_constant.nc.partial").write_bytes(b"half of a run")
+    (tmp_path / "runs" / ".003_constant.nc.1.partial").write_bytes(b"half of a run")
 
     done.clear()
     run.stop_after = None
     result = evaluate(AGENTS, CONFIG, folder=tmp_path, progress=False)
     assert done == [("Constant", 12.0)]
+    assert not list(tmp_path.rglob("*.partial"))
     at_once = evaluate(AGENTS, CONFIG, progress=False)
     assert result.to_json() == at_once.to_json()
     for mine, theirs in zip(result.runs, at_once.runs, strict=True):

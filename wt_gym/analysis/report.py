@@ -30,6 +30,7 @@ from wt_gym.analysis.summary import (
     unseen,
     verdict,
 )
+from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -76,7 +77,7 @@ def write_report(evaluation: Evaluation, path: str | Path, title: str | None = N
         "plotlyjs": get_plotlyjs(),
     }.items():
         page = page.replace(f"<!--{name}-->", text)
-    path.write_text(page, encoding="utf-8")
+    write_text_whole(path, page)
     return path
 
 
