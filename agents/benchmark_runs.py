@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from agents.compilation import compile_kernels
 from agents.progress import ProgressLine
+from agents.workers import check_workers, in_processes
 from wt_gym.benchmark import ResultFolder, play, run_definition
 from wt_gym.benchmark.run import make_env
 
@@ -74,8 +72,7 @@ def run_jobs(jobs: Sequence[Job], folder: ResultFolder, workers: int = 1, progre
     ValueError
         If there is no worker.
     """
-    if workers < 1:
-        raise ValueError(f"at least 1 job must run at a time, got {workers}")
+    check_workers(workers)
     left = [job for job in jobs if not folder.has(definition_of(job))]
     line, done = ProgressLine(progress), len(jobs) - len(left)
 
@@ -92,22 +89,8 @@ def run_jobs(jobs: Sequence[Job], folder: ResultFolder, workers: int = 1, progre
         return len(left)
     first = left[0]
     compile_kernels(make_env(first.task, first.wind, first.entry.interface))
-    # the kernels do not survive a fork; one thread a process, read when a process imports them
-    threads = {name: "1" for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS")}
-    before = {name: os.environ.get(name) for name in threads}
-    os.environ.update(threads)
-    try:
-        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-            futures = {pool.submit(_run, job): job for job in left}
-            try:
-                for future in as_completed(futures):
-                    finished(futures[future], future.result())
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
+    for job, result in in_processes(_run, left, workers):
+        finished(job, result)
     return len(left)
 
 

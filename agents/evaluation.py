@@ -14,11 +14,13 @@ import numpy as np
 
 import wt_gym
 from agents.choices import controller_of, is_controller_name
+from agents.compilation import compile_kernels
 from agents.constant import ConstantAgent
 from agents.controller_agent import ControllerAgent
 from agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from agents.progress import ProgressLine, clock
 from agents.trained_environment import check_environment
+from agents.workers import check_workers, in_processes
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
@@ -31,7 +33,7 @@ from wt_gym.simulation import Recorder
 from wt_gym.wind.iec import REFERENCE_SPEED
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from wt_gym.envs.episode import Agent
@@ -150,6 +152,7 @@ def evaluate(
     folder: str | Path | None = None,
     overwrite: bool = False,
     allow_other_environment: bool = False,
+    workers: int = 1,
     progress: bool = True,
 ) -> Evaluation:
     """Run every agent in every wind from the same start.
@@ -167,6 +170,9 @@ def evaluate(
     allow_other_environment : bool
         Take trained models into an environment with other noise, action spans or controller beneath than in their
         training, see `agents.trained_environment`.
+    workers : int
+        Runs beside each other, each in a process of its own; the numbers are the same. More than one needs agents by
+        word or path.
     progress : bool
         Show progress on standard error.
 
@@ -177,42 +183,46 @@ def evaluate(
     Raises
     ------
     ValueError
-        If the folder holds another evaluation or is in use by another process, an agent that is to be kept there is
-        given as an object, or a model does not fit the environment.
+        If the folder holds another evaluation or is in use by another process, an agent that is to be kept there or to
+        run in another process is given as an object, a model does not fit the environment, or there is no worker.
     OSError
         If the folder cannot be written.
     """
+    check_workers(workers)
+    if workers > 1 and (objects := [name for name, agent in agents.items() if not isinstance(agent, str)]):
+        raise ValueError(f"agents by word or path can run in other processes; {', '.join(objects)} came as objects")
     store = None if folder is None else EvaluationFolder(folder, agents, config)
-    with store or nullcontext(), closing(_Environments(config)) as envs:
-        layout = layout_of(envs.plain)
+    with store or nullcontext(), closing(_Contenders(agents, config)) as contenders:
+        env = contenders.environments.plain
+        layout = layout_of(env)
         climate = _climate(layout.turbine, config)
-        ready = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
-        beneath = {name: envs.beneath(agents[name]) for name in ready}
         if not allow_other_environment:
-            _check_environments(ready, envs.plain)
+            _check_environments(contenders.agents, env)
         if store:
             # nothing else can be refused any more
-            store.begin(code_fingerprint(layout.turbine, envs.plain.unwrapped.fidelity), overwrite)
-        line, runs = ProgressLine(progress), []
-        for wind in config.winds:
-            for name, agent in ready.items():
-                run = store.find(name, wind) if store else None
-                if run is None:
-                    run = _run(beneath[name], name, agent, wind, config, line)
-                    if store:
-                        store.keep(run)
-                runs.append(run)
+            store.begin(code_fingerprint(layout.turbine, env.unwrapped.fidelity), overwrite)
+        jobs = [(name, wind) for wind in config.winds for name in agents]
+        runs = {job: run for job in jobs if (run := store.find(*job) if store else None) is not None}
+        line, left = ProgressLine(progress), [job for job in jobs if job not in runs]
+        for job, run in _made(left, contenders, workers, line):
+            runs[job] = run
+            if store:
+                store.keep(run)
+            if workers > 1:
+                line.show(f"{len(runs)} of {len(jobs)}: {run.agent} at {run.wind.label}", final=True)
         turbine = layout.turbine
         evaluation = Evaluation(
             turbine=turbine.name,
-            settings=_settings(config, layout, envs.plain),
-            runs=runs,
+            settings=_settings(config, layout, env),
+            runs=[runs[job] for job in jobs],
             baseline=next(iter(agents)),
             limits={
                 "rated_power": turbine.drivetrain.rated_power,
                 "rated_rotor_speed": turbine.drivetrain.rated_rotor_speed,
             },
-            training={name: agent.record for name, agent in ready.items() if getattr(agent, "record", None)},
+            training={
+                name: agent.record for name, agent in contenders.agents.items() if getattr(agent, "record", None)
+            },
             climate=climate,
         )
         if store:
@@ -227,6 +237,59 @@ def _check_environments(agents: Mapping[str, Agent], env: gym.Env) -> None:
             check_environment(getattr(agent, "record", None) or {}, env)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from error
+
+
+class _Contenders:
+    """Agents, each with the environment it runs in.
+
+    Parameters
+    ----------
+    agents : mapping
+        Name to agent, word or path.
+    config : EvaluationConfig
+    """
+
+    def __init__(self, agents: Mapping[str, str | Agent], config: EvaluationConfig):
+        self.given, self.config = agents, config
+        self.environments = _Environments(config)
+        layout = layout_of(self.environments.plain)
+        self.agents = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
+        self._beneath = {name: self.environments.beneath(agent) for name, agent in agents.items()}
+
+    def run(self, name: str, wind: Wind, line: ProgressLine) -> Run:
+        """Make a run."""
+        return _run(self._beneath[name], name, self.agents[name], wind, self.config, line)
+
+    def close(self) -> None:
+        """Close the environments."""
+        self.environments.close()
+
+
+def _made(
+    jobs: Sequence[tuple[str, Wind]], contenders: _Contenders, workers: int, line: ProgressLine
+) -> Iterator[tuple[tuple[str, Wind], Run]]:
+    """Each job with its run as soon as that is done, here or in other processes."""
+    if workers == 1 or len(jobs) < 2:
+        for job in jobs:
+            yield job, contenders.run(*job, line)
+        return
+    compile_kernels(contenders.environments.plain)
+    yield from in_processes(_run_here, jobs, workers, _get_ready, (dict(contenders.given), contenders.config))
+
+
+_contenders: _Contenders | None = None
+"""Of a worker process, which loads models and makes environments once for all its runs."""
+
+
+def _get_ready(agents: dict[str, str], config: EvaluationConfig) -> None:
+    """Begin as a worker process."""
+    global _contenders
+    _contenders = _Contenders(agents, config)
+
+
+def _run_here(job: tuple[str, Wind]) -> Run:
+    """Make a run in a worker process."""
+    return _contenders.run(*job, ProgressLine(shown=False))
 
 
 class _Environments:

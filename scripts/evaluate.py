@@ -49,6 +49,9 @@ def parse_arguments() -> argparse.Namespace:
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
         "controllers beneath than those of their training",
     )  # fmt: skip
+    parser.add_argument(
+        "--jobs", type=int, default=1, help="runs beside each other, in processes (default: %(default)s)"
+    )
     climate = parser.add_argument_group("wind climate, for loads over a life")
     one = climate.add_mutually_exclusive_group()
     one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
@@ -99,7 +102,7 @@ def main() -> None:
         try:
             evaluation = evaluate(
                 named_choices(arguments.agents), config, folder=out, overwrite=arguments.overwrite,
-                allow_other_environment=arguments.allow_other_environment,
+                allow_other_environment=arguments.allow_other_environment, workers=arguments.jobs,
             )  # fmt: skip
         except KeyboardInterrupt:
             print(f"\nstopped; the same command goes on with what is in {out}", file=sys.stderr)

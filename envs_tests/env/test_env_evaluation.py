@@ -66,6 +66,22 @@ def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, count_runs):
     assert (result.climate.mean_speed, weighed.climate.mean_speed) == (10.0, 7.5)
 
 
+def test_two_processes_make_the_runs_of_one(tmp_path):
+    two = evaluate(AGENTS, CONFIG, folder=tmp_path, workers=2, progress=False)
+    one = evaluate(AGENTS, CONFIG, progress=False)
+    assert two.to_json() == one.to_json()
+    for theirs, mine in zip(two.runs, one.runs, strict=True):
+        assert theirs.data.equals(mine.data)
+    assert Evaluation.load(tmp_path).to_json() == one.to_json()
+
+
+def test_objects_stay_in_their_process(tmp_path):
+    with pytest.raises(ValueError, match="Mine came as objects"):
+        evaluate({"Baseline": "baseline", "Mine": object()}, CONFIG, workers=2)
+    with pytest.raises(ValueError, match="at least 1 job"):
+        evaluate(AGENTS, CONFIG, workers=0)
+
+
 def test_another_evaluation_in_the_folder_is_refused_unless_overwritten(tmp_path, count_runs):
     done, _ = count_runs
     first = replace(CONFIG, winds=(Wind(9.0),))
