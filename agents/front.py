@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from agents.entries import BASELINE, LEVELS, Entry, entry_of
+from wt_gym.analysis.statistics import bootstrap_interval
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -15,7 +17,10 @@ if TYPE_CHECKING:
 
     from wt_gym.benchmark import BenchmarkTask
 
-__all__ = ["BANDWIDTHS", "FAMILIES", "draw_front", "front_entries", "front_rows", "write_csv"]
+__all__ = [
+    "BANDWIDTHS", "FAMILIES", "FrontDistance", "distance_table", "draw_front", "front_distance", "front_entries",
+    "front_rows", "write_csv",
+]  # fmt: skip
 
 BANDWIDTHS = (0.025, 0.05, 0.1, 0.2, 0.4)
 """Gains of individual pitch, in rated rotor speeds."""
@@ -25,6 +30,9 @@ FAMILIES = {
     "individual pitch, band": tuple(f"constrained_ipc:level={x:g}" for x in LEVELS),
 }
 """Curves of the front, from little to much pitch travel and back."""
+
+AGENTS = "agents"
+"""What the table calls the family of those that are compared with the front."""
 
 _METRICS = ("captured_power", "blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
 
@@ -56,21 +64,147 @@ def front_rows(task: BenchmarkTask, results: Mapping[str, Mapping[str, Mapping[s
         If a run ended before its time.
     """
     family_of = {agent: family for family, agents in FAMILIES.items() for agent in agents}
+    _refuse_early(task, results)
     rows = []
     for agent, runs in results.items():
-        early = [label for label, run in runs.items() if run["ending"] != "time"]
-        if early:
-            raise ValueError(f"{agent} did not last in {', '.join(early)} of {task.id}: there is no front")
         own = [runs[wind.label]["metrics"] for wind in task.winds]
         base = [results[BASELINE][wind.label]["metrics"] for wind in task.winds]
-        changes = {m: np.array([a[m] / b[m] - 1.0 for a, b in zip(own, base, strict=True)]) for m in _METRICS}
+        changes = {m: _changes(own, base, m) for m in _METRICS}
         flap = changes["blade_flap_del"]
         row = {"task": task.id, "wind_speed": task.winds[0].speed, "agent": agent}
-        row |= {"family": family_of.get(agent, BASELINE), "winds": len(own)}
+        family = BASELINE if agent == BASELINE else family_of.get(agent, AGENTS)
+        row |= {"family": family, "winds": len(own)}
         row |= {"pitch_duty_cycle": float(np.mean([metrics["pitch_duty_cycle"] for metrics in own]))}
         row |= {metric: float(values.mean()) for metric, values in changes.items()}
         rows.append(row | {"flap_sem": float(flap.std(ddof=1) / np.sqrt(flap.size))})
     return rows
+
+
+def _refuse_early(task: BenchmarkTask, results: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
+    """Refuse runs that did not last."""
+    for agent, runs in results.items():
+        early = [label for label, run in runs.items() if run["ending"] != "time"]
+        if early:
+            raise ValueError(f"{agent} did not last in {', '.join(early)} of {task.id}: there is no front")
+
+
+def _changes(own: Sequence[Mapping[str, float]], base: Sequence[Mapping[str, float]], metric: str) -> np.ndarray:
+    """Relative change of a metric in each wind."""
+    return np.array([a[metric] / b[metric] - 1.0 for a, b in zip(own, base, strict=True)])
+
+
+@dataclass(frozen=True)
+class FrontDistance:
+    """Where an agent lies against the front of one task; negative is below it, which is better.
+
+    Attributes
+    ----------
+    task : str
+    wind_speed : float
+        [m/s]
+    agent : str
+    flap : float
+        Its change of the flap DEL [-].
+    duty : float
+        Its pitch duty cycle [-].
+    load, load_interval
+        Change of the flap DEL less that of the front at the same duty cycle [-], with 95 % of the bootstrap.
+    travel, travel_interval
+        Duty cycle relative to the least one with which the front has the same flap DEL, less one [-]; -1 where no
+        point of it has.
+    """
+
+    task: str
+    wind_speed: float
+    agent: str
+    flap: float
+    duty: float
+    load: float
+    load_interval: tuple[float, float]
+    travel: float
+    travel_interval: tuple[float, float]
+
+
+def front_distance(
+    task: BenchmarkTask, results: Mapping[str, Mapping[str, Mapping[str, Any]]], agent: str
+) -> FrontDistance:
+    """Compare an agent with the front at equal travel and at equal load.
+
+    Each family is a curve: straight lines from the baseline through its points in the order of their duty cycle. The
+    front at a duty cycle is the lowest of them; beyond its last point a curve stays where it is. Both figures are of
+    means over the winds, and each resample of winds (`wt_gym.analysis.statistics`) has a front of its own.
+
+    Parameters
+    ----------
+    task : BenchmarkTask
+    results : mapping
+        As of `front_rows`.
+    agent : str
+
+    Raises
+    ------
+    ValueError
+        If a run ended before its time.
+    """
+    _refuse_early(task, results)
+    base = [results[BASELINE][wind.label]["metrics"] for wind in task.winds]
+
+    def values(name: str) -> np.ndarray:
+        own = [results[name][wind.label]["metrics"] for wind in task.winds]
+        return np.array([[metrics["pitch_duty_cycle"] for metrics in own], _changes(own, base, "blade_flap_del")])
+
+    curves = [np.array([values(name) for name in (BASELINE, *family)]) for family in FAMILIES.values()]
+    mine, winds = values(agent), len(task.winds)
+
+    def figures(chosen: np.ndarray) -> tuple[float, float]:
+        duty, flap = mine[:, chosen].mean(axis=1)
+        means = [curve[..., chosen].mean(axis=-1) for curve in curves]
+        means = [mean[np.argsort(mean[:, 0])] for mean in means]
+        load = flap - min(np.interp(duty, *mean.T) for mean in means)
+        return load, duty / min(_least_duty(*mean.T, flap) for mean in means) - 1.0
+
+    load, travel = figures(np.arange(winds))
+    samples: dict[bytes, tuple[float, float]] = {}
+
+    def resampled(indices: np.ndarray, figure: int) -> np.ndarray:
+        for row in indices:
+            if row.tobytes() not in samples:
+                samples[row.tobytes()] = figures(row)
+        return np.array([samples[row.tobytes()][figure] for row in indices])
+
+    load_interval, travel_interval = (
+        bootstrap_interval(lambda indices, k=k: resampled(indices, k), [0] * winds) for k in range(2)
+    )
+    duty, flap = mine.mean(axis=1)
+    return FrontDistance(
+        task.id, task.winds[0].speed, agent, float(flap), float(duty), float(load), load_interval, float(travel),
+        travel_interval,
+    )  # fmt: skip
+
+
+def _least_duty(duty: np.ndarray, flap: np.ndarray, wanted: float) -> float:
+    """Least duty cycle at which a curve comes down to a flap DEL; infinite if it never does."""
+    if flap[0] <= wanted:
+        return float(duty[0])
+    for k in np.flatnonzero(flap[1:] <= wanted):
+        share = (flap[k] - wanted) / (flap[k] - flap[k + 1])
+        return float(duty[k] + share * (duty[k + 1] - duty[k]))
+    return np.inf
+
+
+def distance_table(distances: Sequence[FrontDistance]) -> list[str]:
+    """Lines of a table in Markdown."""
+    lines = [
+        "| wind | agent | flap DEL | pitch duty | flap DEL at equal travel | travel at equal flap DEL |",
+        "|---|---|---|---|---|---|",
+    ]
+    for d in distances:
+        load = f"{100 * d.load:+.1f} points [{100 * d.load_interval[0]:+.1f}, {100 * d.load_interval[1]:+.1f}]"
+        travel = f"{d.travel:+.0%} [{d.travel_interval[0]:+.0%}, {d.travel_interval[1]:+.0%}]"
+        lines.append(
+            f"| {d.wind_speed:g} m/s | {d.agent} | {100 * d.flap:+.1f} % | {100 * d.duty:.1f} % | {load} | {travel} |"
+        )
+    return lines
 
 
 def write_csv(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
@@ -106,6 +240,9 @@ def draw_front(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
             for row, x, y in zip(points, duty, flap, strict=True):
                 setting = row["agent"].rpartition("=")[2] if "=" in row["agent"] else ""
                 axis.annotate(setting, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=8, color="0.35")
+        for row, marker in zip((row for row in own if row["family"] == AGENTS), "*P^vX<>dh" * len(own), strict=False):
+            point = 100.0 * row["pitch_duty_cycle"], 100.0 * row["blade_flap_del"]
+            axis.errorbar(*point, 100.0 * row["flap_sem"], marker=marker, ms=9, ls="", capsize=2, label=row["agent"])
         axis.set_title(f"{speed:g} m/s", fontsize=11)
         axis.set_xlabel("pitch duty cycle [%]")
         axis.axhline(0, color="0.8", lw=0.8, zorder=0)

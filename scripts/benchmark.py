@@ -5,7 +5,7 @@
     scripts/benchmark.py run baselines runs/ppo --task load-reduction-15 --out runs/benchmark --jobs 2
     scripts/benchmark.py table runs/benchmark
     scripts/benchmark.py reference --task all --jobs 2      # after a change of the physics
-    scripts/benchmark.py front --jobs 2                     # docs/data/load_travel_front.csv and .svg
+    scripts/benchmark.py front runs/ppo --jobs 2            # docs/data/load_travel_front.csv and .svg
 
 An agent is zero, random, a controller with parameters behind a colon (constrained_ipc:level=0.1), planner, the path of
 a trained model, or baselines, which stands for ten of them; NAME=AGENT names it. Every run is kept when it is done: who
@@ -38,6 +38,7 @@ def parse_arguments() -> argparse.Namespace:
     front = commands.add_parser(
         "front", description="Flap DEL against pitch travel of individual pitch: gains, and bands that constrain it."
     )
+    front.add_argument("agents", nargs="*", metavar="AGENT", help="to compare with the front")
     for command, tasks in ((run, "all"), (reference, "all"), (front, "load-reduction")):
         command.add_argument(
             "--task", nargs="+", default=[tasks], metavar="NAME", help="tasks, or the beginning of their names, or all"
@@ -123,15 +124,21 @@ def reference(arguments: argparse.Namespace) -> dict:
 def front(arguments: argparse.Namespace) -> list:
     """Make the front of load against travel."""
     from agents.benchmark_runs import jobs_of, results_of, run_jobs
-    from agents.front import draw_front, front_entries, front_rows, write_csv
+    from agents.entries import entries_of
+    from agents.front import distance_table, draw_front, front_distance, front_entries, front_rows, write_csv
     from wt_gym.benchmark import ResultFolder
 
-    folder, entries, rows = ResultFolder(arguments.out), front_entries(), []
+    folder, entries, rows, distances = ResultFolder(arguments.out), front_entries(), [], []
+    others = [entry for entry in entries_of(arguments.agents) if entry not in entries]
     for task in chosen(arguments.task):
-        run_jobs(jobs_of([task], entries), folder, arguments.jobs)
-        rows += front_rows(task, {entry.name: results_of(task, entry, folder) for entry in entries})
+        run_jobs(jobs_of([task], [*entries, *others]), folder, arguments.jobs)
+        results = {entry.name: results_of(task, entry, folder) for entry in [*entries, *others]}
+        rows += front_rows(task, results)
+        distances += [front_distance(task, results, entry.name) for entry in others]
     table = write_csv(rows, arguments.data / "load_travel_front.csv")
     print(f"table: {table}\nfigure: {draw_front(rows, arguments.data / 'load_travel_front.svg')}")
+    if distances:
+        print("\n".join(distance_table(distances)))
     return rows
 
 

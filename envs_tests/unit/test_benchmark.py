@@ -10,7 +10,7 @@ import pytest
 
 from agents.choices import controller_of
 from agents.entries import LEVELS, entries_of, entry_of
-from agents.front import FAMILIES, draw_front, front_entries, front_rows, write_csv
+from agents.front import FAMILIES, distance_table, draw_front, front_distance, front_entries, front_rows, write_csv
 from wt_gym.benchmark import (
     INTERFACE,
     BenchmarkTask,
@@ -370,6 +370,36 @@ def test_the_front_is_a_table_and_a_figure(tmp_path):
     runs[strongest] = results(TASK, ending="overspeed")
     with pytest.raises(ValueError, match="did not last in 15 m/s, seed 1007"):
         front_rows(TASK, runs)
+
+
+def front_of(**more):
+    """Runs of a front in which twice the travel takes a tenth of the flap DEL, thrice two tenths, and no more."""
+    runs = {entry.name: results(TASK, agent=entry.name) for entry in front_entries()}
+    for family in FAMILIES.values():
+        for name, travel, load in zip(family, (2.0, 3.0, 4.0, 5.0, 6.0), (0.9, 0.8, 0.8, 0.8, 0.8), strict=True):
+            runs[name] = results(TASK, {"blade_flap_del": load, "pitch_duty_cycle": travel}, agent=name)
+    return runs | {name: results(TASK, changes, agent=name) for name, changes in more.items()}
+
+
+@pytest.mark.parametrize(
+    ("load", "travel", "points", "share"),
+    [
+        (0.9, 2.0, 0.0, 0.0),  # on the front
+        (0.8, 2.5, -0.05, 2.5 / 3.0 - 1.0),  # below
+        (0.95, 3.0, 0.15, 1.0),  # above: the front takes 1.5 times the baseline's travel for that
+        (0.7, 9.0, -0.1, -1.0),  # a load that no point of the front reaches
+        (1.1, 2.0, 0.2, 1.0),  # more load than the baseline, which travels half as far
+    ],
+)
+def test_an_agent_lies_below_on_or_above_the_front(load, travel, points, share):
+    found = front_distance(TASK, front_of(mine={"blade_flap_del": load, "pitch_duty_cycle": travel}), "mine")
+    assert found.flap == pytest.approx(load - 1.0)
+    assert found.load == pytest.approx(points, abs=1e-12)
+    assert found.travel == pytest.approx(share)
+    # every wind is the same here
+    assert found.load_interval == pytest.approx((points, points), abs=1e-12)
+    assert found.travel_interval == pytest.approx((share, share))
+    assert f"| mine | {100 * (load - 1.0):+.1f} % |" in distance_table([found])[2]
 
 
 def test_the_page_has_the_tasks_as_they_are():
