@@ -11,12 +11,16 @@ process. Here every kernel keeps the versions that it was compiled with.
 So each kernel would be optimised again within every kernel above it. A kernel marked as ``separate`` is not: its
 callers call its one machine code through a symbol, which names the kernel, its argument types and the sources that it
 was compiled from. A caller that comes from the cache has its separate kernels loaded, or compiled, first.
+
+What unpacks hundreds of arrays from Python's objects takes as long to compile as a kernel itself. Separate kernels
+therefore have no such way in of their own; where Python calls one, a function that only passes on the call is compiled.
 """
 
 import hashlib
+import inspect
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -28,6 +32,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.funcdesc import PythonFunctionDescriptor
+from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import AnnotateTypes
 
 __all__ = ["compiled_for", "kernel"]
@@ -186,6 +191,26 @@ class _KernelCache(FunctionCache):
         return result
 
 
+class _SeparateDispatcher(CPUDispatcher):
+    """A separate kernel, which other kernels call by its symbol and Python through a function of its own."""
+
+    @cached_property
+    def from_python(self):
+        """The kernel with a way in from Python, compiled on demand."""
+        function = self.py_func
+        name, arguments = f"{function.__name__}_from_python", ", ".join(inspect.signature(function).parameters)
+        # numba's cache takes functions that stand in a file under a name, and no closures
+        source = f"def {name}({arguments}):\n    return _kernel({arguments})\n"
+        namespace = {"_kernel": self, "__name__": function.__module__}
+        exec(compile(source, inspect.getfile(function), "exec"), namespace)
+        namespace[name].__defaults__ = function.__defaults__
+        return kernel(namespace[name], **self._given)
+
+    def __call__(self, *arguments, **named):
+        """Call from Python."""
+        return self.from_python(*arguments, **named)
+
+
 @cache
 def _stamp():
     """Version of numba, modification time and size of this file and all kernel files together."""
@@ -219,9 +244,13 @@ def kernel(function=None, separate=False, **options):
         return lambda f: kernel(f, separate, **options)
     if separate and function.__qualname__ != function.__name__:
         raise ValueError(f"{function.__qualname__}: a separate kernel stands at the top level of its module")
-    defaults = {"error_model": "numpy", "fastmath": FASTMATH, "_nrt": False}
+    # no kernel is called through a pointer in C
+    defaults = {"error_model": "numpy", "fastmath": FASTMATH, "_nrt": False, "no_cfunc_wrapper": True}
     defaults["pipeline_class"] = _SeparateCompiler if separate else _KernelCompiler
-    dispatcher = numba.njit(**(defaults | options))(function)
+    dispatcher = numba.njit(**(defaults | options | ({"no_cpython_wrapper": True} if separate else {})))(function)
+    if separate:
+        dispatcher.__class__ = _SeparateDispatcher  # which numba cannot be asked for
+        dispatcher._given = options
     dispatcher._cache = _KernelCache(function)
     dispatcher._cache.separate = separate
     # in the place of the version, because numba reads an old file no further: it may name types that have moved since
@@ -234,4 +263,4 @@ def compiled_for(function, arguments):
 
     A call of the kernel itself looks up the type of each array it is given: 25 µs for two hundred of them.
     """
-    return function.compile(tuple(numba.typeof(argument) for argument in arguments))
+    return getattr(function, "from_python", function).compile(tuple(numba.typeof(argument) for argument in arguments))

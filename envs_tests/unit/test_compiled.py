@@ -93,6 +93,21 @@ def test_a_caller_has_no_code_of_its_separate_kernels(modules, monkeypatch):
     assert "internal" not in definition
 
 
+def test_python_calls_a_separate_kernel_through_a_function_of_its_own(modules):
+    (modules / "leaf_module.py").write_text(LEAF.replace("factor):", "factor=3.0):"))
+    code = """
+import numpy as np
+from leaf_module import leaf
+x = np.arange(4.0)
+print(leaf(x, 3.0), leaf(x=x, factor=3.0), leaf(x))
+leaf(x, 3.0)
+print(*(len(k.stats.cache_hits) - len(k.stats.cache_misses) for k in (leaf, leaf.from_python)))
+"""
+    # with and without the number there are two ways in, and one kernel behind them
+    assert run(modules, code) == [18.0, 18.0, 18.0, -1, -2]
+    assert run(modules, code) == [18.0, 18.0, 18.0, 1, 2]
+
+
 def test_a_separate_kernel_is_found_by_its_name():
     with pytest.raises(ValueError, match="top level of its module"):
 

@@ -99,7 +99,7 @@ def convect_wake(o, a, dt):
     a.prepared[0] = 0
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def prepare(p, o, a, w, nodes, place, bodies=None, body_work=None):
     """What is computed once a step: newest row, velocity of the wake at the blades, influence of the bound rings."""
     prepare_wake(p, o, a, w, nodes, place, bodies, body_work)
@@ -298,7 +298,7 @@ def add_ring_velocity(gamma, influence, begin, flow):
                 flow[c, i] += g * influence[r, c, i]
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def accept(p, o, a, w, place, all_rows, bodies=None, body_work=None):
     """Shed the newest ring and compute the induced velocities with which the wake moves on."""
     n_target = shed_newest(p, o, a, w, place, all_rows, bodies, body_work)

@@ -22,7 +22,7 @@ FORGET = 0.9  # a step: what the share of the loads' change remembers of the ste
 LEAST_SHARE, LARGEST_SHARE = 0.05, 1.5
 
 
-@kernel
+@kernel(separate=True)
 def move_lattice(y, tree, work, x):
     """Lattice nodes and their velocities for the state y; the kinematics are then up to date. x: `Exchange`."""
     kinematics(y, tree, work)
@@ -108,14 +108,14 @@ def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
     return code
 
 
-@kernel
+@kernel(separate=True)
 def move_structure(motion, scheme, n_corrections):
     """The structure through one aerodynamic step, without the rates at its end; returns a code."""
     return hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, scheme.h, scheme.n_sub,
                            n_corrections, motion.constrained, bool(False))  # fmt: skip
 
 
-@kernel
+@kernel(separate=True)
 def predict_step(air, motion, x, scheme):
     """Move the wake, and the structure under extrapolated loads; arguments as for `coupled_step`."""
     convect_wake(air.constants, air.arrays, scheme.dt)
@@ -129,7 +129,7 @@ def predict_step(air, motion, x, scheme):
     return code
 
 
-@kernel
+@kernel(separate=True)
 def correct_step(air, motion, x, scheme, blade_wind):
     """Loads and structure in turn until they agree; arguments as for `coupled_step`.
 
@@ -225,7 +225,7 @@ def secant_share(new, passes, share, memory):
     return min(max(product / square, LEAST_SHARE), LARGEST_SHARE) if square > 0.0 else share
 
 
-@kernel
+@kernel(separate=True)
 def end_step(motion, x, scheme, gauges, monitor, blade_wind):
     """Rates that belong to the stored state and the final loads; extremes; is anything out of range or balance?"""
     code = hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, 1.0, int(0), int(0),

@@ -37,7 +37,7 @@ def rotor_loads(forces, rot, elastic, points, blades, loads):
     return change / size
 
 
-@kernel
+@kernel(separate=True)
 def tower_drag(y, tree, work, tower, loads):
     """Loads (6 + n_f,) of the tower from the drag of the wind, by virtual work; kinematics are up to date.
 

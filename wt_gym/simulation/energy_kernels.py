@@ -32,7 +32,7 @@ LOOK = 10  # steps from one look at the energy of the structure to the next
 MEMORY = 600.0  # [s] of the loan and of the wind it is measured by
 
 
-@kernel
+@kernel(separate=True)
 def check_energy(motion, e, wrench, blade_wind, dt):
     """Both balances at the end of a step dt [s] with the wind (n_blade, n_row, n_node, 3) at the blades; a code.
 
@@ -65,7 +65,7 @@ def check_energy(motion, e, wrench, blade_wind, dt):
     return OK if e.borrowed[0] <= e.sphere * e.lively[0] else AIR_GIVES
 
 
-@kernel
+@kernel(separate=True)
 def whole_energy(motion):
     """Kinetic, elastic and gravitational energy of the turbine [J]."""
     kinetic, elastic, potential = energies(motion.history.y[3], motion.tree, motion.work)
@@ -85,7 +85,7 @@ def wind_at_disc(wind, share):
     return cube, square
 
 
-@kernel
+@kernel(separate=True)
 def powers(motion, e, wrench):
     """Power given to the structure and the sum of the sizes of its parts [W], that of the air on the blades [W], F^2.
 

@@ -6,7 +6,7 @@ from wt_gym.compiled import kernel
 from wt_gym.simulation.coupling_kernels import passing_clearance, read_gauges
 
 
-@kernel
+@kernel(separate=True)
 def watch_steps(motion, n_sub, g, m):
     """Take the extremes over the structural steps of the aerodynamic step that has just ended.
 
@@ -37,7 +37,7 @@ def rotor_speed(y, m):
     return y[m.generator_u] + (y[m.torsion_u] if m.torsion_u >= 0 else 0.0)
 
 
-@kernel
+@kernel(separate=True)
 def watch(y, dy, tree, work, g, m):
     """Let one state count, under the loads in ``m.loads``, and the way of the tips to it from the state before."""
     read_gauges(y, dy, m.loads, tree, work, g)

@@ -8,7 +8,7 @@ from wt_gym.compiled import kernel
 STATIC = -1.0  # in the place of a separation point: the flow follows the static polar
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def reset_separation(p, o, a):
     """Separation points of the static polars at the present angles of attack; `STATIC` without a dynamic model."""
     n_span = p.chord.shape[0]

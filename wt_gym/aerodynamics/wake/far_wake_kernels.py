@@ -93,7 +93,7 @@ def measure_far_wake(p, a, w, n_tail, dt):
     far[ACTIVE] = 1.0
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def find_axis(p, a, first):
     """Write centre and axis of the rows from ``first`` on; returns their distance from the shedding edges [m]."""
     n_rows, n_blade, n_node = a.n_rows[0], a.wake.shape[1], p.sparse_nodes.shape[0]
@@ -116,7 +116,7 @@ def find_axis(p, a, first):
     return way
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def wind_along(p, a, first):
     """Mean wind along the axis at the rows from ``first`` on [m/s]."""
     total, count = 0.0, 0
@@ -129,7 +129,7 @@ def wind_along(p, a, first):
     return total / count
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, separate=True)
 def measure_tubes(p, a, wandered, first, duration, keep):
     """Starts, radii and lengths of the cylinders, what passes, mean square by which the rows have wandered [m^2].
 
