@@ -40,8 +40,7 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     record : mapping
-        As `agents.train.train` writes it. Who ships a model for other bounds than those of its training, because it
-        was found to do well with them, adds those arguments as "intended_for".
+        As `agents.train.train` writes it.
 
     Returns
     -------
@@ -56,8 +55,7 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     config = record.get("config")
     if "environment" not in record and not config:
         return {}
-    trained = record.get("environment") or resolved_arguments(config["env_id"], config["env_kwargs"])
-    return {**trained, **record.get("intended_for", {})}
+    return record.get("environment") or resolved_arguments(config["env_id"], config["env_kwargs"])
 
 
 def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:

@@ -173,7 +173,6 @@ def test_a_record_says_what_an_id_meant_then():
     before = resolved_arguments("wt_gym/LoadReduction-v0", {}) | {"residual_fade": False}
     with pytest.raises(ValueError, match=r"residual_fade False, here True;"):
         check_environment(record | {"environment": before}, env)
-    check_environment(record | {"environment": before, "intended_for": {"residual_fade": True}}, env)
 
 
 def test_folders_that_cannot_be_used_are_refused_before_the_first_run(tmp_path, count_runs):
