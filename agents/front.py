@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agents.entries import BASELINE, LEVELS, Entry, entry_of
+from wt_gym.agents.entries import BASELINE, LEVELS, Entry, entry_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -40,8 +40,8 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     record : mapping
-        As `agents.train.train` writes it. Who ships a model for other bounds than those of its training, because it
-        was found to do well with them, adds those arguments as "intended_for".
+        As `wt_gym.agents.train.train` writes it. Who ships a model for other bounds than those of its training, because
+        it was found to do well with them, adds those arguments as "intended_for".
 
     Returns
     -------

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from agents.training.arguments import UNSAFE, OneLineParser
+from wt_gym.agents.training.arguments import UNSAFE, OneLineParser
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = "runs/benchmark"
@@ -74,8 +74,8 @@ def tasks(_: argparse.Namespace) -> None:
 
 def run(arguments: argparse.Namespace) -> dict:
     """Run agents."""
-    from agents.benchmark_runs import jobs_of, run_jobs
-    from agents.entries import entries_of
+    from wt_gym.agents.benchmark_runs import jobs_of, run_jobs
+    from wt_gym.agents.entries import entries_of
     from wt_gym.benchmark import ResultFolder
 
     jobs = jobs_of(chosen(arguments.task), entries_of(arguments.agents))
@@ -104,8 +104,8 @@ def table(arguments: argparse.Namespace) -> dict:
 
 def reference(arguments: argparse.Namespace) -> dict:
     """Renew reference numbers."""
-    from agents.benchmark_runs import jobs_of, results_of, run_jobs
-    from agents.entries import BASELINE, entries_of
+    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
+    from wt_gym.agents.entries import BASELINE, entries_of
     from wt_gym.benchmark import ResultFolder, make_reference, write_reference
 
     folder, best = ResultFolder(arguments.out), {}
@@ -122,8 +122,8 @@ def reference(arguments: argparse.Namespace) -> dict:
 
 def front(arguments: argparse.Namespace) -> list:
     """Make the front of load against travel."""
-    from agents.benchmark_runs import jobs_of, results_of, run_jobs
-    from agents.front import draw_front, front_entries, front_rows, write_csv
+    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
+    from wt_gym.agents.front import draw_front, front_entries, front_rows, write_csv
     from wt_gym.benchmark import ResultFolder
 
     folder, entries, rows = ResultFolder(arguments.out), front_entries(), []
@@ -138,7 +138,7 @@ def front(arguments: argparse.Namespace) -> list:
 def main() -> None:
     """Do what the command says."""
     arguments = parse_arguments()
-    from agents.command_line import user_errors
+    from wt_gym.agents.command_line import user_errors
 
     commands = {"tasks": tasks, "run": run, "table": table, "reference": reference, "front": front}
     with user_errors():

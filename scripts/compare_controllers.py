@@ -29,8 +29,8 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     arguments = parser.parse_args()
 
-    from agents.choices import controller_of
-    from agents.comparison import Case, run_cases, table
+    from wt_gym.agents.choices import controller_of
+    from wt_gym.agents.comparison import Case, run_cases, table
     from wt_gym.turbines import load_turbine
 
     controllers = {text: controller_of(text) for text in arguments.controllers}

@@ -14,7 +14,7 @@ import json
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from agents.training.arguments import UNSAFE, OneLineParser
+from wt_gym.agents.training.arguments import UNSAFE, OneLineParser
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -39,8 +39,8 @@ def parse_arguments() -> argparse.Namespace:
 def main() -> None:
     """Record."""
     arguments = parse_arguments()
-    from agents.command_line import environment_arguments, user_errors
-    from agents.datasets import DatasetConfig, record_dataset
+    from wt_gym.agents.command_line import environment_arguments, user_errors
+    from wt_gym.agents.datasets import DatasetConfig, record_dataset
 
     def show(number: int, earned: float) -> None:
         print(f"episode {number} of {arguments.episodes}: return {earned:.1f}", flush=True)

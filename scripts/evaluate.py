@@ -24,7 +24,7 @@ from pathlib import Path
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from agents.training.arguments import UNSAFE, OneLineParser
+from wt_gym.agents.training.arguments import UNSAFE, OneLineParser
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -70,10 +70,10 @@ def parse_arguments() -> argparse.Namespace:
 def main() -> None:
     """Evaluate."""
     arguments = parse_arguments()
-    from agents.choices import named_choices
-    from agents.command_line import environment_arguments, user_errors
-    from agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig, evaluate
-    from agents.evaluation_folder import REPORT_FILE
+    from wt_gym.agents.choices import named_choices
+    from wt_gym.agents.command_line import environment_arguments, user_errors
+    from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig, evaluate
+    from wt_gym.agents.evaluation_folder import REPORT_FILE
     from wt_gym.analysis.report import write_report
     from wt_gym.analysis.results import Wind
     from wt_gym.analysis.summary import results_table, summarise

@@ -17,7 +17,7 @@ import sys
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from agents.training.arguments import UNSAFE, OneLineParser, add_training_options, config_from
+from wt_gym.agents.training.arguments import UNSAFE, OneLineParser, add_training_options, config_from
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -35,8 +35,8 @@ def parse_arguments() -> argparse.Namespace:
 def main() -> None:
     """Search."""
     arguments = parse_arguments()
-    from agents.command_line import user_errors
-    from agents.training.search import BEST_FILE, search
+    from wt_gym.agents.command_line import user_errors
+    from wt_gym.agents.training.search import BEST_FILE, search
 
     def progress(line: str) -> None:
         print(line, file=sys.stderr, flush=True)

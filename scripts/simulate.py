@@ -70,7 +70,7 @@ def main() -> None:
     check(arguments)
     import numpy as np
 
-    from agents.closed_loop import run_baseline
+    from wt_gym.agents.closed_loop import run_baseline
     from wt_gym.errors import WtGymError
     from wt_gym.simulation import Simulator
     from wt_gym.turbines import load_turbine

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from agents.training.arguments import UNSAFE, OneLineParser, add_training_options, config_from
+from wt_gym.agents.training.arguments import UNSAFE, OneLineParser, add_training_options, config_from
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -61,8 +61,8 @@ def parse_arguments() -> argparse.Namespace:
 
 def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
     """Train; give the folder and the record, or the summary of several seeds."""
-    from agents.train import train  # torch takes seconds to import: not for --help
-    from agents.training.seeds import train_seeds
+    from wt_gym.agents.train import train  # torch takes seconds to import: not for --help
+    from wt_gym.agents.training.seeds import train_seeds
 
     given = vars(arguments)
     names = {"steps": "total_steps"} | {
@@ -77,9 +77,9 @@ def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
 
 def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
     """Resume; as `start`."""
-    from agents.train import resume
-    from agents.training.run_folder import SEEDS_FILE
-    from agents.training.seeds import resume_seeds
+    from wt_gym.agents.train import resume
+    from wt_gym.agents.training.run_folder import SEEDS_FILE
+    from wt_gym.agents.training.seeds import resume_seeds
 
     folder = Path(arguments.resume)
     go = resume_seeds if (folder / SEEDS_FILE).exists() else resume
@@ -89,8 +89,8 @@ def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
 
 def report(folder: Path, record: dict) -> None:
     """Say what has come out."""
-    from agents.training.held_back import FIGURES
-    from agents.training.seeds import seeds_table
+    from wt_gym.agents.training.held_back import FIGURES
+    from wt_gym.agents.training.seeds import seeds_table
 
     if "runs" in record:
         print("\n".join(seeds_table(record["runs"])))
@@ -107,7 +107,7 @@ def report(folder: Path, record: dict) -> None:
 def main() -> None:
     """Train."""
     arguments = parse_arguments()
-    from agents.command_line import user_errors
+    from wt_gym.agents.command_line import user_errors
 
     with user_errors():
         folder, record = (start if arguments.resume is None else go_on)(arguments)

@@ -37,7 +37,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     arguments = parser.parse_args()
 
-    from agents.tuning import Cost, TuningTask, tune
+    from wt_gym.agents.tuning import Cost, TuningTask, tune
     from wt_gym.turbines import load_turbine
 
     task = TuningTask(

@@ -7,7 +7,7 @@ import json
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
-    from agents.training.config import TrainingConfig
+    from wt_gym.agents.training.config import TrainingConfig
 
 __all__ = ["UNSAFE", "OneLineParser", "add_training_options", "config_from"]
 
@@ -68,9 +68,9 @@ def config_from(arguments: argparse.Namespace, **more: Any) -> TrainingConfig:
     FileNotFoundError, ValueError, gymnasium.error.Error
         If something is refused.
     """
-    from agents.command_line import environment_arguments
-    from agents.training.config import TrainingConfig
-    from agents.training.hyperparameters import hyperparameters_for, parse_override
+    from wt_gym.agents.command_line import environment_arguments
+    from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.agents.training.hyperparameters import hyperparameters_for, parse_override
 
     given = vars(arguments)
     env_id, algorithm = given.get("env", TrainingConfig.env_id), given.get("algo", TrainingConfig.algorithm)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from agents.choices import controller_of, is_controller_name
-from agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
-from agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
+from wt_gym.agents.choices import controller_of, is_controller_name
+from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
+from wt_gym.agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
 from wt_gym.control.controllers import make_controller

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from agents.training.arguments import config_from
-from agents.training.config import TrainingConfig
-from agents.training.held_back import SELECTION_WIND_SEEDS
-from agents.training.hyperparameters import ALGORITHMS, read_hyperparameters
+from wt_gym.agents.training.arguments import config_from
+from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.agents.training.held_back import SELECTION_WIND_SEEDS
+from wt_gym.agents.training.hyperparameters import ALGORITHMS, read_hyperparameters
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "training.md"
