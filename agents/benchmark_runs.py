@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from agents.compilation import compile_kernels
-from agents.progress import ProgressLine
-from agents.workers import check_workers, in_processes
+from wt_gym.agents.compilation import compile_kernels
+from wt_gym.agents.progress import ProgressLine
+from wt_gym.agents.workers import check_workers, in_processes
 from wt_gym.benchmark import ResultFolder, play, run_definition
 from wt_gym.benchmark.run import make_env
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from agents.entries import Entry
+    from wt_gym.agents.entries import Entry
     from wt_gym.benchmark import BenchmarkTask, BenchmarkWind
 
 __all__ = ["Job", "definition_of", "jobs_of", "results_of", "run_jobs"]

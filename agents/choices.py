@@ -114,8 +114,8 @@ def named_choices(choices: list[str]) -> dict[str, str]:
     Parameters
     ----------
     choices : list of str
-        Words, controllers or paths for `agents.evaluation.load_agent`, each with or without a name in front. The folder
-        of a training with several seeds stands for one agent a seed.
+        Words, controllers or paths for `wt_gym.agents.evaluation.load_agent`, each with or without a name in front. The
+        folder of a training with several seeds stands for one agent a seed.
 
     Returns
     -------
@@ -158,7 +158,7 @@ def expand_seeds(choice: str) -> list[tuple[str, str]]:
     ValueError
         If the plan of the training is damaged.
     """
-    from agents.trained_agent import MODEL_FILE  # torch takes seconds to import
+    from wt_gym.agents.trained_agent import MODEL_FILE  # torch takes seconds to import
 
     folders = _folders_of_seeds(Path(choice))
     if not folders:
@@ -171,7 +171,7 @@ def expand_seeds(choice: str) -> list[tuple[str, str]]:
 
 def _folders_of_seeds(folder: Path) -> dict[int, Path]:
     """Folders of the seeds by number, as the plan of the training names them; none for anything else."""
-    from agents.training.run_folder import SEEDS_FILE, read_plan, seed_folder
+    from wt_gym.agents.training.run_folder import SEEDS_FILE, read_plan, seed_folder
 
     if not (folder / SEEDS_FILE).is_file():
         return {}
@@ -197,7 +197,7 @@ def fingerprint(choice: str) -> dict[str, Any]:
     """
     if kind_of(choice, _WORDS) != "trained":
         return {"choice": choice}
-    from agents.trained_agent import model_digests  # torch takes seconds to import
+    from wt_gym.agents.trained_agent import model_digests  # torch takes seconds to import
 
     return {"choice": choice, "sha256": model_digests(choice)}
 
@@ -209,7 +209,7 @@ def _default_name(choice: str) -> str:
         return _WORDS[choice]
     if kind == "controller":
         return choice.removeprefix(_PREFIX)
-    from agents.trained_agent import RECORD_FILE, read_record
+    from wt_gym.agents.trained_agent import RECORD_FILE, read_record
 
     path = Path(choice)
     for folder in (path, path.parent, *_folders_of_seeds(path).values()):

@@ -29,6 +29,7 @@ def run_controller(
     on_step: Callable | None = None,
     rotor_speed: float | None = None,
     name: str = "controller",
+    recorder: Recorder | None = None,
 ) -> Recorder:
     """Simulate under a controller from the operating point of the inflow's mean speed.
 
@@ -48,6 +49,8 @@ def run_controller(
         To start with, by default that of the operating point [rad/s].
     name : str
         Of the controller, an attribute of the record.
+    recorder : Recorder, optional
+        That gets the signals, by default a new one. Whoever gives one has what was simulated where a run is stopped.
 
     Returns
     -------
@@ -59,7 +62,8 @@ def run_controller(
     speed = point.rotor_speed if rotor_speed is None else rotor_speed
     signals = simulator.reset(rotor_speed=speed, pitch=point.pitch)
     controller.start(signals, Demand(np.array(signals.pitch), 0.0, signals.generator_torque))
-    recorder = Recorder(simulator, controller=name, control_interval_s=dt)
+    recorder = Recorder(simulator) if recorder is None else recorder
+    recorder.attributes |= {"controller": name, "control_interval_s": dt}
     recorder.append(signals)
     for _ in range(round(duration / dt)):
         demand = checked_demand(controller.step(signals, dt), controller, simulator.turbine.n_blades)
@@ -79,16 +83,17 @@ def run_baseline(
     on_step: Callable | None = None,
     parameters: BaselineParameters | None = None,
     rotor_speed: float | None = None,
+    recorder: Recorder | None = None,
 ) -> Recorder:
     """Simulate under the baseline controller; arguments as `run_controller`.
 
     Parameters
     ----------
     simulator : Simulator
-    duration, control_dt, on_step, rotor_speed
+    duration, control_dt, on_step, rotor_speed, recorder
         See `run_controller`.
     parameters : BaselineParameters, optional
         Constants of the controller, by default those of the turbine.
     """
     controller = DisconController(parameters or BaselineParameters.from_turbine(simulator.turbine))
-    return run_controller(simulator, controller, duration, control_dt, on_step, rotor_speed, "baseline")
+    return run_controller(simulator, controller, duration, control_dt, on_step, rotor_speed, "baseline", recorder)

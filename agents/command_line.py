@@ -1,22 +1,16 @@
-"""What the scripts share: environments by name and errors of the user in one line."""
+"""Environments as they are named on a command line."""
 
 from __future__ import annotations
 
 import inspect
-import sys
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.errors import WtGymError
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-__all__ = ["environment_arguments", "user_errors"]
+__all__ = ["environment_arguments"]
 
 _ENTRY_POINT = f"{WindTurbineEnv.__module__}:{WindTurbineEnv.__name__}"
 
@@ -50,12 +44,3 @@ def environment_arguments(env_id: str, kwargs: dict[str, Any]) -> dict[str, Any]
     if unknown:
         raise ValueError(f"the environment has no arguments {unknown}")
     return {**spec.kwargs, **kwargs}
-
-
-@contextmanager
-def user_errors() -> Iterator[None]:
-    """End the program with one line and status 1 where what the user asked for is refused."""
-    try:
-        yield
-    except (WtGymError, ValueError, OSError, gym.error.Error) as error:
-        sys.exit(f"error: {' '.join(str(error).split())}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import stdtrit
 
-from agents.closed_loop import run_controller
+from wt_gym.agents.closed_loop import run_controller
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control.controllers import make_controller
 from wt_gym.errors import SimulationError

@@ -12,10 +12,10 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from agents.choices import controller_of, kind_of
-from agents.controller_agent import ControllerAgent
-from agents.trained_environment import check_environment
-from agents.uniform import UniformAgent
+from wt_gym.agents.choices import controller_of, kind_of
+from wt_gym.agents.controller_agent import ControllerAgent
+from wt_gym.agents.trained_environment import check_environment
+from wt_gym.agents.uniform import UniformAgent
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 
@@ -150,7 +150,7 @@ def _agent(config: DatasetConfig):
     """Environment, its arguments, and what makes the agent for it."""
     kind = kind_of(config.agent, ("baseline", "random"))
     if kind == "trained":
-        from agents.trained_agent import TrainedAgent  # torch takes seconds to import
+        from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
         trained = TrainedAgent.load(config.agent)
         of_training = (trained.record or {}).get("config", {})

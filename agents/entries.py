@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from agents.choices import controller_of, expand_seeds, kind_of, split_name
-from agents.constant import ConstantAgent
-from agents.trained_environment import environment_of_training
-from agents.uniform import UniformAgent
+from wt_gym.agents.choices import controller_of, expand_seeds, kind_of, split_name
+from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.trained_environment import environment_of_training
+from wt_gym.agents.uniform import UniformAgent
 from wt_gym.benchmark import INTERFACE
 from wt_gym.envs.layout import layout_of
 
@@ -62,11 +62,11 @@ class Entry:
         if kind == "random":
             return UniformAgent(layout)
         if kind == "planner":
-            from agents.planning import ShootingPlanner
+            from wt_gym.agents.planning import ShootingPlanner
 
             return ShootingPlanner(env, **self.definition["parameters"])
         if kind == "trained":
-            from agents.trained_agent import TrainedAgent  # torch takes seconds to import
+            from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
             agent = TrainedAgent.load(self.choice)
             agent.check_fits(layout)
@@ -99,7 +99,7 @@ def _default_name(choice: str) -> str:
 
 
 def _kind(choice: str) -> str:
-    """Kind of a choice: "planner", or as `agents.choices.kind_of` says."""
+    """Kind of a choice: "planner", or as `wt_gym.agents.choices.kind_of` says."""
     return (
         "planner" if choice.partition(":")[0] == "planner" else kind_of(choice, ("zero", "random"), ("planner", *WORDS))
     )
@@ -140,7 +140,7 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
 
 def _trained(name: str, path: Path) -> Entry:
     """Entry of a trained model, in the environment it was trained in."""
-    from agents.trained_agent import TrainedAgent, model_digests
+    from wt_gym.agents.trained_agent import TrainedAgent, model_digests
 
     record = TrainedAgent.load(path).record or {}
     interface = environment_of_training(record, INTERFACE)

@@ -13,14 +13,14 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from agents.choices import controller_of, is_controller_name
-from agents.compilation import compile_kernels
-from agents.constant import ConstantAgent
-from agents.controller_agent import ControllerAgent
-from agents.evaluation_folder import EvaluationFolder, code_fingerprint
-from agents.progress import ProgressLine, clock
-from agents.trained_environment import check_environment
-from agents.workers import check_workers, in_processes
+from wt_gym.agents.choices import controller_of, is_controller_name
+from wt_gym.agents.compilation import compile_kernels
+from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.controller_agent import ControllerAgent
+from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.agents.progress import ProgressLine, clock
+from wt_gym.agents.trained_environment import check_environment
+from wt_gym.agents.workers import check_workers, in_processes
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
@@ -122,8 +122,8 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
     ----------
     choice : str
         ``"baseline"`` (the controller beneath residual actions, else the baseline controller), ``"constant"``, a
-        controller as `agents.choices.controller_of` reads it (beneath residual actions it is the environment's matter,
-        and its agent is the constant one), or the path of a trained model or its folder.
+        controller as `wt_gym.agents.choices.controller_of` reads it (beneath residual actions it is the environment's
+        matter, and its agent is the constant one), or the path of a trained model or its folder.
     layout : EnvLayout
 
     Returns
@@ -138,7 +138,7 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
     if is_controller_name(choice):
         name, parameters = controller_of(choice)
         return ControllerAgent(layout, name, **parameters)
-    from agents.trained_agent import TrainedAgent  # torch takes seconds to import
+    from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
     agent = TrainedAgent.load(choice)
     agent.check_fits(layout)
@@ -169,7 +169,7 @@ def evaluate(
         Remove what another evaluation left in the folder.
     allow_other_environment : bool
         Take trained models into an environment with other noise, action spans or controller beneath than in their
-        training, see `agents.trained_environment`.
+        training, see `wt_gym.agents.trained_environment`.
     workers : int
         Runs beside each other, each in a process of its own; the numbers are the same. More than one needs agents by
         word or path.

@@ -7,10 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import agents as agents_package
 import wt_gym
-from agents.choices import fingerprint
-from agents.folder_lock import FolderLock
+from wt_gym.agents.choices import fingerprint
+from wt_gym.agents.folder_lock import FolderLock
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Run, Wind, run_file
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing, sources_digest
 from wt_gym.files import write_text_whole
@@ -18,7 +17,7 @@ from wt_gym.files import write_text_whole
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from agents.evaluation import EvaluationConfig
+    from wt_gym.agents.evaluation import EvaluationConfig
     from wt_gym.envs.episode import Agent
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder", "code_fingerprint"]
 
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
-_AGENTS, _ENVS = Path(agents_package.__file__).parent, Path(wt_gym.__file__).parent / "envs"
+_AGENTS, _ENVS = Path(wt_gym.agents.__file__).parent, Path(wt_gym.__file__).parent / "envs"
 _SOURCES = ("constant.py", "controller_agent.py", "evaluation.py", "trained_agent.py")
 # These weigh what the runs gave, and change no run.
 _ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agents.entries import BASELINE, LEVELS, Entry, entry_of
+from wt_gym.agents.entries import BASELINE, LEVELS, Entry, entry_of
 from wt_gym.analysis.statistics import bootstrap_interval
 
 if TYPE_CHECKING:

@@ -13,14 +13,14 @@ from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.logger import configure
 
 import wt_gym
-from agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALISATION_FILE, RECORD_FILE, TrainedAgent
-from agents.trained_environment import resolved_arguments
-from agents.training.callbacks import Checkpoints, EpisodeFigures, Evaluations, Watch, stop_on_signals
-from agents.training.config import TrainingConfig
-from agents.training.environments import make_training_env
-from agents.training.held_back import FIGURES, HeldBackEvaluation
-from agents.training.models import load_model, make_model, save_model, save_replay_buffer
-from agents.training.run_folder import RunFolder
+from wt_gym.agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALISATION_FILE, RECORD_FILE, TrainedAgent
+from wt_gym.agents.trained_environment import resolved_arguments
+from wt_gym.agents.training.callbacks import Checkpoints, EpisodeFigures, Evaluations, Watch, stop_on_signals
+from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.agents.training.environments import make_training_env
+from wt_gym.agents.training.held_back import FIGURES, HeldBackEvaluation
+from wt_gym.agents.training.models import load_model, make_model, save_model, save_replay_buffer
+from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.envs.layout import layout_of
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.vec_env import VecNormalize
 
-    from agents.training.callbacks import StopRequest
+    from wt_gym.agents.training.callbacks import StopRequest
 
 
 __all__ = ["TrainingConfig", "resume", "train"]

@@ -154,7 +154,7 @@ class TrainedAgent:
     normalisation : VecNormalize, optional
         Statistics of the training; None if the model was trained on plain observations.
     record : dict, optional
-        How it was trained, as written by `agents.train.train`.
+        How it was trained, as written by `wt_gym.agents.train.train`.
     """
 
     def __init__(

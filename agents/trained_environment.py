@@ -40,7 +40,7 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     record : mapping
-        As `agents.train.train` writes it.
+        As `wt_gym.agents.train.train` writes it.
 
     Returns
     -------

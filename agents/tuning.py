@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import wt_gym
-from agents.comparison import Case, run_cases
+from wt_gym.agents.comparison import Case, run_cases
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 
 if TYPE_CHECKING:

@@ -37,8 +37,8 @@ def in_processes(
 ) -> Iterator[tuple[Any, Any]]:
     """Do jobs in processes; give each with its result as soon as it is done, in whatever order that is.
 
-    Kernels should be in the cache before (`agents.compilation`). Where a job fails, or the caller goes no further,
-    those that have not begun are not done.
+    Kernels should be in the cache before (`wt_gym.agents.compilation`). Where a job fails, or the caller goes no
+    further, those that have not begun are not done.
 
     Parameters
     ----------

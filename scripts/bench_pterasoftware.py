@@ -434,7 +434,7 @@ def main() -> None:
             f"error: no Python environment in {environment}; --set-up makes it, --environment names another"
         )
 
-    from agents.progress import ProgressLine
+    from wt_gym.agents.progress import ProgressLine
 
     line = ProgressLine(interval=2.0)
     line.show("reference: linear theory", final=True)

@@ -45,7 +45,7 @@ def simulate(arguments: argparse.Namespace) -> None:
     """Run every controller in every wind and write the table; runs that are kept are not simulated again."""
     import numpy as np
 
-    from agents import reward_study as study
+    from wt_gym.agents import reward_study as study
     from wt_gym.simulation import Simulator
     from wt_gym.turbines import load_turbine
     from wt_gym.wind import SteadyInflow
@@ -87,7 +87,7 @@ def read(path: Path) -> list[dict]:
 
 def analyse(rows: list[dict], weights: dict[str, float]) -> dict:
     """Correlations of the terms with the loads and of the total with the lifetime cost."""
-    from agents import reward_study as study
+    from wt_gym.agents import reward_study as study
 
     first = rows[0]["seed"]
     known = [row for row in rows if row["controller"] not in study.LIBRARY]

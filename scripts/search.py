@@ -1,58 +1,9 @@
 #!/usr/bin/env python3
-"""Search hyperparameters for a training; needs the extra "tune".
-
-    scripts/search.py --trials 50 --steps 60000 --wind-speed 15 --out runs/search
-    scripts/train.py --hyperparameters runs/search/best.yml --wind-speed 15
-
-Every trial is a training, judged against the baseline controller in winds held back from it. The study lives in the
-folder: the same command goes on where an earlier one was stopped.
-
-Exit status: as of scripts/train.py.
-"""
-
-import argparse
-import json
-import signal
-import sys
+"""``wt-gym search`` of this clone, whether it is installed or not."""
 
 import use_venv  # noqa: F401 - finds packages and interpreter
 
-from agents.training.arguments import UNSAFE, OneLineParser, add_training_options, config_from
-
-
-def parse_arguments() -> argparse.Namespace:
-    """Read the command line."""
-    parser = OneLineParser(description=__doc__, epilog=UNSAFE)
-    parser.add_argument("--trials", type=int, default=30, help="altogether (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=60_000, help="of each trial (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of search and trainings (default: %(default)s)")
-    parser.add_argument("--out", default="runs/search", help="folder for the results (default: %(default)s)")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON at the end")
-    add_training_options(parser)
-    return parser.parse_args()
-
-
-def main() -> None:
-    """Search."""
-    arguments = parse_arguments()
-    from agents.command_line import user_errors
-    from agents.training.search import BEST_FILE, search
-
-    def progress(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
-
-    with user_errors():
-        config = config_from(arguments, total_steps=arguments.steps, seed=arguments.seed, tensorboard=False)
-        result = search(config, arguments.out, arguments.trials, progress)
-    if result["best"] is not None:
-        print(f"best of {result['trials']} trials: return against the baseline's {result['value']:+.2f}; "
-              f"scripts/train.py --hyperparameters {arguments.out}/{BEST_FILE}")  # fmt: skip
-    if arguments.json:
-        print(json.dumps(result))
-    if result["status"] == "interrupted":
-        print(f"ended by {result['stopped_by']}; the same command goes on", file=sys.stderr)
-        sys.exit(128 + signal.Signals[result["stopped_by"]])
-
+from wt_gym.commands.search import main
 
 if __name__ == "__main__":
     main()

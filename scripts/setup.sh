@@ -1,24 +1,38 @@
 # Sourced by scripts/demo and scripts/test: a virtual environment with everything installed, made once.
 # Needs python3 >= 3.11 with venv and pip. PYTHON names another interpreter.
+#
+# .venv/.set-up says what the environment was made for, and where: a clone that was moved or copied, or has other
+# requirements, is brought up to date in place, which needs no network where nothing new is required. While it is being
+# made the file says so: one that was interrupted is made anew.
 
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
+install() {
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt "$@"
+}
+
 set_up() {
-    local python=${PYTHON:-python3} stamp=.venv/.set-up want
+    local python=${PYTHON:-python3} stamp=.venv/.set-up found='' want
     if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
         echo "error: $python is not Python 3.11 or newer; set PYTHON to one that is" >&2
         return 1
     fi
-    want=$(cat pyproject.toml constraints.txt | cksum)
-    if [[ -f $stamp && $(<"$stamp") == "$want" ]]; then
+    want="$(cat pyproject.toml constraints.txt | cksum) in $PWD"
+    [[ ! -f $stamp ]] || found=$(<"$stamp")
+    if [[ $found == "$want" ]] && .venv/bin/python -c '' 2>/dev/null; then
         return
     fi
     echo "setting up .venv (once; some hundred MB, PyTorch among them) ..."
-    rm -f "$stamp"
+    if [[ $found == unfinished ]]; then
+        rm -rf .venv
+    fi
+    mkdir -p .venv
+    echo unfinished >"$stamp"
     "$python" -m venv .venv
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
-        --editable '.[train,test,tune]'
+    # the build runs in the environment itself: one of its own would be fetched anew each time
+    install 'setuptools>=77'
+    install --no-build-isolation --editable '.[train,test,tune]'
     echo "$want" >"$stamp"
     echo "set up in ${SECONDS} s"
 }

@@ -32,7 +32,7 @@ def main() -> None:
     import gymnasium as gym
     import numpy as np
 
-    from agents.command_line import user_errors
+    from wt_gym.commands.program import user_errors
 
     with user_errors():
         env = gym.make(arguments.env, **arguments.env_kwargs)

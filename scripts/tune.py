@@ -1,60 +1,9 @@
 #!/usr/bin/env python3
-"""Tune the parameters of a controller on training winds; needs the extra "tune".
+"""``wt-gym tune`` of this clone, whether it is installed or not."""
 
-scripts/tune.py constrained_ipc --trials 40 --output tuned.json
-scripts/tune.py retuned --winds 8 --seeds 1 2 3 --weights mean_power=-1 --trials 15
-"""
+import use_venv  # noqa: F401 - finds packages and interpreter
 
-import argparse
-import json
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-
-def weight(text: str) -> tuple[str, float]:
-    """Metric and weight from ``metric=weight``."""
-    name, _, value = text.partition("=")
-    return name, float(value)
-
-
-def main() -> None:
-    """Run."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("controller", help="name of wt_gym.control.controllers.make_controller")
-    parser.add_argument("--turbine", default="nrel_5mw")
-    parser.add_argument("--reference", default="discon", help="that the cost compares with")
-    parser.add_argument("--winds", nargs="+", type=float, default=[12.0, 15.0, 18.0], help="m/s")
-    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2], help="of the training winds, 1 to 24")
-    parser.add_argument("--duration", type=float, default=150.0, help="measured, s")
-    parser.add_argument("--skip", type=float, default=30.0, help="before it, s")
-    parser.add_argument("--fidelity", default="training")
-    parser.add_argument("--weights", nargs="+", type=weight, help="of the cost, as mean_power=-5 blade_flap_del=1")
-    parser.add_argument("--trials", type=int, default=30)
-    parser.add_argument("--seed", type=int, default=0, help="of the search")
-    parser.add_argument("--output", type=Path, help="JSON file for the record")
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    arguments = parser.parse_args()
-
-    from agents.tuning import Cost, TuningTask, tune
-    from wt_gym.turbines import load_turbine
-
-    task = TuningTask(
-        arguments.controller, arguments.reference, tuple(arguments.winds), tuple(arguments.seeds),
-        arguments.duration, arguments.skip, arguments.fidelity,
-        Cost(dict(arguments.weights)) if arguments.weights else Cost(),
-    )  # fmt: skip
-
-    def progress(number, cost, parameters):
-        shown = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
-        print(f"trial {number}: cost {cost:+.4f} with {shown}", file=sys.stderr, flush=True)
-
-    record = tune(load_turbine(arguments.turbine), task, arguments.trials, arguments.seed, arguments.output, progress)
-    print(f"best: cost {record['best']['cost']:+.4f} with {record['best']['parameters']}")
-    if arguments.json:
-        print(json.dumps(record))
-
+from wt_gym.commands.tune import main
 
 if __name__ == "__main__":
     main()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from agents.closed_loop import run_controller
-from agents.comparison import Case, change, inflow_of, run_cases, table
 from validation.case import CaseResult, Check, Curve, Figure, case
+from wt_gym.agents.closed_loop import run_controller
+from wt_gym.agents.comparison import Case, change, inflow_of, run_cases, table
 from wt_gym.control.controllers import WindEstimator, make_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine

@@ -124,7 +124,7 @@ def conduct(experiment: Experiment, choice, save_to: Path | None = None) -> dict
     dict of str to float
         `QUANTITIES`. Damage-equivalent loads at 1 Hz have the exponents 10 (mean of the blade roots) and 4 (tower).
     """
-    from agents.closed_loop import run_baseline
+    from wt_gym.agents.closed_loop import run_baseline
     from wt_gym.control.controllers.discon import BaselineParameters
 
     simulator = Simulator(TURBINE, inflow=experiment.inflow(), fidelity=choice)

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.progress import ProgressLine, clock
+from wt_gym.agents.progress import ProgressLine, clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from agents.training.config import TrainingConfig
-    from agents.training.held_back import HeldBackEvaluation
+    from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.agents.training.held_back import HeldBackEvaluation
 
 __all__ = ["Checkpoints", "EpisodeFigures", "Evaluations", "StopRequest", "Watch", "stop_on_signals"]
 

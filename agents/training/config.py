@@ -6,7 +6,7 @@ import importlib.util
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from agents.training.hyperparameters import check_hyperparameters, hyperparameters_for
+from wt_gym.agents.training.hyperparameters import check_hyperparameters, hyperparameters_for
 
 __all__ = ["TrainingConfig"]
 

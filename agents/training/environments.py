@@ -9,12 +9,12 @@ import gymnasium as gym
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecNormalize
 
-from agents.compilation import compile_kernels
+from wt_gym.agents.compilation import compile_kernels
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from agents.training.config import TrainingConfig
+    from wt_gym.agents.training.config import TrainingConfig
 
 __all__ = ["make_training_env"]
 

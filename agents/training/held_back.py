@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.analysis.results import Wind
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 
 if TYPE_CHECKING:
-    from agents.training.config import TrainingConfig
+    from wt_gym.agents.training.config import TrainingConfig
     from wt_gym.analysis.results import Run
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.wind_sampler import WindSampler

@@ -12,7 +12,7 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 
-from agents.trained_agent import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
+from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
 from wt_gym.files import write_whole
 
 if TYPE_CHECKING:
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.vec_env import VecNormalize
 
-    from agents.training.config import TrainingConfig
-    from agents.training.run_folder import RunFolder
+    from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.agents.training.run_folder import RunFolder
 
 __all__ = ["load_model", "make_model", "save_model", "save_replay_buffer"]
 

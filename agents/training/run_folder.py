@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from agents.folder_lock import FolderLock
-from agents.trained_agent import (
+from wt_gym.agents.folder_lock import FolderLock
+from wt_gym.agents.trained_agent import (
     BEST_MODEL_FILE,
     BEST_NORMALISATION_FILE,
     MODEL_FILE,
@@ -44,8 +44,8 @@ def read_plan(folder: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``seeds``, a list of int, ``config``, as of `agents.training.config.TrainingConfig.to_json`, and, once there is
-        one, ``summary``.
+        ``seeds``, a list of int, ``config``, as of `wt_gym.agents.training.config.TrainingConfig.to_json`, and, once
+        there is one, ``summary``.
 
     Raises
     ------

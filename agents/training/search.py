@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from agents.train import train
-from agents.training.callbacks import stop_on_signals
-from agents.training.run_folder import RunFolder
+from wt_gym.agents.train import train
+from wt_gym.agents.training.callbacks import stop_on_signals
+from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     import optuna
 
-    from agents.training.callbacks import StopRequest
-    from agents.training.config import TrainingConfig
+    from wt_gym.agents.training.callbacks import StopRequest
+    from wt_gym.agents.training.config import TrainingConfig
 
 __all__ = ["BEST_FILE", "SPACES", "Choice", "Range", "search"]
 

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agents.train import resume, train
-from agents.training.callbacks import stop_on_signals
-from agents.training.config import TrainingConfig
-from agents.training.held_back import FIGURES
-from agents.training.run_folder import SEEDS_FILE, RunFolder, read_plan, seed_folder
+from wt_gym.agents.train import resume, train
+from wt_gym.agents.training.callbacks import stop_on_signals
+from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.agents.training.held_back import FIGURES
+from wt_gym.agents.training.run_folder import SEEDS_FILE, RunFolder, read_plan, seed_folder
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from agents.training.callbacks import StopRequest
+    from wt_gym.agents.training.callbacks import StopRequest
 
 __all__ = ["resume_seeds", "seeds_table", "train_seeds"]
 
@@ -39,7 +39,7 @@ def train_seeds(
         Gets the folders and ``seeds.json``: seeds, configuration and, in the end, the summary.
     seeds : iterable of int
     overwrite, progress
-        As `agents.train.train`.
+        As `wt_gym.agents.train.train`.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def resume_seeds(
     Parameters
     ----------
     folder, total_steps, max_seconds, progress
-        As `agents.train.resume`; new limits hold for every seed, from now on.
+        As `wt_gym.agents.train.resume`; new limits hold for every seed, from now on.
 
     Raises
     ------

@@ -15,12 +15,12 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import wt_gym  # noqa: F401 - registers the environments
-from agents.choices import BASELINE, named_choices
-from agents.constant import ConstantAgent
-from agents.controller_agent import ControllerAgent
-from agents.evaluation import EvaluationConfig, evaluate, load_agent
-from agents.train import TrainingConfig, train
-from agents.trained_agent import TrainedAgent
+from wt_gym.agents.choices import BASELINE, named_choices
+from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.controller_agent import ControllerAgent
+from wt_gym.agents.evaluation import EvaluationConfig, evaluate, load_agent
+from wt_gym.agents.train import TrainingConfig, train
+from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.report import write_report

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from stable_baselines3 import PPO
 
-from agents.benchmark_runs import definition_of, jobs_of, results_of, run_jobs
-from agents.entries import entry_of
+from wt_gym.agents.benchmark_runs import definition_of, jobs_of, results_of, run_jobs
+from wt_gym.agents.entries import entry_of
 from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
 from wt_gym.benchmark.run import make_env
 from wt_gym.benchmark.scoring import wind_score
@@ -120,7 +120,7 @@ def test_a_series_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
         return {"definition": definition_of(job), "agent": "discon"} | played("discon")
 
     with monkeypatch.context() as patch:
-        patch.setattr("agents.benchmark_runs._run", stop_in_the_third)
+        patch.setattr("wt_gym.agents.benchmark_runs._run", stop_in_the_third)
         with pytest.raises(KeyboardInterrupt):
             run_jobs(jobs, folder, progress=False)
         assert [result["definition"] for result in folder] == sorted(

@@ -7,12 +7,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from agents import evaluation as module
-from agents.constant import ConstantAgent
-from agents.evaluation import EvaluationConfig, evaluate
-from agents.evaluation_folder import EvaluationFolder, code_fingerprint
-from agents.trained_environment import check_environment, resolved_arguments
-from agents.training.config import TrainingConfig
+from wt_gym.agents import evaluation as module
+from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.agents.trained_environment import check_environment, resolved_arguments
+from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine

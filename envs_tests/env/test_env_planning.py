@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from agents.planning import ShootingPlanner
+from wt_gym.agents.planning import ShootingPlanner
 
 SMALL = {"horizon": 0.8, "hold": 0.4, "samples": 3, "elites": 2, "rounds": 2}
 

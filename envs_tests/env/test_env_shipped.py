@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import agents
-from agents.evaluation import EvaluationConfig, evaluate
-from agents.trained_agent import TrainedAgent
+import wt_gym
+from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.results import Wind
 
-FOLDERS = sorted(path.parent for path in (Path(agents.__file__).parent / "trained").glob("*/model.zip"))
+FOLDERS = sorted(path.parent for path in (Path(wt_gym.agents.__file__).parent / "trained").glob("*/model.zip"))
 
 
 def test_there_are_agents():

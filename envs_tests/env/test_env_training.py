@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 import torch
 
-from agents import evaluation
-from agents.choices import named_choices
-from agents.train import TrainingConfig, resume, train
-from agents.trained_agent import TrainedAgent
-from agents.training import callbacks, held_back
-from agents.training import seeds as seeds_module
-from agents.training.held_back import SELECTION_WIND_SEEDS, HeldBackEvaluation
-from agents.training.run_folder import RunFolder
-from agents.training.seeds import resume_seeds, seeds_table, train_seeds
+from wt_gym.agents import evaluation
+from wt_gym.agents.choices import named_choices
+from wt_gym.agents.train import TrainingConfig, resume, train
+from wt_gym.agents.trained_agent import TrainedAgent
+from wt_gym.agents.training import callbacks, held_back
+from wt_gym.agents.training import seeds as seeds_module
+from wt_gym.agents.training.held_back import SELECTION_WIND_SEEDS, HeldBackEvaluation
+from wt_gym.agents.training.run_folder import RunFolder
+from wt_gym.agents.training.seeds import resume_seeds, seeds_table, train_seeds
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.files import whole_file, write_whole
 

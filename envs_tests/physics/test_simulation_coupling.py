@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from agents.closed_loop import run_baseline
+from wt_gym.agents.closed_loop import run_baseline
 from wt_gym.constants import GRAVITY
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody.tree.tree_kernels import OK

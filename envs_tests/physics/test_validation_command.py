@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import math
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -145,7 +146,7 @@ class TestOtherCommands:
     """What the command lines of the measurements and diagrams refuse before they compute anything."""
 
     @pytest.mark.parametrize(
-        ("script", "arguments", "message"),
+        ("command", "arguments", "message"),
         [
             ("campbell", ["--out", "a.xyz"], "endings of figures are"),
             ("campbell", ["--wind-speed", "0"], "--wind-speed 0.0: allowed are finite speeds above 0"),
@@ -158,10 +159,9 @@ class TestOtherCommands:
             ("bench", ["--seconds", "0"], "--seconds 0.0"),
         ],
     )
-    def test_refusals(self, capsys, monkeypatch, script, arguments, message):
-        monkeypatch.setattr("sys.argv", [script, *arguments])
+    def test_refusals(self, capsys, command, arguments, message):
         with pytest.raises(SystemExit, match="2"):
-            load_script(script).parse_arguments()
+            import_module(f"wt_gym.commands.{command}").parse_arguments(arguments)
         assert message in capsys.readouterr().err
 
 

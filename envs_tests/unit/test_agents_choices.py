@@ -2,7 +2,7 @@
 
 import pytest
 
-from agents.choices import (
+from wt_gym.agents.choices import (
     BASELINE,
     controller_of,
     fingerprint,

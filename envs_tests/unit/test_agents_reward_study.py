@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from agents import reward_study as study
+from wt_gym.agents import reward_study as study
 from wt_gym.envs import rewards
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine

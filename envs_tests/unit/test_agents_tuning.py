@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from agents import tuning
-from agents.comparison import Case, ControllerRuns, change, table
-from agents.tuning import Cost, Range, TuningTask, tune
+from wt_gym.agents import tuning
+from wt_gym.agents.comparison import Case, ControllerRuns, change, table
+from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
 from wt_gym.turbines import load_turbine
 
 METRICS = {

@@ -8,9 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.choices import controller_of
-from agents.entries import LEVELS, entries_of, entry_of
-from agents.front import FAMILIES, distance_table, draw_front, front_distance, front_entries, front_rows, write_csv
+from wt_gym.agents.choices import controller_of
+from wt_gym.agents.entries import LEVELS, entries_of, entry_of
+from wt_gym.agents.front import (
+    FAMILIES,
+    distance_table,
+    draw_front,
+    front_distance,
+    front_entries,
+    front_rows,
+    write_csv,
+)
 from wt_gym.benchmark import (
     INTERFACE,
     BenchmarkTask,

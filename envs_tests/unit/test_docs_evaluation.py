@@ -1,27 +1,25 @@
 """The page about evaluation: its examples run, its commands are accepted, its files and numbers are so."""
 
 import doctest
-import importlib.util
 import re
 import shlex
-import sys
 from pathlib import Path
 
 import pytest
 
-from agents.choices import controller_of, is_controller_name
-from agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
-from agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
+from wt_gym.agents.choices import controller_of, is_controller_name
+from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
+from wt_gym.agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
+from wt_gym.commands import evaluate as command
 from wt_gym.control.controllers import make_controller
 from wt_gym.turbines import load_turbine
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "evaluation.md"
 TEXT = PAGE.read_text(encoding="utf-8")
-HELP = (ROOT / "scripts" / "evaluate.py").read_text(encoding="utf-8").split('"""')[1]
-COMMANDS = re.findall(r"^ *(scripts/evaluate\.py .*)$", TEXT + HELP, re.MULTILINE)
+COMMANDS = re.findall(r"^ *(?:scripts/evaluate\.py|wt-gym evaluate) (.*)$", TEXT + command.__doc__, re.MULTILINE)
 
 
 def test_examples_run():
@@ -30,15 +28,9 @@ def test_examples_run():
     assert result.failed == 0
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_commands_are_accepted(command, monkeypatch):
-    script, *words = shlex.split(command)
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    spec = importlib.util.spec_from_file_location("script_evaluate", ROOT / script)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    monkeypatch.setattr(sys, "argv", [script, *words])
-    arguments = module.parse_arguments()
+@pytest.mark.parametrize("words", COMMANDS)
+def test_commands_are_accepted(words):
+    arguments = command.parse_arguments(shlex.split(words))
     turbine = load_turbine("nrel_5mw")
     for agent in arguments.agents:
         choice = agent.split("=", 1)[1] if "=" in agent and ":" not in agent.split("=")[0] else agent

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from agents import reward_study as study
+from wt_gym.agents import reward_study as study
 from wt_gym.envs import rewards
 from wt_gym.envs.turbine_env import WindTurbineEnv
 

@@ -1,18 +1,17 @@
 """The page about training: its examples run, its commands are accepted, its files exist."""
 
 import doctest
-import importlib.util
 import re
 import shlex
-import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from agents.training.arguments import config_from
-from agents.training.config import TrainingConfig
-from agents.training.held_back import SELECTION_WIND_SEEDS
-from agents.training.hyperparameters import ALGORITHMS, read_hyperparameters
+from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.agents.training.held_back import SELECTION_WIND_SEEDS
+from wt_gym.agents.training.hyperparameters import ALGORITHMS, read_hyperparameters
+from wt_gym.commands.training_options import config_from
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "training.md"
@@ -30,20 +29,15 @@ def test_examples_run():
     assert result.failed == 0
 
 
-def arguments_of(command, monkeypatch):
+def arguments_of(command):
     """What a script makes of a command."""
     script, *words = shlex.split(command)
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    spec = importlib.util.spec_from_file_location(f"script_{Path(script).stem}", ROOT / script)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    monkeypatch.setattr(sys, "argv", [script, *words])
-    return module.parse_arguments()
+    return import_module(f"wt_gym.commands.{Path(script).stem}").parse_arguments(words)
 
 
 @pytest.mark.parametrize("command", dict.fromkeys(COMMANDS))
-def test_commands_are_accepted(command, monkeypatch, tmp_path):
-    arguments = arguments_of(command, monkeypatch)
+def test_commands_are_accepted(command, tmp_path):
+    arguments = arguments_of(command)
     if "evaluate" in command or getattr(arguments, "resume", None):
         return
     if "hyperparameters" in arguments:

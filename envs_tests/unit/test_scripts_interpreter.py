@@ -1,11 +1,14 @@
 """The scripts about training run as printed: from any folder, with .venv where their interpreter lacks packages."""
 
+import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from wt_gym.commands import COMMANDS
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 BARE = [sys.executable, "-I", "-S"]  # an interpreter without any package
@@ -43,8 +46,16 @@ def test_the_interpreter_of_the_clone_takes_over(clone):
     assert done.stdout == f"took over: {clone / 'scripts' / 'train.py'} --steps 5\n"
 
 
-@pytest.mark.parametrize("script", ["train.py", "evaluate.py", "search.py"])
-def test_scripts_find_the_package_beside_them(script, tmp_path):
-    command = [sys.executable, SCRIPTS / script, "--help"]
+def test_scripts_find_the_package_beside_them(tmp_path):
+    command = [sys.executable, SCRIPTS / "train.py", "--help"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path, env={})
     assert "take none from strangers" in done.stdout
+    assert "usage: scripts/train.py" in done.stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_is_a_script_of_the_clone(command):
+    module = command.replace("-", "_")
+    script = SCRIPTS / f"{module}.py"
+    assert f"from wt_gym.commands.{module} import main" in script.read_text(encoding="utf-8")
+    assert os.access(script, os.X_OK)

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from stable_baselines3.common.utils import LinearSchedule
 
-from agents.trained_agent import ALGORITHM_CLASSES
-from agents.training.config import TrainingConfig
-from agents.training.environments import make_training_env
-from agents.training.hyperparameters import ALGORITHMS, hyperparameters_for, parse_override, read_hyperparameters
-from agents.training.models import make_model
+from wt_gym.agents.trained_agent import ALGORITHM_CLASSES
+from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.agents.training.environments import make_training_env
+from wt_gym.agents.training.hyperparameters import ALGORITHMS, hyperparameters_for, parse_override, read_hyperparameters
+from wt_gym.agents.training.models import make_model
 
 TASK, STEADY = "wt_gym/LoadReduction-v0", "wt_gym/NREL5MW-Steady-v0"
 

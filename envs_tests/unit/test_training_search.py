@@ -5,10 +5,10 @@ import signal
 
 import pytest
 
-from agents.training import search as searching
-from agents.training.config import TrainingConfig
-from agents.training.hyperparameters import hyperparameters_for
-from agents.training.search import BEST_FILE, SPACES, search
+from wt_gym.agents.training import search as searching
+from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.agents.training.hyperparameters import hyperparameters_for
+from wt_gym.agents.training.search import BEST_FILE, SPACES, search
 
 pytest.importorskip("optuna")
 TASK = "wt_gym/LoadReduction-v0"

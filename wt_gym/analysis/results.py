@@ -141,7 +141,7 @@ class Evaluation:
     limits : dict
         Rated power [W], rated rotor speed [rad/s] and the like, for reference lines in plots.
     training : dict
-        Agent name to how it was trained (see `agents.train`), for agents that were.
+        Agent name to how it was trained (see `wt_gym.agents.train`), for agents that were.
     climate : WindClimate or None
         How often each wind speed blows, for loads over a life.
     """

@@ -3,27 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.commands.program import json_value
 
 if TYPE_CHECKING:
-    from agents.training.config import TrainingConfig
+    from wt_gym.agents.training.config import TrainingConfig
 
-__all__ = ["UNSAFE", "OneLineParser", "add_training_options", "config_from"]
-
-UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
-they are loaded: take none from strangers."""
-
-
-class OneLineParser(argparse.ArgumentParser):
-    """A parser that keeps descriptions as they are written, and says what is wrong in one line."""
-
-    def __init__(self, **options):
-        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **options)
-
-    def error(self, message: str) -> NoReturn:
-        """End the program with status 2."""
-        self.exit(2, f"error: {' '.join(message.split())}; see --help\n")
+__all__ = ["add_training_options", "config_from"]
 
 
 def add_training_options(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +23,7 @@ def add_training_options(parser: argparse.ArgumentParser) -> None:
     options.add_argument("--episode-length", type=float, metavar="S", help="length of an episode [s]")
     options.add_argument("--fidelity", help="training, engineering or reference")
     options.add_argument(
-        "--env-kwargs", type=_json, metavar="JSON",
+        "--env-kwargs", type=json_value, metavar="JSON",
         help='more arguments of the environment, e.g. \'{"pitch": "individual"}\'',
     )  # fmt: skip
     options.add_argument("--n-envs", type=int, metavar="N", help="environments in parallel (default: 1)")
@@ -68,9 +55,9 @@ def config_from(arguments: argparse.Namespace, **more: Any) -> TrainingConfig:
     FileNotFoundError, ValueError, gymnasium.error.Error
         If something is refused.
     """
-    from agents.command_line import environment_arguments
-    from agents.training.config import TrainingConfig
-    from agents.training.hyperparameters import hyperparameters_for, parse_override
+    from wt_gym.agents.command_line import environment_arguments
+    from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.agents.training.hyperparameters import hyperparameters_for, parse_override
 
     given = vars(arguments)
     env_id, algorithm = given.get("env", TrainingConfig.env_id), given.get("algo", TrainingConfig.algorithm)
@@ -87,10 +74,3 @@ def config_from(arguments: argparse.Namespace, **more: Any) -> TrainingConfig:
     hyperparameters = hyperparameters_for(algorithm, env_id, given.get("hyperparameters"), overrides)
     fields = {name: given[name] for name in ("n_envs", "eval_every", "eval_winds", "eval_seconds") if name in given}
     return TrainingConfig(algorithm, env_id, kwargs, hyperparameters, **fields, **more)
-
-
-def _json(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is not valid JSON: {error}") from error

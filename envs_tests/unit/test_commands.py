@@ -1,0 +1,130 @@
+"""The command line: how it is called, and how it ends where something is refused, missing or stopped."""
+
+import argparse
+import os
+import signal
+import sys
+from importlib import import_module
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from wt_gym.commands import COMMANDS, main, simulate
+from wt_gym.commands.program import OneLineParser, as_called, json_value, stoppable, user_errors
+
+
+def ended(call, *arguments):
+    with pytest.raises(SystemExit) as end:
+        call(*arguments)
+    return end.value.code
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(command, capsys):
+    assert ended(main, [command, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert f"usage: wt-gym {command}" in text
+    assert "scripts/" not in text
+
+
+def test_commands_import_nothing_heavy():
+    for command in COMMANDS:
+        module = import_module(f"wt_gym.commands.{command.replace('-', '_')}")
+        assert not {"np", "torch", "xarray", "numba"} & set(vars(module))
+
+
+def test_the_help_lists_every_command(capsys):
+    assert ended(main, ["--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(f"  {command} " in text for command in COMMANDS)
+
+
+@pytest.mark.parametrize("words", [[], ["fly"], ["train", "--colour", "red"]])
+def test_wrong_words_take_one_line_and_status_2(words, capsys):
+    assert ended(main, words) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_in_a_clone_commands_are_called_as_scripts(monkeypatch):
+    text = "wt-gym train, wt-gym compare-controllers runs/ppo"
+    monkeypatch.setattr(sys, "argv", ["/somewhere/bin/wt-gym"])
+    assert as_called(text) == text
+    monkeypatch.setattr(sys, "argv", ["/somewhere/scripts/train.py"])
+    assert as_called(text) == "scripts/train.py, scripts/compare_controllers.py runs/ppo"
+
+
+def test_what_is_not_installed_is_named_with_its_extra():
+    def without(name):
+        with user_errors():
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+    assert ended(without, "optuna") == "error: optuna is not installed; pip install 'wt_gym[tune]'"
+    with pytest.raises(ModuleNotFoundError):  # a fault of the package, to be shown whole
+        without("wt_gym.nowhere")
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_end_with_their_status_after_what_is_under_way_is_kept(number, status, capsys):
+    kept, former = [], signal.getsignal(signal.SIGTERM)
+
+    def work():
+        with stoppable("the same command goes on"):
+            try:
+                os.kill(os.getpid(), number)
+                signal.pause()
+            finally:
+                kept.append(True)
+
+    assert ended(work) == status
+    assert kept
+    assert capsys.readouterr().err == "\nstopped; the same command goes on\n"
+    assert signal.getsignal(signal.SIGTERM) is former
+
+
+@pytest.mark.parametrize("text", ["{", "[1,]", "[" * 100_000, "pitch=individual"])
+def test_options_that_are_no_json_are_refused_in_one_line(text, capsys):
+    parser = OneLineParser()
+    parser.add_argument("--env-kwargs", type=json_value)
+    assert ended(parser.parse_args, ["--env-kwargs", text]) == 2
+    error = capsys.readouterr().err
+    assert "is not valid JSON" in error
+    assert error.count("\n") == 1
+    assert len(error) < 300
+
+
+class ScriptedSimulator:
+    """What `simulate` needs of a simulator to record its signals."""
+
+    time_step = 0.1
+
+    def __init__(self, turbine, inflow, fidelity):
+        self.turbine, self.inflow, self.fidelity = turbine, inflow, argparse.Namespace(name=fidelity)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
+    def run(simulator, duration, on_step, recorder):
+        for k in range(5):
+            recorder.append(argparse.Namespace(values=np.full(len(recorder.channels), 0.1 * k)))
+        if simulator.inflow.mean_speed > 10.0:
+            os.kill(os.getpid(), number)
+            signal.pause()
+        return recorder
+
+    monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
+    monkeypatch.setattr("wt_gym.agents.closed_loop.run_baseline", run)
+    out = tmp_path / "new" / "run.nc"
+    assert ended(simulate.main, ["--wind-speed", "8", "12", "15", "--out", str(out)]) == 128 + number
+    assert sorted(file.name for file in out.parent.iterdir()) == ["run_12.nc", "run_8.nc"]
+    with xr.open_dataset(out.with_stem("run_12"), engine="h5netcdf") as data:
+        assert data.sizes["time"] == 5
+    assert "stopped; what was simulated is written" in capsys.readouterr().err
+
+
+def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
+    (tmp_path / "file").write_text("")
+    assert "is a folder" in ended(simulate.main, ["--out", str(tmp_path)])
+    assert "File exists" in ended(simulate.main, ["--out", str(tmp_path / "file" / "run.nc")])
+    assert "one file" in ended(simulate.main, ["--wind-speed", "8", "8", "--out", str(tmp_path / "run.nc")])
+    assert not (tmp_path / "run.nc").exists()

@@ -1,0 +1,80 @@
+"""The set-up is done once, and again where the clone was moved, changed, or left by an interrupted one."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+SETUP = Path(__file__).resolve().parents[2] / "scripts" / "setup.sh"
+# Stands for an interpreter: notes what it is asked to do, and copies itself where an environment is wanted. A file
+# "cut" ends it there as a signal would.
+PYTHON = """#!/bin/sh
+echo "$@" >>"$PWD/calls"
+if [ "$1 $2" = "-m venv" ]; then mkdir -p "$3/bin" && cp "$0" "$3/bin/python"; fi
+if [ "$2" = pip ] && [ -f cut ]; then kill -TERM $$; fi
+"""
+
+
+@pytest.fixture
+def clone(tmp_path):
+    clone = tmp_path / "clone"
+    (clone / "scripts").mkdir(parents=True)
+    shutil.copy(SETUP, clone / "scripts")
+    for name in ("pyproject.toml", "constraints.txt"):
+        (clone / name).write_text(name)
+    (tmp_path / "python").write_text(PYTHON)
+    (tmp_path / "python").chmod(0o755)
+    return clone
+
+
+def calls(clone, status=0):
+    """Calls of the interpreter by a set-up, but for the questions whether it is there."""
+    env = {"PYTHON": str(clone.parent / "python"), "PATH": "/usr/bin:/bin"}
+    command = ["bash", clone / "scripts" / "setup.sh"]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    assert (done.returncode == 0) == (status == 0), done.stderr
+    log = clone / "calls"
+    lines = log.read_text().splitlines()
+    log.unlink()
+    return [line for line in lines if not line.startswith("-c")]
+
+
+def test_it_is_done_once(clone):
+    venv, *installs = calls(clone)
+    assert venv == "-m venv .venv"
+    assert [line.split()[-1] for line in installs] == ["setuptools>=77", ".[train,test,tune]"]
+    assert calls(clone) == []
+
+
+@pytest.mark.parametrize("move", [shutil.move, shutil.copytree])
+def test_a_moved_or_copied_clone_is_brought_up_to_date_in_place(clone, move):
+    calls(clone)
+    (clone / ".venv" / "installed").write_text("")
+    other = clone.with_name("other")
+    move(clone, other)
+    assert len(calls(other)) == 3
+    assert (other / ".venv" / "installed").exists()
+    assert calls(other) == []
+
+
+def test_other_requirements_are_installed(clone):
+    calls(clone)
+    (clone / "constraints.txt").write_text("another version")
+    assert len(calls(clone)) == 3
+
+
+def test_an_interrupted_set_up_is_made_anew(clone):
+    (clone / "cut").write_text("")
+    calls(clone, status=1)
+    (clone / ".venv" / "half").write_text("")
+    (clone / "cut").unlink()
+    assert len(calls(clone)) == 3
+    assert not (clone / ".venv" / "half").exists()
+    assert calls(clone) == []
+
+
+def test_an_environment_without_its_interpreter_is_set_up(clone):
+    calls(clone)
+    (clone / ".venv" / "bin" / "python").unlink()
+    assert len(calls(clone)) == 3

@@ -1,0 +1,47 @@
+"""The command line ``wt-gym``: one module a command, which imports nothing heavy before it knows what to do."""
+
+from __future__ import annotations
+
+import argparse
+from importlib import import_module
+
+import wt_gym
+from wt_gym.commands.program import OneLineParser
+
+__all__ = ["COMMANDS", "main"]
+
+COMMANDS = {
+    "train": "train a policy: PPO, SAC or TQC",
+    "search": "search hyperparameters for a training",
+    "evaluate": "compare agents and controllers in winds held back from training, with a report",
+    "benchmark": "agents in frozen tasks, and their scores",
+    "dataset": "record an agent at work as a Minari data set",
+    "compare-controllers": "controllers side by side in the same winds, without environments",
+    "tune": "tune the parameters of a controller",
+    "simulate": "operating points under the baseline controller, signals as NetCDF",
+    "campbell": "frequencies and damping against rotor or wind speed",
+    "bench": "speed and memory on this machine",
+}
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run the command that the first word names, with the others as its options.
+
+    Parameters
+    ----------
+    words : list of str, optional
+        By default those of the command line.
+    """
+    width = max(map(len, COMMANDS))
+    parser = OneLineParser(
+        prog="wt-gym",
+        usage="wt-gym COMMAND [OPTIONS]",
+        description="Learning to control a wind turbine, on an aeroelastic simulator.\n\n"
+        + "\n".join(f"  {name:{width}}  {text}" for name, text in COMMANDS.items()),
+        epilog="wt-gym COMMAND --help has the options of a command.",
+    )
+    parser.add_argument("--version", action="version", version=f"wt_gym {wt_gym.__version__}")
+    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help=argparse.SUPPRESS)
+    parser.add_argument("words", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    chosen = parser.parse_args(words)
+    import_module(f"wt_gym.commands.{chosen.command.replace('-', '_')}").main(chosen.words)

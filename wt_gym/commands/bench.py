@@ -1,0 +1,303 @@
+"""Measure speed and memory: real-time factors, kernels, start-up.
+
+    wt-gym bench                                # everything, for all three fidelities
+    wt-gym bench --fidelity training --no-induction --json
+    wt-gym bench --pterasoftware                # with a comparison; installs PteraSoftware for itself (in a clone)
+
+Every measurement runs in a process of its own on one thread, after compilation; the machine should be otherwise idle.
+The real-time factor is simulated seconds by wall seconds of the whole simulator (NREL 5-MW, turbulent wind at 12 m/s,
+baseline controller). Structural steps and induction are measured in a clone only: their examples are no part of the
+installed package.
+"""
+
+import argparse
+import json
+import math
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+
+from wt_gym.commands.program import CLONE, OneLineParser
+
+SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+IN_CLONE = (CLONE / "validation").is_dir()
+RUNGS = ["training", "engineering", "reference"]
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("bench", description=__doc__)
+    parser.add_argument("--fidelity", nargs="+", default=RUNGS, help="fidelities to measure")
+    parser.add_argument("--seconds", type=float, default=20.0, help="wall time of a measurement (default: %(default)s)")
+    parser.add_argument("--no-cold", action="store_true", help="skip the start with an empty compilation cache")
+    parser.add_argument("--no-induction", action="store_true", help="skip the table of direct sums and tree code")
+    parser.add_argument("--pterasoftware", action="store_true", help="set up PteraSoftware and run it side by side")
+    parser.add_argument("--json", action="store_true", help="print all figures as JSON at the end")
+    parser.add_argument("--worker", nargs=2, metavar=("WHAT", "FIDELITY"), help=argparse.SUPPRESS)
+    arguments = parser.parse_args(words)
+    if not arguments.worker:
+        check(parser, arguments)
+    return arguments
+
+
+def check(parser, arguments) -> None:
+    """Refuse what cannot be measured before anything is."""
+    from wt_gym.simulation import FIDELITIES
+
+    unknown = [name for name in arguments.fidelity if name not in FIDELITIES]
+    if unknown:
+        parser.error(f"unknown fidelity {', '.join(unknown)}; known: {', '.join(FIDELITIES)}")
+    if arguments.pterasoftware and not IN_CLONE:
+        parser.error("--pterasoftware: the comparison is in a clone of the project only")
+    if not (math.isfinite(arguments.seconds) and arguments.seconds > 0.0):
+        parser.error(f"--seconds {arguments.seconds}: a finite time above 0 is needed")
+
+
+# ---- measurements, each in its own process ----
+
+
+def measure_simulator(fidelity: str, wall: float) -> dict:
+    """Real-time factor and memory of the simulator under the baseline controller."""
+    import numpy as np
+
+    from wt_gym.control.controllers.discon import BaselineController
+    from wt_gym.simulation import Simulator
+    from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+
+    box = TurbulenceBox.kaimal(12.0, 90.0, 126.0, "B", seed=1)
+    simulator = Simulator("nrel_5mw", TurbulentInflow(box, SteadyInflow(12.0, shear_exponent=0.2)), fidelity)
+    signals = simulator.reset(rotor_speed=1.267, pitch=np.radians(3.8))
+    controller = BaselineController()
+    controller.start(signals.generator_speed, signals.pitch, signals.generator_torque)
+    dt = 0.2
+
+    def run(seconds):
+        nonlocal signals
+        steps, start = 0, time.perf_counter()
+        while time.perf_counter() - start < seconds:
+            pitch, torque = controller.step(signals.generator_speed, dt)
+            signals = simulator.advance(dt, pitch=pitch, generator_torque=torque)
+            steps += 1
+        return steps * dt / (time.perf_counter() - start)
+
+    run(min(2.0, 0.2 * wall))
+    factors = [run(wall / 4) for _ in range(4)]
+    return {
+        "real_time_factor": float(np.median(factors)),
+        "real_time_factor_best": max(factors),
+        "aero_step_s": simulator.time_step,
+        "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def measure_environment(fidelity: str, wall: float) -> dict:
+    """Steps of the environment per second with random actions, and the time of a reset."""
+    import gymnasium
+
+    import wt_gym  # noqa: F401 - registers the environments
+
+    env = gymnasium.make("wt_gym/NREL5MW-Turbulent-v0", fidelity=fidelity, disable_env_checker=True)
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    steps = resets = 0
+    reset_time, start = 0.0, time.perf_counter()
+    while time.perf_counter() - start < wall / 2:
+        *_, terminated, truncated, _ = env.step(0.2 * env.action_space.sample())
+        steps += 1
+        if terminated or truncated:
+            before = time.perf_counter()
+            env.reset()
+            reset_time += time.perf_counter() - before
+            resets += 1
+    before = time.perf_counter()
+    env.reset()
+    reset_time += time.perf_counter() - before
+    elapsed = time.perf_counter() - start - reset_time
+    return {
+        "env_steps_per_s": steps / elapsed,
+        "env_reset_s": reset_time / (resets + 1),
+        "env_peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def measure_start(fidelity: str, wall: float) -> dict:
+    """Time to import, to build the simulator and to take the first step."""
+    start = time.perf_counter()
+    import wt_gym  # noqa: F401
+
+    imported = time.perf_counter()
+    from wt_gym.simulation import Simulator
+    from wt_gym.wind import SteadyInflow
+
+    simulator = Simulator("nrel_5mw", SteadyInflow(12.0), fidelity)
+    simulator.reset(rotor_speed=1.267)
+    simulator.advance(0.2, pitch=0.07, generator_torque=43e3)
+    return {"import_s": imported - start, "first_step_s": time.perf_counter() - imported}
+
+
+def measure_threads(fidelity: str, wall: float) -> dict:
+    """Wall time of an aerodynamic step on one and on two threads, ten steps in turn."""
+    from wt_gym.simulation import Simulator
+    from wt_gym.wind import SteadyInflow
+
+    simulators = [Simulator("nrel_5mw", SteadyInflow(8.0), fidelity, threads=n) for n in (1, 2)]
+    torque = [simulator.reset(rotor_speed=0.96).generator_torque for simulator in simulators]
+    for simulator, demand in zip(simulators, torque, strict=True):
+        simulator.advance(simulator.time_step, pitch=0.0, generator_torque=demand)
+    best, start = [float("inf"), float("inf")], time.perf_counter()
+    while time.perf_counter() - start < wall:
+        for k, simulator in enumerate(simulators):
+            before = time.perf_counter()
+            simulator.advance(10 * simulator.time_step, pitch=0.0, generator_torque=torque[k])
+            best[k] = min(best[k], (time.perf_counter() - before) / 10)
+    return {"step_s_one_thread": best[0], "step_s_two_threads": best[1]}
+
+
+def measure_structures(fidelity: str, wall: float) -> dict:
+    """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
+    from validation import mixed_coordinates, observer_frame
+    from wt_gym.multibody.system import HammingIntegrator
+    from wt_gym.simulation import FIDELITIES, Simulator
+    from wt_gym.wind import SteadyInflow
+
+    figures = {}
+    for form in ("embedded", "constrained"):
+        chosen = replace(FIDELITIES[fidelity], formulation=form)
+        simulator = Simulator("nrel_5mw", SteadyInflow(12.0), chosen)
+        simulator.reset(rotor_speed=1.267, pitch=0.07)
+        integrator = HammingIntegrator(simulator.structure.system, 0.01)
+        integrator.start(simulator.coupling.integrator.state.copy())
+        figures[f"turbine, {form}"] = structural_cost(integrator, wall / 5)
+    small = mixed_coordinates.small_turbine(speed=mixed_coordinates.Disc().speed)
+    integrator = HammingIntegrator(small.system, mixed_coordinates.STEP)
+    integrator.start(small.start)
+    figures["mixed coordinates"] = structural_cost(integrator, wall / 5)
+    load = observer_frame.ramp(observer_frame.FLAP_LOAD, observer_frame.edge_load()[0], 3.0)
+    for label, n_modes in (("finite elements", None), ("16 modes", 16)):
+        integrator = observer_frame.rotor(load, "undeformed", n_modes=n_modes)
+        figures[f"observer frame, {label}"] = structural_cost(integrator, wall / 5)
+    return {"structural": figures}
+
+
+def structural_cost(integrator, wall: float, n: int = 20) -> dict:
+    """Unknowns of a system and the cost of a step, from calls of a few milliseconds that are seldom interrupted."""
+    system = integrator.system
+    step = best_of(lambda: integrator.advance(n), wall, most=500) / n * 1e6
+    if hasattr(system, "n_u"):
+        unknowns = {"velocities": system.n_u, "multipliers": system.n_constraints}
+        return unknowns | {"step_us": step, "rhs_us": step / (integrator.n_corrections + 1)}
+    return {
+        "velocities": sum(body.n for body in system.bodies),
+        "multipliers": len(integrator.state.multiplier),
+        "step_us": step,
+    }
+
+
+def best_of(call, wall: float, most: float = float("inf")) -> float:
+    """Shortest time of a call within a wall time [s] and a number of calls."""
+    call()
+    best, calls, start = float("inf"), 0, time.perf_counter()
+    while time.perf_counter() - start < wall and calls < most:
+        calls += 1
+        before = time.perf_counter()
+        call()
+        best = min(best, time.perf_counter() - before)
+    return best
+
+
+WORKERS = {
+    "simulator": measure_simulator,
+    "environment": measure_environment,
+    "start": measure_start,
+    "threads": measure_threads,
+    "structures": measure_structures,
+}
+
+
+# ---- the parent ----
+
+
+def in_process(what: str, fidelity: str, wall: float, **environment) -> dict:
+    """Run one measurement in a fresh interpreter."""
+    command = [sys.executable, "-m", "wt_gym", "bench", "--worker", what, fidelity, "--seconds", str(wall)]
+    done = subprocess.run(
+        command, env=os.environ | SINGLE_THREAD | {"PYTHONPATH": package_path()} | environment,
+        stdout=subprocess.PIPE, text=True, check=True,
+    )  # fmt: skip
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def package_path() -> str:
+    """Search path of the workers: this very package first, installed or not."""
+    return os.pathsep.join([str(CLONE), *filter(None, [os.environ.get("PYTHONPATH")])])
+
+
+def beside(script: str, *options: str) -> dict:
+    """Run another benchmark script, show what it prints and return its figures."""
+    command = [sys.executable, str(CLONE / "scripts" / script), *options, "--json"]
+    done = subprocess.run(command, env=os.environ | SINGLE_THREAD, stdout=subprocess.PIPE, text=True, check=True)
+    *lines, figures = done.stdout.splitlines()
+    print("\n".join(lines))
+    return json.loads(figures)
+
+
+def processor() -> str:
+    """Name of the processor."""
+    try:
+        with open("/proc/cpuinfo") as info:
+            return next(line.split(":", 1)[1].strip() for line in info if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def main(words: list[str] | None = None) -> None:
+    """Measure and print."""
+    arguments = parse_arguments(words)
+    if arguments.worker:
+        what, fidelity = arguments.worker
+        print(json.dumps(WORKERS[what](fidelity, arguments.seconds)))
+        return
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+    figures = {"processor": processor(), "python": platform.python_version(), "load_at_start": load}
+    print(f"{figures['processor']}, {os.cpu_count()} cores, load {load:.2f}, Python {figures['python']}, one thread")
+    wall = arguments.seconds
+    if not arguments.no_cold:
+        with tempfile.TemporaryDirectory() as empty:
+            figures["cold"] = in_process("start", "training", wall, NUMBA_CACHE_DIR=empty)
+        print(f"first step, cold compilation cache: {figures['cold']['first_step_s']:6.1f} s")
+    in_process("start", "training", wall)
+    figures["warm"] = in_process("start", "training", wall)
+    print(f"first step, warm compilation cache: {figures['warm']['first_step_s']:6.1f} s")
+    print(f"import of wt_gym:                   {figures['warm']['import_s']:6.2f} s")
+    figures["kernels"] = in_process("structures", "training", wall) if IN_CLONE else {"structural": {}}
+    for form, cost in figures["kernels"]["structural"].items():
+        rhs = f", {cost['rhs_us']:5.2f} us per right-hand side" if "rhs_us" in cost else ""
+        print(
+            f"{form + ':':35s} {cost['step_us']:6.1f} us per structural step{rhs} "
+            f"({cost['velocities'] + cost['multipliers']} unknowns: "
+            f"{cost['velocities']} velocities, {cost['multipliers']} multipliers)"
+        )
+    for fidelity in arguments.fidelity:
+        figures[fidelity] = in_process("simulator", fidelity, wall) | in_process("environment", fidelity, wall)
+        f = figures[fidelity]
+        print(
+            f"{fidelity + ':':12s} {f['real_time_factor']:7.1f} x real time "
+            f"(best {f['real_time_factor_best']:.1f}), "
+            f"{f['env_steps_per_s']:6.0f} env steps/s, reset {f['env_reset_s']:.2f} s, "
+            f"{f['peak_memory_mib']:.0f} MiB simulator, {f['env_peak_memory_mib']:.0f} MiB env"
+        )
+    if "reference" in arguments.fidelity:
+        figures["threads"] = t = in_process("threads", "reference", wall)
+        one, two = t["step_s_one_thread"], t["step_s_two_threads"]
+        print(f"reference, one step: {one * 1e3:.1f} ms on one thread, {two * 1e3:.1f} ms on two ({one / two:.2f} x)")
+    if IN_CLONE and not arguments.no_induction:
+        figures["induction"] = beside("bench_induction.py")
+    if arguments.pterasoftware:
+        figures["pterasoftware"] = beside("bench_pterasoftware.py", "--set-up")
+    if arguments.json:
+        print(json.dumps(figures))

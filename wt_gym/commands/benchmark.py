@@ -1,0 +1,150 @@
+"""The benchmark: agents in frozen tasks, their scores, the reference numbers, and the front of load against travel.
+
+    wt-gym benchmark tasks
+    wt-gym benchmark run baselines runs/ppo --task load-reduction-15 --out runs/benchmark --jobs 2
+    wt-gym benchmark table runs/benchmark
+    wt-gym benchmark reference --task all --jobs 2      # after a change of the physics
+    wt-gym benchmark front runs/ppo --jobs 2            # docs/data/load_travel_front.csv and .svg
+
+An agent is zero, random, a controller with parameters behind a colon (constrained_ipc:level=0.1), planner, the path of
+a trained model, or baselines, which stands for ten of them; NAME=AGENT names it. Every run is kept when it is done: who
+stops a command and starts it again loses no finished run. docs/benchmark.md has the rules.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+from wt_gym.commands.program import CLONE, UNSAFE, OneLineParser, as_called, user_errors
+
+KEPT = "runs/benchmark"
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("benchmark", description=__doc__, epilog=UNSAFE)
+    commands = parser.add_subparsers(dest="command", required=True, parser_class=OneLineParser)
+    commands.add_parser("tasks", description="List the tasks.")
+    run = commands.add_parser("run", description="Run agents in tasks.", epilog=UNSAFE)
+    run.add_argument("agents", nargs="+", metavar="AGENT")
+    table = commands.add_parser("table", description="Scores of a folder of results: leaderboard.md and .json in it.")
+    table.add_argument("folder", type=Path, metavar="DIR")
+    table.add_argument("--page", type=Path, metavar="FILE", help="put the table into this page too")
+    reference = commands.add_parser("reference", description="Renew the reference numbers in the files of tasks.")
+    front = commands.add_parser(
+        "front", description="Flap DEL against pitch travel of individual pitch: gains, and bands that constrain it."
+    )
+    front.add_argument("agents", nargs="*", metavar="AGENT", help="to compare with the front")
+    for command, tasks in ((run, "all"), (reference, "all"), (front, "load-reduction")):
+        command.add_argument(
+            "--task", nargs="+", default=[tasks], metavar="NAME", help="tasks, or the beginning of their names, or all"
+        )
+        command.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
+        command.add_argument("--jobs", type=int, default=1, metavar="N", help="runs at a time (default: %(default)s)")
+    front.add_argument("--data", type=Path, default=CLONE / "docs" / "data", help="folder of table and figure "
+        "(default: docs/data of a clone)")  # fmt: skip
+    for command in (table, run, reference, front):
+        command.add_argument("--json", action="store_true", help="print the figures as one JSON object last")
+    return parser.parse_args(words)
+
+
+def chosen(names: list[str]) -> list:
+    """Tasks of the words of the command line."""
+    from wt_gym.benchmark import load_task, task_names
+    from wt_gym.errors import BenchmarkError
+
+    found = []
+    for name in names:
+        exact = [task for task in task_names() if task == name]
+        of_name = exact or [task for task in task_names() if name == "all" or task.startswith(name)]
+        if not of_name:
+            raise BenchmarkError(f"there is no task {name!r}; there are {', '.join(task_names())}")
+        found += [task for task in of_name if task not in found]
+    return [load_task(name) for name in found]
+
+
+def tasks(_: argparse.Namespace) -> None:
+    """List the tasks."""
+    for task in chosen(["all"]):
+        known = f"best known: {task.reference['best_agent']}" if task.reference else "no reference numbers yet"
+        print(f"{task.id}: {task.goal} {len(task.winds)} winds of {task.duration:g} s; {known}")
+
+
+def run(arguments: argparse.Namespace) -> dict:
+    """Run agents."""
+    from wt_gym.agents.benchmark_runs import jobs_of, run_jobs
+    from wt_gym.agents.entries import entries_of
+    from wt_gym.benchmark import ResultFolder
+
+    jobs = jobs_of(chosen(arguments.task), entries_of(arguments.agents))
+    made = run_jobs(jobs, ResultFolder(arguments.out), arguments.jobs)
+    print(f"{made} runs made, {len(jobs) - made} were there")
+    print(f"scores: {as_called('wt-gym benchmark')} table {arguments.out}")
+    return {"runs": len(jobs), "made": made, "folder": str(arguments.out)}
+
+
+def table(arguments: argparse.Namespace) -> dict:
+    """Score a folder."""
+    from wt_gym.benchmark import ResultFolder, into_page, leaderboard, to_markdown
+    from wt_gym.errors import BenchmarkError
+
+    results = list(ResultFolder(arguments.folder))
+    if not results:
+        raise BenchmarkError(f"{arguments.folder} holds no results; {as_called('wt-gym benchmark')} run makes them")
+    board = leaderboard(results)
+    text = to_markdown(board)
+    (arguments.folder / "leaderboard.md").write_text(text, encoding="utf-8")
+    (arguments.folder / "leaderboard.json").write_text(json.dumps(board, indent=1) + "\n", encoding="utf-8")
+    if arguments.page is not None:
+        arguments.page.write_text(into_page(text, arguments.page.read_text(encoding="utf-8")), encoding="utf-8")
+    print(text)
+    return board
+
+
+def reference(arguments: argparse.Namespace) -> dict:
+    """Renew reference numbers."""
+    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
+    from wt_gym.agents.entries import BASELINE, entries_of
+    from wt_gym.benchmark import ResultFolder, make_reference, write_reference
+
+    folder, best = ResultFolder(arguments.out), {}
+    for task in chosen(arguments.task):
+        entries = entries_of([BASELINE, *task.candidates])
+        run_jobs(jobs_of([task], entries), folder, arguments.jobs)
+        base, *others = (results_of(task, entry, folder) for entry in entries)
+        made = make_reference(task, base, dict(zip((entry.name for entry in entries[1:]), others, strict=True)))
+        path = write_reference(task, made)
+        best[task.name] = made.improvements
+        print(f"{task.id}: 100 is {made.best_agent}, an improvement of {100 * made.best_improvement:.2f} % ({path})")
+    return best
+
+
+def front(arguments: argparse.Namespace) -> list:
+    """Make the front of load against travel."""
+    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
+    from wt_gym.agents.entries import entries_of
+    from wt_gym.agents.front import distance_table, draw_front, front_distance, front_entries, front_rows, write_csv
+    from wt_gym.benchmark import ResultFolder
+
+    folder, entries, rows, distances = ResultFolder(arguments.out), front_entries(), [], []
+    others = [entry for entry in entries_of(arguments.agents) if entry not in entries]
+    for task in chosen(arguments.task):
+        run_jobs(jobs_of([task], [*entries, *others]), folder, arguments.jobs)
+        results = {entry.name: results_of(task, entry, folder) for entry in [*entries, *others]}
+        rows += front_rows(task, results)
+        distances += [front_distance(task, results, entry.name) for entry in others]
+    table = write_csv(rows, arguments.data / "load_travel_front.csv")
+    print(f"table: {table}\nfigure: {draw_front(rows, arguments.data / 'load_travel_front.svg')}")
+    if distances:
+        print("\n".join(distance_table(distances)))
+    return rows
+
+
+def main(words: list[str] | None = None) -> None:
+    """Do what the command says."""
+    arguments = parse_arguments(words)
+    commands = {"tasks": tasks, "run": run, "table": table, "reference": reference, "front": front}
+    with user_errors():
+        found = commands[arguments.command](arguments)
+    if getattr(arguments, "json", False):
+        print(json.dumps(found))

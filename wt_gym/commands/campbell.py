@@ -1,0 +1,125 @@
+"""Campbell diagram: frequencies and damping of a turbine's modes against rotor speed or wind speed.
+
+    wt-gym campbell                                    # structure without air, 0 ... 1.1 times rated speed
+    wt-gym campbell --wind-speed 4 8 12 16 20 24       # in operation, with quasi-steady aerodynamics
+    wt-gym campbell --turbine iea_15mw --out runs/campbell.png --csv runs/campbell.csv
+
+In operation rotor speed and pitch follow the baseline controller's steady schedule. The generator turns at constant
+speed unless --free-generator is given.
+"""
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+
+from wt_gym.commands.program import OneLineParser, user_errors
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("campbell", description=__doc__)
+    parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
+    parser.add_argument(
+        "--fidelity", default="training",
+        help="training, engineering or reference; not gebhardt, whose constrained form has no linear model",
+    )  # fmt: skip
+    parser.add_argument("--rotor-speed", type=float, nargs="+", metavar="RPM", help="rotor speeds [rpm]")
+    parser.add_argument("--wind-speed", type=float, nargs="+", metavar="M_S", help="wind speeds [m/s]")
+    parser.add_argument("--pitch", type=float, metavar="DEG", help="blade pitch, with rotor speeds only (default: 0)")
+    parser.add_argument("--aerodynamics", choices=("none", "frozen_wake", "quasi_steady"), help="default: see above")
+    parser.add_argument("--free-generator", action="store_true", help="constant torque instead of constant speed")
+    parser.add_argument("--azimuths", type=int, default=6, help="over which models are averaged (default: %(default)s)")
+    parser.add_argument("--out", type=Path, help="figure (format by its ending: png, svg, pdf)")
+    parser.add_argument("--csv", type=Path, help="tidy table")
+    parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
+    arguments = parser.parse_args(words)
+    check(parser, arguments)
+    return arguments
+
+
+def check(parser, arguments) -> None:
+    """Refuse what cannot be drawn before anything is computed."""
+    if arguments.rotor_speed and arguments.wind_speed:
+        parser.error("give --rotor-speed or --wind-speed, not both")
+    if arguments.wind_speed and arguments.pitch is not None:
+        parser.error(
+            "--pitch goes with --rotor-speed; with --wind-speed the schedule of the controller gives the pitch"
+        )
+    for name, values, low in (
+        ("--rotor-speed", arguments.rotor_speed, 0.0),
+        ("--wind-speed", arguments.wind_speed, None),
+    ):
+        for value in values or ():
+            if not math.isfinite(value) or (value < 0.0 if low is not None else value <= 0.0):
+                parser.error(f"{name} {value}: allowed are finite speeds {'from 0' if low is not None else 'above 0'}")
+    if arguments.pitch is not None and not abs(arguments.pitch) <= 180.0:
+        parser.error(f"--pitch {arguments.pitch}: allowed are -180 ... 180 degrees")
+    if arguments.azimuths < 1:
+        parser.error(f"--azimuths {arguments.azimuths}: at least one is needed")
+    from wt_gym.simulation import FIDELITIES
+
+    if arguments.fidelity not in FIDELITIES:
+        parser.error(f"unknown fidelity {arguments.fidelity}; known: {', '.join(FIDELITIES)}")
+    if FIDELITIES[arguments.fidelity].formulation != "embedded":
+        parser.error(
+            f"--fidelity {arguments.fidelity}: linear models need the embedded formulation, not the constrained"
+        )
+    if arguments.out:
+        from matplotlib.backend_bases import FigureCanvasBase
+
+        known = FigureCanvasBase.get_supported_filetypes()
+        if arguments.out.suffix.lower().lstrip(".") not in known:
+            parser.error(f"--out {arguments.out}: endings of figures are {', '.join(sorted(known))}")
+
+
+def main(words: list[str] | None = None) -> None:
+    """Compute, print and draw the diagram."""
+    arguments = parse_arguments(words)
+    import numpy as np
+
+    from wt_gym.control.operating_point import operating_point
+    from wt_gym.simulation import Simulator
+    from wt_gym.simulation.campbell import campbell
+    from wt_gym.turbines import load_turbine
+    from wt_gym.wind import SteadyInflow
+
+    def progress(done, count):
+        if sys.stderr.isatty():
+            print(f"\r{done} of {count} operating points", end="\n" if done == count else "", file=sys.stderr)
+
+    with user_errors():
+        turbine = load_turbine(arguments.turbine)
+        inflow = SteadyInflow(turbine.rated_wind_speed, hub_height=turbine.hub_height)
+        simulator = Simulator(turbine, inflow=inflow, fidelity=arguments.fidelity)
+        speeds = arguments.rotor_speed
+        if speeds is None and arguments.wind_speed is None:
+            speeds = np.linspace(0.0, 1.1, 6) * turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi
+        diagram = campbell(
+            simulator,
+            rotor_speeds=None if arguments.wind_speed else np.asarray(speeds) * np.pi / 30.0,
+            wind_speeds=arguments.wind_speed,
+            schedule=lambda wind: operating_point(turbine, wind),
+            pitch=np.radians(arguments.pitch or 0.0),
+            aerodynamics=arguments.aerodynamics,
+            generator="free" if arguments.free_generator else "locked",
+            n_azimuths=arguments.azimuths,
+            on_point=progress,
+        )
+    print(f"{turbine.name}: {diagram.description}; damped frequency [Hz] and damping ratio [%]")
+    print(f"{'wind [m/s]':>24}  " + "".join(f"{v:15.2f}" for v in diagram.wind_speed))
+    print(f"{'rotor [rpm]':>24}  " + "".join(f"{v * 30 / np.pi:15.2f}" for v in diagram.rotor_speed))
+    for name, frequency, damping in zip(diagram.names, diagram.frequency, diagram.damping, strict=True):
+        cells = "".join(f"{f:8.3f} {100 * d:6.2f}" for f, d in zip(frequency, damping, strict=True))
+        print(f"{name.replace('_', ' '):>24}  {cells}")
+    for path, write in (
+        (arguments.csv, diagram.to_csv),
+        (arguments.out, lambda p: diagram.figure().savefig(p, dpi=150)),
+    ):
+        if path:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write(path)
+            print(f"written: {path}")
+    if arguments.json:
+        print(json.dumps({"turbine": turbine.name, "abscissa": diagram.abscissa, "rows": diagram.rows()}))

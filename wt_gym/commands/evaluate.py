@@ -1,0 +1,122 @@
+"""Evaluate agents in winds held back from training, and write a report.
+
+    wt-gym evaluate baseline runs/ppo
+    wt-gym evaluate baseline first=runs/a second=runs/b ipc --wind-speed 12 15 18 --duration 600
+    wt-gym evaluate discon ipc constrained_ipc:level=0.15 sparing=ipc+tower_dampers:ipc__limit=0.05
+
+An agent is one of these words or paths, with NAME= in front if you like:
+
+    baseline                   the controller beneath residual actions, else the published baseline controller
+    constant                   the middle of every action
+    CONTROLLER[:KEY=VALUE,...] any controller of docs/baselines.md, parts joined with "+", with parameters; write
+                               controller:NAME, or ./NAME for a folder, where both could be meant
+    FOLDER or FILE.zip         a trained model; the folder of a training with several seeds is one agent a seed
+
+The first is the yardstick. Every run is kept in the folder of the results as soon as it is done: the same command goes
+on where it was stopped. docs/evaluation.md says what the figures mean.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, stoppable, user_errors
+
+if TYPE_CHECKING:
+    from wt_gym.agents.evaluation import EvaluationConfig
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("evaluate", description=__doc__, epilog=UNSAFE)
+    parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the yardstick")
+    parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
+    parser.add_argument("--out", default="runs/evaluation", help="folder for the results (default: %(default)s)")
+    parser.add_argument("--overwrite", action="store_true", help="remove the evaluation that is in the folder")
+    parser.add_argument("--wind-speed", type=float, nargs="+", default=[15.0], metavar="M_S", help="mean speeds [m/s]")
+    parser.add_argument(
+        "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held back)"
+    )
+    parser.add_argument("--duration", type=float, default=600.0, help="length of a run [s] (default: %(default)s)")
+    parser.add_argument(
+        "--skip", type=float, default=30.0, help="start left out of the metrics [s] (default: %(default)s)"
+    )
+    parser.add_argument("--fidelity", help="training, engineering or reference")
+    kwargs_help = 'more arguments of the environment, e.g. \'{"pitch": "individual"}\''
+    parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
+    parser.add_argument(
+        "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
+        "controllers beneath than those of their training",
+    )  # fmt: skip
+    parser.add_argument(
+        "--jobs", type=int, default=1, help="runs beside each other, in processes (default: %(default)s)"
+    )
+    climate = parser.add_argument_group("wind climate, for loads over a life")
+    one = climate.add_mutually_exclusive_group()
+    one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
+    one.add_argument("--mean-wind-speed", type=float, metavar="M_S", help="annual mean in place of the class's [m/s]")
+    climate.add_argument(
+        "--weibull-shape", type=float, default=2.0, metavar="K", help="Weibull exponent (default: %(default)s)"
+    )
+    report = parser.add_argument_group("report")
+    report.add_argument("--title", help="title of the report")
+    report.add_argument(
+        "--replay", type=float, default=20.0, metavar="S",
+        help="length of the replay, the end of the runs in the first wind [s]; 0: none (default: %(default)s)",
+    )  # fmt: skip
+    report.add_argument("--no-report", action="store_true", help="write signals and metrics only")
+    report.add_argument("--json", action="store_true", help="print the metrics as JSON at the end")
+    return parser.parse_args(words)
+
+
+def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
+    """Configuration of the options."""
+    from wt_gym.agents.command_line import environment_arguments
+    from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
+    from wt_gym.analysis.results import Wind
+
+    turbulent = environment_arguments(arguments.env, arguments.env_kwargs)["inflow"] == "turbulent"
+    seeds = [None] if not turbulent else arguments.wind_seeds or DEFAULT_WIND_SEEDS
+    kwargs = dict(arguments.env_kwargs)
+    if arguments.fidelity:
+        kwargs["fidelity"] = arguments.fidelity
+    return EvaluationConfig(
+        env_id=arguments.env,
+        env_kwargs=kwargs,
+        winds=tuple(Wind(speed, seed) for speed in arguments.wind_speed for seed in seeds),
+        duration=arguments.duration,
+        skip=arguments.skip,
+        replay=arguments.replay,
+        iec_class=arguments.iec_class,
+        mean_wind_speed=arguments.mean_wind_speed,
+        weibull_shape=arguments.weibull_shape,
+    )
+
+
+def main(words: list[str] | None = None) -> None:
+    """Evaluate."""
+    arguments = parse_arguments(words)
+
+    out = Path(arguments.out)
+    with user_errors(), stoppable(f"the same command goes on with what is in {out}"):
+        from wt_gym.agents.choices import named_choices
+        from wt_gym.agents.evaluation import evaluate
+        from wt_gym.agents.evaluation_folder import REPORT_FILE
+        from wt_gym.analysis.report import write_report
+        from wt_gym.analysis.summary import results_table, summarise
+
+        evaluation = evaluate(
+            named_choices(arguments.agents), configuration(arguments), folder=out, overwrite=arguments.overwrite,
+            allow_other_environment=arguments.allow_other_environment, workers=arguments.jobs,
+        )  # fmt: skip
+        if not arguments.no_report:
+            write_report(evaluation, out / REPORT_FILE, arguments.title)
+    print("\n".join([*results_table(evaluation), "", *summarise(evaluation)]))
+    print(f"metrics and signals: {out}")
+    if not arguments.no_report:
+        print(f"report: {out / REPORT_FILE}")
+    if arguments.json:
+        print(json.dumps(evaluation.to_json(), default=str))

@@ -1,0 +1,119 @@
+"""What the commands share: how they are called, and how they end where something is refused or missing."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import signal
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import gymnasium as gym
+
+import wt_gym
+from wt_gym.errors import WtGymError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["CLONE", "UNSAFE", "OneLineParser", "as_called", "json_value", "stoppable", "user_errors"]
+
+UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
+they are loaded: take none from strangers."""
+
+CLONE = Path(wt_gym.__file__).resolve().parents[1]
+"""Folder that holds the package; of a clone, the one with ``docs`` and ``validation``."""
+
+_EXTRAS = {
+    "minari": "data",
+    "optuna": "tune",
+    "sb3_contrib": "train",
+    "stable_baselines3": "train",
+    "torch": "train",
+    "yaml": "train",
+}
+
+
+def as_called(text: str) -> str:
+    """Text in which commands are named the way this one was called: those of a clone are scripts.
+
+    Parameters
+    ----------
+    text : str
+        Names them ``wt-gym NAME``.
+    """
+    if Path(sys.argv[0]).resolve().parent.name != "scripts":
+        return text
+    return re.sub(r"\bwt-gym ([a-z-]+)", lambda found: f"scripts/{found[1].replace('-', '_')}.py", text)
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that keeps descriptions as they are written, and says what is wrong in one line.
+
+    Parameters
+    ----------
+    command : str, optional
+        Of ``wt-gym``.
+    **options
+        As of `argparse.ArgumentParser`.
+    """
+
+    def __init__(self, command: str | None = None, **options: Any):
+        if command is not None:
+            options |= {"prog": as_called(f"wt-gym {command}"), "description": as_called(options["description"])}
+        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **options)
+
+    def error(self, message: str) -> NoReturn:
+        """End the program with status 2."""
+        self.exit(2, f"error: {' '.join(message.split())}; see --help\n")
+
+
+def json_value(text: str) -> Any:
+    """Value of an option that takes JSON, for the parser."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:  # the latter where brackets are nested a thousand deep
+        raise argparse.ArgumentTypeError(f"{text:.60} is not valid JSON: {error}") from error
+
+
+@contextmanager
+def user_errors() -> Iterator[None]:
+    """End the program with one line and status 1 where what the user asked for is refused, or needs an extra."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name not in _EXTRAS:
+            raise
+        sys.exit(f"error: {error.name} is not installed; pip install 'wt_gym[{_EXTRAS[error.name]}]'")
+    except (WtGymError, ValueError, OSError, gym.error.Error) as error:
+        sys.exit(f"error: {' '.join(str(error).split())}")
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM came."""
+
+
+@contextmanager
+def stoppable(hint: str) -> Iterator[None]:
+    """Let SIGTERM end the program as Ctrl-C does, with a line and status 130 or 143, once what is under way is safe.
+
+    Parameters
+    ----------
+    hint : str
+        What is there, and how to go on.
+    """
+
+    def terminate(*_):
+        raise _Terminated
+
+    former = signal.signal(signal.SIGTERM, terminate)
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        print(f"\nstopped; {hint}", file=sys.stderr)
+        sys.exit(128 + (signal.SIGTERM if isinstance(stop, _Terminated) else signal.SIGINT))
+    finally:
+        signal.signal(signal.SIGTERM, former)

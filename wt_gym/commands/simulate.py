@@ -1,0 +1,182 @@
+"""Simulate a turbine under the baseline controller and print its operating points.
+
+    wt-gym simulate --wind-speed 8 15
+    wt-gym simulate --turbine iea_15mw --wind-speed 9 --fidelity engineering --out runs/iea.nc
+    wt-gym simulate --turbulent --seed 3 --wind-speed 12 --duration 600 --out runs/turbulent.nc
+
+The means are taken over the last part of each run; for a turbine with a shaft tilt they are means over whole turns only
+approximately. A NetCDF file holds every signal of the run (one file a wind speed). Each is written when its run ends,
+and when it is ended by Ctrl-C or SIGTERM, with what there is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.files import require_writable, whole_file
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from wt_gym.simulation import Recorder
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("simulate", description=__doc__)
+    parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
+    parser.add_argument("--wind-speed", type=float, nargs="+", default=[8.0, 15.0], metavar="M_S", help="at the hub")
+    parser.add_argument("--duration", type=float, default=300.0, help="simulated time [s] (default: %(default)s)")
+    parser.add_argument("--average", type=float, default=60.0, help="last part averaged [s] (default: %(default)s)")
+    parser.add_argument("--fidelity", default="training", help="training, engineering or reference")
+    parser.add_argument("--shear", type=float, default=0.0, help="power-law exponent (default: %(default)s)")
+    parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
+    parser.add_argument("--turbulent", action="store_true", help="Kaimal turbulence of the turbine's class")
+    parser.add_argument("--seed", type=int, default=1, help="turbulence seed (default: %(default)s)")
+    parser.add_argument(
+        "--scaling",
+        default="low_frequency",
+        help="of the turbulence: low_frequency, uniform or none (default: %(default)s)",
+    )
+    parser.add_argument("--out", type=Path, help="NetCDF file; the wind speed is added to its name for several speeds")
+    parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
+    return parser.parse_args(words)
+
+
+COLUMNS = (
+    ("wind_m_s", "wind", "m/s", 6, 2),
+    ("rotor_speed_rpm", "rotor", "rpm", 7, 2),
+    ("pitch_deg", "pitch", "deg", 6, 2),
+    ("generator_power_kw", "power", "kW", 8, 1),
+    ("aero_thrust_kn", "thrust", "kN", 7, 1),
+    ("tip_out_of_plane_m", "tip", "m", 6, 2),
+    ("tip_in_plane_m", "in plane", "m", 9, 2),
+    ("tower_top_fore_aft_m", "tower fa", "m", 9, 3),
+    ("tower_top_side_side_m", "tower ss", "m", 9, 3),
+    ("root_flap_moment_kn_m", "flap", "kN m", 8, 0),
+    ("tower_base_fore_aft_moment_kn_m", "base fa", "kN m", 9, 0),
+)
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
+    positive = {"--wind-speed": arguments.wind_speed, "--duration": [arguments.duration]}
+    positive["--average"] = [arguments.average]
+    for option, values in positive.items():
+        for value in values:
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{option} must be positive and finite, got {value:g}")
+    names = Counter(f"{speed:g}" for speed in arguments.wind_speed)
+    if arguments.out and len(names) < names.total():
+        raise ValueError(f"--wind-speed {names.most_common(1)[0][0]} comes twice, and would be written to one file")
+    if arguments.out:
+        if arguments.out.is_dir():
+            raise IsADirectoryError(f"--out {arguments.out} is a folder; a NetCDF file is needed, e.g. run.nc in it")
+        require_writable(arguments.out.parent)
+
+
+def file_of(arguments: argparse.Namespace, speed: float) -> Path:
+    """Where the signals of a wind speed go."""
+    out = arguments.out
+    return out.with_stem(f"{out.stem}_{speed:g}") if len(arguments.wind_speed) > 1 else out
+
+
+def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> Inflow:
+    """Wind of the options."""
+    from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+
+    steady = SteadyInflow(
+        speed,
+        hub_height=turbine.hub_height,
+        shear_exponent=arguments.shear,
+        yaw_misalignment=math.radians(arguments.yaw_misalignment),
+    )
+    if not arguments.turbulent:
+        return steady
+    box = TurbulenceBox.kaimal(
+        speed,
+        turbine.hub_height,
+        turbine.rotor_diameter,
+        turbine.turbulence_class,
+        seed=arguments.seed,
+        scaling=arguments.scaling,
+    )
+    return TurbulentInflow(box, steady)
+
+
+def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict[str, float]:
+    """Row of the table: means over the last part of a run, those of blades over all of them."""
+    last = data.sel(time=slice(float(data.time[-1]) - average, None))
+
+    def blades(name):
+        return sum(float(last[f"{name}_{i + 1}"].mean()) for i in range(n_blades)) / n_blades
+
+    return {
+        "wind_m_s": speed,
+        "rotor_speed_rpm": float(last.rotor_speed.mean()) * 30.0 / math.pi,
+        "pitch_deg": math.degrees(blades("pitch")),
+        "generator_power_kw": float(last.generator_power.mean()) / 1e3,
+        "aero_thrust_kn": float(last.aero_thrust.mean()) / 1e3,
+        "tip_out_of_plane_m": blades("tip_out_of_plane"),
+        "tip_in_plane_m": blades("tip_in_plane"),
+        "tower_top_fore_aft_m": float(last.tower_top_fore_aft.mean()),
+        "tower_top_side_side_m": float(last.tower_top_side_side.mean()),
+        "root_flap_moment_kn_m": blades("root_flap_moment") / 1e3,
+        "tower_base_fore_aft_moment_kn_m": float(last.tower_base_fore_aft_moment.mean()) / 1e3,
+    }
+
+
+def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> Recorder:
+    """Run one wind speed; what was simulated is written where a file is wanted, of a stopped run too."""
+    from wt_gym.agents.closed_loop import run_baseline
+    from wt_gym.simulation import Recorder, Simulator
+
+    simulator = Simulator(turbine, inflow=inflow_of(arguments, turbine, speed), fidelity=arguments.fidelity)
+    recorder = Recorder(simulator)
+
+    def progress(signals):
+        if sys.stderr.isatty() and signals.time % 10.0 < simulator.time_step:
+            print(f"\r{speed:g} m/s: {signals.time:5.0f} of {arguments.duration:g} s", end="", file=sys.stderr)
+
+    try:
+        return run_baseline(simulator, arguments.duration, on_step=progress, recorder=recorder)
+    finally:
+        if arguments.out and len(recorder):
+            with whole_file(file_of(arguments, speed)) as partial:
+                recorder.save(partial)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Simulate each wind speed and print the table."""
+    arguments = parse_arguments(words)
+    hint = "what was simulated is written" if arguments.out else "nothing was to be written"
+    with user_errors(), stoppable(hint):
+        check(arguments)
+        from wt_gym.turbines import load_turbine
+
+        turbine = load_turbine(arguments.turbine)
+        rows = []
+        print(f"{turbine.name}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
+        print("  ".join(f"{title:>{width}}" for _, title, _, width, _ in COLUMNS) + "   x real time")
+        print("  ".join(f"{unit:>{width}}" for _, _, unit, width, _ in COLUMNS))
+        for speed in arguments.wind_speed:
+            start = time.perf_counter()
+            recorder = simulate(arguments, turbine, speed)
+            wall = time.perf_counter() - start
+            rows.append(means(recorder.to_dataset(), turbine.n_blades, speed, arguments.average))
+            line = "  ".join(f"{rows[-1][key]:{width}.{digits}f}" for key, _, _, width, digits in COLUMNS)
+            print(("\r" if sys.stderr.isatty() else "") + line + f"   {arguments.duration / wall:.0f}", flush=True)
+            if arguments.out:
+                print(f"signals: {file_of(arguments, speed)}", flush=True)
+    if arguments.json:
+        print(json.dumps({"turbine": turbine.name, "fidelity": arguments.fidelity, "points": rows}))

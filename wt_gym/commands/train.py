@@ -1,0 +1,116 @@
+"""Train a policy on a wt_gym environment: PPO, SAC or TQC.
+
+    wt-gym train --wind-speed 15 --max-seconds 600 --out runs/ppo
+    wt-gym train --algo sac --hyper learning_rate=1e-3 net_arch=[128,128] --out runs/sac
+    wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
+    wt-gym train --resume runs/ppo --steps 500000
+
+Writes the model, the statistics of its rewards, checkpoints, the best model by evaluations in other winds, figures for
+TensorBoard and a record of the training into a folder that wt-gym evaluate takes. Ctrl-C and SIGTERM end the training
+after the present step, with everything written; docs/training.md has more.
+
+Exit status: 0 done or out of time, 1 refused, 2 a wrong option, 130 ended by Ctrl-C, 143 by SIGTERM.
+"""
+
+import argparse
+import json
+import signal
+import sys
+from pathlib import Path
+
+from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
+from wt_gym.commands.training_options import add_training_options, config_from
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("train", description=__doc__, epilog=UNSAFE)
+    parser.add_argument("--out", default=argparse.SUPPRESS, help="folder for the results (default: runs/ppo, or the "
+        "algorithm)")  # fmt: skip
+    parser.add_argument("--overwrite", action="store_true", help="remove the training that is in the folder")
+    parser.add_argument("--resume", metavar="FOLDER", help="go on with a training, as it is configured; --steps and "
+        "--max-seconds can change")  # fmt: skip
+    add_training_options(parser)
+    options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
+    options.add_argument("--steps", type=int, help="environment steps (default: 200000)")
+    options.add_argument("--max-seconds", type=float, metavar="S", help="stop after this wall time")
+    seeds = options.add_mutually_exclusive_group()
+    seeds.add_argument("--seed", type=int, default=argparse.SUPPRESS, help="of policy and environments (default: 0)")
+    seeds.add_argument(
+        "--seeds", type=int, nargs="+", default=argparse.SUPPRESS, metavar="N", help="train one after another, each in "
+        "a folder seed-N"
+    )  # fmt: skip
+    options.add_argument("--checkpoint-steps", type=int, metavar="STEPS", help="between checkpoints (default: 50000)")
+    options.add_argument(
+        "--checkpoint-minutes", type=float, metavar="MIN", help="wall time between checkpoints; 0: none (default: 10)"
+    )
+    options.add_argument("--tensorboard", action=argparse.BooleanOptionalAction, help="write figures for TensorBoard "
+        "(default: if it is installed)")  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print the record of the training as JSON at the end")
+    arguments = parser.parse_args(words)
+    if arguments.resume is not None:
+        kept = {"resume", "steps", "max_seconds", "json", "overwrite"}
+        fixed = [f"--{name.replace('_', '-')}" for name in vars(arguments) if name not in kept]
+        fixed += ["--overwrite"] * arguments.overwrite
+        if fixed:
+            parser.error(f"--resume goes on with the configuration of the folder: leave out {', '.join(fixed)}")
+    return arguments
+
+
+def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
+    """Train; give the folder and the record, or the summary of several seeds."""
+    from wt_gym.agents.train import train  # torch takes seconds to import: not for --help
+    from wt_gym.agents.training.seeds import train_seeds
+
+    given = vars(arguments)
+    names = {"steps": "total_steps"} | {
+        name: name for name in ("max_seconds", "seed", "checkpoint_steps", "checkpoint_minutes", "tensorboard")
+    }
+    config = config_from(arguments, **{field: given[name] for name, field in names.items() if name in given})
+    folder = Path(given.get("out", f"runs/{config.algorithm.lower()}"))
+    if "seeds" in given:
+        return folder, train_seeds(config, folder, arguments.seeds, overwrite=arguments.overwrite)
+    return folder, train(config, folder, overwrite=arguments.overwrite)
+
+
+def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
+    """Resume; as `start`."""
+    from wt_gym.agents.train import resume
+    from wt_gym.agents.training.run_folder import SEEDS_FILE
+    from wt_gym.agents.training.seeds import resume_seeds
+
+    folder = Path(arguments.resume)
+    go = resume_seeds if (folder / SEEDS_FILE).exists() else resume
+    limits = {"total_steps": getattr(arguments, "steps", None), "max_seconds": getattr(arguments, "max_seconds", None)}
+    return folder, go(folder, **limits)
+
+
+def report(folder: Path, record: dict) -> None:
+    """Say what has come out."""
+    from wt_gym.agents.training.held_back import FIGURES
+    from wt_gym.agents.training.seeds import seeds_table
+
+    if "runs" in record:
+        print("\n".join(seeds_table(record["runs"])))
+        return
+    print(f"{record['steps']} steps in {record['wall_seconds']:.0f} s; model and statistics in {folder}")
+    best = (record["evaluation"] or {}).get("best")
+    if best is not None:
+        changes = [f"{FIGURES[name]} {100 * best[name]:+.1f} %" for name in ("mean_power", "blade_flap_del")
+                   if best[name] is not None]  # fmt: skip
+        figures = ", ".join([f"{FIGURES['episode_return']} {best['episode_return']:+.2f}", *changes])
+        print(f"best model, after {best['steps']} steps: {figures} (other winds than those of the training)")
+
+
+def main(words: list[str] | None = None) -> None:
+    """Train."""
+    arguments = parse_arguments(words)
+    with user_errors():
+        folder, record = (start if arguments.resume is None else go_on)(arguments)
+    report(folder, record)
+    if record["status"] == "interrupted":
+        print(f"ended by {record['stopped_by']}; go on with: {as_called('wt-gym train')} --resume {folder}")
+    if arguments.json:
+        print(json.dumps(record, default=str))
+    if record["status"] == "interrupted":
+        sys.exit(128 + signal.Signals[record["stopped_by"]])
