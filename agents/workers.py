@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
+import multiprocessing.connection
 import os
+import threading
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -51,10 +53,8 @@ def in_processes(
     begin : callable, optional
         Called first in each process with what is ``given``.
     """
-    with (
-        _one_thread(),
-        ProcessPoolExecutor(min(workers, len(jobs)), multiprocessing.get_context("spawn"), begin, given) as pool,
-    ):  # spawn: compiled kernels do not survive a fork
+    spawn = multiprocessing.get_context("spawn")  # compiled kernels do not survive a fork
+    with _one_thread(), ProcessPoolExecutor(min(workers, len(jobs)), spawn, _begin, (begin, given)) as pool:
         futures = {pool.submit(work, job): job for job in jobs}
         try:
             for future in as_completed(futures):
@@ -62,6 +62,19 @@ def in_processes(
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+
+
+def _begin(begin: Callable[..., None] | None, given: tuple) -> None:
+    """Begin as a worker process."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if begin is not None:
+        begin(*given)
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that gives it work has gone, however that went: nobody would ever call it again."""
+    multiprocessing.connection.wait([multiprocessing.parent_process().sentinel])
+    os._exit(1)
 
 
 @contextmanager

@@ -74,7 +74,7 @@ def extrapolate_loads(inputs, previous):
             last[b, k] = 2.0 * first[b, k] - previous[b, k]
 
 
-@kernel
+@kernel(nogil=True)
 def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
     """Advance structure and air by one aerodynamic step.
 
