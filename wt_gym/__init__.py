@@ -36,6 +36,7 @@ for _turbine_label, _turbine_name in _TURBINES.items():
         register(
             id=f"wt_gym/{_turbine_label}-{_inflow_label}-v0",
             entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
+            vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
             kwargs={"turbine": _turbine_name, "inflow": _inflow_kind},
         )
 
@@ -43,6 +44,7 @@ for _task in TASKS.values():
     register(
         id=f"wt_gym/{_task.name}-v0",
         entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
+        vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
         kwargs=_task.arguments,
         max_episode_steps=_task.max_episode_steps,
     )

@@ -1,0 +1,283 @@
+"""Many turbines in one process, stepped by threads: the compiled step of the simulator lets others run meanwhile."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+
+from wt_gym.envs.turbine_env import WindTurbineEnv
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+__all__ = ["Outcome", "WindTurbineVectorEnv"]
+
+
+class Outcome(NamedTuple):
+    """What a step made of one turbine."""
+
+    observation: np.ndarray
+    reward: float | np.ndarray
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+    final: tuple[np.ndarray, dict[str, Any]] | None = None
+    """Last observation and info of an episode that ended in this step, where the next has begun already."""
+
+
+class WindTurbineVectorEnv(gym.vector.VectorEnv):
+    """Copies of `wt_gym.envs.turbine_env.WindTurbineEnv`, equal bit for bit to single ones with the same seeds.
+
+    ``gymnasium.make_vec(id, num_envs=8)`` makes one for every id of this package; its further arguments are those
+    below and those of the single environment.
+
+    Parameters
+    ----------
+    num_envs : int
+    max_episode_steps : int, optional
+        Control steps after which an episode is truncated; `gymnasium.make_vec` passes that of the id.
+    autoreset_mode : AutoresetMode or str
+        What happens when an episode has ended. ``"NextStep"``: the next step resets, whatever its action, with reward
+        0. ``"SameStep"``: the same step resets; the last observation and info stand in ``infos["final_obs"]`` and
+        ``infos["final_info"]``. ``"Disabled"``: nothing; ``reset(options={"reset_mask": ...})`` starts those chosen.
+        It stands in the attribute ``autoreset_mode`` too, where some trainers look.
+    threads : int, optional
+        That step turbines at the same time; default: one for every processor at hand, at most one a turbine.
+    **kwargs
+        Arguments of `WindTurbineEnv`. A turbine and controllers given as objects are shared and copied as there.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive or the mode is none of Gymnasium's.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int | None = None,
+        **kwargs,
+    ):
+        for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps), ("threads", threads)):
+            if number is not None and number < 1:
+                raise ValueError(f"{name} must be at least 1, got {number!r}")
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.envs = [WindTurbineEnv(**kwargs)]
+        self.envs += [WindTurbineEnv(**kwargs | {"turbine": self.envs[0].turbine}) for _ in range(num_envs - 1)]
+        first = self.envs[0]
+        self.num_envs, self.render_mode = num_envs, first.render_mode
+        self.layout = first.layout
+        self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space, self.single_action_space = first.observation_space, first.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._most_steps = max_episode_steps
+        self._observations = np.zeros(self.observation_space.shape, self.observation_space.dtype)
+        self._steps = np.zeros(num_envs, dtype=np.int64)
+        self._over = np.ones(num_envs, dtype=np.bool_)  # episodes that have ended or not begun
+        self._begun = False
+        threads = min(threads or _processors(), num_envs)
+        self._pool = ThreadPoolExecutor(threads, "turbine") if threads > 1 else None
+
+    # ---- single turbines ----
+
+    def reset_each(
+        self, seeds: Sequence[int | None], options: dict[str, Any] | None, chosen: Iterable[int]
+    ) -> list[tuple[np.ndarray, dict[str, Any]]]:
+        """Start episodes of the chosen turbines; give observation and info of each."""
+
+        def start(k: int):
+            return self._start(k, seeds[k], options)
+
+        if not self._begun:  # models are made and kernels loaded one after another
+            results = [start(k) for k in chosen]
+            self._begun = all(env.simulator is not None for env in self.envs)
+            return results
+        return self._each(start, chosen)
+
+    def step_each(self, actions: np.ndarray) -> list[Outcome]:
+        """Advance every turbine by a control step.
+
+        Parameters
+        ----------
+        actions : numpy.ndarray, shape (num_envs, n_act)
+
+        Returns
+        -------
+        list of Outcome
+
+        Raises
+        ------
+        wt_gym.errors.ActionError
+            If an action is refused; no turbine has moved.
+        gymnasium.error.ResetNeeded
+            If an episode has ended that nothing resets.
+        """
+        actions = np.asarray(actions)
+        if actions.shape[:1] != (self.num_envs,):
+            raise ValueError(f"{self.num_envs} actions are needed, got an array of shape {actions.shape}")
+        resets = self._over & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
+        if not self._begun or np.any(self._over & ~resets):
+            raise ResetNeeded(f"the episodes of turbines {np.flatnonzero(self._over & ~resets).tolist()} are over")
+        for k in np.flatnonzero(~resets):
+            self.layout.action.validate(actions[k])
+
+        def step(k: int) -> Outcome:
+            if resets[k]:
+                observation, info = self._start(k)
+                return Outcome(observation, self._no_reward(), False, False, info)
+            return self._step(k, actions[k])
+
+        return self._each(step, range(self.num_envs))
+
+    def _start(self, k: int, seed: int | None = None, options: dict[str, Any] | None = None):
+        self._steps[k], self._over[k] = 0, True
+        result = self.envs[k].reset(seed=seed, options=options)
+        self._over[k] = False
+        return result
+
+    def _step(self, k: int, action: np.ndarray) -> Outcome:
+        observation, reward, terminated, truncated, info = self.envs[k].step(action)
+        self._steps[k] += 1
+        truncated = truncated or (self._steps[k] == self._most_steps and not terminated)
+        self._over[k] = terminated or truncated
+        if self._over[k] and self.autoreset_mode == AutoresetMode.SAME_STEP:
+            first, beginning = self._start(k)
+            return Outcome(first, reward, terminated, truncated, beginning, (observation, info))
+        return Outcome(observation, reward, terminated, truncated, info)
+
+    def _no_reward(self) -> float | np.ndarray:
+        return np.zeros(self.envs[0].reward_space.shape, np.float32) if hasattr(self.envs[0], "reward_space") else 0.0
+
+    def _each(self, work: Callable[[int], Any], chosen: Iterable[int]) -> list:
+        """Do something with the chosen turbines; an error comes once none of them is at work any more."""
+        if self._pool is None:
+            return [work(k) for k in chosen]
+        futures = [self._pool.submit(work, k) for k in chosen]
+        errors = [error for error in (future.exception() for future in futures) if error is not None]
+        if errors:
+            raise errors[0]
+        return [future.result() for future in futures]
+
+    # ---- Gymnasium ----
+
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+        """Start episodes.
+
+        Parameters
+        ----------
+        seed : int or sequence, optional
+            Of the first turbine, those of the others following; or one each.
+        options : dict, optional
+            As of a single environment, for all; ``reset_mask``, an array of bool, chooses which begin anew.
+
+        Returns
+        -------
+        observations : numpy.ndarray, shape (num_envs, n_obs)
+        infos : dict
+            Of arrays, each with a mask ``_name`` of those that it holds for.
+        """
+        seeds = [None] * self.num_envs if seed is None else seed
+        if isinstance(seeds, int | np.integer):
+            seeds = [int(seeds) + k for k in range(self.num_envs)]
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{self.num_envs} seeds are needed, got {len(seeds)}")
+        options = dict(options or {})
+        chosen = np.flatnonzero(self._mask(options.pop("reset_mask", None)))
+        infos: dict[str, Any] = {}
+        for k, (observation, info) in zip(chosen, self.reset_each(seeds, options, chosen), strict=True):
+            self._observations[k] = observation
+            infos = self._add_info(infos, info, k)
+        return self._observations.copy(), infos
+
+    def step(self, actions):
+        """Advance every turbine by a control step.
+
+        Parameters
+        ----------
+        actions : array_like, shape (num_envs, n_act)
+
+        Returns
+        -------
+        observations : numpy.ndarray, shape (num_envs, n_obs)
+        rewards : numpy.ndarray, shape (num_envs,)
+            With ``vector_reward`` (num_envs, n_terms).
+        terminations, truncations : numpy.ndarray of bool, shape (num_envs,)
+        infos : dict
+
+        Raises
+        ------
+        wt_gym.errors.ActionError
+            If an action is refused; no turbine has moved.
+        gymnasium.error.ResetNeeded
+            If an episode has ended that nothing resets.
+        """
+        outcomes, infos = self.step_each(actions), {}
+        for k, outcome in enumerate(outcomes):
+            self._observations[k] = outcome.observation
+            if outcome.final is not None:
+                final_obs, final_info = outcome.final
+                infos = self._add_info(infos, {"final_obs": final_obs, "final_info": final_info}, k)
+            infos = self._add_info(infos, outcome.info, k)
+        _, rewards, terminated, truncated, *_ = zip(*outcomes, strict=True)
+        return self._observations.copy(), np.array(rewards), np.array(terminated), np.array(truncated), infos
+
+    def _mask(self, mask) -> np.ndarray:
+        """Turbines that a reset is for."""
+        if mask is None:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise ValueError(f"reset_mask must be {self.num_envs} bools, one of them true at least, got {mask!r}")
+        return mask
+
+    def render(self) -> tuple[np.ndarray | None, ...] | None:
+        """Pictures of all turbines, as of a single environment."""
+        return tuple(env.render() for env in self.envs)
+
+    def call(self, name: str, *arguments, **named) -> tuple:
+        """Call a method of every turbine's environment, or read an attribute of it."""
+        found = (getattr(env, name) for env in self.envs)
+        return tuple(value(*arguments, **named) if callable(value) else value for value in found)
+
+    def get_attr(self, name: str) -> tuple:
+        """Attribute of every turbine's environment."""
+        return tuple(getattr(env, name) for env in self.envs)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of every turbine's environment: one value for all, or a list or tuple of one each."""
+        if not isinstance(values, list | tuple):
+            values = [values] * self.num_envs
+        for env, value in zip(self.envs, values, strict=True):
+            setattr(env, name, value)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:
+        """Seeds of the random numbers of each turbine."""
+        return self.get_attr("np_random_seed")
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator, ...]:
+        """Random numbers of each turbine."""
+        return self.get_attr("np_random")
+
+    def close_extras(self, **_) -> None:
+        """Release simulators and threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+        for env in self.envs:
+            env.close()
+
+
+def _processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
