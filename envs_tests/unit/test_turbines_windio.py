@@ -2,6 +2,7 @@
 
 import copy
 import json
+import time
 
 import numpy as np
 import pytest
@@ -357,6 +358,13 @@ def test_a_missing_drivetrain_spring_names_both_places(tmp_path):
         ("assembly.hub_height", 120.0, "hub_height"),
         ("assembly.typo", 1.0, "typo"),
         ("control.max_pitch_rate", -8.0, "max_pitch_rate"),
+        ("airfoils.0.coordinates.x.5", 0.9, r"coordinates\.x\[5\].*0\.9.*in order"),
+        ("airfoils.0.polars.0.re_sets.0.cd.values", [0.1, -0.1], r"cd\.values\[1\].*-0\.1.*at least 0"),
+        (
+            "components.drivetrain.generator.rpm_efficiency",
+            {"grid": [0.0, 20.0], "values": [0.01, 0.01]},
+            r"efficiency.*0\.01",
+        ),
     ],
 )
 def test_wrong_values_are_named(path, value, named, tmp_path):
@@ -374,6 +382,40 @@ def test_what_is_no_turbine_file_is_refused(text, tmp_path):
     path = tmp_path / "turbine.yaml"
     path.write_text(text)
     with pytest.raises(TurbineDefinitionError, match=r"turbine\.yaml"):
+        load_turbine(path)
+
+
+BOMB = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1]", *(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 8)}]" for i in range(1, 30))]
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("\n".join([*BOMB, "airfoils: *a29"]), "aliases"),
+        ("name: !include turbine.yaml", "includes itself"),
+        ("name: " + "[" * 20_000 + "]" * 20_000, "nested too deep"),
+        ("name: " + "{a: " * 80 + "1" + "}" * 80, "nested deeper than 50 levels"),
+    ],
+)
+def test_what_would_blow_up_ends_soon_in_one_line(text, named, tmp_path):
+    path = tmp_path / "turbine.yaml"
+    path.write_text(text)
+    load_turbine("nrel_5mw")  # loads windIO
+    begin = time.process_time()
+    with pytest.raises(TurbineDefinitionError, match=named) as refused:
+        load_turbine(path)
+    assert time.process_time() - begin < 1.0
+    assert "\n" not in str(refused.value)
+
+
+def test_files_that_cannot_be_read_are_refused(tmp_path, monkeypatch):
+    path = save(small_turbine(), tmp_path)
+
+    def read_bytes(_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.read_bytes", read_bytes)
+    with pytest.raises(TurbineDefinitionError, match=r"turbine\.yaml: cannot be read: Permission denied"):
         load_turbine(path)
 
 
@@ -418,6 +460,22 @@ def test_mass_moments_are_exact():
     unit = np.eye(6)
     beam_stations = BeamStations([0.0, 2.0], [unit, unit], [unit, 3 * unit])
     assert [beam_stations.mass_moment(k) for k in range(3)] == pytest.approx([4.0, 14.0 / 3.0, 20.0 / 3.0])
+
+
+@pytest.mark.parametrize("factor", [1e9, 1e-9, 1e4])
+@pytest.mark.parametrize("place", [0, 2, 4])
+def test_spikes_of_stiffness_are_refused(place, factor):
+    stiffness = np.array([np.diag([np.inf, np.inf, 1e9, 1e8, 1e8, 1e7]) * 10.0**-k for k in range(5)])
+    stiffness[:, [0, 0, 1, 1], [1, 2, 0, 2]] = 0.0
+    stiffness = np.where(np.isnan(stiffness), 0.0, stiffness)
+    inertia = np.array([np.eye(6)] * 5)
+    BeamStations(np.arange(5.0), stiffness, inertia)
+    stiffness[place, 4, 4] *= factor
+    if factor == 1e4 and place in (0, 4):  # a step at an end may be meant
+        BeamStations(np.arange(5.0), stiffness, inertia)
+        return
+    with pytest.raises(TurbineDefinitionError, match=r"stiffness\[\d, 4, 4\].*neighbours"):
+        BeamStations(np.arange(5.0), stiffness, inertia)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import math
 import os
+import tokenize
 
 import numpy as np
 import pytest
@@ -148,6 +149,19 @@ def test_flipped_bits_and_foreign_files_are_noticed(cache_folder, caplog):
     assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
     assert "unreadable" in caplog.text
     assert "another box" in caplog.text
+
+
+@pytest.mark.parametrize("error", [tokenize.TokenError("EOF in multi-line statement"), SyntaxError("invalid syntax")])
+def test_damaged_headers_of_arrays_are_noticed(cache_folder, caplog, monkeypatch, error):
+    box = TurbulenceBox.kaimal(**SMALL, seed=3)
+
+    def load(*_, **__):
+        raise error
+
+    monkeypatch.setattr(np, "load", load)
+    forget()
+    assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
+    assert "unreadable" in caplog.text
 
 
 def test_unwritable_cache_only_warns(tmp_path, monkeypatch, caplog):

@@ -37,7 +37,7 @@ class BeamStations(ArrayRecord):
     ------
     TurbineDefinitionError
         If shapes disagree, stations do not ascend from 0, a matrix is not symmetric, a stiffness is not positive
-        definite or an inertia not positive semidefinite.
+        definite or jumps as no beam does, or an inertia is not positive semidefinite.
     """
 
     station: NDArray[np.float64]
@@ -57,6 +57,7 @@ class BeamStations(ArrayRecord):
         check_symmetric("BeamStations.inertia", inertia)
         _check_rigid_shear(stiffness)
         _check_definite("BeamStations.stiffness", stiffness, strictly=True)
+        _check_spikes(np.diagonal(stiffness, axis1=1, axis2=2))
         _check_definite("BeamStations.inertia", inertia, strictly=False)
         if np.any(inertia[:, 0, 0] <= 0.0):
             i = int(np.argmax(inertia[:, 0, 0] <= 0.0))
@@ -130,6 +131,21 @@ def _check_rigid_shear(stiffness: NDArray[np.float64]) -> None:
         beside[:, [0, 1], [0, 1]] = 0.0
         if np.any(beside != 0.0):
             raise fail("BeamStations.stiffness[:, 0:2, :]", "couplings", "zeros beside an infinite shear stiffness")
+
+
+def _check_spikes(diagonal: NDArray[np.float64]) -> None:
+    """Refuse stiffnesses (n, 6) that are slips of the pen: blades and towers change by at most 200 from one station
+    to the next, and hardly ever up and down again.
+    """
+    decades = np.diff(np.log10(np.where(np.isinf(diagonal), 1.0, diagonal)), axis=0)
+    there, back = decades[:-1], decades[1:]
+    spikes = np.zeros(diagonal.shape, dtype=bool)
+    spikes[1:-1] = (there * back < 0.0) & (np.minimum(np.abs(there), np.abs(back)) > 2.0)
+    spikes[1:] |= np.abs(decades) > 6.0
+    if np.any(spikes):
+        i, j = (int(v) for v in np.argwhere(spikes)[0])
+        allowed = "a stiffness within a factor of 100 of one of its neighbours, and of a million of both"
+        raise fail(f"BeamStations.stiffness[{i}, {j}, {j}]", float(diagonal[i, j]), allowed)
 
 
 def _check_definite(field: str, matrices: NDArray[np.float64], *, strictly: bool) -> None:

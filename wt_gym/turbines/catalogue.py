@@ -74,7 +74,10 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     126.0
     """
     path = turbine_file(name_or_path)
-    content = path.read_bytes()
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
     # Included files are not part of the content, so such a file is read anew each time.
     key = "" if b"!include" in content else hashlib.sha256(content).hexdigest()
     if key not in _loaded:

@@ -43,6 +43,8 @@ __all__ = [
 
 _BIG = 1e15
 """Bound of masses, inertias, stiffnesses: far above any machine, far below overflow."""
+_LEAST_EFFICIENCY = 0.3
+"""Of gearbox and generator; what is below is a slip of the pen."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -240,8 +242,8 @@ class Drivetrain(ArrayRecord):
         """Check the fields."""
         ranges = {
             "gear_ratio": (0.1, 1000.0),
-            "gearbox_efficiency": (0.0, 1.0),
-            "generator_efficiency": (0.0, 1.0),
+            "gearbox_efficiency": (_LEAST_EFFICIENCY, 1.0),
+            "generator_efficiency": (_LEAST_EFFICIENCY, 1.0),
             "generator_inertia": (0.0, _BIG),
             "spring": (0.0, _BIG),
             "rated_power": (0.0, 1e9),

@@ -15,6 +15,7 @@ from wt_gym.turbines.checks import check_array, check_ascending, check_number, f
 __all__ = ["Node", "read_windio", "within"]
 
 SCHEMA = "turbine/turbine_schema"
+_MOST_LEVELS, _MOST_ENTRIES = 50, 3_000_000  # the turbines of windIO have 12 levels and some ten thousand entries
 _SCHEMA_ERROR = re.compile(r"Failed at instance path `(?P<path>[^`]*)` with error message: \"(?P<message>.*)\"$")
 _MISSING = re.compile(r"^'(?P<key>[^']*)' is a required property$")
 
@@ -145,11 +146,15 @@ def read_windio(path: Path) -> Node:
     from ruamel.yaml.error import YAMLError
 
     try:
+        _check_brackets(path.read_bytes())
         data = windIO.load_yaml(path)
     except YAMLError as error:
         raise TurbineDefinitionError(f"not a valid YAML file: {error}") from error
+    except RecursionError as error:
+        raise TurbineDefinitionError("nested too deep, or includes itself") from error
     except (OSError, ValueError) as error:
         raise TurbineDefinitionError(f"cannot be read: {error}") from error
+    _check_extent(data)
     if not isinstance(data, dict):
         raise fail("top level", data, "a mapping with name, windIO_version, assembly and components")
     version = str(data.get("windIO_version", "2"))
@@ -160,6 +165,32 @@ def read_windio(path: Path) -> Node:
     except ValidationError as error:
         raise TurbineDefinitionError(_explain(error.message)) from error
     return Node(data)
+
+
+def _check_brackets(content: bytes) -> None:
+    """Refuse brackets that are nested so deep that the parser would take seconds to give up."""
+    characters = np.frombuffer(content, np.uint8)
+    depth = np.cumsum(np.isin(characters, list(b"[{")).astype(int) - np.isin(characters, list(b"]}")))
+    if depth.size and depth.max() > 10 * _MOST_LEVELS:
+        raise TurbineDefinitionError(f"nested too deep: {depth.max()} open brackets")
+
+
+def _check_extent(data: Any) -> None:
+    """Refuse what a few lines of anchors and aliases can blow up to; validation would walk through all of it."""
+    entries: dict[int, int] = {}
+
+    def count(value: Any, depth: int) -> int:
+        if not isinstance(value, (dict, list)):
+            return 1
+        if depth > _MOST_LEVELS:
+            raise TurbineDefinitionError(f"nested deeper than {_MOST_LEVELS} levels, or within itself")
+        if id(value) not in entries:
+            inner = value.values() if isinstance(value, dict) else value
+            entries[id(value)] = 1 + sum(count(part, depth + 1) for part in inner)
+        return entries[id(value)]
+
+    if count(data, 0) > _MOST_ENTRIES:
+        raise TurbineDefinitionError(f"more than {_MOST_ENTRIES} entries once its aliases are written out")
 
 
 def _explain(report: str) -> str:

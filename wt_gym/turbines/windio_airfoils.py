@@ -14,6 +14,7 @@ __all__ = ["AirfoilLibrary"]
 KINEMATIC_VISCOSITY = 1.46e-5
 """Of air at 15 degrees Celsius [m^2/s]; only used to choose between tables at several Reynolds numbers."""
 
+_BACKWARDS = 0.01  # parts of the chord that rounded tables may step back
 _WITH_ROTATION = re.compile(r"\b(3-?D correction|rotational augmentation|stall delay) included\b", re.IGNORECASE)
 _WITHOUT = re.compile(r"\bno (3-?D correction|rotational augmentation|stall delay)\b", re.IGNORECASE)
 """What descriptions of airfoils and polars say about the delay of stall by rotation; windIO has no entry for it."""
@@ -145,6 +146,11 @@ def _contour(node: Node) -> NDArray[np.float64]:
     nose = int(np.argmin(x))
     if not 0 < nose < x.size - 1:
         raise fail(node.where("x"), "a contour that starts at the leading edge", "a start at the trailing edge")
+    steps = np.diff(x) * np.where(np.arange(x.size - 1) < nose, -1.0, 1.0)
+    if steps.min() < -_BACKWARDS:
+        i = int(np.argmin(steps)) + 1
+        allowed = "points in order, from the trailing edge around the leading edge and back"
+        raise fail(f"{node.where('x')}[{i}]", float(x[i]), allowed)
     contour = np.column_stack(((x - x.min()) / (x.max() - x.min()), y))
     # Shoelace formula: counter-clockwise (suction side first) has a positive area.
     area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
@@ -165,7 +171,11 @@ def _polar(table: Node, centre: float) -> Polar:
         if angle[0] > -180.0 + 1e-6 or angle[-1] < 180.0 - 1e-6:
             allowed = "angles of attack from -180 to 180 deg"
             raise fail(curve.where("grid"), [float(angle[0]), float(angle[-1])], allowed)
-        curves[key] = (angle, curve.array("values", angle.size))
+        values = curve.array("values", angle.size)
+        if key == "cd" and values.min() < 0.0:
+            i = int(np.argmin(values))
+            raise fail(f"{curve.where('values')}[{i}]", float(values[i]), "a drag of at least 0")
+        curves[key] = (angle, values)
     degrees = np.unique(np.concatenate([curve[0] for curve in curves.values()]))
     cl, cd, cm = (np.interp(degrees, *curves[key]) for key in ("cl", "cd", "cm"))
     alpha = np.radians(degrees)

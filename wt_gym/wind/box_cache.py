@@ -13,6 +13,7 @@ import logging
 import os
 import sys
 import tempfile
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -26,8 +27,12 @@ __all__ = ["MAX_BYTES", "cache_file", "load", "store"]
 MAX_BYTES = 2 * 1024**3
 
 _FORMAT = 2  # raise when the synthesis changes its results
-# What numpy and zipfile raise on damaged files: RuntimeError and its kin for unknown zip flags and versions.
-_DAMAGE = (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
+# What numpy and zipfile raise on damaged files: RuntimeError and its kin for unknown zip flags and versions, the errors
+# of syntax and tokens where a bit of an array's header is wrong.
+_DAMAGE = (
+    OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, SyntaxError, tokenize.TokenError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 _log = logging.getLogger(__name__)
 
 

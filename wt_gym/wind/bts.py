@@ -19,6 +19,7 @@ __all__ = ["BtsContent", "read", "write"]
 _HEADER = struct.Struct("<h4i12fi")
 _NOT_PERIODIC, _PERIODIC = 7, 8
 _MAX_DESCRIPTION = 200
+_FASTEST = 200.0  # m/s; no gust has ever come near, so what is above is damage or another unit
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,9 @@ def read(path: str | os.PathLike) -> BtsContent:
         raise InflowError(f"{path} is {state}: {len(data)} bytes where its header asks for {expected}")
     packed = np.frombuffer(data, dtype="<i2", offset=start).reshape(n_times, points, 3)
     velocity = ((packed - offset) / slope).astype(np.float32)
+    fastest = float(np.abs(velocity).max())
+    if not fastest <= _FASTEST:
+        raise InflowError(f"{path} holds velocities of up to {fastest:.3g} m/s; allowed are {_FASTEST:g} m/s")
     return BtsContent(
         grid=velocity[:, : n_z * n_y].reshape(n_times, n_z, n_y, 3),
         tower=velocity[:, n_z * n_y :],
