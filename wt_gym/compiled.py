@@ -251,7 +251,13 @@ def kernel(function=None, separate=False, **options):
     if separate:
         dispatcher.__class__ = _SeparateDispatcher  # which numba cannot be asked for
         dispatcher._given = options
-    dispatcher._cache = _KernelCache(function)
+    try:
+        dispatcher._cache = _KernelCache(function)
+    except RuntimeError as error:
+        raise RuntimeError(
+            f"there is no place to keep compiled kernels: neither the folder of {inspect.getfile(function)} nor a "
+            "cache of the user can be written; set NUMBA_CACHE_DIR to a folder that can"
+        ) from error
     dispatcher._cache.separate = separate
     # in the place of the version, because numba reads an old file no further: it may name types that have moved since
     dispatcher._cache._cache_file._version = _stamp()

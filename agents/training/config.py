@@ -32,7 +32,7 @@ class TrainingConfig:
     max_seconds : float or None
         Wall time after which training stops, whatever the steps; counted anew when it is resumed.
     n_envs : int
-        Copies of the environment, one process each if more than one.
+        Copies of the environment: threads step several of this package, processes those of others.
     seed : int
     checkpoint_steps : int
         Steps between checkpoints.

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from wt_gym.agents.compilation import compile_kernels
+from wt_gym.agents.training.turbine_vec_env import TurbineVecEnv
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,8 +23,9 @@ __all__ = ["make_training_env"]
 def make_training_env(config: TrainingConfig) -> VecNormalize:
     """Copies of the environment with statistics of rewards.
 
-    The kernels are compiled, or read from the cache, here before any worker starts; workers are started by forkserver,
-    because a fork would copy the threads of numba and torch in a broken state.
+    Several copies of an environment of this package are stepped by threads of this process, others in processes of
+    their own. These are started by forkserver, because a fork would copy the threads of numba and torch in a broken
+    state, once the kernels have been compiled or read from the cache.
 
     Raises
     ------
@@ -33,6 +35,8 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
     first = _make(config.env_id, config.env_kwargs)
     if config.n_envs == 1:
         venv: VecEnv = DummyVecEnv([lambda: Monitor(first)])
+    elif str(first.spec.vector_entry_point).startswith("wt_gym."):
+        venv = VecMonitor(TurbineVecEnv(config.env_id, config.n_envs, **config.env_kwargs))
     else:
         compile_kernels(first)
         venv = SubprocVecEnv([_worker(config.env_id, config.env_kwargs)] * config.n_envs, start_method="forkserver")

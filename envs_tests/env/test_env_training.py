@@ -10,6 +10,7 @@ import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch
@@ -105,6 +106,14 @@ def test_off_policy_training_keeps_its_replay_buffer(algorithm, tmp_path):
     buffer.unlink()
     with pytest.raises(FileNotFoundError, match="without its replay buffer"):
         resume(tmp_path, total_steps=128, progress=False)
+
+
+def test_threads_train_as_processes_do(tmp_path, monkeypatch):
+    config = replace(SMALL, n_envs=2)
+    train(config, tmp_path / "threads", progress=False)
+    monkeypatch.setattr(gym.spec(STEADY), "vector_entry_point", None)
+    train(config, tmp_path / "processes", progress=False)
+    assert torch.equal(parameters(tmp_path / "threads"), parameters(tmp_path / "processes"))
 
 
 def test_a_resumed_training_meets_other_winds(tmp_path):

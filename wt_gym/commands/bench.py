@@ -125,6 +125,47 @@ def measure_environment(fidelity: str, wall: float) -> dict:
     }
 
 
+def measure_vector(fidelity: str, wall: float) -> dict:
+    """Steps of turbines per second: one alone, several by threads of one process, and by a process each.
+
+    Taken in turns, so that a machine that changes its pace changes the ratios little.
+    """
+    import gymnasium
+    import numpy as np
+
+    import wt_gym  # noqa: F401 - registers the environments
+
+    name, number = "wt_gym/LoadReduction-v0", 2 * (os.cpu_count() or 1)
+    made = {
+        "one": gymnasium.make_vec(name, 1, fidelity=fidelity),
+        "threads": gymnasium.make_vec(name, number, fidelity=fidelity),
+        "processes": gymnasium.make_vec(name, number, "async", vector_kwargs={"context": "spawn"}, fidelity=fidelity),
+    }
+    rates: dict[str, list[float]] = {way: [] for way in made}
+    for env in made.values():
+        env.reset(seed=0)
+        env.step(np.zeros(env.action_space.shape, dtype=np.float32))
+    for _ in range(5):
+        for way, env in made.items():
+            actions, steps = np.zeros(env.action_space.shape, dtype=np.float32), 0
+            start = time.perf_counter()
+            while (elapsed := time.perf_counter() - start) < wall / 15:
+                env.step(actions)
+                steps += env.num_envs
+            rates[way].append(steps / elapsed)
+    for env in made.values():
+        env.close()
+    median = {way: float(np.median(values)) for way, values in rates.items()}
+    return {
+        "turbines": number,
+        "one_per_s": median["one"],
+        "threads_per_s": median["threads"],
+        "processes_per_s": median["processes"],
+        "threads_over_one": float(np.median(np.divide(rates["threads"], rates["one"]))),
+        "processes_over_one": float(np.median(np.divide(rates["processes"], rates["one"]))),
+    }
+
+
 def measure_start(fidelity: str, wall: float) -> dict:
     """Time to import, to build the simulator and to take the first step."""
     start = time.perf_counter()
@@ -216,6 +257,7 @@ WORKERS = {
     "start": measure_start,
     "threads": measure_threads,
     "structures": measure_structures,
+    "vector": measure_vector,
 }
 
 
@@ -291,6 +333,11 @@ def main(words: list[str] | None = None) -> None:
             f"{f['env_steps_per_s']:6.0f} env steps/s, reset {f['env_reset_s']:.2f} s, "
             f"{f['peak_memory_mib']:.0f} MiB simulator, {f['env_peak_memory_mib']:.0f} MiB env"
         )
+    figures["vector"] = v = in_process("vector", "training", wall)
+    print(
+        f"{v['turbines']} turbines: {v['threads_per_s']:.0f} steps/s by threads ({v['threads_over_one']:.2f} x one), "
+        f"{v['processes_per_s']:.0f} by processes ({v['processes_over_one']:.2f} x)"
+    )
     if "reference" in arguments.fidelity:
         figures["threads"] = t = in_process("threads", "reference", wall)
         one, two = t["step_s_one_thread"], t["step_s_two_threads"]

@@ -1,0 +1,150 @@
+"""Many turbines in one process: equal to single ones, in every mode of autoreset; stable-baselines3's interface."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from wt_gym.agents.training.turbine_vec_env import TurbineVecEnv
+from wt_gym.envs.vector_env import WindTurbineVectorEnv
+from wt_gym.errors import ActionError
+
+ID = "wt_gym/LoadReduction-v0"
+STEPS = 9
+
+
+def make(mode=AutoresetMode.NEXT_STEP, n=3, limit=4, **kwargs):
+    return gym.make_vec(ID, n, autoreset_mode=mode, max_episode_steps=limit, **kwargs)
+
+
+def actions(n, size):
+    return np.random.default_rng(0).uniform(-1.0, 1.0, (STEPS, n, size)).astype(np.float32)
+
+
+def single_episodes(k, given, limit=4):
+    """Transitions of one environment that begins anew when its episode is over: what every mode must contain."""
+    env = gym.make(ID, max_episode_steps=limit)
+    observation, _ = env.reset(seed=7 + k)
+    found = []
+    for action in given:
+        after, reward, terminated, truncated, info = env.step(action)
+        found.append((observation, action, reward, terminated, truncated, after, info["time"]))
+        observation = env.reset()[0] if terminated or truncated else after
+    return found
+
+
+def assert_same(mine, theirs):
+    assert len(mine) == len(theirs)
+    for a, b in zip(mine, theirs, strict=True):
+        for x, y in zip(a, b, strict=True):
+            np.testing.assert_array_equal(x, y)
+
+
+def transitions(env):
+    """Transitions of each turbine, whichever mode; actions of a step that only resets are not used up."""
+    mode, n = env.metadata["autoreset_mode"], env.num_envs
+    assert env.autoreset_mode is mode
+    given = actions(n, env.single_action_space.shape[0])
+    used, found = [0] * n, [[] for _ in range(n)]
+    before, _ = env.reset(seed=7)
+    over = np.zeros(n, dtype=bool)
+    while min(used) < STEPS:
+        if mode is AutoresetMode.DISABLED and over.any():
+            before, _ = env.reset(options={"reset_mask": over})
+        chosen = np.array([given[min(u, STEPS - 1)][k] for k, u in enumerate(used)])
+        after, rewards, terminated, truncated, infos = env.step(chosen)
+        for k in range(n):
+            if mode is AutoresetMode.NEXT_STEP and over[k]:
+                assert (rewards[k], terminated[k], truncated[k]) == (0.0, False, False)
+                continue
+            last, time = after[k], infos["time"][k]
+            if mode is AutoresetMode.SAME_STEP and (terminated[k] or truncated[k]):
+                last, time = infos["final_obs"][k], infos["final_info"]["time"][k]
+            if used[k] < STEPS:
+                found[k].append((before[k], chosen[k], rewards[k], terminated[k], truncated[k], last, time))
+                used[k] += 1
+        over, before = terminated | truncated, after
+    return found
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_every_mode_holds_the_transitions_of_single_environments(mode):
+    env = make(mode)
+    assert isinstance(env, WindTurbineVectorEnv)
+    found = transitions(env)
+    for k in range(env.num_envs):
+        assert_same(found[k], single_episodes(k, actions(3, 3)[:, k]))
+    env.close()
+
+
+def test_threads_change_nothing():
+    assert_all = [transitions(make(AutoresetMode.SAME_STEP, threads=threads)) for threads in (1, 3)]
+    for one, three in zip(*assert_all, strict=True):
+        assert_same(one, three)
+
+
+def test_what_comes_back_is_a_copy():
+    env = make(n=2)
+    first, _ = env.reset(seed=0)
+    kept = first.copy()
+    env.step(np.zeros((2, 3), dtype=np.float32))
+    np.testing.assert_array_equal(first, kept)
+
+
+def test_a_refused_action_moves_no_turbine():
+    env = make(n=2)
+    env.reset(seed=0)
+    with pytest.raises(ActionError):
+        env.step(np.array([[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]]))
+    *_, infos = env.step(np.zeros((2, 3)))
+    np.testing.assert_allclose(infos["time"], 0.2)
+    with pytest.raises(ValueError, match="2 actions are needed"):
+        env.step(np.zeros((3, 3)))
+
+
+def test_seeds_masks_and_numbers_are_checked():
+    with pytest.raises(ResetNeeded):
+        make(n=2).step(np.zeros((2, 3)))
+    env = make(AutoresetMode.DISABLED, n=2, limit=1)
+    with pytest.raises(ValueError, match="2 seeds are needed, got 3"):
+        env.reset(seed=[1, 2, 3])
+    with pytest.raises(ValueError, match="reset_mask must be 2 bools"):
+        env.reset(options={"reset_mask": [False, False]})
+    env.reset(seed=[1, None])
+    env.step(np.zeros((2, 3)))
+    with pytest.raises(ResetNeeded, match=r"turbines \[0, 1\] are over"):
+        env.step(np.zeros((2, 3)))
+    for name in ("num_envs", "threads", "max_episode_steps"):
+        with pytest.raises(ValueError, match=f"{name} must be at least 1, got 0"):
+            WindTurbineVectorEnv(**{"num_envs": 1, name: 0})
+    with pytest.raises(ValueError, match="Sometimes"):
+        WindTurbineVectorEnv(1, autoreset_mode="Sometimes")
+
+
+def test_rewards_by_terms():
+    env = make(n=2, vector_reward=True)
+    env.reset(seed=0)
+    _, rewards, *_ = env.step(np.zeros((2, 3)))
+    assert rewards.shape == (2, len(env.envs[0].reward_names))
+
+
+def test_the_interface_of_stable_baselines3_gives_what_its_own_gives():
+    mine = TurbineVecEnv(ID, 2, max_episode_steps=3)
+    theirs = DummyVecEnv([lambda: gym.make(ID, max_episode_steps=3)] * 2)
+    given = actions(2, 3)
+    for venv in (mine, theirs):
+        venv.seed(5)
+    np.testing.assert_array_equal(mine.reset(), theirs.reset())
+    for action in given:
+        a, b = mine.step(action), theirs.step(action)
+        for x, y in zip(a[:3], b[:3], strict=True):
+            np.testing.assert_array_equal(x, y)
+        for x, y in zip(a[3], b[3], strict=True):
+            assert x.keys() == y.keys()
+            assert (x["time"], x["TimeLimit.truncated"]) == (y["time"], y["TimeLimit.truncated"])
+            np.testing.assert_array_equal(x.get("terminal_observation", 0.0), y.get("terminal_observation", 0.0))
+    assert [info["time"] for info in mine.reset_infos] == [0.0, 0.0]
+    assert mine.get_attr("control_dt") == [0.2, 0.2]
+    mine.close()
