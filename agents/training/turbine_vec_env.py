@@ -69,7 +69,7 @@ class TurbineVecEnv(VecEnv):
             infos.append(info)
         observations, rewards, terminated, truncated, *_ = zip(*outcomes, strict=True)
         dones = np.array(terminated) | np.array(truncated)
-        return np.stack(observations), np.array(rewards, dtype=np.float32), dones, infos
+        return np.stack(observations), np.array(rewards), dones, infos
 
     def close(self) -> None:
         """Release simulators and threads."""

@@ -140,7 +140,7 @@ def test_the_interface_of_stable_baselines3_gives_what_its_own_gives():
     for action in given:
         a, b = mine.step(action), theirs.step(action)
         for x, y in zip(a[:3], b[:3], strict=True):
-            np.testing.assert_array_equal(x, y)
+            np.testing.assert_array_equal(x.astype(y.dtype), y)
         for x, y in zip(a[3], b[3], strict=True):
             assert x.keys() == y.keys()
             assert (x["time"], x["TimeLimit.truncated"]) == (y["time"], y["TimeLimit.truncated"])
