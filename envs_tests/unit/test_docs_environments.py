@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.envs.wind_sampler import KINDS
 from wt_gym.tasks import TASKS
 from wt_gym.wind import TurbulenceBox, TurbulentInflow
@@ -36,11 +37,13 @@ def left(tmp_path_factory):
 
 
 def test_examples_run(left):
-    parked, drawn, planned = left
+    parked, drawn, many, planned = left
     assert (parked["terminated"], parked["truncated"]) == (False, False)
     assert abs(parked["info"]["rotor_speed"]) < 0.1
     assert isinstance(drawn["env"].unwrapped.episode_wind.inflow, TurbulentInflow)
     assert 13.0 < drawn["info"]["wind_speed"] < 15.0
+    assert many["observations"].shape == many["envs"].observation_space.shape
+    assert many["infos"]["time"] == pytest.approx(0.2)
     value, rate = planned["best"]
     assert np.isfinite(value)
     assert rate in (-1.0, 0.0, 1.0)
@@ -60,7 +63,7 @@ def test_lengths_of_episodes_are_those_of_the_tasks():
 
 
 def test_arguments_on_the_page_are_those_of_the_environment():
-    known = set(inspect.signature(WindTurbineEnv).parameters) | {"max_episode_steps"}
+    known = {name for env in (WindTurbineEnv, WindTurbineVectorEnv) for name in inspect.signature(env).parameters}
     named = set(re.findall(r"`(\w+)=", PAGE))
     assert len(named) > 8
     assert named <= known
