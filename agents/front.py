@@ -131,8 +131,9 @@ def front_distance(
     """Compare an agent with the front at equal travel and at equal load.
 
     Each family is a curve: straight lines from the baseline through its points in the order of their duty cycle. The
-    front at a duty cycle is the lowest of them; beyond its last point a curve stays where it is. Both figures are of
-    means over the winds, and each resample of winds (`wt_gym.analysis.statistics`) has a front of its own.
+    front at a duty cycle is the lowest of them; a curve never rises again, and beyond its last point stays where it is.
+    Both figures are of means over the winds, and each resample of winds (`wt_gym.analysis.statistics`) has a front of
+    its own.
 
     Parameters
     ----------
@@ -160,6 +161,8 @@ def front_distance(
         duty, flap = mine[:, chosen].mean(axis=1)
         means = [curve[..., chosen].mean(axis=-1) for curve in curves]
         means = [mean[np.argsort(mean[:, 0])] for mean in means]
+        for mean in means:  # nobody has to take more travel and more load
+            mean[:, 1] = np.minimum.accumulate(mean[:, 1])
         load = flap - min(np.interp(duty, *mean.T) for mean in means)
         return load, duty / min(_least_duty(*mean.T, flap) for mean in means) - 1.0
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import multiprocessing
 import multiprocessing.connection
 import os
+import signal
 import threading
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, ProcessPoolExecutor, wait
 from contextlib import contextmanager
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -40,40 +42,58 @@ def in_processes(
     """Do jobs in processes; give each with its result as soon as it is done, in whatever order that is.
 
     Kernels should be in the cache before (`wt_gym.agents.compilation`). Where a job fails, or the caller goes no
-    further, those that have not begun are not done.
+    further, jobs under way are ended and no other begins.
 
     Parameters
     ----------
     work : callable
         Takes a job; a function of a module.
     jobs : sequence
-        Hashable.
     workers : int
         Processes.
     begin : callable, optional
         Called first in each process with what is ``given``.
+
+    Raises
+    ------
+    ChildProcessError
+        If a process ends that was not told to.
     """
     spawn = multiprocessing.get_context("spawn")  # compiled kernels do not survive a fork
-    with _one_thread(), ProcessPoolExecutor(min(workers, len(jobs)), spawn, _begin, (begin, given)) as pool:
-        futures = {pool.submit(work, job): job for job in jobs}
-        try:
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    reader, writer = spawn.Pipe(duplex=False)
+    left, running = iter(jobs), {}
+    try:
+        with _one_thread(), ProcessPoolExecutor(workers, spawn, _begin, (reader, begin, given)) as pool:
+            try:
+                running = {pool.submit(work, job): job for job in islice(left, workers)}
+                while running:
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        job, result = running.pop(future), future.result()
+                        running |= {pool.submit(work, job): job for job in islice(left, 1)}
+                        yield job, result
+            except BaseException:
+                writer.close()  # ends the processes
+                raise
+    except BrokenExecutor as error:
+        raise ChildProcessError(
+            f"one of {workers} processes has ended; was there too little memory for so many? what was done is kept"
+        ) from error
+    finally:
+        writer.close()
+        reader.close()
 
 
-def _begin(begin: Callable[..., None] | None, given: tuple) -> None:
+def _begin(told: multiprocessing.connection.Connection, begin: Callable[..., None] | None, given: tuple) -> None:
     """Begin as a worker process."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the one that gives work decides
+    threading.Thread(target=_end_when, args=(told,), daemon=True).start()
     if begin is not None:
         begin(*given)
 
 
-def _end_with_parent() -> None:
-    """End this process when the one that gives it work has gone, however that went: nobody would ever call it again."""
-    multiprocessing.connection.wait([multiprocessing.parent_process().sentinel])
+def _end_when(told: multiprocessing.connection.Connection) -> None:
+    """End this process when it is told to, or the one that gives it work has gone, however that went."""
+    multiprocessing.connection.wait([told, multiprocessing.parent_process().sentinel])
     os._exit(1)
 
 

@@ -26,9 +26,11 @@ set_up() {
     echo "setting up .venv (once; some hundred MB, PyTorch among them) ..."
     if [[ $found == unfinished ]]; then
         rm -rf .venv
+        found=''
     fi
     mkdir -p .venv
-    echo unfinished >"$stamp"
+    # one that was whole is brought up to date again, where that fails for want of a network
+    if [[ -n $found ]]; then echo outdated; else echo unfinished; fi >"$stamp"
     "$python" -m venv .venv
     # the build runs in the environment itself: one of its own would be fetched anew each time
     install 'setuptools>=77'

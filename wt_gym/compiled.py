@@ -269,4 +269,6 @@ def compiled_for(function, arguments):
 
     A call of the kernel itself looks up the type of each array it is given: 25 µs for two hundred of them.
     """
-    return getattr(function, "from_python", function).compile(tuple(numba.typeof(argument) for argument in arguments))
+    if isinstance(function, _SeparateDispatcher):
+        function = function.from_python
+    return function.compile(tuple(numba.typeof(argument) for argument in arguments))

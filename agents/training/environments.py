@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -32,11 +33,12 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
     ValueError
         If the environment cannot be made with these arguments.
     """
-    first = _make(config.env_id, config.env_kwargs)
+    first = _make(gym.make, config)
     if config.n_envs == 1:
         venv: VecEnv = DummyVecEnv([lambda: Monitor(first)])
-    elif str(first.spec.vector_entry_point).startswith("wt_gym."):
-        venv = VecMonitor(TurbineVecEnv(config.env_id, config.n_envs, **config.env_kwargs))
+    elif str(first.spec.vector_entry_point).startswith("wt_gym.") and not first.spec.additional_wrappers:
+        first.close()
+        venv = VecMonitor(_make(partial(TurbineVecEnv, num_envs=config.n_envs), config))
     else:
         compile_kernels(first)
         venv = SubprocVecEnv([_worker(config.env_id, config.env_kwargs)] * config.n_envs, start_method="forkserver")
@@ -49,12 +51,12 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
     )
 
 
-def _make(env_id: str, kwargs: dict[str, Any]) -> gym.Env:
-    """Make one environment."""
+def _make(make: Callable[..., Any], config: TrainingConfig) -> Any:
+    """Make environments of an id with its arguments."""
     try:
-        return gym.make(env_id, **kwargs)
+        return make(config.env_id, **config.env_kwargs)
     except (TypeError, AttributeError) as error:  # an argument of another type, as from JSON
-        raise ValueError(f"{env_id} cannot be made with the arguments {kwargs}: {error}") from error
+        raise ValueError(f"{config.env_id} cannot be made with the arguments {config.env_kwargs}: {error}") from error
 
 
 def _worker(env_id: str, kwargs: dict[str, Any]) -> Callable[[], gym.Env]:

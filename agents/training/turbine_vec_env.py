@@ -39,7 +39,6 @@ class TurbineVecEnv(VecEnv):
         self.turbines: WindTurbineVectorEnv = made
         self.layout = made.layout
         super().__init__(num_envs, made.single_observation_space, made.single_action_space)
-        self.metadata = made.metadata
 
     def reset(self) -> np.ndarray:
         """Start episodes with the seeds and options that were set for it."""

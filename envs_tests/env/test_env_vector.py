@@ -3,13 +3,13 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.error import ResetNeeded
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from wt_gym.agents.training.turbine_vec_env import TurbineVecEnv
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
-from wt_gym.errors import ActionError
+from wt_gym.errors import ActionError, ControllerError
 
 ID = "wt_gym/LoadReduction-v0"
 STEPS = 9
@@ -105,8 +105,13 @@ def test_a_refused_action_moves_no_turbine():
 
 
 def test_seeds_masks_and_numbers_are_checked():
-    with pytest.raises(ResetNeeded):
+    with pytest.raises(ResetNeeded, match="call reset"):
         make(n=2).step(np.zeros((2, 3)))
+    closed = make(n=2)
+    closed.reset(seed=0)
+    closed.close()
+    with pytest.raises(ClosedEnvironmentError):
+        closed.reset(seed=0)
     env = make(AutoresetMode.DISABLED, n=2, limit=1)
     with pytest.raises(ValueError, match="2 seeds are needed, got 3"):
         env.reset(seed=[1, 2, 3])
@@ -121,6 +126,30 @@ def test_seeds_masks_and_numbers_are_checked():
             WindTurbineVectorEnv(**{"num_envs": 1, name: 0})
     with pytest.raises(ValueError, match="Sometimes"):
         WindTurbineVectorEnv(1, autoreset_mode="Sometimes")
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_turbine_whose_step_fails_has_to_begin_anew(threads, monkeypatch):
+    env = make(AutoresetMode.DISABLED, n=2, threads=threads)
+    env.reset(seed=0)
+
+    def fail(action):
+        raise ControllerError("no demand")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(env.envs[1], "step", fail)
+        with pytest.raises(ControllerError, match="no demand"):
+            env.step(np.zeros((2, 3)))
+    with pytest.raises(ResetNeeded, match=r"turbines \[1\] are over"):
+        env.step(np.zeros((2, 3)))
+    env.reset(options={"reset_mask": np.array([False, True])})
+    *_, infos = env.step(np.zeros((2, 3)))
+    np.testing.assert_allclose(infos["time"], [0.4, 0.2])
+
+
+def test_iterators_serve_all_turbines():
+    env = make(n=2, wind_seeds=iter([3, 4]))
+    assert [e.wind.seeds for e in env.envs] == [(3, 4), (3, 4)]
 
 
 def test_rewards_by_terms():

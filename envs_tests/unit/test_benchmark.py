@@ -410,6 +410,15 @@ def test_an_agent_lies_below_on_or_above_the_front(load, travel, points, share):
     assert f"| mine | {100 * (load - 1.0):+.1f} % |" in distance_table([found])[2]
 
 
+def test_a_curve_that_turns_back_is_no_better_for_it():
+    runs = front_of(mine={"blade_flap_del": 0.95, "pitch_duty_cycle": 6.0})
+    for family in FAMILIES.values():
+        runs[family[-1]] = results(TASK, {"blade_flap_del": 1.2, "pitch_duty_cycle": 6.0}, agent=family[-1])
+    found = front_distance(TASK, runs, "mine")
+    assert found.load == pytest.approx(0.15)
+    assert found.travel == pytest.approx(6.0 / 1.5 - 1.0)
+
+
 def test_the_page_has_the_tasks_as_they_are():
     rows = dict(re.findall(r"^\| `([\w-]+-v\d+)` \|.*\| (.*) \|$", PAGE, re.MULTILINE))
     tasks = [load_task(name) for name in task_names()]

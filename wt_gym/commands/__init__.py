@@ -42,6 +42,6 @@ def main(words: list[str] | None = None) -> None:
     )
     parser.add_argument("--version", action="version", version=f"wt_gym {wt_gym.__version__}")
     parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help=argparse.SUPPRESS)
-    parser.add_argument("words", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    parser.add_argument("words", nargs=argparse.REMAINDER, default=[], metavar="OPTIONS", help=argparse.SUPPRESS)
     chosen = parser.parse_args(words)
     import_module(f"wt_gym.commands.{chosen.command.replace('-', '_')}").main(chosen.words)

@@ -15,7 +15,7 @@ import argparse
 import json
 from pathlib import Path
 
-from wt_gym.commands.program import CLONE, UNSAFE, OneLineParser, as_called, user_errors
+from wt_gym.commands.program import CLONE, UNSAFE, OneLineParser, as_called, stoppable, user_errors
 
 KEPT = "runs/benchmark"
 
@@ -41,8 +41,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         )
         command.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
         command.add_argument("--jobs", type=int, default=1, metavar="N", help="runs at a time (default: %(default)s)")
-    front.add_argument("--data", type=Path, default=CLONE / "docs" / "data", help="folder of table and figure "
-        "(default: docs/data of a clone)")  # fmt: skip
+    pages = CLONE / "docs" / "data"
+    front.add_argument("--data", type=Path, default=pages if pages.is_dir() else Path("runs/front"), metavar="DIR",
+        help="folder of table and figure (default: docs/data of a clone, else runs/front)")  # fmt: skip
     for command in (table, run, reference, front):
         command.add_argument("--json", action="store_true", help="print the figures as one JSON object last")
     return parser.parse_args(words)
@@ -128,6 +129,8 @@ def front(arguments: argparse.Namespace) -> list:
 
     folder, entries, rows, distances = ResultFolder(arguments.out), front_entries(), [], []
     others = [entry for entry in entries_of(arguments.agents) if entry not in entries]
+    if taken := {entry.name for entry in entries} & {entry.name for entry in others}:
+        raise ValueError(f"{', '.join(sorted(taken))} belongs to the front itself: give the agent another name")
     for task in chosen(arguments.task):
         run_jobs(jobs_of([task], [*entries, *others]), folder, arguments.jobs)
         results = {entry.name: results_of(task, entry, folder) for entry in [*entries, *others]}
@@ -144,7 +147,7 @@ def main(words: list[str] | None = None) -> None:
     """Do what the command says."""
     arguments = parse_arguments(words)
     commands = {"tasks": tasks, "run": run, "table": table, "reference": reference, "front": front}
-    with user_errors():
+    with user_errors(), stoppable("the same command goes on with the runs that are kept"):
         found = commands[arguments.command](arguments)
     if getattr(arguments, "json", False):
         print(json.dumps(found))

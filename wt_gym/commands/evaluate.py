@@ -101,7 +101,8 @@ def main(words: list[str] | None = None) -> None:
     arguments = parse_arguments(words)
 
     out = Path(arguments.out)
-    with user_errors(), stoppable(f"the same command goes on with what is in {out}"):
+    without = " without --overwrite" if arguments.overwrite else ""
+    with user_errors(), stoppable(f"the same command{without} goes on with what is in {out}"):
         from wt_gym.agents.choices import named_choices
         from wt_gym.agents.evaluation import evaluate
         from wt_gym.agents.evaluation_folder import REPORT_FILE

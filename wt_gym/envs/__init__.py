@@ -16,6 +16,7 @@ from wt_gym.envs.rewards import (
     Transition,
 )
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 
 __all__ = [
@@ -36,5 +37,6 @@ __all__ = [
     "TowerSideSideFatigue",
     "Transition",
     "WindTurbineEnv",
+    "WindTurbineVectorEnv",
     "layout_of",
 ]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.error import ResetNeeded
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
@@ -71,6 +72,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             if number is not None and number < 1:
                 raise ValueError(f"{name} must be at least 1, got {number!r}")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
+        kwargs = {name: tuple(v) if isinstance(v, Iterator) else v for name, v in kwargs.items()}  # for all to read
         self.envs = [WindTurbineEnv(**kwargs)]
         self.envs += [WindTurbineEnv(**kwargs | {"turbine": self.envs[0].turbine}) for _ in range(num_envs - 1)]
         first = self.envs[0]
@@ -94,6 +96,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         self, seeds: Sequence[int | None], options: dict[str, Any] | None, chosen: Iterable[int]
     ) -> list[tuple[np.ndarray, dict[str, Any]]]:
         """Start episodes of the chosen turbines; give observation and info of each."""
+        self._refuse_closed()
 
         def start(k: int):
             return self._start(k, seeds[k], options)
@@ -122,11 +125,14 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         gymnasium.error.ResetNeeded
             If an episode has ended that nothing resets.
         """
+        self._refuse_closed()
         actions = np.asarray(actions)
         if actions.shape[:1] != (self.num_envs,):
             raise ValueError(f"{self.num_envs} actions are needed, got an array of shape {actions.shape}")
         resets = self._over & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
-        if not self._begun or np.any(self._over & ~resets):
+        if not self._begun:
+            raise ResetNeeded("no episodes were started: call reset() before step()")
+        if np.any(self._over & ~resets):
             raise ResetNeeded(f"the episodes of turbines {np.flatnonzero(self._over & ~resets).tolist()} are over")
         for k in np.flatnonzero(~resets):
             self.layout.action.validate(actions[k])
@@ -139,6 +145,10 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
         return self._each(step, range(self.num_envs))
 
+    def _refuse_closed(self) -> None:
+        if self.closed:
+            raise ClosedEnvironmentError("the environment was closed")
+
     def _start(self, k: int, seed: int | None = None, options: dict[str, Any] | None = None):
         self._steps[k], self._over[k] = 0, True
         result = self.envs[k].reset(seed=seed, options=options)
@@ -146,9 +156,10 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         return result
 
     def _step(self, k: int, action: np.ndarray) -> Outcome:
+        self._over[k] = True  # where the step raises an error
         observation, reward, terminated, truncated, info = self.envs[k].step(action)
         self._steps[k] += 1
-        truncated = truncated or (self._steps[k] == self._most_steps and not terminated)
+        truncated = truncated or bool(self._steps[k] == self._most_steps)
         self._over[k] = terminated or truncated
         if self._over[k] and self.autoreset_mode == AutoresetMode.SAME_STEP:
             first, beginning = self._start(k)
@@ -163,6 +174,14 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         if self._pool is None:
             return [work(k) for k in chosen]
         futures = [self._pool.submit(work, k) for k in chosen]
+        try:
+            wait(futures)
+        except BaseException:  # as KeyboardInterrupt: no thread may be left at work in a turbine
+            for future in futures:
+                future.cancel()
+            wait(futures)
+            self._over[:] = True  # who has moved is not known to the caller
+            raise
         errors = [error for error in (future.exception() for future in futures) if error is not None]
         if errors:
             raise errors[0]
