@@ -1,7 +1,6 @@
 """The command line: how it is called, and how it ends where something is refused, missing or stopped."""
 
 import argparse
-import os
 import signal
 import sys
 from importlib import import_module
@@ -64,6 +63,14 @@ def test_what_is_not_installed_is_named_with_its_extra():
         without("wt_gym.nowhere")
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c_counts():
+    """Processes that a shell put into the background ignore SIGINT."""
+    former = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, former)
+
+
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_end_with_their_status_after_what_is_under_way_is_kept(number, status, capsys):
     kept, former = [], signal.getsignal(signal.SIGTERM)
@@ -71,8 +78,8 @@ def test_signals_end_with_their_status_after_what_is_under_way_is_kept(number, s
     def work():
         with stoppable("the same command goes on"):
             try:
-                os.kill(os.getpid(), number)
-                signal.pause()
+                signal.raise_signal(number)
+                pytest.fail("the signal did nothing")
             finally:
                 kept.append(True)
 
@@ -108,8 +115,7 @@ def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
         for k in range(5):
             recorder.append(argparse.Namespace(values=np.full(len(recorder.channels), 0.1 * k)))
         if simulator.inflow.mean_speed > 10.0:
-            os.kill(os.getpid(), number)
-            signal.pause()
+            signal.raise_signal(number)
         return recorder
 
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
