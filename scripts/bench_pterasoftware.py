@@ -39,8 +39,6 @@ from importlib import metadata, util
 from pathlib import Path
 from types import ModuleType
 
-from bench import SINGLE_THREAD, processor
-
 PACKAGE = "pterasoftware==5.1.0"
 NEEDED = ("numpy", "scipy", "numba", "llvmlite")  # in the versions of the running Python, so that compilers are equal
 SMALL = ("threadpoolctl>=3.5,<4", "tqdm>=4.66,<5")
@@ -218,6 +216,8 @@ class Worker:
     """A process that runs one of the solvers."""
 
     def __init__(self, name: str, python: str | Path):
+        from wt_gym.commands.bench import SINGLE_THREAD  # the other environment has no wt_gym
+
         self.name = name
         self.process = subprocess.Popen(
             [python, __file__, "--worker", name], env=os.environ | SINGLE_THREAD, stdin=subprocess.PIPE,
@@ -435,6 +435,7 @@ def main() -> None:
         )
 
     from wt_gym.agents.progress import ProgressLine
+    from wt_gym.commands.bench import processor
 
     line = ProgressLine(interval=2.0)
     line.show("reference: linear theory", final=True)
