@@ -130,7 +130,7 @@ def named_choices(choices: list[str]) -> dict[str, str]:
     named: dict[str, str] = {}
     for given in choices:
         name, choice = split_name(given)
-        for suffix, single in expand_seeds(choice) if kind_of(choice, _WORDS) == "trained" else [("", choice)]:
+        for suffix, single in expand_seeds(choice, kind_of(choice, _WORDS)):
             label = (name or _default_name(choice)) + suffix
             if label in named:
                 raise ValueError(f"two agents are called {label!r}; give them names as NAME={single}")
@@ -138,13 +138,14 @@ def named_choices(choices: list[str]) -> dict[str, str]:
     return named
 
 
-def expand_seeds(choice: str) -> list[tuple[str, str]]:
-    """Suffix of the name and path of each seed where a path is the folder of a training with several seeds.
+def expand_seeds(choice: str, kind: str) -> list[tuple[str, str]]:
+    """Suffix of the name and path of each seed where a choice is the folder of a training with several seeds.
 
     Parameters
     ----------
     choice : str
-        `kind_of` says "trained".
+    kind : str
+        What it is; only what is "trained" can have seeds.
 
     Returns
     -------
@@ -158,6 +159,8 @@ def expand_seeds(choice: str) -> list[tuple[str, str]]:
     ValueError
         If the plan of the training is damaged.
     """
+    if kind != "trained":
+        return [("", choice)]
     from wt_gym.agents.trained_agent import MODEL_FILE  # torch takes seconds to import
 
     folders = _folders_of_seeds(Path(choice))

@@ -100,9 +100,9 @@ def _default_name(choice: str) -> str:
 
 def _kind(choice: str) -> str:
     """Kind of a choice: "planner", or as `wt_gym.agents.choices.kind_of` says."""
-    return (
-        "planner" if choice.partition(":")[0] == "planner" else kind_of(choice, ("zero", "random"), ("planner", *WORDS))
-    )
+    if choice.partition(":")[0] == "planner":
+        return "planner"
+    return kind_of(choice, ("zero", "random"), ("planner", *WORDS))
 
 
 def _entry(name: str, choice: str) -> Entry:
@@ -131,7 +131,7 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
     for text in texts:
         for word in WORDS.get(text, (text,)):
             name, choice = split_name(word)
-            for suffix, single in expand_seeds(choice) if _kind(choice) == "trained" else [("", choice)]:
+            for suffix, single in expand_seeds(choice, _kind(choice)):
                 entry = _entry((name or _default_name(choice)) + suffix, single)
                 if entries.setdefault(entry.name, entry) != entry:
                     raise ValueError(f"two agents are called {entry.name!r}; give them names as NAME=CHOICE")

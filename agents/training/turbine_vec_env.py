@@ -37,7 +37,6 @@ class TurbineVecEnv(VecEnv):
     def __init__(self, env_id: str, num_envs: int, **kwargs):
         made = gym.make_vec(env_id, num_envs, "vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP, **kwargs)
         self.turbines: WindTurbineVectorEnv = made
-        self.layout = made.layout
         super().__init__(num_envs, made.single_observation_space, made.single_action_space)
 
     def reset(self) -> np.ndarray:

@@ -182,9 +182,6 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             wait(futures)
             self._over[:] = True  # who has moved is not known to the caller
             raise
-        errors = [error for error in (future.exception() for future in futures) if error is not None]
-        if errors:
-            raise errors[0]
         return [future.result() for future in futures]
 
     # ---- Gymnasium ----
@@ -265,8 +262,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
     def call(self, name: str, *arguments, **named) -> tuple:
         """Call a method of every turbine's environment, or read an attribute of it."""
-        found = (getattr(env, name) for env in self.envs)
-        return tuple(value(*arguments, **named) if callable(value) else value for value in found)
+        return tuple(value(*arguments, **named) if callable(value) else value for value in self.get_attr(name))
 
     def get_attr(self, name: str) -> tuple:
         """Attribute of every turbine's environment."""
