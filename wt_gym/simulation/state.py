@@ -1,23 +1,27 @@
 """Snapshots of a simulation: plain arrays that can be copied, compared, saved and restored."""
 
 import hashlib
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, is_dataclass
 
 import numpy as np
 
 from wt_gym.errors import SimulationError
+from wt_gym.fields import counting_fields
 
 __all__ = ["SimulatorState", "fingerprint"]
 
 
 def fingerprint(*parts):
-    """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text."""
+    """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text.
+
+    A field declared by `wt_gym.fields.later_field` counts only where it has another value than its default.
+    """
     digest = hashlib.sha256()
 
     def feed(value):
         if is_dataclass(value):
             digest.update(type(value).__name__.encode())
-            for f in fields(value):
+            for f in counting_fields(value):
                 digest.update(f.name.encode())
                 feed(getattr(value, f.name))
         elif isinstance(value, np.ndarray):
