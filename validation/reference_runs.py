@@ -185,7 +185,7 @@ def _stamp(experiment, choice):
 def _rounded(value, digits):
     """The same nested value with every float written to some digits: the last ones differ between machines."""
     if dataclasses.is_dataclass(value):
-        return tuple((f.name, _rounded(getattr(value, f.name), digits)) for f in dataclasses.fields(value))
+        return tuple((f.name, _rounded(getattr(value, f.name), digits)) for f in counting_fields(value))
     if isinstance(value, np.ndarray):
         return tuple(_rounded(item, digits) for item in value.tolist())
     if isinstance(value, (tuple, list)):
