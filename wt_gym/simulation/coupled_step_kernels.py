@@ -6,7 +6,10 @@ the kernel for this value alone, beside the one that Python calls.
 
 from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solve
 from wt_gym.compiled import kernel
+from wt_gym.multibody.integrators.implicit_kernels import implicit_advance
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
+from wt_gym.multibody.integrators.structural_newton_kernels import structural_advance
+from wt_gym.multibody.tree.rate_kernels import rates
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion, tower_drag
 from wt_gym.simulation.energy_kernels import check_energy
@@ -37,7 +40,19 @@ def move_lattice(y, tree, work, x):
 
 
 @kernel
-def copy_history(source, target):
+def copy_history(source, target, implicit):
+    """What an integration goes on from, from one set of arrays to another; implicit: `Motion.implicit`."""
+    if implicit is None:
+        copy_points(source, target)
+    else:
+        for i in range(source.y.shape[0]):
+            target.y[i], target.f[i] = source.y[i], source.f[i]
+        for i in range(source.pseudo.shape[0]):
+            target.pseudo[i] = source.pseudo[i]
+
+
+@kernel
+def copy_points(source, target):
     """Points of the multistep scheme from one set of arrays to another."""
     for k in range(source.y.shape[0]):
         for i in range(source.y.shape[1]):
@@ -111,21 +126,50 @@ def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
 @kernel(separate=True)
 def move_structure(motion, scheme, n_corrections):
     """The structure through one aerodynamic step, without the rates at its end; returns a code."""
-    return hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, scheme.h, scheme.n_sub,
-                           n_corrections, motion.constrained, bool(False))  # fmt: skip
+    return advance_structure(motion.implicit, motion, scheme, n_corrections, motion.constrained)
+
+
+@kernel
+def advance_structure(implicit, motion, scheme, n_corrections, constrained):
+    """As `move_structure`, by the scheme that the types of its first and last argument choose."""
+    m = motion
+    if implicit is None:
+        return hamming_advance(m.history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, n_corrections, constrained,
+                               bool(False))  # fmt: skip
+    if constrained is None:
+        return structural_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
+                                  scheme.n_sub, implicit.tolerance, implicit.max_iterations)  # fmt: skip
+    return implicit_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
+                            scheme.n_sub, implicit.tolerance, implicit.max_iterations, implicit.difference,
+                            constrained)  # fmt: skip
+
+
+@kernel(separate=True)
+def final_rates(motion):
+    """Rates that belong to the stored state and the inputs at the end of the step; the kinematics too."""
+    return rates_by(motion.implicit, motion, motion.constrained)
+
+
+@kernel
+def rates_by(implicit, motion, constrained):
+    """As `final_rates`, by the scheme that the type of the first argument chooses."""
+    m = motion
+    if implicit is None:
+        return hamming_advance(m.history, m.inputs, m.tree, m.work, 1.0, int(0), int(0), constrained, bool(True))
+    return rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate, constrained)
 
 
 @kernel(separate=True)
 def predict_step(air, motion, x, scheme):
     """Move the wake, and the structure under extrapolated loads; arguments as for `coupled_step`."""
     convect_wake(air.constants, air.arrays, scheme.dt)
-    copy_history(motion.history, motion.saved)
+    copy_history(motion.history, motion.saved, motion.implicit)
     extrapolate_loads(motion.inputs, x.previous_loads)
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-    rough = motion.constrained is None and scheme.iterations > 1 and scheme.n_sub <= MOST_UNCORRECTED
+    rough = motion.implicit is None and motion.constrained is None and scheme.iterations > 1 and scheme.n_sub <= MOST_UNCORRECTED
     code = move_structure(motion, scheme, 0 if rough else scheme.n_corrections)
     if code == OK:
-        move_lattice(motion.history.y[3], motion.tree, motion.work, x)
+        move_lattice(motion.state, motion.tree, motion.work, x)
     return code
 
 
@@ -145,7 +189,7 @@ def correct_step(air, motion, x, scheme, blade_wind):
         solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
               bool(False))  # fmt: skip
         change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.blades, loads)
-        tower_drag(motion.history.y[3], motion.tree, motion.work, x.tower, loads[x.tower.body])
+        tower_drag(motion.state, motion.tree, motion.work, x.tower, loads[x.tower.body])
         if iteration > 0:  # the prediction was not corrected yet: one pass at least
             share = secant_share(loads, x.passes, share, x.relaxation)
             if change <= scheme.tolerance:
@@ -153,11 +197,11 @@ def correct_step(air, motion, x, scheme, blade_wind):
         if iteration >= scheme.iterations - 1 and (change <= scheme.loosest or iteration == MOST_PASSES - 1):
             break
         relax_loads(loads, x.passes, share)
-        copy_history(motion.saved, motion.history)
+        copy_history(motion.saved, motion.history, motion.implicit)
         code = move_structure(motion, scheme, scheme.n_corrections)
         if code != OK:
             return code
-        move_lattice(motion.history.y[3], motion.tree, motion.work, x)
+        move_lattice(motion.state, motion.tree, motion.work, x)
     return check_sections(air.arrays)
 
 
@@ -228,11 +272,10 @@ def secant_share(new, passes, share, memory):
 @kernel(separate=True)
 def end_step(motion, x, scheme, gauges, monitor, blade_wind):
     """Rates that belong to the stored state and the final loads; extremes; is anything out of range or balance?"""
-    code = hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, 1.0, int(0), int(0),
-                           motion.constrained, bool(True))  # fmt: skip
+    code = final_rates(motion)
     if code != OK:
         return code
     watch_steps(motion, scheme.n_sub, gauges, monitor)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
-    code = check_range(motion.history.y[3], x, monitor)
+    code = check_range(motion.state, x, monitor)
     return check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt) if code == OK else code

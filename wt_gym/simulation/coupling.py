@@ -8,6 +8,7 @@ import numpy as np
 from wt_gym.compiled import compiled_for
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
+from wt_gym.multibody.integrators.schemes import GeneralizedAlphaIntegrator, NewmarkIntegrator
 from wt_gym.multibody.system import HammingIntegrator
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation import coupled_step_kernels, energy_kernels, monitor_kernels
@@ -24,6 +25,9 @@ MAX_DEFLECTION = 0.4
 """Elastic tip displacement, in blade lengths, beyond which a linear elastic blade has lost its meaning."""
 MAX_OVERSPEED = 3.0
 """Rotor speed, in rated speeds, at which a simulation is given up."""
+NEWTON_TOLERANCE = 1e-7
+"""Change of the position increments [m or rad] at which the iteration of an implicit step ends, far below what the
+passes of structure and loads leave."""
 LOOSEST = 0.1
 """Change of the loads of the blades, over the largest of them, with which a step may end."""
 
@@ -39,11 +43,24 @@ class Air(NamedTuple):
     body_work: tuple | None  # BodyWork
 
 
+class Implicit(NamedTuple):
+    """How an implicit scheme integrates the structure."""
+
+    scratch: tuple  # ImplicitScratch
+    scheme: np.ndarray  # (4,) β, γ, αm, αf
+    tolerance: float  # change of the position increments at which Newton's iteration ends
+    max_iterations: int
+    difference: float  # change of the increments from which the matrix of a system with constraint equations is made
+
+
 class Motion(NamedTuple):
     """The structure, as the compiled step takes it."""
 
-    history: tuple  # HammingHistory: the state
-    saved: tuple  # HammingHistory, room for a copy
+    history: tuple  # HammingHistory or ImplicitHistory: what the integration goes on from
+    saved: tuple  # the same, room for a copy
+    state: np.ndarray  # (n_state,) newest state, a view
+    rate: np.ndarray  # (n_state,) its rate, a view
+    implicit: tuple | None  # Implicit; None: the Hamming scheme
     inputs: tuple  # Inputs
     tree: tuple  # Tree
     work: tuple  # Work
@@ -124,6 +141,18 @@ class Exchange(NamedTuple):
         )  # fmt: skip
 
 
+def _integrator(system, h, fidelity, n_substeps):
+    """Integrator of a structure in steps of h [s]."""
+    if fidelity.integrator == "hamming":
+        return HammingIntegrator(system, h, fidelity.corrections, fidelity.starter, n_substeps)
+    options = {"tolerance": NEWTON_TOLERANCE, "trail": n_substeps}
+    if not system.constraints:
+        options["tangent"] = "structure"
+    if fidelity.integrator == "newmark":
+        return NewmarkIntegrator(system, h, **options)
+    return GeneralizedAlphaIntegrator(system, h, fidelity.spectral_radius, **options)
+
+
 class Coupling:
     """Structure and air of one turbine, in one state of motion.
 
@@ -134,7 +163,7 @@ class Coupling:
     Attributes
     ----------
     models : TurbineModels
-    integrator : HammingIntegrator
+    integrator : HammingIntegrator, NewmarkIntegrator or GeneralizedAlphaIntegrator
         Of the structure, with its state and inputs.
     aero : AeroState
     exchange : Exchange
@@ -148,7 +177,7 @@ class Coupling:
         self.models = models
         fidelity, system = models.fidelity, models.structure.system
         h = models.time_step / models.n_substeps
-        self.integrator = HammingIntegrator(system, h, fidelity.corrections, fidelity.starter, models.n_substeps)
+        self.integrator = _integrator(system, h, fidelity, models.n_substeps)
         self.aero = models.lattice.new_state()
         self.exchange = Exchange.of(models, self.integrator.inputs.body_loads)
         self._gauges = Gauges.of(models.turbine, models.structure)
@@ -156,7 +185,7 @@ class Coupling:
         self._earlier_velocities = np.zeros(models.lattice.nodes_shape)
         self._saved = type(self.integrator.history)(*(np.zeros_like(x) for x in self.integrator.history))
         self._scheme = Scheme(
-            models.time_step, h, models.n_substeps, self.integrator.n_corrections, fidelity.coupling_iterations,
+            models.time_step, h, models.n_substeps, fidelity.corrections, fidelity.coupling_iterations,
             fidelity.coupling_tolerance, LOOSEST,
         )  # fmt: skip
         # the nodes of the lattice, then the points of the tower, which stay
@@ -282,7 +311,11 @@ class Coupling:
         """Arguments of the compiled step."""
         lattice, i, system = self.models.lattice, self.integrator, self.models.structure.system
         air = Air(lattice.arrays, lattice.constants, self.aero.arrays, lattice.work, *lattice.body_arrays)
-        motion = Motion(i.history, self._saved, i.inputs, system.tree, i.work, system.constrained)
+        implicit = None
+        if not isinstance(i, HammingIntegrator):
+            implicit = Implicit(i.scratch, i.scheme, i.tolerance, i.max_iterations, i.difference)
+        motion = Motion(i.history, self._saved, i.state, i.state_rate, implicit, i.inputs, system.tree, i.work,
+                        system.constrained)  # fmt: skip
         return air, motion, self.exchange, self._scheme, self._gauges, self._monitor
 
     def _advance_split(self, blade_wind):

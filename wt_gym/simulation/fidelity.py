@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.errors import SimulationError
+from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
 from wt_gym.multibody.integrators.stability import undamped_limit
 
@@ -74,8 +75,11 @@ class Fidelity:
         Floating-frame bodies of a blade. The coupled simulation takes one; blades cut into more are built with
         :mod:`wt_gym.structure.substructure`.
     integrator : str
-        "hamming". Newmark's and the generalised-α scheme integrate any multibody system by
-        :mod:`wt_gym.multibody.integrators.schemes`, but not yet the coupled one.
+        "hamming", explicit: the structural steps are as short as the highest frequency wants them. "newmark" (¼, ½) or
+        "generalised_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
+        nodal coordinates, torsion and blades of several bodies.
+    spectral_radius : float
+        Of the generalised-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once.
     tower_shadow : bool
         Potential flow round a cylinder acts on the blades near the tower: the cheap form of a tower in the flow.
     tower_body : (int, int) or None
@@ -118,6 +122,7 @@ class Fidelity:
     tower_body: tuple | None = None
     nacelle_body: tuple | None = None
     formulation: str = "embedded"
+    spectral_radius: float = later_field(0.8)
 
     def __post_init__(self):
         """Refuse values without meaning."""
@@ -141,11 +146,8 @@ class Fidelity:
                 raise SimulationError(
                     f"Fidelity.{name} {getattr(self, name)!r} is unknown; allowed: {', '.join(allowed)}"
                 )
-        if self.integrator != "hamming":
-            raise SimulationError(
-                f"Fidelity.integrator is {self.integrator!r}: the coupled step takes 'hamming' only; the other schemes "
-                "integrate multibody systems (wt_gym.multibody.integrators.schemes)"
-            )
+        if not 0.0 <= self.spectral_radius <= 1.0:
+            raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; allowed: 0 … 1")
         if self.blade_bodies != 1:
             raise SimulationError(
                 f"Fidelity.blade_bodies is {self.blade_bodies!r}: the coupled simulation takes 1; blades of several "
@@ -189,11 +191,13 @@ class Fidelity:
         return self.step_base / math.ceil(self.step_base / longest - 1e-9)
 
     def substeps_for(self, time_step, highest):
-        """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s].
+        """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: it is no limit.
 
         One, two and three corrector passes are stable up to ω h = 0.276, 0.78 and 1.08 without damping; a quarter is
         kept in reserve.
         """
+        if highest is None:
+            return math.ceil(time_step / self.max_substep - 1e-9)
         phase = RESERVE * undamped_limit(self.corrections)
         return math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
 

@@ -20,9 +20,8 @@ import math
 from wt_gym.compiled import kernel
 from wt_gym.multibody.tree.linear_algebra_kernels import factorise, solve_factorised
 from wt_gym.multibody.tree.rate_kernels import rates
-from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
+from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, NOT_CONVERGED, OK, SPHERICAL
 
-NOT_CONVERGED = 10
 FRESH, EVALUATIONS, TANGENTS = range(3)
 SLOW = 0.2
 """Contraction of the corrections above which the kept matrix is made anew."""
@@ -176,4 +175,7 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
             if not abs(scratch.trial[i]) < 1e12:
                 return DIVERGED
             history.y[i], history.f[i] = scratch.trial[i], scratch.rate[i]
+        if step < work.trail.shape[0]:
+            for i in range(history.y.shape[0]):
+                work.trail[step, i], work.trail_rate[step, i] = history.y[i], history.f[i]
     return OK
