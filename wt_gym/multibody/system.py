@@ -23,8 +23,9 @@ from wt_gym.structure.flexible_body import FlexibleBody, Marker
 __all__ = ["FAILURES", "Constraint", "HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]
 
 TREE_FIELDS = (
-    "parent dof_parent kind axis joint_rotation joint_offset marker_position marker_linear marker_second marker_rotation "
-    "n_elastic joint_q joint_u elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
+    "parent dof_parent kind axis joint_rotation joint_offset "
+    "marker_position marker_linear marker_second marker_rotation n_elastic joint_q joint_u "
+    "elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
     "stiffness damping "
     "cols n_col dof_stiffness dof_damping dof_q servo_frequency servo_damping gravity n_q n_u n_servo load_parent "
     "constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation"
@@ -301,7 +302,7 @@ class MultibodySystem:
         }
 
     def _previous_velocities(self, chains):
-        """Velocity before each one on its way from the ground, -1 for the first; chains: those up to each body's joint."""
+        """Velocity before each one on its way from the ground, -1 for the first; chains: those up to a body's joint."""
         previous = np.full(self.n_u, -1)
         for b, chain in enumerate(chains):
             first = self._index[b]["elastic_u"]

@@ -33,41 +33,38 @@ def move_lattice(y, tree, work, x):
         for k in range(x.elastic.shape[1]):
             x.elastic[i, k] = y[x.elastic_q[i, k]]
             x.elastic_rate[i, k] = y[x.elastic_u[i, k]]
-    n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
-    shape = (n_blade, n_point, 3)
-    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.blades,
+    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.carriers, x.pieces,
                  x.nodes.reshape(shape), x.velocities.reshape(shape))  # fmt: skip
 
 
 @kernel
-def copy_history(source, target, implicit):
-    """What an integration goes on from, from one set of arrays to another; implicit: `Motion.implicit`."""
-    if implicit is None:
-        copy_points(source, target)
-    else:
-        for i in range(source.y.shape[0]):
-            target.y[i], target.f[i] = source.y[i], source.f[i]
-        for i in range(source.pseudo.shape[0]):
-            target.pseudo[i] = source.pseudo[i]
-
-
-@kernel
-def copy_points(source, target):
-    """Points of the multistep scheme from one set of arrays to another."""
+def copy_history(source, target):
+    """What an integration goes on from, from one set of arrays to another."""
     for k in range(source.y.shape[0]):
         for i in range(source.y.shape[1]):
             target.y[k, i] = source.y[k, i]
             target.f[k, i] = source.f[k, i]
-    for i in range(source.error.shape[0]):
-        target.error[i] = source.error[i]
-    target.filled[0] = source.filled[0]
+    for i in range(source.memory.shape[0]):
+        target.memory[i] = source.memory[i]
+    for i in range(source.marks.shape[0]):
+        target.marks[i] = source.marks[i]
 
 
 @kernel
-def check_range(y, x, monitor):
-    """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor."""
+def check_range(y, x, monitor, pieces, gauges):
+    """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor.
+
+    The tips of blades of several bodies (pieces: `PieceNodes`) are where the gauges have seen them.
+    """
     if not (abs(y[monitor.generator_u]) < x.max_speed and abs(rotor_speed(y, monitor)) < x.max_speed):
         return OVERSPEED
+    if pieces is not None:
+        for i in range(gauges.deflection.shape[0]):
+            d = gauges.deflection[i]
+            if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 < x.max_deflection**2:
+                return DEFLECTION
+        return OK
     for i in range(x.elastic_q.shape[0]):
         size2 = 0.0
         for c in range(3):
@@ -163,10 +160,11 @@ def rates_by(implicit, motion, constrained):
 def predict_step(air, motion, x, scheme):
     """Move the wake, and the structure under extrapolated loads; arguments as for `coupled_step`."""
     convect_wake(air.constants, air.arrays, scheme.dt)
-    copy_history(motion.history, motion.saved, motion.implicit)
+    copy_history(motion.history, motion.saved)
     extrapolate_loads(motion.inputs, x.previous_loads)
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-    rough = motion.implicit is None and motion.constrained is None and scheme.iterations > 1 and scheme.n_sub <= MOST_UNCORRECTED
+    explicit = motion.implicit is None and motion.constrained is None
+    rough = explicit and scheme.iterations > 1 and scheme.n_sub <= MOST_UNCORRECTED
     code = move_structure(motion, scheme, 0 if rough else scheme.n_corrections)
     if code == OK:
         move_lattice(motion.state, motion.tree, motion.work, x)
@@ -181,14 +179,14 @@ def correct_step(air, motion, x, scheme, blade_wind):
     comes from nothing. As many passes as the scheme has leave some per cent of the loads, of either sign; where they
     leave more than ``scheme.loosest`` others follow.
     """
-    n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
-    forces, loads = air.arrays.forces.reshape((n_blade, n_point, 3)), motion.inputs.body_loads[1]
+    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+    forces, loads = air.arrays.forces.reshape(shape), motion.inputs.body_loads[1]
     share = x.relaxation[0]
     for iteration in range(MOST_PASSES):
         copy_loads(loads, x.passes[0])
         solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
               bool(False))  # fmt: skip
-        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.blades, loads)
+        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
         tower_drag(motion.state, motion.tree, motion.work, x.tower, loads[x.tower.body])
         if iteration > 0:  # the prediction was not corrected yet: one pass at least
             share = secant_share(loads, x.passes, share, x.relaxation)
@@ -197,7 +195,7 @@ def correct_step(air, motion, x, scheme, blade_wind):
         if iteration >= scheme.iterations - 1 and (change <= scheme.loosest or iteration == MOST_PASSES - 1):
             break
         relax_loads(loads, x.passes, share)
-        copy_history(motion.saved, motion.history, motion.implicit)
+        copy_history(motion.saved, motion.history)
         code = move_structure(motion, scheme, scheme.n_corrections)
         if code != OK:
             return code
@@ -277,5 +275,5 @@ def end_step(motion, x, scheme, gauges, monitor, blade_wind):
         return code
     watch_steps(motion, scheme.n_sub, gauges, monitor)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
-    code = check_range(motion.state, x, monitor)
+    code = check_range(motion.state, x, monitor, x.pieces, gauges)
     return check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt) if code == OK else code

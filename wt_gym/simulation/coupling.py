@@ -56,7 +56,7 @@ class Implicit(NamedTuple):
 class Motion(NamedTuple):
     """The structure, as the compiled step takes it."""
 
-    history: tuple  # HammingHistory or ImplicitHistory: what the integration goes on from
+    history: tuple  # History: what the integration goes on from
     saved: tuple  # the same, room for a copy
     state: np.ndarray  # (n_state,) newest state, a view
     rate: np.ndarray  # (n_state,) its rate, a view
@@ -107,12 +107,13 @@ class Exchange(NamedTuple):
 
     nodes: np.ndarray  # (n_blades, n_chord + 1, n_span + 1, 3) lattice nodes [m]
     velocities: np.ndarray  # the same [m/s]
-    points: tuple  # Points of the lattice on a blade
-    blades: np.ndarray  # (n_blades,) bodies
-    elastic_q: np.ndarray  # (n_blades, n_f) where a blade's coordinates are in the state
-    elastic_u: np.ndarray  # (n_blades, n_f) and their rates
-    elastic: np.ndarray  # (n_blades, n_f)
-    elastic_rate: np.ndarray  # (n_blades, n_f)
+    points: tuple  # Points of the lattice on a blade, or on its pieces
+    carriers: np.ndarray  # (n_carriers,) bodies that carry them: the blades, or their pieces blade by blade
+    pieces: tuple | None  # PieceNodes; None: a blade is one body
+    elastic_q: np.ndarray  # (n_carriers, n_f) where the coordinates of a carrier are in the state
+    elastic_u: np.ndarray  # (n_carriers, n_f) and their rates
+    elastic: np.ndarray  # (n_carriers, n_f)
+    elastic_rate: np.ndarray  # (n_carriers, n_f)
     previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago
     passes: np.ndarray  # (2, n_b, 6 + n_f) loads under which the blades moved, and their last change
     relaxation: np.ndarray  # (3,) share taken of a change of the loads, and sums of its secants
@@ -127,11 +128,12 @@ class Exchange(NamedTuple):
         """Arrays for a turbine whose bodies bear loads of the shape of ``body_loads`` (2, n_b, 6 + n_f)."""
         structure, shape = models.structure, models.lattice.nodes_shape
         system, points = structure.system, structure.lattice_points
-        each = np.arange(points.linear.shape[2])
-        q = np.add.outer([system.index(blade, "elastic_q") for blade in structure.blades], each)
-        u = np.add.outer([system.index(blade, "elastic_u") for blade in structure.blades], each) + system.n_q
+        carriers, each = structure.carriers, np.arange(points.linear.shape[-1])
+        q = np.add.outer([system.index(body, "elastic_q") for body in carriers], each)
+        u = np.add.outer([system.index(body, "elastic_u") for body in carriers], each) + system.n_q
         return cls(
-            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, blades=np.array(structure.blades),
+            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, carriers=carriers,
+            pieces=structure.piece_nodes,
             elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
             previous_loads=np.zeros_like(body_loads[0]), passes=np.zeros_like(body_loads),
             relaxation=np.array([1.0, 0.0, 0.0]), energy=EnergyBalance.of(models),
@@ -336,7 +338,9 @@ class Coupling:
             speed, generator = monitor_kernels.rotor_speed(y, self._monitor), self.generator_speed
             return f"rotor speed {speed:.2f} rad/s (generator {generator:.2f}) is beyond {x.max_speed:.2f} rad/s"
         if code == coupled_step_kernels.DEFLECTION:
-            largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
+            largest = np.linalg.norm(self._gauges.deflection, axis=1).max()
+            if x.pieces is None:
+                largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
         if code == coupled_step_kernels.UNSETTLED:
             return f"circulation and polars of the blades disagree by {self.aero.residual:.3g} m/s"

@@ -72,8 +72,10 @@ class Fidelity:
     yaw_drive : str
         "stiff": the nacelle follows the yaw drive; "spring": through the yaw spring and damper of the turbine.
     blade_bodies : int
-        Floating-frame bodies of a blade. The coupled simulation takes one; blades cut into more are built with
-        :mod:`wt_gym.structure.substructure`.
+        Floating-frame bodies of a blade, one behind the other: with several a blade may bend far, and its bending
+        twists it. Modal bodies have the static shapes of their tips as coordinates, in the directions of which
+        ``blade_modes`` counts at least one; nodal ones the displacements of their nodes. They want an implicit
+        ``integrator``.
     integrator : str
         "hamming", explicit: the structural steps are as short as the highest frequency wants them. "newmark" (¼, ½) or
         "generalised_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
@@ -148,10 +150,15 @@ class Fidelity:
                 )
         if not 0.0 <= self.spectral_radius <= 1.0:
             raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; allowed: 0 … 1")
-        if self.blade_bodies != 1:
+        if not isinstance(self.blade_bodies, numbers.Integral) or self.blade_bodies < 1:
             raise SimulationError(
-                f"Fidelity.blade_bodies is {self.blade_bodies!r}: the coupled simulation takes 1; blades of several "
-                "bodies are built with wt_gym.structure.substructure"
+                f"Fidelity.blade_bodies is {self.blade_bodies!r}; a whole number of at least 1 is needed"
+            )
+        if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self.integrator == "hamming"):
+            raise SimulationError(
+                f"Fidelity.blade_bodies is {self.blade_bodies} with blade_coordinates = {self.blade_coordinates!r} and "
+                f"integrator = {self.integrator!r}: several bodies want 'modal' or 'nodal' coordinates, and an "
+                "implicit integrator ('newmark' or 'generalised_alpha') for their high frequencies"
             )
         for name, low in (("tower_body", 3), ("nacelle_body", 5)):
             value = getattr(self, name)
@@ -191,7 +198,7 @@ class Fidelity:
         return self.step_base / math.ceil(self.step_base / longest - 1e-9)
 
     def substeps_for(self, time_step, highest):
-        """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: it is no limit.
+        """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: no limit.
 
         One, two and three corrector passes are stable up to ω h = 0.276, 0.78 and 1.08 without damping; a quarter is
         kept in reserve.

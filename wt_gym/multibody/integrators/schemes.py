@@ -19,14 +19,13 @@ import numpy as np
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError, failure_of_a_step
 from wt_gym.multibody.integrators import implicit_kernels, structural_newton_kernels
-from wt_gym.multibody.integrators.hamming import HammingIntegrator, checked_start
+from wt_gym.multibody.integrators.hamming import HammingIntegrator, History, checked_start
 from wt_gym.multibody.integrators.stability import check_conditional_step
 from wt_gym.multibody.tree import tree_kernels
 
 __all__ = ["INTEGRATORS", "GeneralizedAlphaIntegrator", "NewmarkIntegrator", "make_integrator"]
 
 TANGENTS = ("difference", "structure")
-ImplicitHistory = namedtuple("ImplicitHistory", "y f pseudo matrix pivot counters")
 ImplicitScratch = namedtuple("ImplicitScratch", "trial rate acceleration pseudo increment residual shifted")
 
 
@@ -75,9 +74,9 @@ class _ImplicitIntegrator:
         self.difference = float(difference)
         self.work, self.inputs = system.new_work(trail), system.new_inputs()
         n, n_v = system.n_state, system.n_u + system.n_servo
-        self.history = ImplicitHistory(
-            np.zeros(n), np.zeros(n), np.zeros(n_v), np.zeros((n_v, n_v)), np.zeros(n_v, dtype=np.int64),
-            np.zeros(3, dtype=np.int64),
+        self.history = History(
+            np.zeros((1, n)), np.zeros((1, n)), np.zeros(n_v), np.zeros(3, dtype=np.int64), np.zeros((n_v, n_v)),
+            np.zeros(n_v, dtype=np.int64),
         )  # fmt: skip
         self.scratch = ImplicitScratch(np.zeros(n), np.zeros(n), *(np.zeros(n_v) for _ in range(5)))
 
@@ -108,27 +107,27 @@ class _ImplicitIntegrator:
             y = checked_start(system, y, self.inputs, self.work)
             if np.isfinite(self.phase_limit):
                 check_conditional_step(system, y, self.step, self.phase_limit, self.inputs, self.work)
-        history.y[:] = check_state(system, y)
-        history.f[:] = system.rates(history.y, self.inputs, self.work)
+        history.y[0] = check_state(system, y)
+        history.f[0] = system.rates(history.y[0], self.inputs, self.work)
         n_y = system.n_q + system.n_u
-        history.pseudo[: system.n_u] = history.f[system.n_q : n_y]
-        history.pseudo[system.n_u :] = history.f[n_y + system.n_servo :]
-        history.counters[:] = 0
+        history.memory[: system.n_u] = history.f[0, system.n_q : n_y]
+        history.memory[system.n_u :] = history.f[0, n_y + system.n_servo :]
+        history.marks[:] = 0
 
     @property
     def state(self):
         """Current state (n_state,), a view."""
-        return self.history.y
+        return self.history.y[0]
 
     @property
     def state_rate(self):
         """Current dy/dt (n_state,), a view."""
-        return self.history.f
+        return self.history.f[0]
 
     @property
     def n_evaluations(self):
         """Right-hand sides evaluated since the start."""
-        return int(self.history.counters[implicit_kernels.EVALUATIONS])
+        return int(self.history.marks[implicit_kernels.EVALUATIONS])
 
     def advance(self, n_steps=1):
         """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.
@@ -150,7 +149,7 @@ class _ImplicitIntegrator:
             )  # fmt: skip
         if code == tree_kernels.OK:
             return
-        self.history.counters[implicit_kernels.FRESH] = 0
+        self.history.marks[implicit_kernels.FRESH] = 0
         if code == tree_kernels.NOT_CONVERGED:
             raise MultibodyError(
                 f"Newton's iteration did not converge in {self.max_iterations} iterations; the step {self.step} s may "
@@ -219,7 +218,9 @@ class GeneralizedAlphaIntegrator(_ImplicitIntegrator):
         self.rho_inf = float(rho_inf)
         alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
         gamma, beta = 0.5 - alpha_m + alpha_f, 0.25 * (1.0 - alpha_m + alpha_f) ** 2
-        super().__init__(system, step, (beta, gamma, alpha_m, alpha_f), tolerance, max_iterations, difference, tangent, trail)
+        super().__init__(
+            system, step, (beta, gamma, alpha_m, alpha_f), tolerance, max_iterations, difference, tangent, trail
+        )
 
 
 INTEGRATORS = {

@@ -1,13 +1,13 @@
-"""Compiled implicit integration of a tree whose stiffness lies in its bodies: Newton's matrix from mass, damping, stiffness.
+"""Compiled implicit integration of a tree with Newton's matrix from the mass, damping and stiffness of its bodies.
 
-The schemes are those of :mod:`wt_gym.multibody.integrators.implicit_kernels`; the equations of motion are not solved for
-the accelerations but balanced,
+The schemes are those of :mod:`wt_gym.multibody.integrators.implicit_kernels`; the equations of motion are not solved
+for the accelerations but balanced,
 
     r(x) = M(q₁) x − f(q₁, u₁, t₁) = 0,    S Δx = −r,    S = M + h γ r_α C + h² β r_α K,   r_α = (1 − αf)/(1 − αm),
 
 with the constant damping C and stiffness K of the elastic coordinates and joint springs. S leaves out what turning adds
-to stiffness and damping, of the order (Ω h)² and Ω h of M: it slows the iteration down and does not change its result. S
-has the pattern of M, so that its factors cost little more than M itself, and many degrees of freedom a body (nodal
+to stiffness and damping, of the order (Ω h)² and Ω h of M: it slows the iteration down and does not change its result.
+S has the pattern of M, so that its factors cost little more than M itself, and many degrees of freedom a body (nodal
 coordinates) need no matrix of differences. Only for systems without constraint equations.
 """
 
@@ -40,7 +40,7 @@ def structural_advance(history, inputs, tree, work, scratch, h, scheme, n_steps,
 
     Parameters
     ----------
-    history : ImplicitHistory
+    history : History
     inputs : Inputs
     tree, work : arrays of the system
         ``work.trail`` and ``work.trail_rate`` take the state and rate after each step, as far as they have rows.
@@ -67,7 +67,7 @@ def structural_advance(history, inputs, tree, work, scratch, h, scheme, n_steps,
     for step in range(n_steps):
         tau = (step + 1.0) / n_steps
         for i in range(n_u + n_s):
-            x[i] = history.f[n_q + i if i < n_u else n_y + n_s + i - n_u]
+            x[i] = history.f[0, n_q + i if i < n_u else n_y + n_s + i - n_u]
         before, fresh, converged = 0.0, True, False
         for iteration in range(max_iterations):
             step_end(h, scheme, history, x, tree, scratch)
@@ -103,14 +103,14 @@ def structural_advance(history, inputs, tree, work, scratch, h, scheme, n_steps,
         prescribe_servos(trial, tau, inputs, n_y)
         position_rates(trial, trial[n_q:n_y], tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, rate)
         for i in range(n_u + n_s):
-            history.pseudo[i] = scratch.pseudo[i]
+            history.memory[i] = scratch.pseudo[i]
             rate[n_q + i if i < n_u else n_y + n_s + i - n_u] = x[i]
         for s in range(n_s):
             rate[n_y + s] = trial[n_y + n_s + s]
         for i in range(trial.shape[0]):
             if not abs(trial[i]) < 1e12:
                 return DIVERGED
-            history.y[i], history.f[i] = trial[i], rate[i]
+            history.y[0, i], history.f[0, i] = trial[i], rate[i]
         if step < work.trail.shape[0]:
             for i in range(trial.shape[0]):
                 work.trail[step, i], work.trail_rate[step, i] = trial[i], rate[i]

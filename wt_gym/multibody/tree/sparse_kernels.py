@@ -1,8 +1,9 @@
 """Compiled factorisation of the mass matrix of a tree, which leaves out what the branches keep zero.
 
-An entry M_ij is zero unless one of the velocities i, j lies on the way of the other to the ground. With λ(i) the velocity
-next to i on that way the factorisation M = Lᵀ L, begun at the tips, fills nothing in: three blades cost three times one
-(Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.4). It serves any symmetric matrix of that pattern.
+An entry M_ij is zero unless one of the velocities i, j lies on the way of the other to the ground. With λ(i) the
+velocity next to i on that way the factorisation M = Lᵀ L, begun at the tips, fills nothing in: three blades cost three
+times one (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.4).
+It serves any symmetric matrix of that pattern.
 """
 
 import math
@@ -12,7 +13,10 @@ from wt_gym.compiled import kernel
 
 @kernel
 def factorise_tree(a, parent):
-    """Replace the lower triangle of a = Lᵀ L by that of L; False if a is not positive definite. parent: λ, −1 at an end."""
+    """Replace the lower triangle of a = Lᵀ L by that of L; False if a is not positive definite.
+
+    parent (n,) is λ, −1 at the ground.
+    """
     for k in range(parent.shape[0] - 1, -1, -1):
         if not a[k, k] > 0.0:
             return False
