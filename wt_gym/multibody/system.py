@@ -450,6 +450,14 @@ class MultibodySystem:
 
     # ---- evaluation (convenience around the kernels, one state at a time) ------------------------------------------
 
+    def balance(self, y, inputs, work):
+        """Mass matrix (n_u, n_u) and forces (n_u,) of M u̇ = f for a state and the inputs at the start of an interval.
+
+        Views of ``work``, of the matrix its lower triangle; without constraint forces. The arguments are not checked.
+        """
+        rate_kernels.force_balance(y, inputs, self.tree, work, np.zeros(self.n_state))
+        return work.mass, work.force
+
     def rates(self, y, inputs=None, work=None):
         """dy/dt (n_state,) for a state and the inputs at the start of their interval.
 

@@ -88,4 +88,5 @@ class Starter:
             _, moment = coupling_kernels.rotor_resultant(c.blade_nodes, c.blade_forces, work.r[s.hub], axis)
             self.drives.load(moment, rotor_speed, generator_torque)
             self._act(c)
-            elastic_equilibrium(s.system, y, inputs, work, s.azimuth_q, s.azimuth_u)
+            elastic_equilibrium(s.system, y, inputs, work, s.azimuth_q, s.azimuth_u,
+                                c.models.fidelity.integrator != "hamming")  # fmt: skip

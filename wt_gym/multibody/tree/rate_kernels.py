@@ -74,6 +74,12 @@ def balance_terms(y, tau, inputs, tree, work, dy):
             force[i] += k * (ref - y[tree.dof_q[i]]) + c * (ref_rate - yd[i])
 
 
+@kernel(separate=True)
+def force_balance(y, inputs, tree, work, dy):
+    """As `balance_terms` at the start of the input interval, for Python."""
+    balance_terms(y, 0.0, inputs, tree, work, dy)
+
+
 @kernel
 def prescribe_servos(y, tau, inputs, n_y):
     """Angles and rates of servos that follow their commands exactly, into the state y, at the fraction tau.
