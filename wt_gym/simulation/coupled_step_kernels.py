@@ -8,7 +8,7 @@ from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solv
 from wt_gym.compiled import kernel
 from wt_gym.multibody.integrators.implicit_kernels import implicit_advance
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.integrators.structural_newton_kernels import structural_advance
+from wt_gym.multibody.integrators.structural_newton_kernels import structural_advance, tree_rates
 from wt_gym.multibody.tree.rate_kernels import rates
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion, tower_drag
@@ -122,7 +122,10 @@ def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
 
 @kernel(separate=True)
 def move_structure(motion, scheme, n_corrections):
-    """The structure through one aerodynamic step, without the rates at its end; returns a code."""
+    """The structure through one aerodynamic step, without the rates at its end; returns a code.
+
+    No correction: an explicit scheme predicts only, an implicit one ends its iteration early.
+    """
     return advance_structure(motion.implicit, motion, scheme, n_corrections, motion.constrained)
 
 
@@ -133,11 +136,12 @@ def advance_structure(implicit, motion, scheme, n_corrections, constrained):
     if implicit is None:
         return hamming_advance(m.history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, n_corrections, constrained,
                                bool(False))  # fmt: skip
+    tolerance = implicit.tolerance if n_corrections > 0 else implicit.rough_tolerance
     if constrained is None:
         return structural_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
-                                  scheme.n_sub, implicit.tolerance, implicit.max_iterations)  # fmt: skip
+                                  scheme.n_sub, tolerance, implicit.max_iterations)  # fmt: skip
     return implicit_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
-                            scheme.n_sub, implicit.tolerance, implicit.max_iterations, implicit.difference,
+                            scheme.n_sub, tolerance, implicit.max_iterations, implicit.difference,
                             constrained)  # fmt: skip
 
 
@@ -153,6 +157,8 @@ def rates_by(implicit, motion, constrained):
     m = motion
     if implicit is None:
         return hamming_advance(m.history, m.inputs, m.tree, m.work, 1.0, int(0), int(0), constrained, bool(True))
+    if constrained is None:
+        return tree_rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate)
     return rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate, constrained)
 
 
@@ -163,8 +169,8 @@ def predict_step(air, motion, x, scheme):
     copy_history(motion.history, motion.saved)
     extrapolate_loads(motion.inputs, x.previous_loads)
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-    explicit = motion.implicit is None and motion.constrained is None
-    rough = explicit and scheme.iterations > 1 and scheme.n_sub <= MOST_UNCORRECTED
+    few = scheme.n_sub <= MOST_UNCORRECTED and motion.constrained is None
+    rough = scheme.iterations > 1 and (few or motion.implicit is not None)
     code = move_structure(motion, scheme, 0 if rough else scheme.n_corrections)
     if code == OK:
         move_lattice(motion.state, motion.tree, motion.work, x)

@@ -25,7 +25,9 @@ MAX_DEFLECTION = 0.4
 """Elastic tip displacement, in blade lengths, beyond which a linear elastic blade has lost its meaning."""
 MAX_OVERSPEED = 3.0
 """Rotor speed, in rated speeds, at which a simulation is given up."""
-NEWTON_TOLERANCE = 1e-7
+ROUGH = 100.0
+"""Tolerance of an implicit step that is not the last of an aerodynamic one, over that of the last."""
+NEWTON_TOLERANCE = 1e-6
 """Change of the position increments [m or rad] at which the iteration of an implicit step ends, far below what the
 passes of structure and loads leave."""
 LOOSEST = 0.1
@@ -49,6 +51,7 @@ class Implicit(NamedTuple):
     scratch: tuple  # ImplicitScratch
     scheme: np.ndarray  # (4,) β, γ, αm, αf
     tolerance: float  # change of the position increments at which Newton's iteration ends
+    rough_tolerance: float  # the same where the motion only has to tell where the blades will be
     max_iterations: int
     difference: float  # change of the increments from which the matrix of a system with constraint equations is made
 
@@ -315,7 +318,7 @@ class Coupling:
         air = Air(lattice.arrays, lattice.constants, self.aero.arrays, lattice.work, *lattice.body_arrays)
         implicit = None
         if not isinstance(i, HammingIntegrator):
-            implicit = Implicit(i.scratch, i.scheme, i.tolerance, i.max_iterations, i.difference)
+            implicit = Implicit(i.scratch, i.scheme, i.tolerance, ROUGH * i.tolerance, i.max_iterations, i.difference)
         motion = Motion(i.history, self._saved, i.state, i.state_rate, implicit, i.inputs, system.tree, i.work,
                         system.constrained)  # fmt: skip
         return air, motion, self.exchange, self._scheme, self._gauges, self._monitor

@@ -17,7 +17,7 @@ from collections import namedtuple
 import numpy as np
 
 from wt_gym.multibody.checks import check_state
-from wt_gym.multibody.errors import MultibodyError, failure_of_a_step
+from wt_gym.multibody.errors import FAILURES, MultibodyError, failure_of_a_step
 from wt_gym.multibody.integrators import implicit_kernels, structural_newton_kernels
 from wt_gym.multibody.integrators.hamming import HammingIntegrator, History, checked_start
 from wt_gym.multibody.integrators.stability import check_conditional_step
@@ -108,11 +108,21 @@ class _ImplicitIntegrator:
             if np.isfinite(self.phase_limit):
                 check_conditional_step(system, y, self.step, self.phase_limit, self.inputs, self.work)
         history.y[0] = check_state(system, y)
-        history.f[0] = system.rates(history.y[0], self.inputs, self.work)
+        history.f[0] = self._rates(history.y[0])
         n_y = system.n_q + system.n_u
         history.memory[: system.n_u] = history.f[0, system.n_q : n_y]
         history.memory[system.n_u :] = history.f[0, n_y + system.n_servo :]
         history.marks[:] = 0
+
+    def _rates(self, y):
+        """dy/dt (n_state,) under the inputs at their start."""
+        if self.tangent == "difference":
+            return self.system.rates(y, self.inputs, self.work)
+        rate = np.zeros(self.system.n_state)
+        code = structural_newton_kernels.tree_rates(y, 0.0, self.inputs, self.system.tree, self.work, rate)
+        if code != tree_kernels.OK:
+            raise MultibodyError(FAILURES[code])
+        return rate
 
     @property
     def state(self):

@@ -35,6 +35,20 @@ def newton_matrix_of_structure(by_rate, by_position, tree, mass, matrix):
 
 
 @kernel(separate=True)
+def tree_rates(y, tau, inputs, tree, work, dy):
+    """As `wt_gym.multibody.tree.rate_kernels.rates` without constraint equations, by factors along the branches."""
+    balance_terms(y, tau, inputs, tree, work, dy)
+    n_q, n_u, force = tree.n_q, tree.n_u, work.force
+    if not factorise_tree(work.mass, tree.dof_parent):
+        return SINGULAR_MASS
+    solve_tree(work.mass, tree.dof_parent, force)
+    for i in range(n_u):
+        dy[n_q + i] = force[i]
+    position_rates(y, y[n_q : n_q + n_u], tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, dy)
+    return OK
+
+
+@kernel(separate=True)
 def structural_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, tolerance, max_iterations):
     """Advance the state by n_steps of length h while the inputs run linearly from their start to their end.
 
@@ -64,11 +78,12 @@ def structural_advance(history, inputs, tree, work, scratch, h, scheme, n_steps,
     ratio = (1.0 - scheme[3]) / (1.0 - scheme[2])
     by_rate, by_position = h * scheme[1] * ratio, h * h * scheme[0] * ratio
     reach = h * h * ratio * (scheme[0] + scheme[1])
+    fresh = True
     for step in range(n_steps):
         tau = (step + 1.0) / n_steps
         for i in range(n_u + n_s):
             x[i] = history.f[0, n_q + i if i < n_u else n_y + n_s + i - n_u]
-        before, fresh, converged = 0.0, True, False
+        before, converged = 0.0, False
         for iteration in range(max_iterations):
             step_end(h, scheme, history, x, tree, scratch)
             balance_terms(trial, tau, inputs, tree, work, rate)
@@ -95,7 +110,7 @@ def structural_advance(history, inputs, tree, work, scratch, h, scheme, n_steps,
             if change < tolerance:
                 converged = True
                 break
-            fresh = iteration > 0 and change > SLOW * before
+            fresh = iteration > 0 and change > SLOW * before  # S of the first step serves the others too
             before = change
         if not converged:
             return NOT_CONVERGED
