@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines.damper import damped_speed
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
@@ -284,6 +285,7 @@ def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
     Below rated power the rotor takes up ``Cp_max rho A V^3 / 2`` and the torque curve sets the speed; above it the
     speed is rated and the pitch is that of the NREL 5-MW at the same ratio of wind speed to rated wind speed (Jonkman
     et al. 2009, Table 7-1). Good to a few percent, meant as a start state: the simulation finds its own equilibrium.
+    A generator that is a damper takes the same power at the speed at which it makes it; its torque, no demand, is 0.
 
     Parameters
     ----------
@@ -309,12 +311,14 @@ def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
     radius = turbine.rotor_diameter / 2 * math.cos(turbine.hub.cone)
     swept_area = math.pi * radius**2
     power = 0.5 * turbine.air_density * swept_area * design.peak_power_coefficient * wind_speed**3
+    rated_torque = curve.rated_power / rated_speed if drivetrain.takes_torque else 0.0
     if power >= curve.rated_power or wind_speed >= turbine.rated_wind_speed:
         ratio = wind_speed / turbine.rated_wind_speed
         pitch = np.radians(np.interp(ratio, _TRIM_WIND / _TRIM_RATED_WIND, _TRIM_PITCH_DEG))
-        return OperatingPoint(
-            drivetrain.rated_rotor_speed, max(fine_pitch, float(pitch)), curve.rated_power / rated_speed
-        )
+        return OperatingPoint(drivetrain.rated_rotor_speed, max(fine_pitch, float(pitch)), rated_torque)
+    if not drivetrain.takes_torque:
+        own = damped_speed(drivetrain, power * drivetrain.generator_efficiency)
+        return OperatingPoint(min(own, drivetrain.rated_rotor_speed), fine_pitch, 0.0)
 
     speed = brentq(
         lambda omega: curve.torque(omega) * omega - power, curve.cut_in_speed, curve.rated_generator_speed * (1 - 1e-12)

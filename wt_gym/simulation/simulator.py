@@ -16,6 +16,7 @@ from wt_gym.simulation.measurement import Measurement
 from wt_gym.simulation.start import Starter
 from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.turbines import Turbine, load_turbine
+from wt_gym.turbines.damper import with_generator
 
 __all__ = ["Simulator"]
 
@@ -33,8 +34,9 @@ class Simulator:
         "training", "engineering", "reference" or one of your own.
     threads : int
         Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
-    generator : GeneratorLaw, optional
-        What loads the rotor, by default a torque that is demanded; see `wt_gym.simulation.drives`.
+    generator : "torque", "damper" or GeneratorLaw, optional
+        What loads the rotor: a torque that is demanded, which is what most turbines have; the damper of the turbine,
+        see `wt_gym.turbines.damper.with_damper`; or a law, see `wt_gym.simulation.drives`.
 
     Attributes
     ----------
@@ -61,7 +63,8 @@ class Simulator:
     def __init__(self, turbine="nrel_5mw", inflow=None, fidelity="training", threads=1, generator=None):
         if inflow is None:
             raise SimulationError("Simulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
-        self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        self.turbine, generator = with_generator(turbine, generator)
         self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
         self.drives = Drives(self.turbine, generator)
         models = assemble(self.turbine, self.fidelity, threads, self.drives.generator.damping)

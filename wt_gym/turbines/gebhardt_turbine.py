@@ -30,6 +30,9 @@ __all__ = ["GENERATOR_DAMPER", "boundary_layer", "gebhardt_data", "gebhardt_turb
 
 ROOT_CHORD = 0.3
 """Chord of the lattice where the blade carries no lift [m]: the root strips of a lattice may be slender, not absent."""
+MOST_TORQUE, TORQUE_RATE = 1.1, 0.348
+"""Greatest torque of a generator with torque control and its rate [1/s], over the rated torque: those of the NREL 5-MW
+(NREL/TP-500-38060, Table 7-2: 47.40 kN m and 15 kN m/s, rated 43.09 kN m). The paper's generator is a damper."""
 ROOT_RAMP = 1.0
 """Half of the length over which the chord of the lattice rises where the lifting surface begins [m]."""
 
@@ -112,9 +115,9 @@ def gebhardt_turbine(tower_stiffness=1.0):
             rated_power=data["rated_power_W"],
             rated_rotor_speed=fastest,
             min_rotor_speed=slowest,
-            # far above the damper's torque at any speed reached, so that neither limit ever acts
-            max_generator_torque=3.0 * GENERATOR_DAMPER * fastest,
-            max_torque_rate=1e9,
+            max_generator_torque=MOST_TORQUE * data["rated_power_W"] / fastest,
+            max_torque_rate=TORQUE_RATE * data["rated_power_W"] / fastest,
+            generator_damping=GENERATOR_DAMPER,
         ),
         pitch=PitchSystem(min_pitch=np.radians(-20.0), max_pitch=np.radians(90.0), max_rate=np.radians(10.0)),
         iec_class="II",
