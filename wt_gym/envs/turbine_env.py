@@ -274,8 +274,9 @@ class WindTurbineEnv(gym.Env):
         Subtracted from the reward when an episode is terminated.
     overspeed_limit : float
         Highest rotor speed over rated rotor speed.
-    standstill_limit : float
-        Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards, a negative one that too.
+    standstill_limit : float, optional
+        Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards, a negative one that too. By
+        default 0.2; -1 with a damper, which lets the rotor turn slowly.
     observation : sequence of str, optional
         Groups and channels to observe.
     sensor_noise : float
@@ -328,7 +329,7 @@ class WindTurbineEnv(gym.Env):
         vector_reward: bool = False,
         termination_penalty: float = 100.0,
         overspeed_limit: float = 1.25,
-        standstill_limit: float = 0.2,
+        standstill_limit: float | None = None,
         observation: Sequence[str] | None = None,
         sensor_noise: float = 0.0,
         sensor_delay: float = 0.0,
@@ -343,14 +344,16 @@ class WindTurbineEnv(gym.Env):
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
         if not overspeed_limit > 1.0:
             raise ValueError(f"overspeed_limit must be above 1, got {overspeed_limit!r}")
-        if not -1.0 <= standstill_limit < 1.0:
-            raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         if not 0.0 <= termination_penalty < math.inf:
             raise ValueError(f"termination_penalty must be finite and not negative, got {termination_penalty!r}")
         turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
         if generator is not None and generator not in GENERATORS:
             raise ValueError(f"generator must be one of {GENERATORS} or None, got {generator!r}")
         self.turbine, _ = with_generator(turbine, generator)
+        if standstill_limit is None:
+            standstill_limit = 0.2 if self.turbine.drivetrain.takes_torque else -1.0
+        if not -1.0 <= standstill_limit < 1.0:
+            raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         self.wind = WindSampler(
             self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander,
             turbulence_model, return_period, roughness_length, reference_height,

@@ -33,7 +33,7 @@ WORK_FIELDS = (
     "rot r v omega vl va bias_lin bias_ang nl na nb_lin nb_ang nv wn wb x xd xb th thd lever rn ti rj rb s_eff mc jj "
     "jd cc dk dq cd dd mff reach h a al c1 c2 mass force loads servo_acceleration predictor corrector rate "
     "frame_r frame_v frame_w frame_bl frame_ba frame_rot frame_jl frame_ja jacobian half_jacobian gamma residual "
-    "residual_rate multipliers weight schur norm_error trail trail_rate"
+    "residual_rate multipliers weight schur drift trail trail_rate"
 )
 Tree = namedtuple("Tree", TREE_FIELDS)
 Work = namedtuple("Work", WORK_FIELDS)
@@ -426,7 +426,7 @@ class MultibodySystem:
         shapes |= {"frame_rot": (2, 3, 3), "frame_jl": (2, 3, n_u), "frame_ja": (2, 3, n_u), "schur": (n_c, n_c)}
         shapes |= dict.fromkeys(("jacobian", "half_jacobian"), (n_c, n_u))
         shapes |= dict.fromkeys(("gamma", "residual", "residual_rate", "multipliers", "weight"), (n_c,))
-        shapes |= {"norm_error": (1,)}
+        shapes |= {"drift": (3,)}
         shapes |= {"s_eff": (3, nf), "mass": (n_u, n_u), "force": (n_u,), "servo_acceleration": (self.n_servo,)}
         return Work(**{key: np.zeros(shapes[key]) for key in WORK_FIELDS.split()})
 

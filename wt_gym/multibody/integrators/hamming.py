@@ -10,9 +10,10 @@ from wt_gym.multibody.integrators import integrator_kernels
 from wt_gym.multibody.integrators.stability import check_hamming_step
 from wt_gym.multibody.tree import tree_kernels
 
-__all__ = ["HammingIntegrator", "checked_start", "new_history"]
+__all__ = ["Drift", "HammingIntegrator", "checked_start", "new_history"]
 
 HammingHistory = namedtuple("HammingHistory", "y f error filled")
+Drift = namedtuple("Drift", "norm position velocity")
 STARTERS = {"adams": 0, "runge-kutta": -3}
 """What ``filled`` of an empty history is."""
 
@@ -101,6 +102,22 @@ class HammingIntegrator:
         history.error[:] = 0.0
         history.filled[0] = STARTERS[self.starter]
         history.f[3] = system.rates(y, self.inputs, self.work)
+
+    @property
+    def drift(self):
+        """What steps have drifted by before they were put back, the largest since `restart_drift`.
+
+        Returns
+        -------
+        Drift
+            Of any quaternion | |q| − 1 |; of any constraint equation |φ| [m or rad] and |φ̇| [m/s or rad/s], as they
+            were at the end of the corrector passes, before the projection onto the constraints.
+        """
+        return Drift(*self.work.drift.tolist())
+
+    def restart_drift(self):
+        """Forget the drift of the steps so far."""
+        self.work.drift[:] = 0.0
 
     @property
     def state(self):
