@@ -109,7 +109,9 @@ def test_operating_points_of_the_damper_balance_air_and_generator():
 
 def test_simulators_take_the_name_and_the_damper():
     simulator = Simulator("gebhardt_45m", SteadyInflow(14.0), generator="damper")
-    assert simulator.turbine.drivetrain == with_damper(TURBINE).drivetrain or not simulator.turbine.drivetrain.takes_torque
+    assert (
+        simulator.turbine.drivetrain == with_damper(TURBINE).drivetrain or not simulator.turbine.drivetrain.takes_torque
+    )
     assert simulator.structure.system.tree.dof_damping[simulator.structure.azimuth_u] == GENERATOR_DAMPER
 
 

@@ -78,9 +78,10 @@ class ActionMap:
     """Meaning of the components of an action in [-1, 1].
 
     Components are, in this order, pitch, yaw (none for a turbine whose greatest yaw rate is 0), generator torque (none
-    for a generator that is a damper), as far as they are chosen. Pitch has one component ("collective"), one a blade ("individual"), mean, tilt and yaw
-    ("fixed-frame", see `coleman`), or tilt and yaw alone on top of a controller ("cyclic"). Of those in the fixed frame
-    the blades get their share at every step of the simulator, with an azimuth that leads by the delay of the drives.
+    for a generator that is a damper), as far as they are chosen. Pitch has one component ("collective"), one a blade
+    ("individual"), mean, tilt and yaw ("fixed-frame", see `coleman`), or tilt and yaw alone on top of a controller
+    ("cyclic"). Of those in the fixed frame the blades get their share at every step of the simulator, with an azimuth
+    that leads by the delay of the drives.
 
     - ``"rate"``: rates of the demand, held over a control step: it moves by ``action * rate * control_dt``.
     - ``"absolute"``: the demand itself; pitch from the operating points of the winds and 5 degrees beyond them on both

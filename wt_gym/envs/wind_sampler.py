@@ -191,8 +191,8 @@ class WindSampler:
         ----------
         rng : numpy.random.Generator
         wind_speed, wind_seed, time_offset : optional
-            Fixed instead of drawn; the speed at the reference height. With a fixed seed the episode starts at the beginning of the box unless an offset
-            is given too.
+            Fixed instead of drawn; the speed at the reference height. With a fixed seed the episode starts at the
+            beginning of the box unless an offset is given too.
 
         Returns
         -------

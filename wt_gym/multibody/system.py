@@ -27,7 +27,7 @@ TREE_FIELDS = (
     "n_elastic joint_q joint_u elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
     "stiffness damping "
     "cols n_col dof_stiffness dof_damping dof_q servo_frequency servo_damping gravity n_q n_u n_servo load_parent "
-    "constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation"
+    "constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation projection"
 )
 WORK_FIELDS = (
     "rot r v omega vl va bias_lin bias_ang nl na nb_lin nb_ang nv wn wb x xd xb th thd lever rn ti rj rb s_eff mc jj "
@@ -51,6 +51,9 @@ class MultibodySystem:
     stabilisation : float
         Baumgarte's α = β [1/s]: constraint errors decay like exp(−α t). Explicit schemes need α h < 1.29 (0.87 with one
         corrector pass, 0.72 with two).
+    projection : bool
+        Put the state back onto the constraint equations after each step of the Hamming scheme; without it the
+        stabilisation alone holds what steps drift by.
 
     Examples
     --------
@@ -62,10 +65,11 @@ class MultibodySystem:
     1
     """
 
-    def __init__(self, gravity=(0.0, 0.0, -GRAVITY), stabilisation=10.0):
+    def __init__(self, gravity=(0.0, 0.0, -GRAVITY), stabilisation=10.0, projection=True):
         check_vector("multibody system", "gravity", gravity)
         check_number("multibody system", "stabilisation", stabilisation)
         self.gravity, self.stabilisation = np.asarray(gravity, dtype=float), float(stabilisation)
+        self.projection = bool(projection)
         self.bodies: list[FlexibleBody] = []
         self.joints: list[Joint] = []
         self.parents: list[int] = []
@@ -319,6 +323,7 @@ class MultibodySystem:
             "constraint_turn": turn,
             "constraint_servo": np.array(self._constraint_servo, dtype=np.int64),
             "stabilisation": self.stabilisation,
+            "projection": int(self.projection),
         }
 
     def _frames(self):

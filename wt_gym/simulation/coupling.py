@@ -8,6 +8,7 @@ import numpy as np
 from wt_gym.compiled import compiled_for
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
+from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.system import HammingIntegrator
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation import coupled_step_kernels, energy_kernels, monitor_kernels
@@ -201,6 +202,21 @@ class Coupling:
         """What can be measured now."""
         i = self.integrator
         return Instant(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
+
+    def root_multipliers(self):
+        """Lagrange multipliers of the blades' constraints, see `wt_gym.simulation.Simulator.root_multipliers`."""
+        i, system = self.integrator, self.models.structure.system
+        if not system.constraints:
+            raise SimulationError(
+                "there are no multipliers without constraint equations: formulation='constrained' has them; the "
+                "channels root_flap_moment, root_edge_moment and root_torsion have the moments in every formulation"
+            )
+        history = type(i.history)(*(a.copy() for a in i.history))  # its newest rate is evaluated anew
+        arguments = history, i.inputs, system.tree, i.work, 1.0, 0, 0, system.constrained, True
+        code = compiled_for(hamming_advance, arguments)(*arguments)
+        if code != tree_kernels.OK:
+            raise SimulationError(failure_of_a_step(code, self._scheme.h))
+        return np.array([i.work.multipliers[system.multiplier_rows(k)] for k in range(len(system.constraints))])
 
     @property
     def blade_nodes(self):

@@ -6,8 +6,8 @@ deformation u (nodal displacements) at the angular velocity ω, under forces F o
 
     K_t = K + Σ m (Ŝᵀ ω̃ω̃ Ŝ + (ω̃ω̃ r)·H) − Σ F·H,    M_t = Σ m Ŝᵀ Ŝ,    Ŝ = S + H u,
 
-from the elastic energy, the centrifugal potential −½ Σ m |ω × r|² and the work of the forces; at u = 0 without forces it
-is that of `wt_gym.structure.modes.clamped_modes` with spin. Its lowest modes of each kind are the new basis Φ'. The
+from the elastic energy, the centrifugal potential −½ Σ m |ω × r|² and the work of the forces; at u = 0 without forces
+it is that of `wt_gym.structure.modes.clamped_modes` with spin. Its lowest modes of each kind are the new basis Φ'. The
 blades share one basis, as they share their mesh: u, ω and F are means over the blades, in which the weight, that turns
 round once a revolution, cancels but for its small part along the shaft. That part is left out.
 
@@ -18,10 +18,10 @@ motion lies outside the new basis, second-order small in the change of the modes
 import numpy as np
 
 from wt_gym.errors import SimulationError
+from wt_gym.simulation.turbine_structure import bending_dofs, body_points
 from wt_gym.structure.beam import skew
 from wt_gym.structure.flexible_body import FlexibleBody, particle_fields
 from wt_gym.structure.modes import lowest_modes, named_modes, select_modes
-from wt_gym.simulation.turbine_structure import bending_dofs, body_points
 
 __all__ = ["DeformedBasis", "TangentBlade"]
 
@@ -139,6 +139,17 @@ class DeformedBasis:
         for tangent, points in self._carried:
             _, points.linear[:], points.second[:] = tangent.in_basis(self.basis)
 
+    def _mean(self, y, work, forces):
+        """Nodal displacements, angular velocity and forces of the air, means over the blades in their own axes."""
+        blades = self._models.structure.blades
+        u = self.basis @ y[self._q].mean(axis=0)
+        omega = np.mean([work.omega[b] for b in blades], axis=0)
+        return u, omega, np.mean([f @ work.rot[b] for f, b in zip(forces, blades, strict=True)], axis=0)
+
+    def tangent_of(self, y, work, forces):
+        """K_t and M_t (n_dof, n_dof) in a state; arguments as for `update`, with the newest state."""
+        return self.tangent.matrices(*self._mean(y, work, forces))
+
     def update(self, history, loads, work, forces):
         """New modes about the present state, which passes over to them.
 
@@ -158,11 +169,8 @@ class DeformedBasis:
             When the blade has no modes as wanted, so far is it deformed.
         """
         blades, counts = self._models.structure.blades, self._models.fidelity.blade_modes
-        u = self.basis @ history.y[3, self._q].mean(axis=0)
-        omega = np.mean([work.omega[b] for b in blades], axis=0)
-        pull = np.mean([f @ work.rot[b] for f, b in zip(forces, blades, strict=True)], axis=0)
         try:
-            modes, mass = self.tangent.modes(u, omega, pull, bending_dofs(counts))
+            modes, mass = self.tangent.modes(*self._mean(history.y[3], work, forces), bending_dofs(counts))
             chosen = select_modes(modes, flap=counts[0], edge=counts[1], torsion=counts[2])
         except ValueError as error:
             raise SimulationError(f"no modes of the deformed blade: {error}") from error

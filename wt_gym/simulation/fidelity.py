@@ -95,6 +95,9 @@ class Fidelity:
         embedded form is several times faster.
     stabilisation : float
         Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
+    projection : bool
+        Put the state back onto the constraint equations after each structural step; without it the stabilisation alone
+        holds what steps drift by.
     moving_bodies : bool
         The closed bodies follow the deflected tower, and that of the tower bears the force of the air on it
         (`wt_gym.simulation.tower_air`). Otherwise they stand about the undeformed tower and feel nothing.
@@ -128,6 +131,7 @@ class Fidelity:
     nacelle_body: tuple | None = None
     formulation: str = "embedded"
     stabilisation: float = later_field(10.0)
+    projection: bool = later_field(True)
     moving_bodies: bool = later_field(False)
     blade_basis: str = later_field("fixed")
 
@@ -225,7 +229,7 @@ class Fidelity:
 
 GEBHARDT_AIR = AeroOptions(
     n_chord=2, n_span=16, azimuth_step_deg=6.0, wake_rows=60, full_rows=60, fresh_rows=5, refresh_stride=10,
-    far_wake_rows=50, squire=1e-3, viscous=False, ground_height=0.0, tip_wake=True, load_form="bernoulli",
+    far_wake_rows=50, squire=1e-3, viscous=False, ground_height=0.0, tip_wake=True,
 )  # fmt: skip
 """Against 4 × 24 panels and 90 rows the steady torque of the turbine of Gebhardt et al. at 7.4 rpm changes by 0.05 %,
 the thrust by 0.4 % (without bodies, Joukowski's loads)."""

@@ -219,6 +219,45 @@ class Simulator:
         self._started = True
         self.coupling.resume()
 
+    def root_multipliers(self):
+        """Lagrange multipliers of the constraints that hold the blades: the loads which the hub exerts on them.
+
+        They cost nothing unless they are asked for, and need ``formulation="constrained"``. ``-multipliers[:, 4]`` is
+        the channel root_flap_moment, ``-multipliers[:, 3]`` root_edge_moment, ``-multipliers[:, 5]`` root_torsion.
+
+        Returns
+        -------
+        array (n_blades, 6)
+            Force [N] and moment about the root [N m], in the axes of the pitched root.
+
+        Raises
+        ------
+        SimulationError
+            Without constraint equations.
+        """
+        self._require_start()
+        return self.coupling.root_multipliers()
+
+    def constraint_drift(self, restart=True):
+        """How far steps have drifted off the constraint equations before they were put back onto them.
+
+        Parameters
+        ----------
+        restart : bool
+            Forget it after.
+
+        Returns
+        -------
+        Drift
+            ``norm``: largest | |q| − 1 | of a quaternion; ``position`` [m or rad] and ``velocity`` [m/s or rad/s]:
+            largest residual of a constraint equation and of its rate, over all steps and passes since the last time.
+            Zeros without constraint equations.
+        """
+        drift = self.coupling.integrator.drift
+        if restart:
+            self.coupling.integrator.restart_drift()
+        return drift
+
     def _state_arrays(self):
         """Every array that carries state, by name."""
         return self.coupling.arrays() | {"command": self.drives.command, "values": self._measurement.values}

@@ -146,7 +146,7 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     TurbineStructure
     """
     blade_beam, blade_basis, blade_body = _blade(turbine.blade, fidelity)
-    system = MultibodySystem(stabilisation=fidelity.stabilisation)
+    system = MultibodySystem(stabilisation=fidelity.stabilisation, projection=fidelity.projection)
     tower_body, tower_points, tower_radius, drag_points, tower_field = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
     nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)

@@ -67,13 +67,15 @@ def boundary_layer(wind_speed, reference_height=None):
 
 
 @cache
-def gebhardt_turbine(tower_stiffness=1.0):
+def gebhardt_turbine(tower_stiffness=1.0, nacelle_forward=None):
     """The stand-in turbine, undamped like the paper's, with a generator that turns with the rotor.
 
     Parameters
     ----------
     tower_stiffness : float
         Factor on the bending stiffness of the tower.
+    nacelle_forward : float, optional
+        Distance of the nacelle's centre of mass upwind of the tower [m]; by default the inferred one.
 
     Returns
     -------
@@ -81,7 +83,7 @@ def gebhardt_turbine(tower_stiffness=1.0):
         Its gear ratio is 1: generator torque and speed are those of the rotor side, as in the paper.
     """
     data = gebhardt_data()["stand_in"]
-    blade, nacelle, tower = _blade(data), _nacelle(data), _tower(data, tower_stiffness)
+    blade, nacelle, tower = _blade(data), _nacelle(data, nacelle_forward), _tower(data, tower_stiffness)
     hub, slowest, fastest = data["hub"], *(rpm * np.pi / 30.0 for rpm in data["rotor_speed_range_rpm"])
     tilt = np.radians(data["nacelle"]["tilt_deg"])
     return Turbine(
@@ -203,14 +205,14 @@ def _tower(data, stiffness):
     )
 
 
-def _nacelle(data):
+def _nacelle(data, forward):
     """Rigid nacelle in front of the tower, yaw held."""
     nacelle = data["nacelle"]
     yaw, roll = nacelle["inertia_yaw_kgm2"], nacelle["inertia_roll_kgm2"]
-    forward = gebhardt_data()["inferred"]["nacelle_cm_downwind_of_tower_m"]
+    downwind = gebhardt_data()["inferred"]["nacelle_cm_downwind_of_tower_m"] if forward is None else -forward
     return Nacelle(
         mass=nacelle["mass_kg"],
-        cm=np.array([forward, 0.0, nacelle["cm_above_tower_top_m"]]),
+        cm=np.array([downwind, 0.0, nacelle["cm_above_tower_top_m"]]),
         inertia=np.diag([roll, yaw, yaw]),
         tilt=np.radians(nacelle["tilt_deg"]),
         overhang=nacelle["overhang_m"],

@@ -343,7 +343,7 @@ class BodySet:
         AerodynamicsError
             If a panel is no longer flat or reaches below the ground.
         """
-        surface, panels, a = self.bodies[body], self._panels()[body], self.arrays
+        surface, a = self.bodies[body], self.arrays
         vertices = np.asarray(vertices, dtype=np.float64)
         corners, centre, normal, area = _panel_geometry(vertices[surface.quads], surface.name)
         self._set_panels(body, corners, centre, normal, area)

@@ -82,8 +82,8 @@ class BaselineParameters:
 
         The pitch gains place the closed-loop poles of the rotor speed (NREL/TP-500-38060, equations 7-15 and 7-16):
         ``KP = 2 I Omega zeta omega_n / (N |dP/dtheta|)``, ``KI = I Omega omega_n^2 / (N |dP/dtheta|)``. The corner
-        frequency of the speed filter scales with the rated rotor speed. Fine pitch is zero; under a damper, against which
-        a rotor at zero pitch stalls, it is that of the operating point in rated wind.
+        frequency of the speed filter scales with the rated rotor speed. Fine pitch is zero; under a damper, against
+        which a rotor at zero pitch stalls, it is that of the operating point in rated wind.
 
         Parameters
         ----------

@@ -18,8 +18,8 @@ class ActuatorUse:
     """Penalty on actuator use: mean of |rate| / greatest rate over the blades' pitch, the yaw drive and the torque.
 
     The share of the pitch system is the actuator duty cycle, by the way that the blades turned in all time steps of the
-    simulator. Torque counts by its change over the step. A turbine without yaw drive, or with a damper as generator, has
-    the mean of the others.
+    simulator. Torque counts by its change over the step. A turbine without yaw drive, or with a damper as generator,
+    has the mean of the others.
     """
 
     weight: float = 0.1

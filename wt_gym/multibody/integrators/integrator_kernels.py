@@ -9,11 +9,12 @@ The first starter leaves an error of order h³, and so the whole run. The classi
 three steps instead: the error it leaves is that of the scheme itself.
 
 Positions and velocities that have left the constraint equations during a step are put back at its end (the closest
-state, in the norm of the mass matrix), before the last evaluation; Baumgarte's terms then have nothing left to do.
+state, in the norm of the mass matrix), before the last evaluation; Baumgarte's terms then have nothing left to do. A
+system without projection leaves it to them.
 """
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.tree.rate_kernels import prescribe_servos, project, rates
+from wt_gym.multibody.tree.rate_kernels import keep_drift, prescribe_servos, project, rates
 from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
 
 
@@ -86,7 +87,9 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
             if k == n_evaluations - 1:
                 break
             if k == n_passes:  # only with constraint equations
-                project(c, tree, work, p, fn)
+                keep_drift(work)
+                if tree.projection:
+                    project(c, tree, work, p, fn)
                 continue
             for i in range(n):
                 if filled >= 3:

@@ -102,21 +102,27 @@ def position_rates(y, yd, dof_q, kinds, joint_q, joint_u, dy):
             dy[q + 3] = 0.5 * (a * w2 + x * w1 - yy * w0)
 
 
+@kernel
+def keep_drift(work):
+    """``work.drift`` keeps the largest |φ| [1] and |φ̇| [2] that the right-hand side has found; see `Drift` for [0]."""
+    for i in range(work.residual.shape[0]):
+        work.drift[1] = max(work.drift[1], abs(work.residual[i]))
+        work.drift[2] = max(work.drift[2], abs(work.residual_rate[i]))
+
+
 @kernel(separate=True)
 def project(y, tree, work, change, shift):
     """Put a state back onto the constraint equations φ = 0, φ̇ = 0, in place.
 
     One Newton step to the closest state in the norm of the augmented mass matrix L Lᵀ = M + Bᵀ W B:
     δ = L⁻ᵀ X (XᵀX)⁻¹ φ with X = L⁻¹ Bᵀ, for positions with φ and for velocities with φ̇. Factors and residuals are those
-    that the right-hand side left in ``work`` for the same state. change, shift (n_state,) are scratch. What the step has
-    drifted by until then is kept: ``work.drift`` holds the largest | |q| − 1 |, |φ| and |φ̇| of any step.
+    that the right-hand side left in ``work`` for the same state. change, shift (n_state,) are scratch.
     """
     n_q, n_u, n_c = tree.n_q, tree.n_u, work.residual.shape[0]
     delta, pull = change[:n_u], work.weight
     for level in range(2):
         for i in range(n_c):
             pull[i] = work.residual[i] if level == 0 else work.residual_rate[i]
-            work.drift[1 + level] = max(work.drift[1 + level], abs(pull[i]))
         solve_lower(work.schur, pull)
         solve_upper(work.schur, pull)
         for u in range(n_u):
