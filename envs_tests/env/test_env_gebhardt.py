@@ -109,9 +109,7 @@ def test_operating_points_of_the_damper_balance_air_and_generator():
 
 def test_simulators_take_the_name_and_the_damper():
     simulator = Simulator("gebhardt_45m", SteadyInflow(14.0), generator="damper")
-    assert (
-        simulator.turbine.drivetrain == with_damper(TURBINE).drivetrain or not simulator.turbine.drivetrain.takes_torque
-    )
+    assert simulator.turbine.drivetrain.rated_rotor_speed == with_damper(TURBINE).drivetrain.rated_rotor_speed
     assert simulator.structure.system.tree.dof_damping[simulator.structure.azimuth_u] == GENERATOR_DAMPER
 
 
@@ -161,3 +159,20 @@ def test_the_catalogue_knows_the_turbine_and_has_no_file_of_it():
         turbine_file("gebhardt_45m")
     with pytest.raises(TurbineDefinitionError, match="'gebhardt_45m'"):
         load_turbine("gebhardt")
+
+
+@pytest.mark.slow
+def test_the_machine_as_they_built_it():
+    """Damper, potential flow with bodies and ground, boundary layer: an episode of random pitch actions."""
+    env = gym.make(
+        IDS[0], generator="damper", fidelity="gebhardt-full", wind_speed=(15.0, 20.0), shear_exponent=0.16,
+        reference_height=275.0, action_mode="residual", episode_length=60.0,
+    ).unwrapped  # fmt: skip
+    env.action_space.seed(5)
+    _, info = env.reset(seed=4)
+    truncated = False
+    while not truncated:
+        observation, _, terminated, truncated, info = env.step(env.action_space.sample())
+        assert not terminated
+    assert np.isfinite(observation).all()
+    assert 4.0 < info["rotor_speed"] * 30.0 / np.pi < 13.0

@@ -86,7 +86,7 @@ class Fidelity:
         Panels around and along of hub and nacelle as one closed body of revolution about the shaft in the lattice, at
         least 5 each; alone (the cheap form of the tower then stays) or with ``tower_body``, which ends a gap below it.
         Its size is an estimate, see :func:`wt_gym.simulation.turbine_bodies.nacelle_surface`. It turns with the
-        nacelle, in steps of 0.25°, about the axis of the undeformed tower, whose deflections are neglected. In
+        nacelle, in steps of 0.25°, about the axis of the undeformed tower, unless bodies move with the tower. In
         "training" (8, 8) takes half as much time again for a step, as much as a tower of (8, 8); the influence of all
         panels on each other, about a millisecond for 100 of them, is inverted at each step of the yaw.
     formulation : str
