@@ -21,7 +21,6 @@ from functools import cache
 import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, case
-from wt_gym.aerodynamics import AeroOptions
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator
 from wt_gym.turbines.gebhardt_turbine import GENERATOR_DAMPER, boundary_layer, gebhardt_data, gebhardt_turbine
 
@@ -31,11 +30,7 @@ STEP = np.radians(6.0)
 """Turn of the rotor in one aerodynamic step at the published speed [rad]."""
 REVOLUTIONS, STEADY = 7.0, 3.0
 """Length of a run and of its end that counts as the steady state, in revolutions."""
-LATTICE = AeroOptions(
-    n_chord=2, n_span=16, azimuth_step_deg=6.0, wake_rows=60, full_rows=60, fresh_rows=5, refresh_stride=10,
-    far_wake_rows=50, squire=1e-3, viscous=False, ground_height=0.0, tip_wake=True,
-)  # fmt: skip
-"""Against 4 × 24 panels and 90 rows the steady torque at 7.4 rpm changes by 0.05 %, the thrust by 0.4 %."""
+LATTICE = FIDELITIES["gebhardt-full"].aero
 
 
 @dataclass(frozen=True)
@@ -91,8 +86,9 @@ class Run:
 
 
 def make_simulator(
-    wind, rpm, reference_height=None, formulation="constrained", viscous=False, gravity=True, tower=1.0, lattice=LATTICE
-):
+    wind, rpm, reference_height=None, formulation="constrained", viscous=False, gravity=True, tower=1.0,
+    lattice=LATTICE, fidelity="gebhardt", forward=None,
+):  # fmt: skip
     """Simulator of the stand-in turbine with its generator.
 
     Parameters
@@ -111,14 +107,18 @@ def make_simulator(
     tower : float
         Factor on the bending stiffness of the tower.
     lattice : AeroOptions
+    fidelity : str
+        "gebhardt", or "gebhardt-full" with tower and nacelle as bodies that move.
+    forward : float, optional
+        Distance of the nacelle's centre of mass upwind of the tower [m].
     """
     fidelity = replace(
-        FIDELITIES["gebhardt"],
+        FIDELITIES[fidelity],
         aero=replace(lattice, viscous=viscous),
         time_step=STEP / (rpm * RPM),
         formulation=formulation,
     )
-    turbine = gebhardt_turbine(tower)
+    turbine = gebhardt_turbine(tower, forward)
     generator = LinearDamper(GENERATOR_DAMPER, turbine.drivetrain)
     simulator = Simulator(turbine, boundary_layer(wind, reference_height), fidelity, generator=generator)
     if not gravity:
@@ -156,7 +156,9 @@ def published(wind):
 
 
 @cache
-def calibrate(reference_height=None, viscous=False, guesses=(13.0, 20.0), tolerance=0.004):
+def calibrate(
+    reference_height=None, viscous=False, guesses=(13.0, 20.0), tolerance=0.004, lattice=LATTICE, fidelity="gebhardt"
+):
     """Pitch [rad] at which the rotor turns at the published speed in 15 m/s, by the secant method on coupled runs.
 
     Raises
@@ -165,7 +167,7 @@ def calibrate(reference_height=None, viscous=False, guesses=(13.0, 20.0), tolera
         When no pitch is found.
     """
     target = published(15.0)[0]
-    simulator = make_simulator(15.0, target, reference_height, "embedded", viscous)
+    simulator = make_simulator(15.0, target, reference_height, "embedded", viscous, lattice=lattice, fidelity=fidelity)
 
     def excess(pitch):
         run = simulate(simulator, np.radians(pitch), 2.5, target * RPM)
@@ -183,10 +185,11 @@ def calibrate(reference_height=None, viscous=False, guesses=(13.0, 20.0), tolera
 
 
 @cache
-def solved(reference_height=None):
+def solved(reference_height=None, lattice=LATTICE, fidelity="gebhardt", tower=1.0):
     """Calibrated pitch [rad] and the runs at 15 and 20 m/s."""
-    pitch = calibrate(reference_height)
-    runs = [simulate(make_simulator(v, published(v)[0], reference_height), pitch) for v in (15.0, 20.0)]
+    pitch = calibrate(reference_height, lattice=lattice, fidelity=fidelity)
+    choice = {"tower": tower, "lattice": lattice, "fidelity": fidelity}
+    runs = [simulate(make_simulator(v, published(v)[0], reference_height, **choice), pitch) for v in (15.0, 20.0)]
     return pitch, *runs
 
 

@@ -10,6 +10,8 @@ id                                   turbine and wind
 ``wt_gym/NREL5MW-Turbulent-v0``      NREL 5-MW, IEC Kaimal turbulence
 ``wt_gym/IEA15MW-Steady-v0``         IEA 15-MW (240 m rotor), steady sheared wind
 ``wt_gym/IEA15MW-Turbulent-v0``      IEA 15-MW, IEC Kaimal turbulence
+``wt_gym/Gebhardt45m-Steady-v0``     45-m blades, 68-m tower (Gebhardt et al. 2012), steady sheared wind
+``wt_gym/Gebhardt45m-Turbulent-v0``  the same, IEC Kaimal turbulence
 ===================================  ==============================================================
 
 and the tasks of `wt_gym.tasks`: ``wt_gym/LoadReduction-v0``, ``wt_gym/FullRange-v0``, ``wt_gym/MaxPower-v0``,
@@ -28,7 +30,7 @@ from wt_gym.tasks import TASKS
 __all__ = ["__version__"]
 __version__ = "0.1.0"
 
-_TURBINES = {"NREL5MW": "nrel_5mw", "IEA15MW": "iea_15mw"}
+_TURBINES = {"NREL5MW": "nrel_5mw", "IEA15MW": "iea_15mw", "Gebhardt45m": "gebhardt_45m"}
 _INFLOWS = {"Steady": "steady", "Turbulent": "turbulent"}
 
 for _turbine_label, _turbine_name in _TURBINES.items():

@@ -37,7 +37,9 @@ def left(tmp_path_factory):
 
 
 def test_examples_run(left):
-    parked, drawn, many, planned = left
+    boundary, parked, drawn, many, planned = left
+    assert boundary["env"].action_space.shape == (1,)
+    assert 12.0 < boundary["info"]["wind_speed"] < 16.1  # at the hub
     assert (parked["terminated"], parked["truncated"]) == (False, False)
     assert abs(parked["info"]["rotor_speed"]) < 0.1
     assert isinstance(drawn["env"].unwrapped.episode_wind.inflow, TurbulentInflow)

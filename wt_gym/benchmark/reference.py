@@ -126,7 +126,11 @@ def make_reference(
 
 
 def confirm_reference(
-    task: BenchmarkTask, reference: Reference, baseline: Mapping[str, Mapping], fingerprint: Mapping[str, str]
+    task: BenchmarkTask,
+    reference: Reference,
+    baseline: Mapping[str, Mapping],
+    best: Mapping[str, Mapping],
+    fingerprint: Mapping[str, str],
 ) -> Reference:
     """Reference numbers for sources that have changed in a way that changes no number.
 
@@ -135,8 +139,9 @@ def confirm_reference(
     task : BenchmarkTask
     reference : Reference
         As made with the earlier sources.
-    baseline : mapping
-        Results of the baseline controller with the present sources by the label of the wind.
+    baseline, best : mapping
+        Results of the baseline controller and of the best known agent with the present sources by the label of the
+        wind.
     fingerprint : mapping
         Of the present sources.
 
@@ -148,22 +153,23 @@ def confirm_reference(
     Raises
     ------
     wt_gym.errors.BenchmarkError
-        If a metric of the baseline has changed, or the controllers, whose other numbers were then not run again.
+        If a metric of the baseline has changed, or what the best known agent improves.
     """
-    if "control" in differing(dict(fingerprint), reference.fingerprint):
-        raise BenchmarkError(
-            f"task {task.name}: controllers have changed since its reference numbers were made, and runs of the "
-            f"baseline say nothing about the others: scripts/benchmark.py reference --task {task.name} runs them all"
-        )
+    anew = f"the reference numbers are out of date; scripts/benchmark.py reference --task {task.name} makes them anew"
     for label, known in reference.baseline.items():
         found = baseline[label]["metrics"]
         changed = [name for name, value in known.items()
                    if name not in found or not abs(found[name] - value) <= SAME * abs(value)]  # fmt: skip
         if changed:
             raise BenchmarkError(
-                f"task {task.name}: the baseline gives another {', '.join(changed[:3])} in {label}: the reference "
-                f"numbers are out of date; scripts/benchmark.py reference --task {task.name} makes them anew"
+                f"task {task.name}: the baseline gives another {', '.join(changed[:3])} in {label}: {anew}"
             )
+    found = make_reference(task, baseline, {reference.best_agent: best}).best_improvement
+    if not abs(found - reference.best_improvement) <= SAME:
+        raise BenchmarkError(
+            f"task {task.name}: {reference.best_agent} improves {found:.6g}, not {reference.best_improvement:.6g}: "
+            f"{anew}"
+        )
     return replace(reference, fingerprint=dict(fingerprint))
 
 

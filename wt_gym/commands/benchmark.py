@@ -34,8 +34,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     reference = commands.add_parser("reference", description="Renew the reference numbers in the files of tasks.")
     reference.add_argument(
         "--confirm", action="store_true",
-        help="run only the baseline: where its numbers are the same, the reference numbers stay and take the "
-        "fingerprint of the present sources",
+        help="run only the baseline and the best known agent: where their numbers are the same, the reference numbers "
+        "stay and take the fingerprint of the present sources",
     )  # fmt: skip
     front = commands.add_parser(
         "front", description="Flap DEL against pitch travel of individual pitch: gains, and bands that constrain it."
@@ -134,17 +134,19 @@ def confirmed(arguments: argparse.Namespace, folder) -> dict:
     from wt_gym.agents.entries import BASELINE, entries_of
     from wt_gym.benchmark import confirm_reference, reference_of, write_reference
 
-    (entry,), kept = entries_of([BASELINE]), {}
+    kept = {}
     for task in chosen(arguments.task):
         if task.reference is None:
             print(f"{task.id}: no reference numbers yet")
             continue
-        run_jobs(jobs_of([task], [entry]), folder, arguments.jobs)
-        results = results_of(task, entry, folder)
-        fingerprint = next(iter(results.values()))["definition"]["fingerprint"]
-        path = write_reference(task, confirm_reference(task, reference_of(task), results, fingerprint))
+        known = reference_of(task)
+        entries = entries_of([BASELINE, known.best_agent])
+        run_jobs(jobs_of([task], entries), folder, arguments.jobs)
+        base, best = (results_of(task, entry, folder) for entry in entries)
+        fingerprint = next(iter(base.values()))["definition"]["fingerprint"]
+        path = write_reference(task, confirm_reference(task, known, base, best, fingerprint))
         kept[task.name] = fingerprint
-        print(f"{task.id}: the baseline gives the same numbers in {len(results)} winds ({path})")
+        print(f"{task.id}: baseline and {known.best_agent} give the same numbers in {len(base)} winds ({path})")
     return kept
 
 

@@ -77,10 +77,11 @@ class Aim:
 class ActionMap:
     """Meaning of the components of an action in [-1, 1].
 
-    Components are, in this order, pitch, yaw (none for a turbine whose greatest yaw rate is 0), generator torque, as
-    far as they are chosen. Pitch has one component ("collective"), one a blade ("individual"), mean, tilt and yaw
-    ("fixed-frame", see `coleman`), or tilt and yaw alone on top of a controller ("cyclic"). Of those in the fixed frame
-    the blades get their share at every step of the simulator, with an azimuth that leads by the delay of the drives.
+    Components are, in this order, pitch, yaw (none for a turbine whose greatest yaw rate is 0), generator torque (none
+    for a generator that is a damper), as far as they are chosen. Pitch has one component ("collective"), one a blade
+    ("individual"), mean, tilt and yaw ("fixed-frame", see `coleman`), or tilt and yaw alone on top of a controller
+    ("cyclic"). Of those in the fixed frame the blades get their share at every step of the simulator, with an azimuth
+    that leads by the delay of the drives.
 
     - ``"rate"``: rates of the demand, held over a control step: it moves by ``action * rate * control_dt``.
     - ``"absolute"``: the demand itself; pitch from the operating points of the winds and 5 degrees beyond them on both
@@ -98,7 +99,8 @@ class ActionMap:
         Control step [s].
     mode : {"rate", "absolute", "residual"}
     pitch : {"collective", "individual", "fixed-frame", "cyclic"}
-    components : sequence of {"pitch", "yaw", "torque"}
+    components : sequence of {"pitch", "yaw", "torque"}, optional
+        By default all that the turbine has.
     spans : mapping, optional
         Other spans than the default ones: "pitch_rate" [rad/s], "yaw_rate" [rad/s], "torque_rate" [N m/s]: greatest
         rates; "pitch" [rad], "torque" [N m]: limits of the offsets (of tilt and yaw in all modes); "pitch_mean" [rad]:
@@ -118,6 +120,8 @@ class ActionMap:
     components : tuple of str
     has_yaw : bool
         Whether there is a yaw component.
+    takes_torque : bool
+        Whether the generator takes a demand; the demand for a damper is 0.
 
     Raises
     ------
@@ -131,7 +135,7 @@ class ActionMap:
         control_dt: float,
         mode: str = "rate",
         pitch: str = "collective",
-        components: Sequence[str] = COMPONENTS,
+        components: Sequence[str] | None = None,
         spans: Mapping[str, float] | None = None,
         wind_speeds: tuple[float, float] | None = None,
         delay: float = 0.0,
@@ -147,6 +151,7 @@ class ActionMap:
             raise ValueError(f"pitch={pitch!r} needs three blades or more, the turbine has {self.n_blades}")
         if pitch == "cyclic" and mode != "residual":
             raise ValueError(f"pitch='cyclic' has no mean of its own: it needs action_mode='residual', got {mode!r}")
+        self.takes_torque = turbine.drivetrain.takes_torque
         self.components = self._chosen(components, turbine)
         self.has_yaw = "yaw" in self.components
         self.pitch_limits = (turbine.pitch.min_pitch, turbine.pitch.max_pitch)
@@ -175,7 +180,8 @@ class ActionMap:
     @property
     def needs_controller(self) -> bool:
         """Whether a controller runs beneath the action."""
-        return self.mode == "residual" or "pitch" not in self.components or "torque" not in self.components
+        torque = self.takes_torque and "torque" not in self.components
+        return self.mode == "residual" or "pitch" not in self.components or torque
 
     @property
     def torque_offset_limit(self) -> float:
@@ -193,10 +199,17 @@ class ActionMap:
         return {"fixed-frame": 1, "cyclic": 0}.get(self.pitch, self.n_pitch)
 
     def _chosen(self, components, turbine) -> tuple[str, ...]:
+        if components is None:
+            components = COMPONENTS if self.takes_torque else ("pitch", "yaw")
         components = components if isinstance(components, str) else tuple(components)
         unknown = [name for name in components if name not in COMPONENTS]
         if unknown or isinstance(components, str) or not len(components):
             raise ValueError(f"action_components must name some of {COMPONENTS}, got {components!r}")
+        if "torque" in components and not self.takes_torque:
+            raise ValueError(
+                f"action_components is {components!r}, but the generator is a damper, whose torque follows its speed: "
+                "leave out 'torque', or take generator='torque'"
+            )
         chosen = tuple(name for name in COMPONENTS if name in components)
         if turbine.nacelle.max_yaw_rate > 0.0:
             return chosen
@@ -220,6 +233,8 @@ class ActionMap:
         for name, value in (spans or {}).items():
             if name not in SPANS:
                 raise ValueError(f"action_spans has no {name!r}; there are {SPANS}")
+            if name in ("torque", "torque_rate") and not self.takes_torque:
+                raise ValueError(f"action_spans[{name!r}]: the generator is a damper and takes no torque")
             limit = most.get(name, math.inf)
             if not 0.0 < value <= limit or not math.isfinite(value):
                 allowed = f"positive and at most {limit:.6g}" if name in most else "positive and finite"
@@ -371,7 +386,9 @@ class ActionMap:
             pitch = base.pitch
         elif residual:
             pitch = base.pitch + pitch
-        if "torque" not in self.components:
+        if not self.takes_torque:
+            torque = 0.0
+        elif "torque" not in self.components:
             torque = base.generator_torque
         elif residual:
             torque = base.generator_torque + torque

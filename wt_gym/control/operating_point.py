@@ -284,6 +284,8 @@ def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
     Below rated power the rotor takes up ``Cp_max rho A V^3 / 2`` and the torque curve sets the speed; above it the
     speed is rated and the pitch is that of the NREL 5-MW at the same ratio of wind speed to rated wind speed (Jonkman
     et al. 2009, Table 7-1). Good to a few percent, meant as a start state: the simulation finds its own equilibrium.
+    With a damper as generator the speed is the highest, up to rated, at which some pitch makes the air hold the damper;
+    its torque, which is no demand, is 0.
 
     Parameters
     ----------
@@ -302,6 +304,8 @@ def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
     """
     if not wind_speed > 0.0:
         raise ValueError(f"operating_point needs a positive wind speed, got {wind_speed!r} m/s")
+    if not turbine.drivetrain.takes_torque:
+        return _damped_point(turbine, wind_speed)
     drivetrain, fine_pitch = turbine.drivetrain, max(turbine.pitch.min_pitch, 0.0)
     curve, design = torque_curve(turbine), design_point(turbine)
     rated_speed = drivetrain.rated_rotor_speed * drivetrain.gear_ratio
@@ -320,3 +324,22 @@ def operating_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
         lambda omega: curve.torque(omega) * omega - power, curve.cut_in_speed, curve.rated_generator_speed * (1 - 1e-12)
     )
     return OperatingPoint(speed / drivetrain.gear_ratio, fine_pitch, curve.torque(speed))
+
+
+def _damped_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
+    """Highest speed up to rated at which the torque of the air reaches c Ω, and the most feathered pitch that does it.
+
+    A damper against which the rotor is weak holds it in stall, at tip-speed ratios below those of the table, where its
+    power coefficients are held; it then turns slowly.
+    """
+    from wt_gym.control.controllers.rotor_table import rotor_table  # controllers know operating points
+
+    table, drivetrain = rotor_table(turbine), turbine.drivetrain
+    speeds = drivetrain.rated_rotor_speed * np.linspace(1.0, 0.01, 100)
+    pitches = np.linspace(table.pitch[0], table.pitch[-1], 10 * len(table.pitch))
+    for speed in speeds.tolist():
+        held = drivetrain.generator_damping * speed
+        enough = [p for p in pitches.tolist() if table.torque(wind_speed, speed, p) >= held]
+        if enough:
+            return OperatingPoint(speed, max(enough), 0.0)
+    return OperatingPoint(speeds[-1], float(pitches[-1]), 0.0)

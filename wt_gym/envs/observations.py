@@ -330,8 +330,13 @@ class Observer:
             Channel("generator_power", "W", 0.8 * power, 0.25 * power, -power, 2 * power, 5e-3 * power,
                     "electrical power"),
             Channel("generator_torque", "N m", middle, scale, -limit, 2 * limit, 0.02 * scale, "generator torque, HSS"),
-            Channel("generator_torque_demand", "N m", middle, scale, 0.0, limit, 0.0, "demanded generator torque, HSS"),
+            *self._torque_demand("generator_torque_demand", "demanded generator torque, HSS"),
         ]  # fmt: skip
+
+    def _torque_demand(self, name: str, text: str) -> list[Channel]:
+        """A demand for torque, where the generator takes one."""
+        middle, scale, limit = self._torque_row()
+        return [Channel(name, "N m", middle, scale, 0.0, limit, 0.0, text)] if self._action.takes_torque else []
 
     def _pitch(self) -> list[Channel]:
         mean, each = self._pitch_forms()
@@ -421,10 +426,9 @@ class Observer:
         if not self._action.needs_controller:
             return []
         low, high = self._action.pitch_limits
-        middle, scale, limit = self._torque_row()
         return [
             Channel("controller_pitch", "rad", 0.1, 0.1, low, high, 0.0, "pitch that the controller beneath demands"),
-            Channel("controller_torque", "N m", middle, scale, 0.0, limit, 0.0, "torque that it demands, HSS"),
+            *self._torque_demand("controller_torque", "torque that it demands, HSS"),
         ]
 
     def _offsets(self) -> list[Channel]:

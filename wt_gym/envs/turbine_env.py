@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from wt_gym.control import COMPONENTS, ActionMap, Aim, Demand, OperatingPoint, operating_point
+from wt_gym.control import ActionMap, Aim, Demand, OperatingPoint, operating_point
 from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.controllers import AboveRated, FadeParameters, checked_demand, make_controller
 from wt_gym.control.residual import ResidualPitch
@@ -26,6 +26,7 @@ from wt_gym.simulation import Simulator
 from wt_gym.simulation.drives import available_torque, pitch_delay
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
+from wt_gym.turbines.damper import GENERATORS, with_generator
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -92,10 +93,11 @@ class WindTurbineEnv(gym.Env):
     offsets are narrow enough for a random policy to survive.
 
     Positive pitch feathers; positive yaw is counter-clockwise seen from above. A turbine without yaw drive (greatest
-    yaw rate 0) has no yaw component. Within a control step demands move evenly, and stop at the limits of the turbine;
-    drives, with their own dynamics and greatest rates, follow the demands. An action that is not finite, of another
-    shape or beyond [-1, 1] by more than rounding raises `wt_gym.errors.ActionError`, leaves the state as it was, and
-    the episode can go on. ``env.unwrapped.layout.action.table()`` has the numbers of every choice.
+    yaw rate 0) has no yaw component, one whose generator is a damper no torque component. Within a control step demands
+    move evenly, and stop at the limits of the turbine; drives, with their own dynamics and greatest rates, follow the
+    demands. An action that is not finite, of another shape or beyond [-1, 1] by more than rounding raises
+    `wt_gym.errors.ActionError`, leaves the state as it was, and the episode can go on.
+    ``env.unwrapped.layout.action.table()`` has the numbers of every choice.
 
     ## Observation space
 
@@ -207,6 +209,10 @@ class WindTurbineEnv(gym.Env):
     ----------
     turbine : str, path or Turbine
         Name in the catalogue, a windIO v2 file, or a turbine.
+    generator : {"torque", "damper"}, optional
+        A torque that is demanded, or the damper of the turbine, M = c Ω, which takes no demand; default: what the
+        turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the rated
+        power (`wt_gym.turbines.damper.with_damper`), and of a controller beneath only pitch and yaw act.
     inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, sequence of Inflow or callable
         Steady sheared wind, IEC Kaimal turbulence, IEC transients (EOG, EDC, ECD, EWS), the IEC extreme wind model
         (EWM) steady or turbulent, or inflows of one's own: one, several to draw from, or a function of a random
@@ -214,8 +220,13 @@ class WindTurbineEnv(gym.Env):
     wind_speed : float or (float, float)
         Mean wind speed at hub height, or the range it is drawn from at each reset [m/s]; extreme winds have that of the
         turbine's class.
-    shear_exponent : float
-        Of the power-law profile, before gusts too; 0.11 in extreme winds.
+    shear_exponent : float, optional
+        Of the power-law profile, before gusts too; default 0.2, and 0.11 in extreme winds.
+    roughness_length : float, optional
+        Of the ground [m]: the profile is then logarithmic instead of a power law.
+    reference_height : float, optional
+        Height at which ``wind_speed`` holds instead of hub height [m], for example the gradient height of a boundary
+        layer; the speed that the profile has at the hub is that of operating points and ``info``.
     turbulence_class : {"A+", "A", "B", "C"}, optional
         Default: that of the turbine.
     wind_seeds : sequence of int
@@ -237,7 +248,8 @@ class WindTurbineEnv(gym.Env):
         Time after which an episode is truncated [s]; None: never, for a time limit from outside.
     action_mode : {"rate", "absolute", "residual"}
     pitch : {"collective", "individual", "fixed-frame", "cyclic"}
-    action_components : sequence of {"pitch", "yaw", "torque"}
+    action_components : sequence of {"pitch", "yaw", "torque"}, optional
+        By default all that the turbine has.
     action_spans : mapping, optional
         Other rates and limits, see `wt_gym.control.ActionMap`.
     residual_fade : bool or FadeParameters
@@ -263,8 +275,9 @@ class WindTurbineEnv(gym.Env):
         Subtracted from the reward when an episode is terminated.
     overspeed_limit : float
         Highest rotor speed over rated rotor speed.
-    standstill_limit : float
-        Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards, a negative one that too.
+    standstill_limit : float, optional
+        Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards, a negative one that too. By
+        default 0.2; -1 with a damper, which lets the rotor turn slowly.
     observation : sequence of str, optional
         Groups and channels to observe.
     sensor_noise : float
@@ -295,7 +308,7 @@ class WindTurbineEnv(gym.Env):
         turbine: str | Turbine = "nrel_5mw",
         inflow: str | Inflow = "steady",
         wind_speed: float | tuple[float, float] = (6.0, 18.0),
-        shear_exponent: float = 0.2,
+        shear_exponent: float | None = None,
         turbulence_class: str | None = None,
         wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
         wind_direction: float | tuple[float, float] = 0.0,
@@ -307,7 +320,7 @@ class WindTurbineEnv(gym.Env):
         episode_length: float | None = 120.0,
         action_mode: str = "rate",
         pitch: str = "collective",
-        action_components: Sequence[str] = COMPONENTS,
+        action_components: Sequence[str] | None = None,
         action_spans: Mapping[str, float] | None = None,
         residual_fade: bool | FadeParameters = False,
         residual_washout: float | None = None,
@@ -317,26 +330,34 @@ class WindTurbineEnv(gym.Env):
         vector_reward: bool = False,
         termination_penalty: float = 100.0,
         overspeed_limit: float = 1.25,
-        standstill_limit: float = 0.2,
+        standstill_limit: float | None = None,
         observation: Sequence[str] | None = None,
         sensor_noise: float = 0.0,
         sensor_delay: float = 0.0,
         history: int = 1,
         lidar: Lidar | None = None,
         render_mode: str | None = None,
+        generator: str | None = None,
+        roughness_length: float | None = None,
+        reference_height: float | None = None,
     ):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
         if not overspeed_limit > 1.0:
             raise ValueError(f"overspeed_limit must be above 1, got {overspeed_limit!r}")
-        if not -1.0 <= standstill_limit < 1.0:
-            raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         if not 0.0 <= termination_penalty < math.inf:
             raise ValueError(f"termination_penalty must be finite and not negative, got {termination_penalty!r}")
-        self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        if generator is not None and generator not in GENERATORS:
+            raise ValueError(f"generator must be one of {GENERATORS} or None, got {generator!r}")
+        self.turbine, _ = with_generator(turbine, generator)
+        if standstill_limit is None:
+            standstill_limit = 0.2 if self.turbine.drivetrain.takes_torque else -1.0
+        if not -1.0 <= standstill_limit < 1.0:
+            raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         self.wind = WindSampler(
             self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander,
-            turbulence_model, return_period,
+            turbulence_model, return_period, roughness_length, reference_height,
         )  # fmt: skip
         if self.wind.parks and standstill_limit >= 0.0:
             raise ValueError(

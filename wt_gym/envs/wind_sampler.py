@@ -40,6 +40,8 @@ FASTEST_WANDERING = 1.0
 """Shortest time constant of a wandering direction [s]."""
 # Boxes are synthesised at multiples of this speed [m/s] and carried along at the speed wanted.
 _BOX_SPEED_STEP = 6.0
+NORMAL_SHEAR = 0.2
+"""Exponent of IEC 61400-1 for normal conditions."""
 # As far may hub heights of a turbulence box and its mean wind differ.
 _HUB_HEIGHT_TOLERANCE = 0.01
 
@@ -86,8 +88,8 @@ class WindSampler:
     wind_speed : float or (float, float)
         Mean speed at hub height [m/s], or a range to draw it from uniformly. Ignored (None) with one's own inflow and
         the extreme winds.
-    shear_exponent : float
-        Of the power-law profile of steady and turbulent winds and of that before a gust.
+    shear_exponent : float, optional
+        Of the power-law profile of steady and turbulent winds and of that before a gust; by default `NORMAL_SHEAR`.
     turbulence_class : str, optional
         ``"A+"``, ``"A"``, ``"B"`` or ``"C"``; default: the turbine's.
     wind_seeds : sequence of int
@@ -101,13 +103,18 @@ class WindSampler:
         Of the kind "turbulent": normal or extreme turbulence, the latter with the turbine's class.
     return_period : {50, 1}
         Of the extreme winds, in years.
+    roughness_length : float, optional
+        Of the ground [m]: a logarithmic profile instead of the power law.
+    reference_height : float, optional
+        Height at which ``wind_speed`` holds instead of hub height [m]. All else, cut-in and cut-out too, refers to the
+        speed that the profile then has at the hub: V = V_ref (z/z_ref)^a, or V_ref ln(z/z0)/ln(z_ref/z0).
 
     Attributes
     ----------
     parks : bool
         Whether the wind is one in which turbines are parked.
     speeds : (float, float)
-        Range of the mean speeds [m/s].
+        Range of the mean speeds at hub height [m/s].
     seeds : tuple of int or None
         Turbulence seeds that episodes draw from: none in steady wind, unknown (None) with an inflow of one's own.
 
@@ -123,20 +130,23 @@ class WindSampler:
         turbine: Turbine,
         kind: str | Inflow,
         wind_speed: float | tuple[float, float] | None,
-        shear_exponent: float = 0.2,
+        shear_exponent: float | None = None,
         turbulence_class: str | None = None,
         wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
         direction: float | tuple[float, float] = 0.0,
         wander: tuple[float, float] | None = None,
         turbulence_model: str = "NTM",
         return_period: int = 50,
+        roughness_length: float | None = None,
+        reference_height: float | None = None,
     ):
         if isinstance(kind, str) and kind not in KINDS:
             raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {kind!r}")
         self._turbine = turbine
         self._kind = kind = kind if isinstance(kind, str) or callable(kind) else self._own_inflows(kind)
         self._directions, self._wander = self._checked_direction(direction, wander)
-        self._shear_exponent = shear_exponent
+        self._profile = self._checked_profile(shear_exponent, roughness_length)
+        self._to_hub = self._share_at_hub(reference_height)
         self._class = turbulence_class or turbine.turbulence_class
         if not isinstance(wind_seeds, Iterable):
             raise InflowError(f"wind_seeds must be a sequence of integers, got {wind_seeds!r}")
@@ -149,8 +159,9 @@ class WindSampler:
         if self.parks:
             hub, gusty = turbine.hub_height, kind == "extreme-turbulent"
             self.speeds = (extreme_wind_speed(hub, hub, turbine.iec_class, return_period, gusty),) * 2
-            self._shear_exponent = EXTREME_SHEAR_EXPONENT
+            self._profile = {"shear_exponent": EXTREME_SHEAR_EXPONENT}
         elif isinstance(kind, str):
+            self._steady(0.0)  # refuses a profile without meaning now, not at the first reset
             self.speeds = self._range(wind_speed)
             if self._turbulent:
                 self._sigma(self.speeds[0])  # refuses an unknown class now, not at the first reset
@@ -180,8 +191,8 @@ class WindSampler:
         ----------
         rng : numpy.random.Generator
         wind_speed, wind_seed, time_offset : optional
-            Fixed instead of drawn. With a fixed seed the episode starts at the beginning of the box unless an offset
-            is given too.
+            Fixed instead of drawn; the speed at the reference height. With a fixed seed the episode starts at the
+            beginning of the box unless an offset is given too.
 
         Returns
         -------
@@ -204,7 +215,7 @@ class WindSampler:
         speed = self._checked_speed(wind_speed) if wind_speed is not None else float(drawn_speed)
         if self._kind == "gusts":
             return self._turned(EpisodeWind(self._gust(speed, rng), speed, -1, 0.0), rng)
-        steady = SteadyInflow(speed, self._turbine.hub_height, shear_exponent=self._shear_exponent)
+        steady = self._steady(speed)
         if not self._turbulent:
             return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng)
         seed = self._checked_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
@@ -226,7 +237,33 @@ class WindSampler:
             gust = TransientInflow.ecd(*where, sign=sign, start_time=start)
         else:
             gust = TransientInflow.ews(*where, self._class, axis=make, sign=sign, start_time=start)
-        return replace(gust, steady=SteadyInflow(speed, turbine.hub_height, shear_exponent=self._shear_exponent))
+        return replace(gust, steady=self._steady(speed))
+
+    def _steady(self, speed: float) -> SteadyInflow:
+        """Mean wind with its profile, for a speed at hub height [m/s]."""
+        return SteadyInflow(speed, self._turbine.hub_height, **self._profile)
+
+    def _checked_profile(self, shear_exponent, roughness_length) -> dict[str, float]:
+        """What a steady wind needs for its profile; refuses one that belongs to no wind made here."""
+        if roughness_length is None:
+            return {"shear_exponent": NORMAL_SHEAR if shear_exponent is None else shear_exponent}
+        if not isinstance(self._kind, str) or self._kind in EXTREME:
+            raise InflowError("roughness_length belongs to the inflows 'steady', 'turbulent' and 'gusts'")
+        if shear_exponent is not None:
+            raise InflowError(
+                "shear_exponent (power law) and roughness_length (logarithmic) exclude each other; "
+                f"got {shear_exponent!r} and {roughness_length!r}"
+            )
+        return {"roughness_length": roughness_length}
+
+    def _share_at_hub(self, reference_height) -> float:
+        """Speed at the hub over that at the reference height [-]."""
+        if reference_height is None:
+            return 1.0
+        if not isinstance(self._kind, str) or self._kind in EXTREME:
+            raise InflowError("reference_height belongs to the inflows 'steady', 'turbulent' and 'gusts'")
+        hub = np.array([[0.0, 0.0, self._turbine.hub_height]])
+        return float(SteadyInflow(1.0, reference_height, **self._profile).velocity(hub, 0.0)[0, 0])
 
     def _turned(self, wind: EpisodeWind, rng: np.random.Generator) -> EpisodeWind:
         """Give the wind its direction."""
@@ -327,13 +364,14 @@ class WindSampler:
     def _checked_speed(self, speed) -> float:
         low, high = self._turbine.cut_in, self._turbine.cut_out
         try:
-            value = float(speed)
+            value = self._to_hub * float(speed)
         except (TypeError, ValueError) as error:
             raise InflowError(f"wind_speed must be a number in m/s, got {speed!r}") from error
         if not low <= value <= high:
+            at_hub = "" if self._to_hub == 1.0 else f", which is {value:.4g} m/s at the hub"
             raise InflowError(
                 f"wind_speed must lie between cut-in and cut-out of {self._turbine.name}, {low:g} to {high:g} m/s, "
-                f"got {speed!r}"
+                f"got {speed!r}{at_hub}"
             )
         return value
 

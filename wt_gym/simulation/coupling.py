@@ -8,13 +8,17 @@ import numpy as np
 from wt_gym.compiled import compiled_for
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
+from wt_gym.multibody.integrators.hamming import new_history
+from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import GeneralizedAlphaIntegrator, NewmarkIntegrator
 from wt_gym.multibody.system import HammingIntegrator
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation import coupled_step_kernels, energy_kernels, monitor_kernels
+from wt_gym.simulation.deformed_basis import DeformedBasis
 from wt_gym.simulation.energy import EnergyBalance
 from wt_gym.simulation.measurement import Gauges, Instant
 from wt_gym.simulation.monitor import Monitor
+from wt_gym.simulation.tower_air import MovingBodies
 from wt_gym.simulation.turbine_bodies import place_nacelle
 from wt_gym.simulation.turbine_structure import drag_heights
 from wt_gym.simulation.wind_kernels import felt_wind, points_ahead
@@ -92,6 +96,7 @@ class TowerAir(NamedTuple):
     position: np.ndarray  # (n, 3) [m]
     velocity: np.ndarray  # (n, 3) [m/s]
     force: np.ndarray  # (n, 3) [N]
+    given: np.ndarray  # (6 + n_f,) loads of the tower beside the drag
 
     @classmethod
     def of(cls, turbine, structure):
@@ -102,7 +107,8 @@ class TowerAir(NamedTuple):
         pressure_width = 0.5 * turbine.air_density * tower.drag_coefficient * tower.diameter_at(height)
         rest = points.position + np.array([0.0, 0.0, tower.base_height])
         free = np.zeros((3, *rest.shape))
-        return cls(structure.tower, points, pressure_width * length, free[0], rest, free[1], free[2])
+        given = np.zeros(structure.system.new_inputs().body_loads.shape[2])
+        return cls(structure.tower, points, pressure_width * length, free[0], rest, free[1], free[2], given)
 
 
 class Exchange(NamedTuple):
@@ -199,6 +205,9 @@ class Coupling:
         first_pitch = system.n_q + system.n_u + 1  # behind the yaw drive
         self._pitches = slice(first_pitch, first_pitch + models.turbine.n_blades)
         self._step, self._bundles = None, None  # compiled for the types of this turbine, and its arguments
+        self.basis = DeformedBasis(models) if fidelity.blade_basis == "deformed" else None
+        self.moving = MovingBodies(models) if fidelity.moving_bodies else None
+        self._moved_to = self.integrator.state  # what the kinematics belong to
 
     @property
     def scheme(self):
@@ -229,6 +238,22 @@ class Coupling:
         i = self.integrator
         return Instant(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
 
+    def root_multipliers(self):
+        """Lagrange multipliers of the blades' constraints, see `wt_gym.simulation.Simulator.root_multipliers`."""
+        i, system = self.integrator, self.models.structure.system
+        if not system.constraints:
+            raise SimulationError(
+                "there are no multipliers without constraint equations: formulation='constrained' has them; the "
+                "channels root_flap_moment, root_edge_moment and root_torsion have the moments in every formulation"
+            )
+        history = new_history(system.n_state)  # its newest rate is evaluated anew
+        history.y[3] = i.state
+        arguments = history, i.inputs, system.tree, i.work, 1.0, 0, 0, system.constrained, True
+        code = compiled_for(hamming_advance, arguments)(*arguments)
+        if code != tree_kernels.OK:
+            raise SimulationError(failure_of_a_step(code, self._scheme.h))
+        return np.array([i.work.multipliers[system.multiplier_rows(k)] for k in range(len(system.constraints))])
+
     @property
     def blade_nodes(self):
         """Lattice nodes (n_blades, n_points, 3) [m], a view."""
@@ -251,7 +276,19 @@ class Coupling:
         arrays |= {"previous_loads": self.exchange.previous_loads, "relaxation": self.exchange.relaxation}
         arrays |= {"earlier_velocities": self._earlier_velocities, "passed": self._monitor.passed}
         arrays |= {f"energy_{k}": a for k, a in self.exchange.energy.state().items()}
+        if self.basis is not None:
+            arrays |= {"blade_basis": self.basis.basis, "blade_frequency": self.basis.frequency}
+        if self.moving is not None:
+            arrays |= self.moving.state() | {"tower_given": self.exchange.tower.given}
         return arrays
+
+    def restart(self):
+        """Forget what runs before have left beyond the arrays that `begin` sets."""
+        if self.basis is not None:
+            self.basis.restart()
+        if self.moving is not None:
+            self.moving.restart()
+            self.exchange.tower.given[:] = 0.0
 
     def begin(self, y):
         """Start to move from the state y, under the loads that the inputs hold."""
@@ -268,6 +305,8 @@ class Coupling:
 
     def resume(self):
         """Bring up to date what follows from restored arrays."""
+        if self.basis is not None:
+            self.basis.install()
         self.move_lattice(self.integrator.state)
         self._place_bodies()
 
@@ -275,6 +314,7 @@ class Coupling:
         """Lattice nodes and their velocities for the state y; the kinematics are then up to date."""
         tree, work = self.models.structure.system.tree, self.integrator.work
         coupled_step_kernels.move_lattice(y, tree, work, self.exchange)
+        self._moved_to = y
 
     # ---- the step ----------------------------------------------------------------------------------------------------
 
@@ -289,6 +329,10 @@ class Coupling:
             When the step fails; the state then has no meaning.
         """
         x, dt = self.exchange, self.models.time_step
+        if self.basis is not None:
+            self._renew_basis()
+        elif self.moving is not None:  # bodies are placed by the same kinematics as after a snapshot
+            self.move_lattice(self.integrator.state)
         self.models.lattice.take_wind(self.aero, inflow, time)
         nodes, velocities, earlier = (a.reshape(-1, 3) for a in (x.nodes, x.velocities, self._earlier_velocities))
         points_ahead(nodes, velocities, earlier, dt, self._wind_points)
@@ -298,6 +342,18 @@ class Coupling:
             raise SimulationError(self._failure(code))
         for array in self.integrator.inputs:
             array[0] = array[1]
+        if self.moving is not None:
+            y, work = self.integrator.state, self.integrator.work
+            self.move_lattice(y)
+            self.moving.take_force(self.aero.arrays, y, work)
+            self.moving.load(y, work, x.tower.given)
+
+    def _renew_basis(self):
+        """Modes of the blades as they are now."""
+        self.move_lattice(self.integrator.state)
+        loads = (self.integrator.inputs.body_loads, self.exchange.previous_loads, self._monitor.loads)
+        self.basis.update(self.integrator.history, loads, self.integrator.work, self.blade_forces)
+        self.move_lattice(self.integrator.state)
 
     def _advance(self, blade_wind):
         """One compiled call; or several with the induction of a big wake between them."""
@@ -386,6 +442,9 @@ class Coupling:
         return blade_wind
 
     def _place_bodies(self):
-        """The nacelle's body where the nacelle is, as far as the kinematics are up to date."""
+        """The bodies where the structure is, as far as the kinematics are up to date."""
         work, nacelle = self.integrator.work, self.models.structure.nacelle
+        if self.moving is not None:
+            self.moving.place(self._moved_to, work)
+            return
         place_nacelle(self.models.lattice.bodies, work.rot[nacelle], work.omega[nacelle])

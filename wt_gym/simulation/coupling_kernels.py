@@ -71,7 +71,8 @@ def rotor_loads(forces, rot, elastic, points, carriers, pieces, loads):
 
 @kernel(separate=True)
 def tower_drag(y, tree, work, tower, loads):
-    """Loads (6 + n_f,) of the tower from the drag of the wind, by virtual work; kinematics are up to date.
+    """Loads (6 + n_f,) of the tower: the drag of the wind, by virtual work, on top of what is given by its body in the
+    flow (`wt_gym.simulation.tower_air`); kinematics are up to date.
 
     A cylinder across the flow: the force of a point that stands for a piece of the tower is ½ ρ C_d D l |w| w, with the
     part w across the tower of the wind relative to the moving point. tower: `TowerAir`.
@@ -82,7 +83,7 @@ def tower_drag(y, tree, work, tower, loads):
     point_motion(rot, work.r[b], work.v[b], work.omega[b], elastic, y[u : u + n], tower.points, tower.position,
                  tower.velocity)  # fmt: skip
     for k in range(loads.shape[0]):
-        loads[k] = 0.0
+        loads[k] = tower.given[k]
     for p in range(tower.drag.shape[0]):
         along, square = 0.0, 0.0
         for i in range(3):

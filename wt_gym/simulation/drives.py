@@ -284,6 +284,13 @@ class LinearDamper:
             raise ActionError(f"generator_torque is {demand} N m; a generator that is a linear damper takes no demand")
 
 
+def _own_law(drivetrain):
+    """Law of a generator as its drivetrain describes it."""
+    if drivetrain.takes_torque:
+        return TorqueCommand(drivetrain)
+    return LinearDamper(drivetrain.generator_damping, drivetrain)
+
+
 class Drives:
     """All drives of a turbine and their commands.
 
@@ -291,7 +298,7 @@ class Drives:
     ----------
     turbine : Turbine
     generator : GeneratorLaw, optional
-        By default a `TorqueCommand`.
+        By default a `TorqueCommand`, or a `LinearDamper` where the drivetrain takes no demand.
 
     Attributes
     ----------
@@ -302,7 +309,7 @@ class Drives:
 
     def __init__(self, turbine, generator=None):
         self.pitch, self.yaw = PitchDrives(turbine.pitch, turbine.n_blades), YawDrive(turbine.nacelle.max_yaw_rate)
-        self.generator = TorqueCommand(turbine.drivetrain) if generator is None else generator
+        self.generator = _own_law(turbine.drivetrain) if generator is None else generator
         self.command = np.zeros(2 + turbine.n_blades)
         self._ideal_pitch = turbine.pitch.servo_frequency is None
         self._step, self._pitch_rate = 0.0, np.zeros(turbine.n_blades)

@@ -16,6 +16,7 @@ from wt_gym.simulation.measurement import Measurement
 from wt_gym.simulation.start import Starter
 from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.turbines import Turbine, load_turbine
+from wt_gym.turbines.damper import with_generator
 
 __all__ = ["Simulator"]
 
@@ -33,8 +34,9 @@ class Simulator:
         "training", "engineering", "reference" or one of your own.
     threads : int
         Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
-    generator : GeneratorLaw, optional
-        What loads the rotor, by default a torque that is demanded; see `wt_gym.simulation.drives`.
+    generator : "torque", "damper" or GeneratorLaw, optional
+        What loads the rotor: a torque that is demanded, which is what most turbines have; the damper of the turbine,
+        see `wt_gym.turbines.damper.with_damper`; or a law, see `wt_gym.simulation.drives`.
 
     Attributes
     ----------
@@ -61,7 +63,8 @@ class Simulator:
     def __init__(self, turbine="nrel_5mw", inflow=None, fidelity="training", threads=1, generator=None):
         if inflow is None:
             raise SimulationError("Simulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
-        self.turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        self.turbine, generator = with_generator(turbine, generator)
         self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
         self.drives = Drives(self.turbine, generator)
         models = assemble(self.turbine, self.fidelity, threads, self.drives.generator.damping)
@@ -215,6 +218,45 @@ class Simulator:
         self._n_steps = state.n_steps
         self._started = True
         self.coupling.resume()
+
+    def root_multipliers(self):
+        """Lagrange multipliers of the constraints that hold the blades: the loads which the hub exerts on them.
+
+        They cost nothing unless they are asked for, and need ``formulation="constrained"``. ``-multipliers[:, 4]`` is
+        the channel root_flap_moment, ``-multipliers[:, 3]`` root_edge_moment, ``-multipliers[:, 5]`` root_torsion.
+
+        Returns
+        -------
+        array (n_blades, 6)
+            Force [N] and moment about the root [N m], in the axes of the pitched root.
+
+        Raises
+        ------
+        SimulationError
+            Without constraint equations.
+        """
+        self._require_start()
+        return self.coupling.root_multipliers()
+
+    def constraint_drift(self, restart=True):
+        """How far steps have drifted off the constraint equations before they were put back onto them.
+
+        Parameters
+        ----------
+        restart : bool
+            Forget it after.
+
+        Returns
+        -------
+        Drift
+            ``norm``: largest | |q| − 1 | of a quaternion; ``position`` [m or rad] and ``velocity`` [m/s or rad/s]:
+            largest residual of a constraint equation and of its rate, over all steps and passes since the last time.
+            Zeros without constraint equations.
+        """
+        drift = self.coupling.integrator.drift
+        if restart:
+            self.coupling.integrator.restart_drift()
+        return drift
 
     def _state_arrays(self):
         """Every array that carries state, by name."""

@@ -46,6 +46,8 @@ class Starter:
         coupling, balanced = self.coupling, self._balanced
         for array in (*balanced.integrator.inputs, *coupling.integrator.inputs):
             array[:] = 0.0
+        for each in {balanced, coupling}:
+            each.restart()
         balanced.aero.clear()  # the tower stands in what the last wake slowed
         y = self._rigid_state(rotor_speed, azimuth)
         self._find_equilibrium(y, rotor_speed, generator_torque, inflow)

@@ -57,6 +57,8 @@ class TurbineStructure:
         At the tower points [m].
     drag_points : Points
         Points of the tower that bear its drag.
+    blade_field, tower_field : (Beam, array (n_dof, n))
+        Finite elements of a blade and the tower, and the nodal displacements of their coordinates.
     """
 
     system: MultibodySystem
@@ -74,6 +76,8 @@ class TurbineStructure:
     tower_points: Points
     tower_radius: np.ndarray
     drag_points: Points
+    blade_field: tuple
+    tower_field: tuple
 
     def elastic(self, body, y):
         """Elastic coordinates and rates (n_f,) of a body in a state, views."""
@@ -160,8 +164,8 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     TurbineStructure
     """
     blade_beam, blade_basis, blade_body = _blade(turbine.blade, fidelity)
-    system = MultibodySystem()
-    tower_body, tower_points, tower_radius, drag_points = _tower(turbine, fidelity, blade_body)
+    system = MultibodySystem(stabilisation=fidelity.stabilisation, projection=fidelity.projection)
+    tower_body, tower_points, tower_radius, drag_points, tower_field = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
     nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)
     generator, hub = _add_drivetrain(
@@ -196,6 +200,8 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
         tower_points=tower_points,
         tower_radius=tower_radius,
         drag_points=drag_points,
+        blade_field=(blade_beam, blade_basis),
+        tower_field=tower_field,
     )
 
 
@@ -243,9 +249,7 @@ def _moving_dofs(modes):
 def _blade_modes(beam, fidelity):
     """Modes of a blade and their names."""
     flap, edge, torsion = fidelity.blade_modes
-    # A bending mode carries the twist that its inertial loads make as it vibrates. Without torsion modes nothing could
-    # undo that twist under other loads: flap would feather the blade by 0.3 degrees a metre, so bending stays bending.
-    node_dofs = (0, 1, 2, 3, 4, 5) if torsion else (0, 1, 2, 3, 4)
+    node_dofs = bending_dofs(fidelity.blade_modes)
     modes = clamped_modes(beam, min(len(node_dofs) * fidelity.blade_elements, 40), node_dofs=node_dofs)
     try:
         chosen = select_modes(modes, flap=flap, edge=edge, torsion=torsion)
@@ -257,6 +261,15 @@ def _blade_modes(beam, fidelity):
     names = [f"flap_{i + 1}" for i in range(flap)] + [f"edge_{i + 1}" for i in range(edge)]
     names += [f"torsion_{i + 1}" for i in range(torsion)]
     return modes.shape[:, chosen], names
+
+
+def bending_dofs(counts):
+    """Directions in which the nodes of a blade move in its modes, for the counts of flap, edge and torsion modes.
+
+    A bending mode carries the twist that its inertial loads make as it vibrates. Without torsion modes nothing could
+    undo that twist under other loads: flap would feather the blade by 0.3 degrees a metre, so bending stays bending.
+    """
+    return (0, 1, 2, 3, 4, 5) if counts[2] else (0, 1, 2, 3, 4)
 
 
 def _axis_at_stations(blade):
@@ -317,7 +330,7 @@ def _tower(turbine, fidelity, blade_body):
         body = body_from_beam("tower", beam, "nodal", dofs=dofs, tip_mass=top, damping_ratio=ratio)
     height = np.linspace(0.0, tower.length, 13)
     points, for_drag = (body_points(beam, basis, z[:, None] * [0.0, 0.0, 1.0]) for z in (height, drag_heights(tower)))
-    return body, points, 0.5 * np.asarray(tower.diameter_at(height)), for_drag
+    return body, points, 0.5 * np.asarray(tower.diameter_at(height)), for_drag, (beam, basis)
 
 
 def drag_heights(tower):

@@ -170,6 +170,16 @@ class ParticleFields:
         """H of every mass point; large for nodal bases."""
         return self._axis_second[self._gauss] + SecondOrderField.of_offset(self._rotation[self._gauss], self._offset)
 
+    def second_along(self, q):
+        """H_p q (n_p, 3, n): how the displacement per coordinate changes with a deformation q (n,)."""
+        axis = np.einsum("gijk,k->gij", self._axis_second, q, optimize=True)[self._gauss]
+        theta, d = self._rotation[self._gauss], self._offset
+        turned = theta @ q
+        # ½ [θ_j (θ·d) + θ (θ_j·d)] − d (θ_j·θ)
+        along = np.einsum("pi,pi->p", turned, d)
+        mixed = theta * along[:, None, None] + np.einsum("pi,pj,pjk->pik", turned, d, theta, optimize=True)
+        return axis + 0.5 * mixed - np.einsum("pi,pj,pjk->pik", d, turned, theta, optimize=True)
+
     def contract_second(self, force):
         """Σ_p force_p · H_p (n, n) without storing H of all points; force (n_p, 3)."""
         n_g = len(self._axis_second)

@@ -7,7 +7,7 @@ import numpy as np
 from wt_gym.structure import eigen_kernels
 from wt_gym.structure.beam import skew
 
-__all__ = ["Modes", "clamped_modes", "lowest_modes", "select_modes"]
+__all__ = ["Modes", "clamped_modes", "lowest_modes", "named_modes", "select_modes"]
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,12 @@ def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None, node_dofs=(0
     value, vector = lowest_modes(stiffness[block], mass[block], n)
     shape = np.zeros((beam.n_dof, n))
     shape[free] = vector
-    shape *= _tip_sign(shape)
+    return named_modes(beam, value, shape)
+
+
+def named_modes(beam, value, shape):
+    """`Modes` from λ (n,) [rad²/s²] and mass-normalised shapes (n_dof, n), which receive the signs of their tips."""
+    shape = shape * _tip_sign(shape)
     return Modes(np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), shape, tuple(_kind(beam, s) for s in shape.T))
 
 

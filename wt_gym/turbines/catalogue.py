@@ -43,9 +43,19 @@ _FILES: dict[str, Callable[[], Path]] = {
 }
 
 
+def _gebhardt() -> Turbine:
+    from wt_gym.turbines.gebhardt_turbine import gebhardt_turbine  # which takes its sections from this catalogue
+
+    return gebhardt_turbine()
+
+
+_BUILT: dict[str, Callable[[], Turbine]] = {"gebhardt_45m": _gebhardt}
+"""Turbines that no windIO file describes."""
+
+
 def catalogue() -> tuple[str, ...]:
     """Return the names that ``load_turbine`` knows."""
-    return tuple(_FILES)
+    return (*_FILES, *_BUILT)
 
 
 def load_turbine(name_or_path: str | Path) -> Turbine:
@@ -73,6 +83,8 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     >>> load_turbine("nrel_5mw").rotor_diameter
     126.0
     """
+    if isinstance(name_or_path, str) and name_or_path in _BUILT:
+        return _BUILT[name_or_path]()
     path = turbine_file(name_or_path)
     try:
         content = path.read_bytes()
@@ -97,11 +109,16 @@ def turbine_file(name_or_path: str | Path) -> Path:
     Raises
     ------
     TurbineDefinitionError
-        If it is neither.
+        If it is neither, or a turbine of the catalogue that has no file.
     """
     if isinstance(name_or_path, str) and name_or_path in _FILES:
         return _FILES[name_or_path]()
-    allowed = f"one of {', '.join(map(repr, _FILES))} or the path of a windIO v2 file"
+    if isinstance(name_or_path, str) and name_or_path in _BUILT:
+        raise TurbineDefinitionError(
+            f"turbine {name_or_path!r} has no windIO file, the package builds it: load_turbine({name_or_path!r}); with "
+            f"a file are {', '.join(map(repr, _FILES))}"
+        )
+    allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO v2 file"
     if not isinstance(name_or_path, (str, Path)):
         raise fail("turbine", name_or_path, allowed)
     path = Path(name_or_path).expanduser()

@@ -30,6 +30,9 @@ __all__ = ["GENERATOR_DAMPER", "boundary_layer", "gebhardt_data", "gebhardt_turb
 
 ROOT_CHORD = 0.3
 """Chord of the lattice where the blade carries no lift [m]: the root strips of a lattice may be slender, not absent."""
+MOST_TORQUE, TORQUE_RATE = 1.1, 0.348
+"""Greatest torque of a generator with torque control and its rate [1/s], over the rated torque: those of the NREL 5-MW
+(NREL/TP-500-38060, Table 7-2: 47.40 kN m and 15 kN m/s, rated 43.09 kN m). The paper's generator is a damper."""
 ROOT_RAMP = 1.0
 """Half of the length over which the chord of the lattice rises where the lifting surface begins [m]."""
 
@@ -64,13 +67,15 @@ def boundary_layer(wind_speed, reference_height=None):
 
 
 @cache
-def gebhardt_turbine(tower_stiffness=1.0):
+def gebhardt_turbine(tower_stiffness=1.0, nacelle_forward=None):
     """The stand-in turbine, undamped like the paper's, with a generator that turns with the rotor.
 
     Parameters
     ----------
     tower_stiffness : float
         Factor on the bending stiffness of the tower.
+    nacelle_forward : float, optional
+        Distance of the nacelle's centre of mass upwind of the tower [m]; by default the inferred one.
 
     Returns
     -------
@@ -78,7 +83,7 @@ def gebhardt_turbine(tower_stiffness=1.0):
         Its gear ratio is 1: generator torque and speed are those of the rotor side, as in the paper.
     """
     data = gebhardt_data()["stand_in"]
-    blade, nacelle, tower = _blade(data), _nacelle(data), _tower(data, tower_stiffness)
+    blade, nacelle, tower = _blade(data), _nacelle(data, nacelle_forward), _tower(data, tower_stiffness)
     hub, slowest, fastest = data["hub"], *(rpm * np.pi / 30.0 for rpm in data["rotor_speed_range_rpm"])
     tilt = np.radians(data["nacelle"]["tilt_deg"])
     return Turbine(
@@ -112,9 +117,9 @@ def gebhardt_turbine(tower_stiffness=1.0):
             rated_power=data["rated_power_W"],
             rated_rotor_speed=fastest,
             min_rotor_speed=slowest,
-            # far above the damper's torque at any speed reached, so that neither limit ever acts
-            max_generator_torque=3.0 * GENERATOR_DAMPER * fastest,
-            max_torque_rate=1e9,
+            max_generator_torque=MOST_TORQUE * data["rated_power_W"] / fastest,
+            max_torque_rate=TORQUE_RATE * data["rated_power_W"] / fastest,
+            generator_damping=GENERATOR_DAMPER,
         ),
         pitch=PitchSystem(min_pitch=np.radians(-20.0), max_pitch=np.radians(90.0), max_rate=np.radians(10.0)),
         iec_class="II",
@@ -200,14 +205,14 @@ def _tower(data, stiffness):
     )
 
 
-def _nacelle(data):
+def _nacelle(data, forward):
     """Rigid nacelle in front of the tower, yaw held."""
     nacelle = data["nacelle"]
     yaw, roll = nacelle["inertia_yaw_kgm2"], nacelle["inertia_roll_kgm2"]
-    forward = gebhardt_data()["inferred"]["nacelle_cm_downwind_of_tower_m"]
+    downwind = gebhardt_data()["inferred"]["nacelle_cm_downwind_of_tower_m"] if forward is None else -forward
     return Nacelle(
         mass=nacelle["mass_kg"],
-        cm=np.array([forward, 0.0, nacelle["cm_above_tower_top_m"]]),
+        cm=np.array([downwind, 0.0, nacelle["cm_above_tower_top_m"]]),
         inertia=np.diag([roll, yaw, yaw]),
         tilt=np.radians(nacelle["tilt_deg"]),
         overhang=nacelle["overhang_m"],

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wt_gym.fields import later_field
 from wt_gym.turbines.airfoil import Airfoil, Polar
 from wt_gym.turbines.beam import BeamStations
 from wt_gym.turbines.blade import Blade
@@ -223,7 +224,10 @@ class Drivetrain(ArrayRecord):
     max_generator_torque : float
         High-speed shaft [N m] (VS_MaxTq).
     max_torque_rate : float
-        High-speed shaft [N m/s] (VS_MaxRat).
+        High-speed shaft [N m/s] (VS_MaxRat); 0 for a generator that takes no demand, a linear damper.
+    generator_damping : float
+        Torque over speed of a generator that is, or may run as, a linear damper, low-speed shaft [N m s/rad]; 0 if it
+        cannot.
     """
 
     gear_ratio: float
@@ -237,6 +241,12 @@ class Drivetrain(ArrayRecord):
     min_rotor_speed: float
     max_generator_torque: float
     max_torque_rate: float
+    generator_damping: float = later_field(0.0)
+
+    @property
+    def takes_torque(self) -> bool:
+        """Whether the generator takes a demand for its torque."""
+        return self.max_torque_rate > 0.0
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -249,13 +259,15 @@ class Drivetrain(ArrayRecord):
             "rated_power": (0.0, 1e9),
             "rated_rotor_speed": (0.0, 100.0),
             "max_generator_torque": (0.0, _BIG),
-            "max_torque_rate": (0.0, _BIG),
         }
         checked = {
             name: check_number(f"Drivetrain.{name}", getattr(self, name), low, high, open_low=True)
             for name, (low, high) in ranges.items()
         }
-        checked["damper"] = check_number("Drivetrain.damper", self.damper, 0.0, _BIG)
+        for name in ("damper", "max_torque_rate", "generator_damping"):
+            checked[name] = check_number(f"Drivetrain.{name}", getattr(self, name), 0.0, _BIG)
+        if not (checked["max_torque_rate"] > 0.0 or checked["generator_damping"] > 0.0):
+            raise fail("Drivetrain.max_torque_rate", self.max_torque_rate, "0 with a positive generator_damping only")
         checked["min_rotor_speed"] = check_number(
             "Drivetrain.min_rotor_speed", self.min_rotor_speed, 0.0, checked["rated_rotor_speed"]
         )

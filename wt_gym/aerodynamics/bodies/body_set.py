@@ -261,7 +261,7 @@ class BodySet:
         )  # fmt: skip
         self._part = np.zeros((3, n))
         self._elimination = np.zeros(n, dtype=np.int64), np.zeros((n, 4)), np.zeros((4, n))
-        self._frames = np.full((len(bodies), 3, 4), np.nan)
+        self._frames, self._bent = np.full((len(bodies), 3, 4), np.nan), False
         self.place(np.tile(np.eye(3), (len(bodies), 1, 1)), np.zeros((len(bodies), 3)))
         self._check_apart()
 
@@ -312,7 +312,8 @@ class BodySet:
         for b in moved:
             self._move(b, frames[b, :, :3], frames[b, :, 3])
         self._frames[:] = frames
-        if len(moved):
+        moved, self._bent = self._bent or len(moved) > 0, False
+        if moved:
             a = self.arrays
             body_kernels.normal_matrix(a, self.ground, self.has_ground, self._part, a.inverse)
             invert(a.inverse, *self._elimination)
@@ -326,7 +327,32 @@ class BodySet:
         for b, panels in enumerate(self._panels()):
             arm = self.arrays.centre[:, panels].T - frames[b, :, 3]
             self.arrays.motion[:, panels] = (velocities[b] + np.cross(spins[b], arm)).T
-        return bool(len(moved))
+        return moved
+
+    def bend(self, body, vertices) -> None:
+        """Deform a body; the influences follow in the next call of `place`, which must not turn or shift it.
+
+        Parameters
+        ----------
+        body : int
+        vertices : array_like, shape (n_vertex, 3)
+            Where the vertices of its surface are now, global [m].
+
+        Raises
+        ------
+        AerodynamicsError
+            If a panel is no longer flat or reaches below the ground.
+        """
+        surface, a = self.bodies[body], self.arrays
+        vertices = np.asarray(vertices, dtype=np.float64)
+        corners, centre, normal, area = _panel_geometry(vertices[surface.quads], surface.name)
+        self._set_panels(body, corners, centre, normal, area)
+        if surface.tower is not None:
+            low, high = surface.vertices[:, 2].min(), surface.vertices[:, 2].max()
+            level = surface.vertices[:, 2]
+            a.axis[0] = vertices[level == low].mean(axis=0)
+            a.axis[1] = vertices[level == high].mean(axis=0)
+        self._bent = True
 
     def work(self, n_ring: int, n_point: int, wake_shape=(0, 0, 0)) -> BodyWork:
         """Work arrays for the coupling with a lattice of that many rings, points, and wake nodes (row, blade, node)."""
@@ -362,12 +388,16 @@ class BodySet:
         return [slice(*ends) for ends in pairwise(self.first_panel)]
 
     def _move(self, b, rotation, origin):
-        body, panels, a = self.bodies[b], self._panels()[b], self.arrays
-        a.corners[panels] = body.corners @ rotation.T + origin
-        a.centre[:, panels] = (body.centre @ rotation.T + origin).T
-        a.normal[panels] = body.normal @ rotation.T
+        body = self.bodies[b]
+        corners, centre = body.corners @ rotation.T + origin, body.centre @ rotation.T + origin
         if body.tower is not None:
-            a.axis[:] = body.tower.ends @ rotation.T + origin
+            self.arrays.axis[:] = body.tower.ends @ rotation.T + origin
+        self._set_panels(b, corners, centre, body.normal @ rotation.T, body.area)
+
+    def _set_panels(self, b, corners, centre, normal, area):
+        """Panels of a body: corners (n, 4, 3), centroids, normals (n, 3) and areas (n,)."""
+        body, panels, a = self.bodies[b], self._panels()[b], self.arrays
+        a.corners[panels], a.centre[:, panels], a.normal[panels] = corners, centre.T, normal
         if self.has_ground:
             lowest = float(a.corners[panels][..., 2].min())
             if lowest < self.ground - 1e-9 * np.ptp(body.vertices, axis=0).max():
@@ -376,7 +406,7 @@ class BodySet:
         q = _second_moments(a.corners[panels], centre, a.normal[panels])
         near = FAR**2 * np.max(np.sum((a.corners[panels] - centre[:, None]) ** 2, axis=2), axis=1)
         a.far[panels] = np.column_stack(
-            [body.area, q[:, 0, 0], q[:, 1, 1], q[:, 2, 2], q[:, 0, 1], q[:, 1, 2], q[:, 2, 0], 4.0 * np.pi * near]
+            [area, q[:, 0, 0], q[:, 1, 1], q[:, 2, 2], q[:, 0, 1], q[:, 1, 2], q[:, 2, 0], 4.0 * np.pi * near]
         ) / (4.0 * np.pi)
 
     def _check_apart(self):

@@ -19,6 +19,7 @@ from wt_gym.control.operating_point import (
     TorqueCurve,
     design_point,
     is_nrel_5mw,
+    operating_point,
     rotor_inertia,
     torque_curve,
 )
@@ -81,7 +82,8 @@ class BaselineParameters:
 
         The pitch gains place the closed-loop poles of the rotor speed (NREL/TP-500-38060, equations 7-15 and 7-16):
         ``KP = 2 I Omega zeta omega_n / (N |dP/dtheta|)``, ``KI = I Omega omega_n^2 / (N |dP/dtheta|)``. The corner
-        frequency of the speed filter scales with the rated rotor speed.
+        frequency of the speed filter scales with the rated rotor speed. Fine pitch is zero; under a damper, against
+        which a rotor at zero pitch stalls, it is that of the operating point in rated wind.
 
         Parameters
         ----------
@@ -98,6 +100,8 @@ class BaselineParameters:
             / (drivetrain.gear_ratio * abs(design.pitch_sensitivity) * curve.rated_power)
         )  # fmt: skip
         fine_pitch = max(pitch.min_pitch, 0.0)
+        if not drivetrain.takes_torque:
+            fine_pitch = operating_point(turbine, turbine.rated_wind_speed).pitch
         return cls(
             corner_frequency=NREL_5MW.corner_frequency * drivetrain.rated_rotor_speed / (12.1 * math.pi / 30),
             proportional_gain=2 * gain * design.damping_ratio * design.natural_frequency,

@@ -33,14 +33,17 @@ LOWEST_COEFFICIENT = -0.15
 """Power coefficient at which a row ends: no controller takes a rotor that far; the row goes on with its last slopes."""
 
 _INERTIAS_PER_SECOND = 0.3
-"""Feedback on the speed with which the machine holds it, in inertias of the rotor a second."""
+"""Feedback on the speed with which the machine holds it, in inertias of the rotor a second: a damper of the structure,
+since a torque held over a step would shake a light hub between heavy blades."""
 _FEEDFORWARD_LAG = 1.0
 """Time constant of the moment of the air that the machine takes up [s]: not so fast as to drive the shaft's torsion."""
 
 
 @dataclass(frozen=True)
 class _Machine(TorqueCommand):
-    """Generator law without limits, which can drive the rotor as well."""
+    """Generator law without limits, which can drive the rotor as well, with a damper about a commanded speed."""
+
+    damping: float = 0.0
 
     def first(self, value, speed):
         """Any torque [N m]."""
@@ -48,7 +51,7 @@ class _Machine(TorqueCommand):
 
     def balance(self, moment, speed):
         """The torque that balances the moment [N m]."""
-        return moment / self.drivetrain.gear_ratio
+        return (moment - self.damping * speed) / self.drivetrain.gear_ratio
 
     def follow(self, command, demand, dt, speed):
         """Take over the demand [N m] at once."""
@@ -81,7 +84,7 @@ def measure_rotor(
         turbine,
         SteadyInflow(turbine.rated_wind_speed, turbine.hub_height),
         fidelity,
-        generator=_Machine(turbine.drivetrain),
+        generator=_Machine(turbine.drivetrain, _INERTIAS_PER_SECOND * rotor_inertia(turbine)),
     )
     power, thrust = (np.zeros((len(TIP_SPEED_RATIO), len(pitches))) for _ in range(2))
     for j, pitch in enumerate(pitches):
@@ -119,14 +122,14 @@ def _settled(simulator, speed: float, pitch: float, settling: float) -> tuple[fl
     """Power and thrust coefficient, with the rotor held at a speed [rad/s] and pitch [rad]."""
     turbine, dt = simulator.turbine, simulator.time_step
     radius, gear = turbine.rotor_diameter / 2, turbine.drivetrain.gear_ratio
-    stiffness = _INERTIAS_PER_SECOND * rotor_inertia(turbine)
+    driven = simulator.drives.generator.damping * speed  # the damper holds the commanded speed, not rest
     signals = simulator.signals
     moment = LowPass(_FEEDFORWARD_LAG)
     moment.reset(signals["aero_torque"])
     settle, average = round(settling / dt), round(2 * math.pi / speed / dt)
     rows = []
     for _ in range(settle + average):
-        held = moment.update(signals["aero_torque"], dt) + stiffness * (signals["generator_speed"] / gear - speed)
+        held = moment.update(signals["aero_torque"], dt) - driven
         signals = simulator.advance(dt, pitch=pitch, generator_torque=held / gear)
         rows.append((signals["aero_power"], signals["aero_thrust"]))
     power, thrust = np.mean(rows[settle:], axis=0)

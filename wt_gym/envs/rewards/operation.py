@@ -18,7 +18,8 @@ class ActuatorUse:
     """Penalty on actuator use: mean of |rate| / greatest rate over the blades' pitch, the yaw drive and the torque.
 
     The share of the pitch system is the actuator duty cycle, by the way that the blades turned in all time steps of the
-    simulator. Torque counts by its change over the step. A turbine without yaw drive has the mean of the other two.
+    simulator. Torque counts by its change over the step. A turbine without yaw drive, or with a damper as generator,
+    has the mean of the others.
     """
 
     weight: float = 0.1
@@ -28,8 +29,10 @@ class ActuatorUse:
         """Rate of reward [1/s]."""
         turbine, before, after = transition.turbine, transition.before, transition.after
         travel = sum(of_blades(after, "pitch_travel", turbine.n_blades)) / turbine.n_blades
-        torque = abs(after["generator_torque"] - before["generator_torque"]) / transition.dt
-        uses = [travel / transition.dt / turbine.pitch.max_rate, torque / turbine.drivetrain.max_torque_rate]
+        uses = [travel / transition.dt / turbine.pitch.max_rate]
+        if turbine.drivetrain.takes_torque:
+            torque = abs(after["generator_torque"] - before["generator_torque"]) / transition.dt
+            uses.append(torque / turbine.drivetrain.max_torque_rate)
         if turbine.nacelle.max_yaw_rate > 0.0:
             uses.append(abs(after["yaw_rate"]) / turbine.nacelle.max_yaw_rate)
         return -self.weight * sum(min(use, 1.0) for use in uses) / len(uses)

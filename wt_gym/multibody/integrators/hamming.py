@@ -10,13 +10,14 @@ from wt_gym.multibody.integrators import integrator_kernels
 from wt_gym.multibody.integrators.stability import check_hamming_step
 from wt_gym.multibody.tree import tree_kernels
 
-__all__ = ["HammingIntegrator", "History", "checked_start", "new_history"]
+__all__ = ["Drift", "HammingIntegrator", "History", "checked_start", "new_history"]
 
 History = namedtuple("History", "y f memory marks matrix pivot")
 """What an integration goes on from, of one type for all schemes: states y and rates f (n_points, n_state), newest last;
 memory: of the Hamming scheme its error estimate (n_state,), of implicit ones the pseudo-accelerations (n_v,); marks:
 how many older points count (1,), or the counters of the implicit schemes (3,); factors of Newton's matrix (n_v, n_v)
 with pivots (n_v,), of implicit schemes. n_v counts velocities and servos."""
+Drift = namedtuple("Drift", "norm position velocity")
 STARTERS = {"adams": 0, "runge-kutta": -3}
 """What ``marks`` of an empty history is."""
 
@@ -106,6 +107,22 @@ class HammingIntegrator:
         history.memory[:] = 0.0
         history.marks[0] = STARTERS[self.starter]
         history.f[3] = system.rates(y, self.inputs, self.work)
+
+    @property
+    def drift(self):
+        """What steps have drifted by before they were put back, the largest since `restart_drift`.
+
+        Returns
+        -------
+        Drift
+            Of any quaternion | |q| − 1 |; of any constraint equation |φ| [m or rad] and |φ̇| [m/s or rad/s], as they
+            were at the end of the corrector passes, before the projection onto the constraints.
+        """
+        return Drift(*self.work.drift.tolist())
+
+    def restart_drift(self):
+        """Forget the drift of the steps so far."""
+        self.work.drift[:] = 0.0
 
     @property
     def state(self):

@@ -19,7 +19,7 @@ import math
 
 from wt_gym.compiled import kernel
 from wt_gym.multibody.tree.linear_algebra_kernels import factorise, solve_factorised
-from wt_gym.multibody.tree.rate_kernels import rates
+from wt_gym.multibody.tree.rate_kernels import keep_drift, rates
 from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, NOT_CONVERGED, OK, SPHERICAL
 
 FRESH, EVALUATIONS, TANGENTS = range(3)
@@ -169,6 +169,8 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
         code = residual(h, scheme, history, x, tau, inputs, tree, work, scratch, r, constrained)
         if code != OK:
             return code
+        if constrained is not None:
+            keep_drift(work)
         for i in range(n_u + n_s):
             history.memory[i] = scratch.pseudo[i]
         for i in range(history.y.shape[1]):

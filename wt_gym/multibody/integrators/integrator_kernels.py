@@ -9,11 +9,12 @@ The first starter leaves an error of order h³, and so the whole run. The classi
 three steps instead: the error it leaves is that of the scheme itself.
 
 Positions and velocities that have left the constraint equations during a step are put back at its end (the closest
-state, in the norm of the mass matrix), before the last evaluation; Baumgarte's terms then have nothing left to do.
+state, in the norm of the mass matrix), before the last evaluation; Baumgarte's terms then have nothing left to do. A
+system without projection leaves it to them.
 """
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.tree.rate_kernels import prescribe_servos, project, rates
+from wt_gym.multibody.tree.rate_kernels import keep_drift, prescribe_servos, project, rates
 from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
 
 
@@ -86,7 +87,9 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
             if k == n_evaluations - 1:
                 break
             if k == n_passes:  # only with constraint equations
-                project(c, tree, work, p, fn)
+                keep_drift(work)
+                if tree.projection:
+                    project(c, tree, work, p, fn)
                 continue
             for i in range(n):
                 if filled >= 3:
@@ -108,7 +111,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                         c[i] -= e[i]
                     if not abs(c[i]) < 1e12:
                         return DIVERGED
-                normalise_quaternions(c, tree.kind, tree.joint_q, work.norm_error)
+                normalise_quaternions(c, tree.kind, tree.joint_q, work.drift)
         prescribe_servos(c, tau, inputs, tree.n_q + tree.n_u)
         for i in range(n):
             y[0, i], y[1, i], y[2, i], y[3, i] = y[1, i], y[2, i], y[3, i], c[i]
@@ -123,8 +126,8 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
 
 
 @kernel
-def normalise_quaternions(y, kinds, joint_q, error):
-    """Scale the quaternions of spherical and free joints to unit length; error (1,) keeps the largest | |q| − 1 |."""
+def normalise_quaternions(y, kinds, joint_q, drift):
+    """Scale the quaternions of spherical and free joints to unit length; drift[0] keeps the largest | |q| − 1 |."""
     for b in range(kinds.shape[0]):
         if kinds[b] == SPHERICAL or kinds[b] == FREE:
             q = joint_q[b] + (0 if kinds[b] == SPHERICAL else 3)
@@ -132,6 +135,6 @@ def normalise_quaternions(y, kinds, joint_q, error):
             for i in range(4):
                 n += y[q + i] * y[q + i]
             scale = 1.0 / n**0.5
-            error[0] = max(error[0], abs(n**0.5 - 1.0))
+            drift[0] = max(drift[0], abs(n**0.5 - 1.0))
             for i in range(4):
                 y[q + i] *= scale

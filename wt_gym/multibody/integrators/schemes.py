@@ -124,6 +124,8 @@ class _ImplicitIntegrator:
             raise MultibodyError(FAILURES[code])
         return rate
 
+    drift, restart_drift = HammingIntegrator.drift, HammingIntegrator.restart_drift
+
     @property
     def state(self):
         """Current state (n_state,), a view."""

@@ -119,6 +119,14 @@ def position_rates(y, yd, dof_q, kinds, joint_q, joint_u, dy):
             dy[q + 3] = 0.5 * (a * w2 + x * w1 - yy * w0)
 
 
+@kernel
+def keep_drift(work):
+    """``work.drift`` keeps the largest |φ| [1] and |φ̇| [2] that the right-hand side has found; see `Drift` for [0]."""
+    for i in range(work.residual.shape[0]):
+        work.drift[1] = max(work.drift[1], abs(work.residual[i]))
+        work.drift[2] = max(work.drift[2], abs(work.residual_rate[i]))
+
+
 @kernel(separate=True)
 def project(y, tree, work, change, shift):
     """Put a state back onto the constraint equations φ = 0, φ̇ = 0, in place.

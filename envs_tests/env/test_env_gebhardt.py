@@ -1,0 +1,178 @@
+"""The turbine of Gebhardt et al. 2012 as an environment: contract, fixed yaw, damper or torque, boundary layer."""
+
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.control import operating_point
+from wt_gym.control.controllers.rotor_table import rotor_table
+from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.errors import ActionError, InflowError, TurbineDefinitionError
+from wt_gym.simulation import Simulator
+from wt_gym.turbines import catalogue, load_turbine
+from wt_gym.turbines.catalogue import turbine_file
+from wt_gym.turbines.damper import with_damper
+from wt_gym.turbines.gebhardt_turbine import GENERATOR_DAMPER, boundary_layer
+from wt_gym.wind import SteadyInflow
+
+IDS = ("wt_gym/Gebhardt45m-Steady-v0", "wt_gym/Gebhardt45m-Turbulent-v0")
+TURBINE = load_turbine("gebhardt_45m")
+HEIGHTS = np.array([[0.0, 0.0, z] for z in (5.0, 40.0, 70.0, 110.0, 275.0)])
+
+
+@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("generator", ["torque", "damper"])
+def test_both_checkers_have_nothing_to_say(env_id, generator):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(env_id, generator=generator)
+        check_env(env.unwrapped, skip_render_check=True)
+        sb3_check_env(env)
+
+
+@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize(("generator", "names"), [("torque", ("pitch_rate", "generator_torque_rate")),
+                                                  ("damper", ("pitch_rate",))])  # fmt: skip
+def test_no_action_is_dead(env_id, generator, names):
+    """Each component moves something; there is none for the yaw that is fixed, nor for the torque of a damper."""
+    env = gym.make(env_id, generator=generator, wind_speed=12.0).unwrapped
+    assert env.layout.action.names == names
+    assert not any("yaw_rate" in name for name in env.layout.observation.names)
+    env.reset(seed=1)
+    start = env.snapshot()
+    still, *_ = env.step(np.zeros(len(names)))
+    for k in range(len(names)):
+        env.restore(start)
+        moved, *_ = env.step(np.eye(len(names))[k])
+        assert np.abs(moved - still).max() > 1e-3
+
+
+@pytest.mark.parametrize("kwargs", [{}, {"action_mode": "residual"}])
+@pytest.mark.parametrize("generator", ["torque", "damper"])
+def test_random_actions_do_not_break_an_episode(generator, kwargs):
+    env = gym.make(IDS[1], generator=generator, wind_speed=14.0, **kwargs).unwrapped
+    env.action_space.seed(7)
+    observation, info = env.reset(seed=2)
+    over = False
+    while not over:
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        assert np.isfinite(observation).all()
+        assert np.isfinite(reward)
+        over = terminated or truncated
+    assert info.get("termination") != "failure"
+    if kwargs or generator == "damper":
+        assert truncated
+
+
+@pytest.mark.parametrize("generator", ["torque", "damper"])
+def test_snapshots_continue_bit_for_bit(generator):
+    env = gym.make(IDS[1], generator=generator, wind_speed=13.0, sensor_noise=1.0).unwrapped
+    env.reset(seed=3)
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (6, *env.action_space.shape))
+    for action in actions[:3]:
+        env.step(action)
+    kept = env.snapshot()
+    first = [env.step(action)[:2] for action in actions]
+    env.restore(kept)
+    again = [env.step(action)[:2] for action in actions]
+    for (a, r), (b, s) in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a, b)
+        assert r == s
+
+
+def test_the_damper_takes_power_with_the_square_of_the_speed():
+    """P = c Ω² of the paper, 2.0e6 N m s: 2.3 MW at 10.2 rpm, the rated speed under the damper."""
+    env = gym.make(IDS[0], generator="damper", wind_speed=16.0).unwrapped
+    env.reset(seed=0)
+    for _ in range(5):
+        *_, info = env.step([0.0])
+    assert info["generator_power"] == pytest.approx(GENERATOR_DAMPER * info["rotor_speed"] ** 2, rel=1e-9)
+    assert env.turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi == pytest.approx(10.24, abs=0.01)
+    with pytest.raises(ActionError, match="damper takes no demand"):
+        env.reset(options={"generator_torque": 1e5})
+
+
+def test_operating_points_of_the_damper_balance_air_and_generator():
+    turbine = with_damper(TURBINE)
+    table = rotor_table(turbine)
+    for wind in (10.0, 16.0, 18.0):
+        point = operating_point(turbine, wind)
+        torque = table.torque(wind, point.rotor_speed, point.pitch)
+        assert torque == pytest.approx(GENERATOR_DAMPER * point.rotor_speed, rel=0.05)
+        assert point.generator_torque == 0.0
+
+
+def test_simulators_take_the_name_and_the_damper():
+    simulator = Simulator("gebhardt_45m", SteadyInflow(14.0), generator="damper")
+    assert simulator.turbine.drivetrain.rated_rotor_speed == with_damper(TURBINE).drivetrain.rated_rotor_speed
+    assert simulator.structure.system.tree.dof_damping[simulator.structure.azimuth_u] == GENERATOR_DAMPER
+
+
+@pytest.mark.parametrize(("profile", "expected"), [
+    ({"shear_exponent": 0.16}, boundary_layer(15.0).velocity(HEIGHTS, 0.0)[:, 0]),
+    ({"roughness_length": 0.03}, 15.0 * np.log(HEIGHTS[:, 2] / 0.03) / np.log(275.0 / 0.03)),
+])  # fmt: skip
+def test_winds_of_a_boundary_layer(profile, expected):
+    """The drawn speed holds at the gradient height; the paper's profile, and the logarithmic one."""
+    sampler = WindSampler(TURBINE, "steady", (12.0, 20.0), reference_height=275.0, **profile)
+    wind = sampler.sample(np.random.default_rng(0), wind_speed=15.0)
+    np.testing.assert_allclose(wind.inflow.velocity(HEIGHTS, 0.0)[:, 0], expected, rtol=1e-12)
+    at_hub = wind.inflow.velocity(np.array([[0.0, 0.0, TURBINE.hub_height]]), 0.0)[0, 0]
+    assert wind.wind_speed == pytest.approx(at_hub)
+    rng = np.random.default_rng(1)
+    drawn = [sampler.sample(rng).inflow.velocity(HEIGHTS[-1:], 0.0)[0, 0] for _ in range(20)]
+    assert 12.0 <= min(drawn) < 14.0 < 18.0 < max(drawn) <= 20.0
+
+
+@pytest.mark.parametrize("inflow", ["turbulent", "gusts"])
+def test_other_winds_blow_over_the_same_ground(inflow):
+    sampler = WindSampler(TURBINE, inflow, 12.0, roughness_length=0.03)
+    assert sampler.sample(np.random.default_rng(0)).inflow.steady.roughness_length == 0.03
+
+
+@pytest.mark.parametrize(("kwargs", "error", "text"), [
+    ({"generator": "damper", "action_components": ("pitch", "torque")}, ValueError, "the generator is a damper"),
+    ({"generator": "damper", "action_spans": {"torque_rate": 1.0}}, ValueError, "takes no torque"),
+    ({"generator": "diesel"}, ValueError, "generator must be one of"),
+    ({"turbine": "nrel_5mw", "generator": "damper"}, TurbineDefinitionError, "generator_damping"),
+    ({"turbine": with_damper(TURBINE), "generator": "torque"}, TurbineDefinitionError, "takes no demand"),
+    ({"action_components": ("yaw",)}, ValueError, "no yaw drive"),
+    ({"roughness_length": 0.03, "shear_exponent": 0.2}, InflowError, "exclude each other"),
+    ({"roughness_length": -1.0}, InflowError, "roughness_length"),
+    ({"inflow": "extreme", "standstill_limit": -0.5, "roughness_length": 0.1}, InflowError, "roughness_length belongs"),
+    ({"reference_height": 275.0, "wind_speed": 3.0}, InflowError, "at the hub"),
+    ({"reference_height": 0.0}, InflowError, "height"),
+])  # fmt: skip
+def test_what_makes_no_sense_is_refused(kwargs, error, text):
+    with pytest.raises(error, match=text):
+        gym.make(IDS[0], **kwargs)
+
+
+def test_the_catalogue_knows_the_turbine_and_has_no_file_of_it():
+    assert "gebhardt_45m" in catalogue()
+    with pytest.raises(TurbineDefinitionError, match=r"no windIO file.*load_turbine\('gebhardt_45m'\)"):
+        turbine_file("gebhardt_45m")
+    with pytest.raises(TurbineDefinitionError, match="'gebhardt_45m'"):
+        load_turbine("gebhardt")
+
+
+@pytest.mark.slow
+def test_the_machine_as_they_built_it():
+    """Damper, potential flow with bodies and ground, boundary layer: an episode of random pitch actions."""
+    env = gym.make(
+        IDS[0], generator="damper", fidelity="gebhardt-full", wind_speed=(15.0, 20.0), shear_exponent=0.16,
+        reference_height=275.0, action_mode="residual", episode_length=60.0,
+    ).unwrapped  # fmt: skip
+    env.action_space.seed(5)
+    _, info = env.reset(seed=4)
+    truncated = False
+    while not truncated:
+        observation, _, terminated, truncated, info = env.step(env.action_space.sample())
+        assert not terminated
+    assert np.isfinite(observation).all()
+    assert 4.0 < info["rotor_speed"] * 30.0 / np.pi < 13.0
