@@ -77,6 +77,8 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     time_step, embedded = fidelity.step_for(turbine.drivetrain.rated_rotor_speed), None
     if fidelity.formulation == "embedded":
         n_substeps = fidelity.substeps_for(time_step, highest_frequency(structure.system))
+    elif fidelity.formulation == "observer":
+        n_substeps = fidelity.substeps_for(time_step, 0.0)  # Newmark's scheme is stable with any step
     else:
         embedded = assemble(turbine, replace(fidelity, formulation="embedded"), threads, generator_damping)
         n_substeps = embedded.n_substeps

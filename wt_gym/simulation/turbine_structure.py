@@ -5,7 +5,7 @@ turned by the tilt about y; blade i hangs on the hub turned by 2πi/n about the 
 pitch turns the blade about its z axis by minus the angle.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
-from wt_gym.structure.flexible_body import FlexibleBody, offset_marker
+from wt_gym.structure.flexible_body import FlexibleBody, offset_marker, without_second_order
 from wt_gym.structure.modes import clamped_modes, select_modes
 
 __all__ = ["TurbineStructure", "build_structure"]
@@ -48,6 +48,8 @@ class TurbineStructure:
         At the tower points [m].
     drag_points : Points
         Points of the tower that bear its drag.
+    beams : dict of str to (Beam, array (n_dof, n))
+        Finite elements and basis of the flexible bodies, by the name of the body.
     """
 
     system: MultibodySystem
@@ -61,6 +63,7 @@ class TurbineStructure:
     tower_points: Points
     tower_radius: np.ndarray
     drag_points: Points
+    beams: dict = field(default_factory=dict, repr=False)
 
     def elastic(self, body, y):
         """Elastic coordinates and rates (n_f,) of a body in a state, views."""
@@ -142,8 +145,10 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     TurbineStructure
     """
     blade_beam, blade_basis, blade_body = _blade(turbine.blade, fidelity)
+    if fidelity.formulation == "observer":
+        blade_body = without_second_order(blade_body, blade_beam, blade_basis)
     system = MultibodySystem()
-    tower_body, tower_points, tower_radius, drag_points = _tower(turbine, fidelity, blade_body)
+    tower_beams, tower_body, tower_points, tower_radius, drag_points = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
     nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)
     generator, hub = _add_drivetrain(
@@ -166,6 +171,7 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
         tower_points=tower_points,
         tower_radius=tower_radius,
         drag_points=drag_points,
+        beams={"tower": tower_beams} | {system.bodies[b].name: (blade_beam, blade_basis) for b in blades},
     )
 
 
@@ -269,9 +275,11 @@ def _tower(turbine, fidelity, blade_body):
         dofs = _moving_dofs(fidelity.tower_modes) if fidelity.tower_coordinates == "nodal" else ()
         basis, ratio = nodal_basis(beam, dofs), tower.damping_ratio
         body = body_from_beam("tower", beam, "nodal", dofs=dofs, tip_mass=top, damping_ratio=ratio)
+    if fidelity.formulation == "observer":
+        body = without_second_order(body, beam, basis)
     height = np.linspace(0.0, tower.length, 13)
     points, for_drag = (body_points(beam, basis, z[:, None] * [0.0, 0.0, 1.0]) for z in (height, drag_heights(tower)))
-    return body, points, 0.5 * np.asarray(tower.diameter_at(height)), for_drag
+    return (beam, basis), body, points, 0.5 * np.asarray(tower.diameter_at(height)), for_drag
 
 
 def drag_heights(tower):
@@ -388,7 +396,7 @@ def _add_blade(system, turbine, hub, body, i, formulation):
     }
     names = tuple(f"blade_{i + 1}_{n}" for n in body.coordinate_names)
     named = FlexibleBody(f"blade_{i + 1}", body.inertia, body.stiffness, body.damping, body.markers, names)
-    if formulation == "embedded":
+    if formulation != "constrained":
         return system.add(named, Joint("servo", **bearing), hub)
     blade = system.add(named, Joint("free", name=f"blade_{i + 1}_frame"))
     system.add_constraint(Constraint("weld", **bearing), hub, blade, second_marker="root")
