@@ -129,7 +129,7 @@ Work = namedtuple(
     "low up columns pairs base rhs next vector schur multiplier row_value row_rate row_bias weight marker_rotation "
     "marker_tangent marker_point marker_rate marker_bias marker_field turn tangent angle spare lever one two normal "
     "normal_rate field field_rate rate bias pull load moments second mixed mean pair drive spring body_load row_change "
-    "axis second_rate second_bias",
+    "axis second_rate second_bias order row_scale row_reach",
 )
 
 
@@ -613,11 +613,13 @@ def _new_work(n_b, n_max, n_m, n_row, n_drive, n_spring):
     shapes = dict.fromkeys(Work._fields, (3,))
     shapes |= dict.fromkeys(("low", "up"), (n_b, n_max, n_max))
     shapes |= dict.fromkeys(("base", "rhs", "next", "vector", "body_load"), (n_b, n_max))
-    shapes |= dict.fromkeys(("multiplier", "row_value", "row_rate", "row_bias", "row_change"), (n_row,))
+    shapes |= dict.fromkeys(("multiplier", "row_value", "row_rate", "row_bias", "row_change", "row_scale"), (n_row,))
     shapes |= dict.fromkeys(("marker_rotation", "marker_tangent"), (n_m, 3, 3))
     shapes |= dict.fromkeys(("marker_rate", "marker_bias", "marker_field"), (n_m, 6))
     shapes |= dict.fromkeys(("field", "field_rate", "rate", "bias", "pull", "load"), (6,))
     shapes |= dict.fromkeys(("turn", "tangent", "second", "mixed", "pair"), (3, 3))
     shapes |= {"columns": (n_m, 6, n_max), "pairs": (n_m, n_m, 6, 6), "schur": (n_row, n_row), "marker_point": (n_m, 3)}
     shapes |= {"weight": (n_row, 2, 6), "moments": (n_max, 9), "drive": (n_drive, 3), "spring": (n_spring, 3)}
-    return Work(**{key: np.zeros(shapes[key]) for key in Work._fields})
+    shapes |= {"row_reach": (n_row, n_m, 6)}
+    arrays = {key: np.zeros(shapes[key]) for key in Work._fields if key != "order"}
+    return Work(**arrays, order=np.zeros(n_row, dtype=np.int64))

@@ -234,15 +234,23 @@ def row_torque(row, model, work):
 
 
 @inner
-def give_torques(model, work, known):
-    """Make the equations of hinges in B A⁻¹ Bᵀ λ = rhs say λ = −torque; or λ = 0 where torques are not ``known``."""
-    for r in range(model.row_kind.shape[0]):
+def free_hinges(model, work):
+    """Make the equations of hinges in B A⁻¹ Bᵀ λ = rhs say what λ is; ``work.row_scale`` keeps its factor."""
+    n_row = model.row_kind.shape[0]
+    for r in range(n_row):
         if model.row_kind[r] == TORQUE:
             scale = work.schur[r, r]
-            for s in range(model.row_kind.shape[0]):
+            for s in range(n_row):
                 work.schur[r, s] = 0.0
-            work.schur[r, r] = scale
-            work.multiplier[r] = -scale * row_torque(r, model, work) if known else 0.0
+            work.schur[r, r], work.row_scale[r] = scale, scale
+
+
+@inner
+def give_torques(model, work, known):
+    """The right-hand sides of these equations: λ is minus the torque, or zero where torques are not ``known``."""
+    for r in range(model.row_kind.shape[0]):
+        if model.row_kind[r] == TORQUE:
+            work.multiplier[r] = -work.row_scale[r] * row_torque(r, model, work) if known else 0.0
 
 
 @kernel
@@ -317,21 +325,37 @@ def marker_pairs(model, columns, pairs):
 
 
 @inner
-def schur_complement(model, pairs, weight, out):
-    """B A⁻¹ Bᵀ (n_rows, n_rows)."""
-    n_row = model.row_kind.shape[0]
+def schur_complement(model, pairs, work, out):
+    """B A⁻¹ Bᵀ (n_rows, n_rows).
+
+    work.row_reach (n_rows, n_markers, 6) holds what the unit multiplier of a row moves on every marker.
+    """
+    n_row, n_m, reach = model.row_kind.shape[0], model.marker_body.shape[0], work.row_reach
+    for s in range(n_row):
+        for m in range(n_m):
+            for i in range(6):
+                reach[s, m, i] = 0.0
+        for y in range(2):
+            l = model.row_marker[s, y]
+            if l < 0:
+                continue
+            weight = work.weight[s, y]
+            for m in range(n_m):
+                if model.marker_held[m] and model.marker_body[m] == model.marker_body[l]:
+                    for i in range(model.marker_held[m]):
+                        for j in range(model.marker_held[l]):
+                            reach[s, m, i] += pairs[m, l, i, j] * weight[j]
     for r in range(n_row):
         for s in range(n_row):
-            total = 0.0
-            for x in range(2):
-                m = model.row_marker[r, x]
-                for y in range(2):
-                    l = model.row_marker[s, y]
-                    if m >= 0 and l >= 0 and model.marker_body[m] == model.marker_body[l]:
-                        for i in range(model.marker_held[m]):
-                            for j in range(model.marker_held[l]):
-                                total += weight[r, x, i] * pairs[m, l, i, j] * weight[s, y, j]
-            out[r, s] = total
+            out[r, s] = 0.0
+        for x in range(2):
+            m = model.row_marker[r, x]
+            if m < 0:
+                continue
+            w = work.weight[r, x]
+            for s in range(n_row):
+                t = reach[s, m]
+                out[r, s] += w[0] * t[0] + w[1] * t[1] + w[2] * t[2] + w[3] * t[3] + w[4] * t[4] + w[5] * t[5]
 
 
 @inner

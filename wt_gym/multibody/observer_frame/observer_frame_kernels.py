@@ -7,6 +7,7 @@ from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import (
     TORQUE,
     add_loads,
     constraint_rows,
+    free_hinges,
     give_torques,
     marker_pairs,
     row_torque,
@@ -16,6 +17,7 @@ from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import (
 )
 from wt_gym.multibody.observer_frame.observer_frame_matrix_kernels import (
     factorize,
+    factorize_dense,
     gyroscopic_product,
     inner,
     inner_forces,
@@ -324,6 +326,25 @@ def renew(b, model, state, work):
 @kernel
 def accelerations(value, model, state, work):
     """Accelerations and multipliers of eq. (6) with the constraints differentiated twice, for the present state."""
+    if model.row_kind.shape[0] > 0:
+        constraint_rows(model, state, state.q, state.v, work)
+        if not factorize_constraints(model, work):
+            return SINGULAR_CONSTRAINTS
+    accelerate(value, model, state, work)
+    return OK
+
+
+@inner
+def factorize_constraints(model, work):
+    """Factors of B M⁻¹ Bᵀ for the directions of the rows as they were evaluated last; False when it is singular."""
+    schur_complement(model, model.mass_pairs, work, work.schur)
+    free_hinges(model, work)
+    return factorize_dense(model.row_kind.shape[0], work.schur, work.order)
+
+
+@inner
+def accelerate(value, model, state, work):
+    """The accelerations, with rows and factors of the present state at hand."""
     n_row = model.row_kind.shape[0]
     for b in range(model.n.shape[0]):
         inner_forces(b, model, state, state.q[b], state.v[b], state.a[b])
@@ -331,56 +352,63 @@ def accelerations(value, model, state, work):
     for b in range(model.n.shape[0]):
         solve(model.n[b], model.first[b], model.mass_low[b], model.mass_up[b], state.a[b])
     if n_row == 0:
-        return OK
-    constraint_rows(model, state, state.q, state.v, work)
+        return
     for r in range(n_row):
-        state.multiplier[r] = work.row_bias[r]
-    rows_of(model, state.a, work, state.multiplier)
-    schur_complement(model, model.mass_pairs, work.weight, work.schur)
-    for r in range(n_row):
-        work.multiplier[r] = state.multiplier[r]
+        work.multiplier[r] = work.row_bias[r]
+    rows_of(model, state.a, work, work.multiplier)
     give_torques(model, work, True)
-    if not solve_dense(n_row, work.schur, work.multiplier):
-        return SINGULAR_CONSTRAINTS
+    solve_dense(n_row, work.schur, work.order, work.multiplier)
     for r in range(n_row):
         state.multiplier[r] = work.multiplier[r]
     subtract_reactions(model, model.mass_columns, state.multiplier, work, state.a)
-    return OK
 
 
 @inner
 def hold_positions(model, state, work, n_passes):
-    """Remove what is left of the constraint residual, along S⁻¹ Bᵀ of the step just taken."""
+    """Remove what is left of the constraint residual, along S⁻¹ Bᵀ of the step just taken.
+
+    Directions change little in it: the factors of the first pass serve for all.
+    """
     n_row = model.row_kind.shape[0]
-    for _ in range(n_passes):
+    for i in range(n_passes):
         constraint_rows(model, state, state.q, state.v, work)
         worst = 0.0
         for r in range(n_row):
-            work.multiplier[r] = work.row_value[r]
+            work.multiplier[r] = 0.0
             if model.row_kind[r] != TORQUE:
+                work.multiplier[r] = work.row_value[r]
                 worst = max(worst, abs(work.row_value[r]))
         if worst < 1e-12:
             return OK
-        schur_complement(model, work.pairs, work.weight, work.schur)
-        give_torques(model, work, False)
-        if not solve_dense(n_row, work.schur, work.multiplier):
-            return SINGULAR_CONSTRAINTS
+        if i == 0:
+            schur_complement(model, work.pairs, work, work.schur)
+            free_hinges(model, work)
+            if not factorize_dense(n_row, work.schur, work.order):
+                return SINGULAR_CONSTRAINTS
+        solve_dense(n_row, work.schur, work.order, work.multiplier)
         subtract_reactions(model, work.columns, work.multiplier, work, state.q)
+    constraint_rows(model, state, state.q, state.v, work)
     return OK
+
+
+@inner
+def hold_rates(model, state, work):
+    """Project the velocities on Φ̇ = 0 in the metric of the mass matrix, with rows and factors of the state at hand."""
+    n_row = model.row_kind.shape[0]
+    for r in range(n_row):
+        work.multiplier[r] = work.row_rate[r]
+    give_torques(model, work, False)
+    solve_dense(n_row, work.schur, work.order, work.multiplier)
+    subtract_reactions(model, model.mass_columns, work.multiplier, work, state.v)
 
 
 @kernel
 def hold_velocities(model, state, work):
     """Project the velocities on Φ̇ = 0 in the metric of the mass matrix."""
-    n_row = model.row_kind.shape[0]
     constraint_rows(model, state, state.q, state.v, work)
-    for r in range(n_row):
-        work.multiplier[r] = work.row_rate[r]
-    schur_complement(model, model.mass_pairs, work.weight, work.schur)
-    give_torques(model, work, False)
-    if not solve_dense(n_row, work.schur, work.multiplier):
+    if not factorize_constraints(model, work):
         return SINGULAR_CONSTRAINTS
-    subtract_reactions(model, model.mass_columns, work.multiplier, work, state.v)
+    hold_rates(model, state, work)
     return OK
 
 
@@ -466,10 +494,11 @@ def newmark_solve(h, value, n_iterations, model, state, work):
             for r in range(n_row):
                 work.multiplier[r] = 0.0 if model.row_kind[r] == TORQUE else work.row_value[r]
             rows_of(model, work.vector, work, work.multiplier)
-            schur_complement(model, work.pairs, work.weight, work.schur)
+            schur_complement(model, work.pairs, work, work.schur)
             spring_rows(h, model, state, work)
-            if not solve_dense(n_row, work.schur, work.multiplier):
+            if not factorize_dense(n_row, work.schur, work.order):
                 return SINGULAR_CONSTRAINTS
+            solve_dense(n_row, work.schur, work.order, work.multiplier)
             subtract_reactions(model, work.columns, work.multiplier, work, work.rhs)
         for b in range(n_b):
             for k in range(model.n[b]):
@@ -513,14 +542,17 @@ def step(h, value, n_iterations, threshold, model, state, work):
         if model.deformed_modes:
             marker_pairs(model, model.mass_columns, model.mass_pairs)
         code = hold_positions(model, state, work, 3)
-        if code == OK:
-            code = hold_velocities(model, state, work)
-    if code == OK:
-        code = accelerations(value, model, state, work)
+        if code != OK:
+            return code
+        if not factorize_constraints(model, work):
+            return SINGULAR_CONSTRAINTS
+        hold_rates(model, state, work)
+        constraint_rows(model, state, state.q, state.v, work)
+    accelerate(value, model, state, work)
     for r in range(model.row_kind.shape[0]):
         if model.row_kind[r] == TORQUE:
             state.angle[model.row_spring[r]] = work.row_value[r]
-    return code
+    return OK
 
 
 @kernel
