@@ -292,6 +292,7 @@ def test_fidelity_refuses_what_makes_no_sense():
         replace(OBSERVER, formulation="constrained", reference_condition="three_quarter")
 
 
+@pytest.mark.slow
 def test_several_frames_a_beam_bring_the_geometric_stiffness_back():
     assert [check.quantity for check in observer_substructures.substructures().checks if not check.passed] == []
 
