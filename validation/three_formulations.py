@@ -113,10 +113,13 @@ def observed(system, speed=0.0):
 
 
 def observed_frequencies(system):
-    """Circular frequencies at rest of a system in observer frames: K and M on the null space of the constraints."""
+    """Circular frequencies at rest of a system in observer frames: K and M on the null space of the constraints.
+
+    Springs of hinges add k bᵀb with the row b of their angle.
+    """
     model, state, work = system.pack()
     system._check_constraints(model, state, work)
-    rows = []
+    rows, springs = [], []
     for r in range(len(model.row_kind)):
         row = [np.zeros(body.n) for body in system.bodies]
         for side in range(2):
@@ -124,12 +127,17 @@ def observed_frequencies(system):
             if m >= 0:
                 b = model.marker_body[m]
                 row[b] = row[b] + work.weight[r, side] @ model.marker_shape[m, :, : system.bodies[b].n]
-        rows.append(np.concatenate(row))
+        if model.row_spring[r] >= 0:
+            springs.append(np.sqrt(model.row_stiffness[r]) * np.concatenate(row))
+        else:
+            rows.append(np.concatenate(row))
     free = null_space(np.array(rows))
     stiffness, mass = (
         free.T @ block_diag(*blocks) @ free
         for blocks in ([b.stiffness for b in system.bodies], [b.mass_matrix for b in system.bodies])
     )
+    for spring in springs:
+        stiffness += np.outer(spring @ free, spring @ free)
     return np.sqrt(np.maximum(eigh(stiffness, mass, eigvals_only=True), 0.0))
 
 

@@ -407,8 +407,6 @@ class TestFromSystem:
 
         with pytest.raises(ObserverFrameError, match="prismatic joint"):
             observer_frame_from_system(system(Joint("prismatic", name="slide")))
-        with pytest.raises(ObserverFrameError, match="springs"):
-            observer_frame_from_system(system(Joint("revolute", stiffness=1.0, name="spring")))
         beam = slender_beam()
         body = FlexibleBody.from_beam("beam", beam, clamped_modes(beam, 3).shape)
         with pytest.raises(ObserverFrameError, match="its beam and basis"):
@@ -419,9 +417,27 @@ class TestFromSystem:
             observer_frame_from_system(system(Joint("revolute"), body), {"blade": (beam, np.zeros((1, 1)))})
         tree = MultibodySystem()
         tree.add(FlexibleBody.rigid("bob", 1.0, np.zeros(3), np.eye(3)), Joint("free"))
-        tree.add_constraint(Constraint("weld", servo_frequency=2.0, name="pitch"), None, 0)
-        with pytest.raises(ObserverFrameError, match="'pitch': a servo"):
+        tree.add_constraint(Constraint("hinge", servo_frequency=2.0, name="pitch"), None, 0)
+        with pytest.raises(ObserverFrameError, match="'pitch': only the weld"):
             observer_frame_from_system(tree.build())
+
+    def test_refusals_behind_a_body_without_mass(self):
+        def system(joint):
+            tree = MultibodySystem()
+            gear = FlexibleBody.rigid("gear", 0.0, np.zeros(3), np.zeros((3, 3)))
+            gear = tree.add(gear, Joint("servo", (0.0, 0.0, 1.0), servo_frequency=2.0, name="drive"))
+            bob = FlexibleBody.rigid("bob", 1.0, (0.0, 0.0, -1.0), 0.01 * np.eye(3))
+            bob = tree.add(bob, joint, gear)
+            tree.add(FlexibleBody.rigid("free", 1.0, np.zeros(3), np.eye(3)), Joint("spherical"), bob)
+            return tree.build()
+
+        for joint, match in (
+            (Joint("servo", servo_frequency=1.0, name="second"), "'second': two servos"),
+            (Joint("fixed", offset=(0.0, 0.0, 0.1), name="arm"), "'arm': it must not be offset"),
+            (Joint("revolute", (1.0, 0.0, 0.0), stiffness=1.0, name="across"), "'across': a spring behind a servo"),
+        ):
+            with pytest.raises(ObserverFrameError, match=match):
+                observer_frame_from_system(system(joint))
 
 
 class TestErrors:

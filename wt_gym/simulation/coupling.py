@@ -184,6 +184,8 @@ class Coupling:
         May be exchanged, from one step to the next too.
     """
 
+    _whole_step = staticmethod(coupled_step_kernels.coupled_step)
+
     def __init__(self, models):
         self.models = models
         fidelity, system = models.fidelity, models.structure.system
@@ -296,12 +298,15 @@ class Coupling:
         self.exchange.previous_loads[:] = self.integrator.inputs.body_loads[0]
         self.exchange.relaxation[:] = 1.0, 0.0, 0.0
         self.exchange.energy.begin()
-        self.integrator.start(y)
+        self._start_structure(y)
         self.move_lattice(self.integrator.state)
         self._earlier_velocities[:] = self.exchange.velocities
         self._monitor.loads[:] = self.integrator.inputs.body_loads[1]
         y, dy, tree, work = self.integrator.state, self.integrator.state_rate, system.tree, self.integrator.work
         monitor_kernels.watch(y, dy, tree, work, self._gauges, self._monitor)
+
+    def _start_structure(self, y):
+        self.integrator.start(y)
 
     def resume(self):
         """Bring up to date what follows from restored arrays."""
@@ -363,9 +368,9 @@ class Coupling:
         if lattice.split is not None:
             return self._advance_split(blade_wind)
         if lattice.bodies:
-            return coupled_step_kernels.coupled_step(*self._bundles, blade_wind)
+            return self._whole_step(*self._bundles, blade_wind)
         if self._step is None:
-            self._step = compiled_for(coupled_step_kernels.coupled_step, (*self._bundles, blade_wind))
+            self._step = compiled_for(self._whole_step, (*self._bundles, blade_wind))
         return self._step(*self._bundles, blade_wind)
 
     def _bundle(self):

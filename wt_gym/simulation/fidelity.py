@@ -9,6 +9,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
 from wt_gym.multibody.integrators.stability import undamped_limit
+from wt_gym.multibody.observer_frame.observer_frame_body import REFERENCE_CONDITIONS
 
 __all__ = ["ELASTODYN_NREL_5MW_TOWER", "FIDELITIES", "Fidelity", "fidelity"]
 
@@ -97,7 +98,9 @@ class Fidelity:
     formulation : str
         "embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
         constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
-        embedded form is several times faster.
+        embedded form is several times faster. "observer": all bodies in local observer frames, held together by
+        constraint equations (Holm-Jørgensen, Nielsen & Rubak); linear deformations of each body without geometric
+        stiffness, Newmark's scheme (¼, ½) with steps of at most ``max_substep``.
     stabilisation : float
         Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
     projection : bool
@@ -109,6 +112,11 @@ class Fidelity:
     blade_basis : str
         "fixed": the modes of the clamped blade at rest; "deformed": those of the blade as it turns, bent and loaded,
         computed anew at each aerodynamic step (`wt_gym.simulation.deformed_basis`).
+    reference_condition : str
+        Of the flexible bodies in observer frames: "clamped", "simply_supported" or "three_quarter", see
+        :mod:`wt_gym.multibody.observer_frame.observer_frame_body`.
+    frame_update : str or float
+        When observer frames are moved onto their bodies: every "step", or beyond this displacement [m].
     """
 
     name: str = "custom"
@@ -140,6 +148,8 @@ class Fidelity:
     projection: bool = later_field(True)
     moving_bodies: bool = later_field(False)
     blade_basis: str = later_field("fixed")
+    reference_condition: str = later_field("clamped")
+    frame_update: str | float = later_field("step")
 
     def __post_init__(self):
         """Refuse values without meaning."""
@@ -152,7 +162,8 @@ class Fidelity:
         if not 0.0 < self.max_substep <= 0.5:
             raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; allowed: 0 … 0.5 s")
         for name, allowed in (
-            ("formulation", ("embedded", "constrained")),
+            ("formulation", ("embedded", "constrained", "observer")),
+            ("reference_condition", REFERENCE_CONDITIONS),
             ("tower_coordinates", COORDINATES),
             ("blade_coordinates", COORDINATES),
             ("yaw_drive", ("stiff", "spring")),
@@ -193,6 +204,7 @@ class Fidelity:
 
         self._check_shapes()
         self._check_bodies_and_basis()
+        self._check_observer()
 
     def _check_bodies_and_basis(self):
         """Stabilisation, moving bodies and the basis of the blades have a meaning."""
@@ -206,6 +218,33 @@ class Fidelity:
                     raise SimulationError(
                         f"Fidelity.blade_basis 'deformed' needs {name} {needed!r}, not {getattr(self, name)!r}"
                     )
+
+    def _check_observer(self):
+        """Options of observer frames have a meaning, and stand beside that formulation only."""
+        update = self.frame_update
+        positive = isinstance(update, numbers.Real) and not isinstance(update, bool) and 0.0 < update < math.inf
+        if update != "step" and not positive:
+            raise SimulationError(
+                f"Fidelity.frame_update is {update!r}; allowed: 'step' or a positive displacement in metres"
+            )
+        if self.formulation == "observer":
+            for name, needed in (("blade_bodies", 1), ("blade_basis", "fixed"), ("moving_bodies", False)):
+                if getattr(self, name) != needed:
+                    raise SimulationError(
+                        f"Fidelity.{name} is {getattr(self, name)!r}; formulation 'observer' takes {needed!r} only"
+                    )
+            if self.integrator != "hamming":
+                raise SimulationError(
+                    f"Fidelity.integrator is {self.integrator!r}; formulation 'observer' has Newmark's scheme of its "
+                    "own and leaves this at 'hamming'"
+                )
+            return
+        for name, default in (("reference_condition", "clamped"), ("frame_update", "step")):
+            if getattr(self, name) != default:
+                raise SimulationError(
+                    f"Fidelity.{name} is {getattr(self, name)!r}, but the formulation is {self.formulation!r}; it "
+                    "belongs to 'observer'"
+                )
 
     def _check_shapes(self):
         """Prescribed shapes of the tower, if any, fit the counted modes."""

@@ -92,6 +92,11 @@ class FrozenPlant:
         system = self.system
         if system.n_q != system.n_u or system.n_constraints:
             raise SimulationError("only a structure in embedded form without quaternions can be linearised")
+        if models.fidelity.reference_condition != "clamped":
+            raise SimulationError(
+                f"Fidelity.reference_condition is {models.fidelity.reference_condition!r}; linear models of observer "
+                "frames need 'clamped', with which their equations are those of the structure's coordinates"
+            )
         self.inflow, self._wind = inflow, _Gust(inflow)
         self.with_air, self.hold_speed = aerodynamics != "none", hold_speed
         self._near_wake = NEAR_WAKE if aerodynamics == "quasi_steady" else 0.0

@@ -13,6 +13,7 @@ from wt_gym.simulation.drives import Drives, check_finite
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.geometry import turbine_shapes
 from wt_gym.simulation.measurement import Measurement
+from wt_gym.simulation.observer_coupling import ObserverCoupling
 from wt_gym.simulation.start import Starter
 from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.turbines import Turbine, load_turbine
@@ -69,7 +70,7 @@ class Simulator:
         self.drives = Drives(self.turbine, generator)
         models = assemble(self.turbine, self.fidelity, threads, self.drives.generator.damping)
         self.time_step, self.structure, self.lattice = models.time_step, models.structure, models.lattice
-        self.coupling = Coupling(models)
+        self.coupling = (ObserverCoupling if self.fidelity.formulation == "observer" else Coupling)(models)
         self._starter = Starter(self.coupling, self.drives)
         self._measurement = Measurement(self.turbine, self.structure)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)

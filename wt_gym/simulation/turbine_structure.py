@@ -14,7 +14,7 @@ from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
 from wt_gym.simulation.blade_pieces import PieceNodes, add_pieces, cut_blade, piece_points, tip_of_last_piece
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
-from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker
+from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, without_second_order
 from wt_gym.structure.modes import clamped_modes, select_modes
 
 __all__ = ["TurbineStructure", "build_structure"]
@@ -110,6 +110,11 @@ class TurbineStructure:
         return z
 
     @property
+    def beams(self):
+        """Finite elements and basis (Beam, array) of the flexible bodies, by the name of the body."""
+        return {"tower": self.tower_field} | {self.system.bodies[b].name: self.blade_field for b in self.blades}
+
+    @property
     def carriers(self):
         """Bodies that carry lattice points (n_blades n_pieces,), blade by blade."""
         return np.array([b for parts in self.parts for b in parts])
@@ -164,6 +169,8 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     TurbineStructure
     """
     blade_beam, blade_basis, blade_body = _blade(turbine.blade, fidelity)
+    if fidelity.formulation == "observer":
+        blade_body = without_second_order(blade_body, blade_beam, blade_basis)
     system = MultibodySystem(stabilisation=fidelity.stabilisation, projection=fidelity.projection)
     tower_body, tower_points, tower_radius, drag_points, tower_field = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
@@ -328,6 +335,8 @@ def _tower(turbine, fidelity, blade_body):
         dofs = _moving_dofs(fidelity.tower_modes) if fidelity.tower_coordinates == "nodal" else ()
         basis, ratio = nodal_basis(beam, dofs), tower.damping_ratio
         body = body_from_beam("tower", beam, "nodal", dofs=dofs, tip_mass=top, damping_ratio=ratio)
+    if fidelity.formulation == "observer":
+        body = without_second_order(body, beam, basis)
     height = np.linspace(0.0, tower.length, 13)
     points, for_drag = (body_points(beam, basis, z[:, None] * [0.0, 0.0, 1.0]) for z in (height, drag_heights(tower)))
     return body, points, 0.5 * np.asarray(tower.diameter_at(height)), for_drag, (beam, basis)
@@ -451,7 +460,7 @@ def _add_blade(system, turbine, hub, blade, i, formulation):
     name = f"blade_{i + 1}"
 
     def add_root(body):
-        if formulation == "embedded":
+        if formulation != "constrained":
             return system.add(body, Joint("servo", **bearing), hub)
         root_body = system.add(body, Joint("free", name=f"{name}_frame"))
         system.add_constraint(Constraint("weld", **bearing), hub, root_body, second_marker="root")

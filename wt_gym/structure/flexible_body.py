@@ -14,13 +14,22 @@ The terms with H are what stiffens a rotating blade and what makes a loaded towe
 Schwertassek 1991, Int. J. Numer. Methods Eng. 32, 1833–1850.)
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 
 from wt_gym.structure.beam import SecondOrderField, skew
 
-__all__ = ["BodyInertia", "FlexibleBody", "Marker", "offset_marker", "particle_fields", "shape_damping"]
+__all__ = [
+    "BodyInertia",
+    "FlexibleBody",
+    "Marker",
+    "offset_marker",
+    "particle_fields",
+    "shape_damping",
+    "without_second_order",
+]
 
 
 @dataclass(frozen=True)
@@ -278,6 +287,28 @@ class FlexibleBody:
         inertia = BodyInertia.from_particles(beam.particle_mass, particle_fields(beam, basis), complete)
         names = tuple(coordinate_names or (f"{name}_{i + 1}" for i in range(basis.shape[1])))
         return cls(name, inertia, stiffness, shape_damping(stiffness, inertia.m0, damping_ratio), points, names)
+
+
+def without_second_order(body, beam, basis):
+    """The same body with the displacement r = x₀ + S q alone, and so without geometric stiffness.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+    beam : Beam
+    basis : array (n_dof, n)
+        From which the body was made.
+
+    Returns
+    -------
+    FlexibleBody
+    """
+    fields, n = particle_fields(beam, basis), body.n_elastic
+    none = np.zeros((len(beam.particle_mass), 3, n, n))
+    linear = SimpleNamespace(position=fields.position, linear=fields.linear, second=none)
+    inertia = BodyInertia.from_particles(beam.particle_mass, linear)
+    markers = {key: replace(marker, second=np.zeros_like(marker.second)) for key, marker in body.markers.items()}
+    return replace(body, inertia=inertia, markers=markers)
 
 
 def shape_damping(stiffness, mass, ratio):

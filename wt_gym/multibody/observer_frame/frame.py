@@ -119,27 +119,80 @@ Model = namedtuple(
     "n first stiffness damping gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
     "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
     "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes "
-    "prediction",
+    "prediction row_drive row_axis row_spring row_stiffness row_damping load_section",
 )
 State = namedtuple(
-    "State", "position rotation velocity omega acceleration alpha q v a deformed multiplier age turned n_updates"
+    "State", "position rotation velocity omega acceleration alpha q v a deformed multiplier age turned n_updates angle"
 )
 Work = namedtuple(
     "Work",
     "low up columns pairs base rhs next vector schur multiplier row_value row_rate row_bias weight marker_rotation "
     "marker_tangent marker_point marker_rate marker_bias marker_field turn tangent angle spare lever one two normal "
-    "normal_rate field field_rate rate bias pull load moments second mixed mean pair",
+    "normal_rate field field_rate rate bias pull load moments second mixed mean pair drive spring body_load row_change "
+    "axis second_rate second_bias order row_scale row_reach",
 )
 
 
 @dataclass(frozen=True)
 class _Row:
-    """One scalar constraint: kind, markers (indices, −1 the ground) and the two vectors of the kernel."""
+    """One scalar constraint: kind, markers (indices, −1 the ground) and the two vectors of the kernel.
+
+    A drive (index, −1: none) turns the second vector about an axis of the second section; a spring (index) acts between
+    the two vectors about this axis.
+    """
 
     kind: int
     markers: tuple
     vectors: tuple
     connection: str
+    drive: int = -1
+    axis: tuple = (0.0, 0.0, 0.0)
+    spring: int = -1
+
+
+@dataclass
+class Drive:
+    """What turns a section against another about an axis.
+
+    Attributes
+    ----------
+    name : str
+    motion : callable or None
+        Angle [rad], rate [rad/s] and acceleration [rad/s²] as functions of time [s]; None keeps the angle zero.
+    """
+
+    name: str
+    motion: object = None
+
+    def at(self, time):
+        """Angle, rate and acceleration."""
+        return (0.0, 0.0, 0.0) if self.motion is None else self.motion(time)
+
+
+@dataclass
+class Spring:
+    """Spring, damper and drive torque of a hinge: k (θ_r − θ) + c (θ̇_r − θ̇) + τ on its first section.
+
+    Attributes
+    ----------
+    name : str
+    stiffness, damping : float
+        k [N m/rad] and c [N m s/rad].
+    acting : callable or None
+        θ_r [rad], θ̇_r [rad/s] and τ [N m] as functions of time [s]; None: all zero.
+    angle : float
+        θ at the start [rad]; it goes on from there through whole turns.
+    """
+
+    name: str
+    stiffness: float
+    damping: float
+    acting: object = None
+    angle: float = 0.0
+
+    def at(self, time):
+        """References of angle and rate, and torque."""
+        return (0.0, 0.0, 0.0) if self.acting is None else self.acting(time)
 
 
 class ObserverFrameSystem:
@@ -172,6 +225,8 @@ class ObserverFrameSystem:
         self.frames: list[tuple] = []
         self.motions: list[tuple] = []
         self.loads: list[tuple] = []
+        self.drives: list[Drive] = []
+        self.springs: list[Spring] = []
         self._rows: list[_Row] = []
         self._markers: list[tuple] = []
 
@@ -285,6 +340,52 @@ class ObserverFrameSystem:
         pairs = [(mine[:, i], unit[j]) for i, j in ((0, 1), (1, 2), (2, 0))]
         self._orthogonal(body, marker, None, None, pairs, "clamp")
 
+    def turn(self, body, marker, other, other_marker, axis, name, rotation=None, motion=None):
+        """Join two markers in displacement, while a drive turns the first section against the second.
+
+        Parameters
+        ----------
+        body, marker, other, other_marker : str
+            The other body may be None, the ground.
+        axis : array (3,)
+            Unit axis in the second section, which stays with it.
+        name : str
+            Of the drive.
+        rotation : array (3, 3), optional
+            Orientation of the first section relative to the second at the angle zero; default the identity.
+        motion : callable, optional
+            See :class:`Drive`.
+        """
+        rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+        if other is None:
+            self.support(body, marker)
+        else:
+            self.join(body, marker, other, other_marker)
+        self.drives.append(Drive(name, motion))
+        pairs = [(np.eye(3)[i], rotation[:, j]) for i, j in ((0, 1), (1, 2), (2, 0))]
+        self._orthogonal(body, marker, other, other_marker, pairs, f"drive {name}", len(self.drives) - 1, axis)
+
+    def spring(self, body, marker, other, other_marker, axis, vectors, spring, drive=-1):
+        """Let a torque act between two sections that are hinged about an axis.
+
+        Parameters
+        ----------
+        body, marker, other, other_marker : str
+            The torque acts on the first section, its reaction on the second; the other body may be None, the ground.
+        axis : array (3,)
+            Unit axis in the second section.
+        vectors : (array (3,), array (3,))
+            Across the axis, fixed in the first and in the second section; the angle is the one between them.
+        spring : Spring
+        drive : int
+            Number of a drive that turns the second vector about the axis; −1: none.
+        """
+        self.springs.append(spring)
+        pairs = [tuple(np.asarray(v, dtype=float) for v in vectors)]
+        self._orthogonal(
+            body, marker, other, other_marker, pairs, f"spring {spring.name}", drive, axis, len(self.springs) - 1
+        )
+
     def load(self, body, marker, value, axes="fixed"):
         """Apply a force and a moment at a marker.
 
@@ -309,12 +410,16 @@ class ObserverFrameSystem:
             raise ObserverFrameError(f"load on {body}.{marker}: expected force and moment (6,), got {np.shape(value)}")
         self.loads.append((self._marker(body, marker), value, axes))
 
-    def _orthogonal(self, body, marker, other, other_marker, pairs, kind):
+    def _orthogonal(self, body, marker, other, other_marker, pairs, kind, drive=-1, axis=(0.0, 0.0, 0.0), spring=-1):
+        row = constraint.ORTHOGONAL if spring < 0 else constraint.TORQUE
+        axis = np.asarray(axis, dtype=float)
+        if (drive >= 0 or spring >= 0) and (axis.shape != (3,) or not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9)):
+            raise ObserverFrameError(f"{kind} of {body}.{marker}: axis {tuple(axis)} is not a unit vector")
         a = self._marker(body, marker)
         b = -1 if other is None else self._marker(other, other_marker)
         name = f"{kind} of {body}.{marker}" + ("" if other is None else f" to {other}.{other_marker}")
         for mine, yours in pairs:
-            self._rows.append(_Row(constraint.ORTHOGONAL, (a, b), (np.array(mine), np.array(yours)), name))
+            self._rows.append(_Row(row, (a, b), (np.array(mine), np.array(yours)), name, drive, axis, spring))
 
     def _displaced(self, index, marker):
         """Place (3,) and section orientation (3, 3, to fixed axes) of a marker at the initial coordinates."""
@@ -395,10 +500,20 @@ class ObserverFrameSystem:
             reference_second=z((n_b, 3, 3)),
             deformed_modes=self.rigid_modes == "deformed",
             prediction=prediction,
+            row_drive=np.array([r.drive for r in self._rows], dtype=np.int64),
+            row_axis=np.array([r.axis for r in self._rows], dtype=float).reshape(n_row, 3),
+            row_spring=np.array([r.spring for r in self._rows], dtype=np.int64),
+            row_stiffness=np.array([self.springs[r.spring].stiffness if r.spring >= 0 else 0.0 for r in self._rows]),
+            row_damping=np.array([self.springs[r.spring].damping if r.spring >= 0 else 0.0 for r in self._rows]),
+            load_section=np.full(n_b, -1, dtype=np.int64),
         )
         self._pack_bodies(model)
         self._pack_markers(model)
-        state, work = self._new_state(n_b, n_max, n_row), _new_work(n_b, n_max, n_m, n_row)
+        state = self._new_state(n_b, n_max, n_row)
+        work = _new_work(n_b, n_max, n_m, n_row, len(self.drives), len(self.springs))
+        for which, acting in ((work.drive, self.drives), (work.spring, self.springs)):
+            for k, one in enumerate(acting):
+                which[k] = one.at(0.0)
         if model.deformed_modes:
             for b in range(n_b):
                 renew(b, model, state, work)
@@ -458,6 +573,7 @@ class ObserverFrameSystem:
             age=z(n_b),
             turned=z((n_b, 3)),
             n_updates=np.zeros(n_b, dtype=np.int64),
+            angle=np.array([spring.angle for spring in self.springs]),
         )
         for i, ((position, rotation), motion) in enumerate(zip(self.frames, self.motions, strict=True)):
             n = self.bodies[i].n
@@ -475,7 +591,9 @@ class ObserverFrameSystem:
                     b, n = model.marker_body[m], state.q.shape[1]
                     jacobian[r, b * n : b * n + n] += work.weight[r, side] @ model.marker_shape[m]
         rank = 0
-        for r, row in enumerate(self._rows):
+        held = [r for r, row in enumerate(self._rows) if row.kind != constraint.TORQUE]
+        jacobian = jacobian[held]
+        for r, row in enumerate(self._rows[i] for i in held):
             unit = jacobian[: r + 1] / np.maximum(np.linalg.norm(jacobian[: r + 1], axis=1, keepdims=True), 1e-300)
             now = np.linalg.matrix_rank(unit, tol=1e-9)
             if now == rank:
@@ -484,21 +602,24 @@ class ObserverFrameSystem:
                     f"(rank {rank} of {r + 1} rows)"
                 )
             rank = now
-            if abs(work.row_value[r]) > 1e-6:
+            if abs(work.row_value[held[r]]) > 1e-6:
+                violation = work.row_value[held[r]]
                 raise ObserverFrameError(
-                    f"inconsistent constraints: {row.connection} is violated by {work.row_value[r]:.3g} at the start"
+                    f"inconsistent constraints: {row.connection} is violated by {violation:.3g} at the start"
                 )
 
 
-def _new_work(n_b, n_max, n_m, n_row):
+def _new_work(n_b, n_max, n_m, n_row, n_drive, n_spring):
     shapes = dict.fromkeys(Work._fields, (3,))
     shapes |= dict.fromkeys(("low", "up"), (n_b, n_max, n_max))
-    shapes |= dict.fromkeys(("base", "rhs", "next", "vector"), (n_b, n_max))
-    shapes |= dict.fromkeys(("multiplier", "row_value", "row_rate", "row_bias"), (n_row,))
+    shapes |= dict.fromkeys(("base", "rhs", "next", "vector", "body_load"), (n_b, n_max))
+    shapes |= dict.fromkeys(("multiplier", "row_value", "row_rate", "row_bias", "row_change", "row_scale"), (n_row,))
     shapes |= dict.fromkeys(("marker_rotation", "marker_tangent"), (n_m, 3, 3))
     shapes |= dict.fromkeys(("marker_rate", "marker_bias", "marker_field"), (n_m, 6))
     shapes |= dict.fromkeys(("field", "field_rate", "rate", "bias", "pull", "load"), (6,))
     shapes |= dict.fromkeys(("turn", "tangent", "second", "mixed", "pair"), (3, 3))
     shapes |= {"columns": (n_m, 6, n_max), "pairs": (n_m, n_m, 6, 6), "schur": (n_row, n_row), "marker_point": (n_m, 3)}
-    shapes |= {"weight": (n_row, 2, 6), "moments": (n_max, 9)}
-    return Work(**{key: np.zeros(shapes[key]) for key in Work._fields})
+    shapes |= {"weight": (n_row, 2, 6), "moments": (n_max, 9), "drive": (n_drive, 3), "spring": (n_spring, 3)}
+    shapes |= {"row_reach": (n_row, n_m, 6)}
+    arrays = {key: np.zeros(shapes[key]) for key in Work._fields if key != "order"}
+    return Work(**arrays, order=np.zeros(n_row, dtype=np.int64))

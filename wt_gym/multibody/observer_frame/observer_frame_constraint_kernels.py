@@ -2,13 +2,18 @@
 
 With w the six components (force, moment) that a unit multiplier exerts on a marker, in frame axes, a Jacobian row is
 B_r = w shape, so that B A⁻¹ Bᵀ needs only the 6 × 6 blocks shape A⁻¹ shapeᵀ.
+
+Three kinds of rows stand side by side: displacements and angles that are held, the latter perhaps by a drive that turns
+the second section about an axis, and the angle of a hinge on which a torque acts.
 """
+
+import math
 
 from wt_gym.compiled import kernel
 from wt_gym.multibody.observer_frame.observer_frame_matrix_kernels import inner
 from wt_gym.multibody.tree.rotation_kernels import rotation_exp, tangent_bias
 
-DISPLACEMENT, ORTHOGONAL = range(2)
+DISPLACEMENT, ORTHOGONAL, TORQUE = range(3)
 FIXED, UNDEFORMED, DEFORMED, TURNED, CONSISTENT = range(5)
 
 # ---- loads ---------------------------------------------------------------------------------------------------------
@@ -74,6 +79,33 @@ def add_loads(value, model, state, q, work, out):
                     h = p[0] * second[0, k, j] + p[1] * second[1, k, j] + p[2] * second[2, k, j]
                     total += h * q[b, j]
                 out[b, k] += total
+    for b in range(model.load_section.shape[0]):
+        if model.load_section[b] >= 0:
+            add_section_load(b, model, q, work, out[b])
+
+
+@inner
+def add_section_load(b, model, q, work, out):
+    """Out (n_max,) += generalised loads of a body that are known for its section ``load_section``, by virtual work.
+
+    work.body_load[b] holds the forces on the elastic coordinates for that section at rest, then force and moment at the
+    section in its axes. The virtual turn of the section is T δφ for the rotation φ of the section from the frame.
+    """
+    m, n = model.load_section[b], model.n[b]
+    load, u, p = work.body_load[b], work.field, work.load
+    marker_field(m, model, q, u)
+    rotation_exp(u[3:6], work.turn, work.tangent)
+    r, t, moment = work.turn, work.tangent, work.spare
+    for i in range(3):
+        p[i] = r[i, 0] * load[n - 6] + r[i, 1] * load[n - 5] + r[i, 2] * load[n - 4]
+        moment[i] = r[i, 0] * load[n - 3] + r[i, 1] * load[n - 2] + r[i, 2] * load[n - 1]
+    for i in range(3):
+        p[3 + i] = t[0, i] * moment[0] + t[1, i] * moment[1] + t[2, i] * moment[2]
+    for k in range(n):
+        total = load[k] if k < n - 6 else 0.0
+        for i in range(6):
+            total += model.marker_shape[m, i, k] * p[i]
+        out[k] += total
 
 
 # ---- constraints ---------------------------------------------------------------------------------------------------
@@ -146,6 +178,81 @@ def place_row(row, side, m, vector, offset, sign, model, state, work):
             w[3 + i] = t[0, i] * x + t[1, i] * y + t[2, i] * z
 
 
+@inner
+def turned_vector(row, b, vector, model, work):
+    """A vector of the second section of a row, which a drive may turn: the vector, angular velocity and acceleration.
+
+    With the axis n of the drive, fixed in the section, and its angle θ the vector is S_b exp(θ ñ) r, and its axes have
+
+        W = W_b + θ̇ S_b n,    Ẇ = Ẇ_b + θ̈ S_b n + θ̇ W_b × S_b n.
+
+    Fills work.two, work.second_rate and work.second_bias, and work.axis = S_b n.
+    """
+    drive, n, axis, two, turn = model.row_drive[row], model.row_axis[row], work.axis, work.two, work.angle
+    angle, rate, acceleration = 0.0, 0.0, 0.0
+    if drive >= 0:
+        angle, rate, acceleration = work.drive[drive, 0], work.drive[drive, 1], work.drive[drive, 2]
+    along = n[0] * vector[0] + n[1] * vector[1] + n[2] * vector[2]
+    cos, sin = math.cos(angle), math.sin(angle)
+    cross(n, vector, work.spare)
+    for i in range(3):
+        turn[i] = cos * vector[i] + sin * work.spare[i] + (1.0 - cos) * along * n[i]
+    for i in range(3):
+        two[i], axis[i] = turn[i], n[i]
+        work.second_rate[i], work.second_bias[i] = 0.0, 0.0
+    if b >= 0:
+        for i in range(3):
+            s = work.marker_rotation[b, i]
+            two[i] = s[0] * turn[0] + s[1] * turn[1] + s[2] * turn[2]
+            axis[i] = s[0] * n[0] + s[1] * n[1] + s[2] * n[2]
+            work.second_rate[i], work.second_bias[i] = work.marker_rate[b, 3 + i], work.marker_bias[b, 3 + i]
+    cross(work.second_rate, axis, work.spare)
+    for i in range(3):
+        work.second_bias[i] += acceleration * axis[i] + rate * work.spare[i]
+        work.second_rate[i] += rate * axis[i]
+
+
+@inner
+def hinge_angle(one, two, axis, last, spare):
+    """Angle [rad] about an axis from the vector two to the vector one, the one closest to a known angle."""
+    cross(two, one, spare)
+    sin = axis[0] * spare[0] + axis[1] * spare[1] + axis[2] * spare[2]
+    cos = two[0] * one[0] + two[1] * one[1] + two[2] * one[2]
+    angle = math.atan2(sin, cos)
+    return angle + 2.0 * math.pi * math.floor((last - angle) / (2.0 * math.pi) + 0.5)
+
+
+@inner
+def row_torque(row, model, work):
+    """Torque [N m] on a hinge: spring and damper at its present angle and rate about their references, and a drive."""
+    spring = work.spring[model.row_spring[row]]
+    return (
+        model.row_stiffness[row] * (spring[0] - work.row_value[row])
+        + model.row_damping[row] * (spring[1] - work.row_rate[row])
+        + spring[2]
+    )
+
+
+@inner
+def free_hinges(model, work):
+    """Make the equations of hinges in B A⁻¹ Bᵀ λ = rhs say what λ is; ``work.row_scale`` keeps its factor."""
+    n_row = model.row_kind.shape[0]
+    for r in range(n_row):
+        if model.row_kind[r] == TORQUE:
+            scale = work.schur[r, r]
+            for s in range(n_row):
+                work.schur[r, s] = 0.0
+            work.schur[r, r], work.row_scale[r] = scale, scale
+
+
+@inner
+def give_torques(model, work, known):
+    """The right-hand sides of these equations: λ is minus the torque, or zero where torques are not ``known``."""
+    for r in range(model.row_kind.shape[0]):
+        if model.row_kind[r] == TORQUE:
+            work.multiplier[r] = -work.row_scale[r] * row_torque(r, model, work) if known else 0.0
+
+
 @kernel
 def constraint_rows(model, state, q, v, work):
     """Value, rate and acceleration bias of all constraint rows and their weights on the markers."""
@@ -175,27 +282,26 @@ def constraint_rows(model, state, q, v, work):
             for i in range(3):
                 s = work.marker_rotation[a, i]
                 one[i] = s[0] * vector[0] + s[1] * vector[1] + s[2] * vector[2]
-                two[i] = other[i]
-                if b >= 0:
-                    s = work.marker_rotation[b, i]
-                    two[i] = s[0] * other[0] + s[1] * other[1] + s[2] * other[2]
-            cross(one, two, c)
-            # ċ = (W_a × one) × two + one × (W_b × two)
-            cross(work.marker_rate[a, 3:6], one, turn)
-            cross(turn, two, c_rate)
-            if b >= 0:
-                cross(work.marker_rate[b, 3:6], two, turn)
+            turned_vector(row, b, other, model, work)
+            if model.row_kind[row] == ORTHOGONAL:
+                cross(one, two, c)
+                # ċ = (W_a × one) × two + one × (W_b × two)
+                cross(work.marker_rate[a, 3:6], one, turn)
+                cross(turn, two, c_rate)
+                cross(work.second_rate, two, turn)
                 cross(one, turn, work.spare)
                 for i in range(3):
                     c_rate[i] += work.spare[i]
+                    value += one[i] * two[i]
+            else:
+                value = hinge_angle(one, two, work.axis, state.angle[model.row_spring[row]], c)
+                for i in range(3):
+                    c[i] = work.axis[i]
+                    c_rate[i] = 0.0
             for i in range(3):
-                speed, acc = work.marker_rate[a, 3 + i], work.marker_bias[a, 3 + i]
-                if b >= 0:
-                    speed -= work.marker_rate[b, 3 + i]
-                    acc -= work.marker_bias[b, 3 + i]
-                value += one[i] * two[i]
+                speed = work.marker_rate[a, 3 + i] - work.second_rate[i]
                 rate += c[i] * speed
-                bias += c[i] * acc + c_rate[i] * speed
+                bias += c[i] * (work.marker_bias[a, 3 + i] - work.second_bias[i]) + c_rate[i] * speed
             offset = 3
         work.row_value[row], work.row_rate[row], work.row_bias[row] = value, rate, bias
         place_row(row, 0, a, c, offset, 1.0, model, state, work)
@@ -219,21 +325,37 @@ def marker_pairs(model, columns, pairs):
 
 
 @inner
-def schur_complement(model, pairs, weight, out):
-    """B A⁻¹ Bᵀ (n_rows, n_rows)."""
-    n_row = model.row_kind.shape[0]
+def schur_complement(model, pairs, work, out):
+    """B A⁻¹ Bᵀ (n_rows, n_rows).
+
+    work.row_reach (n_rows, n_markers, 6) holds what the unit multiplier of a row moves on every marker.
+    """
+    n_row, n_m, reach = model.row_kind.shape[0], model.marker_body.shape[0], work.row_reach
+    for s in range(n_row):
+        for m in range(n_m):
+            for i in range(6):
+                reach[s, m, i] = 0.0
+        for y in range(2):
+            l = model.row_marker[s, y]
+            if l < 0:
+                continue
+            weight = work.weight[s, y]
+            for m in range(n_m):
+                if model.marker_held[m] and model.marker_body[m] == model.marker_body[l]:
+                    for i in range(model.marker_held[m]):
+                        for j in range(model.marker_held[l]):
+                            reach[s, m, i] += pairs[m, l, i, j] * weight[j]
     for r in range(n_row):
         for s in range(n_row):
-            total = 0.0
-            for x in range(2):
-                m = model.row_marker[r, x]
-                for y in range(2):
-                    l = model.row_marker[s, y]
-                    if m >= 0 and l >= 0 and model.marker_body[m] == model.marker_body[l]:
-                        for i in range(model.marker_held[m]):
-                            for j in range(model.marker_held[l]):
-                                total += weight[r, x, i] * pairs[m, l, i, j] * weight[s, y, j]
-            out[r, s] = total
+            out[r, s] = 0.0
+        for x in range(2):
+            m = model.row_marker[r, x]
+            if m < 0:
+                continue
+            w = work.weight[r, x]
+            for s in range(n_row):
+                t = reach[s, m]
+                out[r, s] += w[0] * t[0] + w[1] * t[1] + w[2] * t[2] + w[3] * t[3] + w[4] * t[4] + w[5] * t[5]
 
 
 @inner

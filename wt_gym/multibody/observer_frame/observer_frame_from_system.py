@@ -3,36 +3,64 @@
 Every joint and constraint of a :class:`MultibodySystem` becomes rows of the constraint equations (5) between bodies
 that move freely otherwise; every flexible body keeps its elastic coordinates and their shapes. What the local observer
 frame does not know is left out: the second-order displacements, and with them the geometric stiffness.
+
+*Servos* make their rows rheonomic: a drive turns the axes of the second section. *Springs and dampers* are torques on
+the hinge that they bridge. *Massless bodies* have no mass matrix of their own. One without any inertia, held by a servo
+or fixed, is no body but a turned section of its parent, to which what it carries is joined. One with an inertia about
+its hinge (a generator) borrows mass from its rigid parent: points on the axis of the hinge move with both bodies alike,
+so that the machine stays the same when their mass is counted with the other.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody.observer_frame.frame import ObserverFrameError, ObserverFrameSystem, Place, Substructure
+from wt_gym.multibody.observer_frame.frame import (
+    Drive,
+    ObserverFrameError,
+    ObserverFrameSystem,
+    Place,
+    Spring,
+    Substructure,
+)
+from wt_gym.multibody.observer_frame.observer_frame_body import reference_condition, rigid_modes
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.beam import SecondOrderField, skew
 from wt_gym.structure.flexible_body import particle_fields
 
-__all__ = ["mass_points", "observer_frame_from_system", "substructure_from_body"]
+__all__ = ["FRAME", "Translation", "mass_points", "observer_frame_from_system", "substructure_from_body"]
 
 FRAME = "frame"
 """Name of the place where the frame of a body is: what its joint holds."""
+LENT = 0.05
+"""Share of the mass of a rigid body, and of its least moment of inertia, that a massless one on its hinge borrows."""
 
 
-def observer_frame_from_system(system, beams=None, y=None, rigid_modes="deformed"):
+def observer_frame_from_system(
+    system, beams=None, y=None, rigid_modes="deformed", reference="clamped", motions=None, torques=None
+):
     """A system in local observer frames from a built multibody system.
 
     Parameters
     ----------
     system : MultibodySystem
-        Built; with joints that are fixed, revolute (without spring and damper), spherical or free, and with constraints
-        that are welds, hinges or balls.
+        Built; all joints but prismatic ones, and constraints that are welds, hinges or balls.
     beams : dict of str to (Beam, array (n_dof, n)), optional
         Beam and basis from which each flexible body was made, by the name of the body.
     y : array (n_state,), optional
         State of the multibody system in which the motion begins, default its initial state.
     rigid_modes : str
         Of :class:`ObserverFrameSystem`.
+    reference : str
+        Reference condition of the flexible bodies. The shapes stay those of the bodies: they are seen from another
+        frame, from which their rigid-body part is taken.
+    motions : dict of str to callable, optional
+        Angle, rate and acceleration of servos as functions of time, by the name of joint or constraint; a servo without
+        one keeps its angle.
+    torques : dict of str to callable, optional
+        References of angle and rate and the torque of revolute joints as functions of time, by the name of the joint;
+        see :class:`wt_gym.multibody.observer_frame.frame.Spring`.
 
     Returns
     -------
@@ -57,7 +85,8 @@ def observer_frame_from_system(system, beams=None, y=None, rigid_modes="deformed
     >>> [body.name for body in observed.bodies]
     ['bob']
     """
-    return _Translation(system, beams or {}, system.initial_state() if y is None else y, rigid_modes).observed
+    start = system.initial_state() if y is None else y
+    return Translation(system, beams or {}, start, rigid_modes, reference, motions or {}, torques or {}).observed
 
 
 def mass_points(inertia):
@@ -74,7 +103,17 @@ def mass_points(inertia):
     return np.full(6, inertia.mass / 6.0), centre + np.concatenate([reach.T, -reach.T])
 
 
-def substructure_from_body(body, beam=None, basis=None):
+def _massless_points(inertia):
+    """The same for a body without mass: points one metre out on the principal axes and one that makes up for them.
+
+    Some of their masses are negative; in the sums over mass points that does not matter.
+    """
+    value, axis = np.linalg.eigh(0.5 * np.trace(inertia.j0) * np.eye(3) - inertia.j0)
+    masses = np.concatenate([np.repeat(0.5 * value, 2), [-value.sum()]])
+    return masses, np.concatenate([np.stack([axis.T, -axis.T], axis=1).reshape(6, 3), np.zeros((1, 3))])
+
+
+def substructure_from_body(body, beam=None, basis=None, reference="clamped", lent=()):
     """A substructure with the elastic coordinates, markers and mass of a body.
 
     Parameters
@@ -83,16 +122,25 @@ def substructure_from_body(body, beam=None, basis=None):
     beam : Beam, optional
     basis : array (n_dof, n), optional
         What :meth:`FlexibleBody.from_beam` was given; not needed for a rigid body.
+    reference : str
+        Reference condition: the shapes of the body without the rigid-body motion that does not comply with it.
+    lent : sequence of (float, array (3,))
+        Further mass points of a rigid body, of any sign [kg, m].
 
     Raises
     ------
     ObserverFrameError
         When a flexible body comes without beam and basis, or with those of another body.
     """
-    if body.n_elastic == 0:
-        mass, position = mass_points(body.inertia)
-        points = mass, position, np.zeros((6, 3, 0))
+    n = body.n_elastic
+    rigid = np.zeros((6, n))
+    if n == 0:
+        mass, position = mass_points(body.inertia) if body.inertia.mass > 0.0 else _massless_points(body.inertia)
         ends = position[:2]
+        if lent:
+            mass = np.concatenate([mass, [m for m, _ in lent]])
+            position = np.concatenate([position, [x for _, x in lent]])
+        points = mass, position, np.zeros((len(mass), 3, 0))
     else:
         if beam is None or basis is None:
             raise ObserverFrameError(f"body {body.name!r} is flexible: its beam and basis are needed")
@@ -103,53 +151,140 @@ def substructure_from_body(body, beam=None, basis=None):
         if generalised.shape != expected.shape or np.abs(generalised - expected).max() > 1e-9 * np.abs(expected).max():
             raise ObserverFrameError(f"body {body.name!r} was not made from the beam and basis given for it")
         ends = beam.node_position[[0, -1]]
-    places = {key: _place(marker, np.zeros(3)) for key, marker in body.markers.items()}
-    none = np.zeros((3, body.n_elastic, body.n_elastic))
-    places[FRAME] = Place(np.zeros(3), np.zeros((6, body.n_elastic)), lambda: none)
-    return Substructure.from_points(body.name, points, body.stiffness, body.damping, places, ends)
+        if reference != "clamped":
+            rows = reference_condition(beam, reference)
+            rigid = -np.linalg.solve(rows @ rigid_modes(beam), rows @ basis)
+            points = *points[:2], points[2] + rigid[:3] - skew(points[1]) @ rigid[3:]
+    places = {key: _place(marker, np.zeros(3), rigid) for key, marker in body.markers.items()}
+    none = np.zeros((3, n, n))
+    places[FRAME] = Place(np.zeros(3), rigid, lambda: none)
+    return Substructure.from_points(
+        body.name, points, body.stiffness, body.damping, places, ends, reference=reference if n else "given"
+    )
 
 
-def _place(marker, offset):
-    """The point at an offset (3,) from a marker, carried by its section."""
-    linear = marker.linear - skew(offset) @ marker.rotation
+def _place(marker, offset, rigid):
+    """The point at an offset (3,) from a marker, carried by its section; shapes with a rigid-body part (6, n)."""
+    position = marker.position + offset
+    linear = marker.linear - skew(offset) @ marker.rotation + rigid[:3] - skew(position) @ rigid[3:]
 
     def second_order():
+        if np.any(rigid):
+            raise ObserverFrameError("consistent loads on bodies of a system need the reference condition 'clamped'")
         return marker.second + SecondOrderField.of_offset(marker.rotation[None], offset[None])[0]
 
-    return Place(marker.position + offset, np.vstack([linear, marker.rotation]), second_order)
+    return Place(position, np.vstack([linear, marker.rotation + rigid[3:]]), second_order)
 
 
-class _Translation:
-    """One use of :func:`observer_frame_from_system`."""
+@dataclass(frozen=True)
+class _Base:
+    """Where a joint is: on the ground or a section of a body, which a drive may turn before the joint.
 
-    def __init__(self, system, beams, y, rigid_modes):
+    The axes of the joint are S exp(θ ã) R in those of the section S.
+    """
+
+    body: int  # −1: the ground
+    place: str | None
+    position: np.ndarray  # (3,) of the ground
+    rotation: np.ndarray  # R (3, 3)
+    drive: int = -1
+    axis: np.ndarray | None = None  # a (3,)
+
+
+class Translation:
+    """One use of :func:`observer_frame_from_system`; its arguments are explained there.
+
+    Attributes
+    ----------
+    observed : ObserverFrameSystem
+    tree_bodies : list of int
+        Body of the multibody system of which each substructure is made.
+    rigid_parts : list of array (6, n_f)
+        Motion of the frame of the tree's body from the moving frame per elastic coordinate, by substructure.
+    hinges : list of (int, int)
+        Springs, and the bodies of the tree on whose revolute joints they act.
+    servos : list of int
+        State of a servo of the multibody system that each drive follows.
+    """
+
+    def __init__(self, system, beams, y, rigid_modes="deformed", reference="clamped", motions=None, torques=None):
         unknown = sorted(set(beams) - {body.name for body in system.bodies})
         if unknown:
             raise ObserverFrameError(
                 f"beams are given for {unknown}, but the bodies are {[b.name for b in system.bodies]}"
             )
         self.system, self.y = system, np.ascontiguousarray(y, dtype=float)
+        self._motions, self._torques = dict(motions or {}), torques
         self.work = system.new_work()
         tree_kernels.kinematics(self.y, system.tree, self.work)
         self.observed = ObserverFrameSystem(system.gravity, rigid_modes)
-        self.bodies = [substructure_from_body(body, *beams.get(body.name, ())) for body in system.bodies]
-        self.frames = []
+        self.hinges, self.servos = [], []
+        self._is_carrier = [self._carries_only(b) for b in range(len(system.bodies))]
+        self.tree_bodies = [b for b, carrier in enumerate(self._is_carrier) if not carrier]
+        lent = self._lend()
+        self.bodies = [
+            None
+            if self._is_carrier[b]
+            else substructure_from_body(body, *beams.get(body.name, (None, None)), reference, lent[b])
+            for b, body in enumerate(system.bodies)
+        ]
+        self.rigid_parts = [self.bodies[b].places[FRAME].field for b in self.tree_bodies]
+        self.frames, self._bases = [], []
         for b in range(len(system.bodies)):
             self._place_by_joint(b)
         for c in range(len(system.constraints)):
             self._place_by_constraint(c)
-        for b, body in enumerate(self.bodies):
-            self._add(b, body)
-        for b in range(len(system.bodies)):
+        for b in self.tree_bodies:
+            self._add(b, self.bodies[b])
+        for b in self.tree_bodies:
             self._hold_by_joint(b)
         for c in range(len(system.constraints)):
             self._hold_by_constraint(c)
 
+    # ---- bodies without mass -----------------------------------------------------------------------------------------
+
+    def _carries_only(self, b):
+        """Whether a body is nothing but a turned section of its parent."""
+        body = self.system.bodies[b]
+        nothing = body.n_elastic == 0 and body.inertia.mass == 0.0 and not np.any(body.inertia.j0)
+        return nothing and self.system.joints[b].kind in ("fixed", "servo")
+
+    def _lend(self):
+        """Mass points (mass, place) that each body gets or gives: bodies without mass borrow on their hinge."""
+        system, lent = self.system, [[] for _ in self.system.bodies]
+        for b, body in enumerate(system.bodies):
+            if body.inertia.mass > 0.0 or self._is_carrier[b]:
+                continue
+            joint, p = system.joints[b], system.parents[b]
+            lender = system.bodies[p] if p >= 0 else None
+            if joint.kind != "revolute" or lender is None or lender.n_elastic or not lender.inertia.mass > 0.0:
+                raise ObserverFrameError(
+                    f"body {body.name!r} has no mass; in local observer frames it needs a revolute joint on a rigid "
+                    "body with mass"
+                )
+            mass = lender.inertia.mass
+            arm = skew(lender.inertia.c0 / mass)
+            least = np.linalg.eigvalsh(lender.inertia.j0 + mass * arm @ arm)[0]
+            axis, offset = np.asarray(joint.axis, dtype=float), np.asarray(joint.offset, dtype=float)
+            turn = np.eye(3) if joint.rotation is None else joint.rotation
+            there = system._markers[b].position + offset
+            reach = np.sqrt(least / mass)
+            for side in (-reach, reach):
+                lent[b].append((0.5 * LENT * mass, side * axis))
+                lent[p].append((-0.5 * LENT * mass, there + side * turn @ axis))
+        return lent
+
+    # ---- places ------------------------------------------------------------------------------------------------------
+
     def _elastic(self, b):
         """Elastic coordinates and rates (n_f,) of a body."""
-        n = self.bodies[b].n_elastic
+        n = self.system.bodies[b].n_elastic
         q, u = self.system.index(b, "elastic_q"), self.system.n_q + self.system.index(b, "elastic_u")
         return self.y[q : q + n], self.y[u : u + n]
+
+    def _servo(self, number):
+        """Angle of a servo."""
+        return self.y[self.system.n_q + self.system.n_u + number]
 
     def _carried(self, b, marker, offset, rotation):
         """Position and orientation of a frame on a marker of a body (on the ground for −1), and its place."""
@@ -157,38 +292,69 @@ class _Translation:
         rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
         if b < 0:
             return offset, rotation, None
-        place = _place(marker, offset)
+        place = _place(marker, offset, self.bodies[b].places[FRAME].field)
         field = place.field @ self._elastic(b)[0]
         position, frame = self.frames[b]
         turn = Rotation.from_rotvec(field[3:]).as_matrix()
         return position + frame @ (place.position + field[:3]), frame @ turn @ rotation, place
 
+    def _base(self, b):
+        """Where the joint of a body is, with the section as it stands: (position, orientation of the joint, base)."""
+        joint, p = self.system.joints[b], self.system.parents[b]
+        rotation = np.eye(3) if joint.rotation is None else np.asarray(joint.rotation, dtype=float)
+        if p >= 0 and self._is_carrier[p]:
+            position, frame = self.frames[p]
+            base = self._bases[p]
+            if np.any(joint.offset):
+                raise ObserverFrameError(f"joint {joint.name!r}: it must not be offset from a body without mass")
+            turned = _Base(base.body, base.place, base.position, base.rotation @ rotation, base.drive, base.axis)
+            return position, frame @ rotation, turned
+        position, frame, place = self._carried(p, self.system._markers[b], joint.offset, rotation)
+        if place is None:
+            return position, frame, _Base(-1, None, position, rotation)
+        name = f"joint of {self.system.bodies[b].name}"
+        self.bodies[p].places[name] = place
+        return position, frame, _Base(p, name, position, rotation)
+
     def _place_by_joint(self, b):
         """Frames are placed by the linear displacements of this formulation, so that its constraints hold exactly."""
         joint, kind = self.system.joints[b], self.system.joints[b].kind
-        if kind in ("prismatic", "servo"):
-            raise ObserverFrameError(f"joint {joint.name!r}: a {kind} joint has no form in local observer frames")
-        if joint.stiffness or joint.damping:
-            raise ObserverFrameError(f"joint {joint.name!r}: springs and dampers have no form in local observer frames")
-        p = self.system.parents[b]
-        position, rotation, place = self._carried(p, self.system._markers[b], joint.offset, joint.rotation)
-        if place is not None:
-            self.bodies[p].places[_joint_place(self.bodies[b].name)] = place
+        if kind == "prismatic":
+            raise ObserverFrameError(f"joint {joint.name!r}: a prismatic joint has no form in local observer frames")
+        position, rotation, base = self._base(b)
         first = self.system.index(b, "joint_q")
         if kind == "revolute":
             rotation = rotation @ Rotation.from_rotvec(self.y[first] * np.asarray(joint.axis)).as_matrix()
+        elif kind == "servo":
+            if base.drive >= 0:
+                raise ObserverFrameError(f"joint {joint.name!r}: two servos need a body with mass between them")
+            number = self.system.index(b, "servo")
+            angle = self._servo(number)
+            rotation = rotation @ Rotation.from_rotvec(angle * np.asarray(joint.axis)).as_matrix()
+            drive = self._new_drive(joint.name or f"{self.system.bodies[b].name}_joint", number)
+            base = _Base(base.body, base.place, base.position, base.rotation, drive, base.rotation @ joint.axis)
         elif kind == "spherical":
             rotation = rotation @ _matrix(self.y[first : first + 4])
         elif kind == "free":
             position = position + rotation @ self.y[first : first + 3]
             rotation = rotation @ _matrix(self.y[first + 3 : first + 7])
+        self._bases.append(base)
+        if not self._is_carrier[b]:
+            field = self.bodies[b].places[FRAME].field @ self._elastic(b)[0]
+            rotation = rotation @ Rotation.from_rotvec(field[3:]).as_matrix().T
+            position = position - rotation @ field[:3]
         self.frames.append((position, rotation))
+
+    def _new_drive(self, name, number):
+        """A drive that follows a servo of the system, or keeps its present angle."""
+        angle = self._servo(number)
+        self.observed.drives.append(Drive(name, self._motions.get(name, lambda time: (angle, 0.0, 0.0))))
+        self.servos.append(number)
+        return len(self.servos) - 1
 
     def _place_by_constraint(self, c):
         """A free body is put where its constraint holds it; names the places on both sides."""
         constraint, (first, second, marker, second_marker) = self.system.constraints[c], self.system._tied[c]
-        if constraint.servo_frequency > 0.0:
-            raise ObserverFrameError(f"constraint {constraint.name!r}: a servo has no form in local observer frames")
         one = self._carried(first, marker, constraint.offset, constraint.rotation)
         two = self._carried(second, second_marker, constraint.second_offset, constraint.second_rotation)
         for b, place in ((first, one[2]), (second, two[2])):
@@ -196,35 +362,81 @@ class _Translation:
                 self.bodies[b].places[_constraint_place(c)] = place
         if second >= 0 and self.system.joints[second].kind == "free":
             position, rotation = self.frames[second]
-            turn = one[1] @ two[1].T if constraint.kind == "weld" else np.eye(3)
+            held = one[1]
+            if constraint.servo_frequency > 0.0:
+                angle = self._servo(self.system._constraint_servo[c])
+                held = held @ Rotation.from_rotvec(angle * np.asarray(constraint.axis)).as_matrix()
+            turn = held @ two[1].T if constraint.kind == "weld" else np.eye(3)
             self.frames[second] = one[0] + turn @ (position - two[0]), turn @ rotation
 
     def _add(self, b, body):
         position, rotation = self.frames[b]
         q, rate = self._elastic(b)
         none, own = np.zeros(6), self.work.rot[b]
+        turning = body.places[FRAME].field @ rate
         self.observed.add(
             body,
             position,
             rotation,
             own @ self.work.v[b],
-            own @ self.work.omega[b],
+            own @ self.work.omega[b] - rotation @ turning[3:],
             np.concatenate([q, none]),
             np.concatenate([rate, none]),
         )
 
+    # ---- what holds them ---------------------------------------------------------------------------------------------
+
     def _hold_by_joint(self, b):
-        joint, name, p = self.system.joints[b], self.bodies[b].name, self.system.parents[b]
-        other = None if p < 0 else self.bodies[p].name
-        axis = self.frames[b][1] @ np.asarray(joint.axis)
-        self._hold({"fixed": "weld", "revolute": "hinge", "spherical": "ball", "free": ""}[joint.kind],
-                   (name, FRAME), (other, _joint_place(name)), axis)  # fmt: skip
+        joint, base, observed = self.system.joints[b], self._bases[b], self.observed
+        kind, mine = joint.kind, (self.bodies[b].name, FRAME)
+        other = (None, None) if base.body < 0 else (self.bodies[base.body].name, base.place)
+        if kind == "free":
+            return
+        observed.support(*mine) if base.body < 0 else observed.join(*mine, *other)
+        axes, label = base.rotation, joint.name or f"{self.system.bodies[b].name}_joint"
+        drive = base.drive, np.zeros(3) if base.axis is None else base.axis
+        if kind in ("fixed", "servo"):
+            pairs = [(np.eye(3)[i], axes[:, j]) for i, j in ((0, 1), (1, 2), (2, 0))]
+            observed._orthogonal(*mine, *other, pairs, f"{kind} joint {label}", *drive)
+        elif kind == "revolute":
+            axis = np.asarray(joint.axis, dtype=float)
+            across = np.linalg.svd(axis[None])[2][1:]
+            observed._orthogonal(*mine, *other, [(axis, axes @ t) for t in across], f"hinge {label}", *drive)
+            acts = joint.stiffness or joint.damping or self._torques is None or label in self._torques
+            if acts:
+                self._bridge(b, mine, other, label, axes @ axis, (across[0], axes @ across[0]))
+
+    def _bridge(self, b, mine, other, label, axis, vectors):
+        """Spring, damper and torque of a revolute joint."""
+        joint, base = self.system.joints[b], self._bases[b]
+        if base.drive >= 0 and base.axis @ axis < 1.0 - 1e-12:
+            raise ObserverFrameError(f"joint {label!r}: a spring behind a servo needs the axis of the servo")
+        along = base.axis if base.drive >= 0 else axis
+        spring = Spring(label, joint.stiffness, joint.damping, (self._torques or {}).get(label))
+        spring.angle = float(self.y[self.system.index(b, "joint_q")])
+        self.observed.spring(*mine, *other, along, vectors, spring, base.drive)
+        self.hinges.append((len(self.observed.springs) - 1, b))
 
     def _hold_by_constraint(self, c):
         constraint, (first, second, marker, _) = self.system.constraints[c], self.system._tied[c]
         here = _constraint_place(c)
+        names = [None if b < 0 else self.bodies[b].name for b in (first, second)]
+        if constraint.servo_frequency > 0.0:
+            if constraint.kind != "weld" or second < 0:
+                raise ObserverFrameError(f"constraint {constraint.name!r}: only the weld of a body takes a servo")
+            axes, own = (np.eye(3) if r is None else r for r in (constraint.rotation, constraint.second_rotation))
+            drive = self._new_drive(constraint.name or here, self.system._constraint_servo[c])
+            if first < 0:
+                self.observed.support(names[1], here)
+            else:
+                self.observed.join(names[1], here, names[0], here)
+            pairs = [(own[:, i], axes[:, j]) for i, j in ((0, 1), (1, 2), (2, 0))]
+            place = None if first < 0 else here
+            label = f"servo {constraint.name}"
+            self.observed._orthogonal(names[1], here, names[0], place, pairs, label, drive, axes @ constraint.axis)
+            return
         axis = self._carried(first, marker, constraint.offset, constraint.rotation)[1] @ np.asarray(constraint.axis)
-        ends = [(None if b < 0 else self.bodies[b].name, here) for b in (second, first)]
+        ends = [(name, here) for name in names[::-1]]
         self._hold(constraint.kind, *(ends if second >= 0 else ends[::-1]), axis)
 
     def _hold(self, kind, mine, yours, axis):
@@ -236,10 +448,6 @@ class _Translation:
             self.observed.support(*mine) if ground else self.observed.join(*yours, *mine)
         elif kind == "hinge":
             self.observed.hinge(*mine, axis, *(() if ground else yours))
-
-
-def _joint_place(name):
-    return f"joint of {name}"
 
 
 def _constraint_place(c):

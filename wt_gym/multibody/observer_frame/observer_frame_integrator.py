@@ -77,6 +77,11 @@ class ObserverFrameIntegrator:
                 self.state.alpha[b] += rigid[3:]
         self._check(kernels.accelerations(values, self.model, self.state, self._work))
 
+    def _acting(self, acting, start, n_steps):
+        """What drives and springs say (n_steps, n, 3) at the ends of the coming steps."""
+        values = [[one.at(start + k * self.step) for one in acting] for k in range(n_steps)]
+        return np.array(values, dtype=float).reshape(n_steps, len(acting), 3)
+
     def advance(self, n_steps=1):
         """Take n_steps.
 
@@ -85,11 +90,14 @@ class ObserverFrameIntegrator:
         ObserverFrameError
             When a matrix becomes singular or the motion is no longer finite; ``time`` is that of the last good step.
         """
-        values = self._load_values(self.time + self.step, int(n_steps))
+        ends = self.time + self.step, int(n_steps)
+        values = self._load_values(*ends)
+        drives, springs = self._acting(self.system.drives, *ends), self._acting(self.system.springs, *ends)
         done = np.zeros(1, dtype=np.int64)
         code = kernels.advance(
-            self.step, values, self.n_iterations, self._threshold, self.model, self.state, self._work, done
-        )
+            self.step, values, drives, springs, self.n_iterations, self._threshold, self.model, self.state, self._work,
+            done,
+        )  # fmt: skip
         self.time += self.step * float(done[0])
         self._check(code)
 

@@ -4,15 +4,20 @@ import math
 
 from wt_gym.compiled import kernel
 from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import (
+    TORQUE,
     add_loads,
     constraint_rows,
+    free_hinges,
+    give_torques,
     marker_pairs,
+    row_torque,
     rows_of,
     schur_complement,
     subtract_reactions,
 )
 from wt_gym.multibody.observer_frame.observer_frame_matrix_kernels import (
     factorize,
+    factorize_dense,
     gyroscopic_product,
     inner,
     inner_forces,
@@ -286,6 +291,23 @@ def renew_markers(b, model, state):
 
 
 @kernel
+def refresh(model, state, work):
+    """Rotation modes of all bodies as they follow from ``state.deformed``, after a state was restored."""
+    for b in range(model.n.shape[0]):
+        n = model.n[b]
+        for i in range(n - 6):
+            work.vector[b, i] = state.q[b, i]
+            state.q[b, i] = state.deformed[b, i]
+        if not renew_rotations(b, model, state, work):
+            return SINGULAR_BODY
+        renew_markers(b, model, state)
+        for i in range(n - 6):
+            state.q[b, i] = work.vector[b, i]
+    marker_pairs(model, model.mass_columns, model.mass_pairs)
+    return OK
+
+
+@kernel
 def renew(b, model, state, work):
     """Rotation modes of the body as it is now deformed, at unchanged velocities; False for a singular mass matrix."""
     n = model.n[b]
@@ -304,6 +326,25 @@ def renew(b, model, state, work):
 @kernel
 def accelerations(value, model, state, work):
     """Accelerations and multipliers of eq. (6) with the constraints differentiated twice, for the present state."""
+    if model.row_kind.shape[0] > 0:
+        constraint_rows(model, state, state.q, state.v, work)
+        if not factorize_constraints(model, work):
+            return SINGULAR_CONSTRAINTS
+    accelerate(value, model, state, work)
+    return OK
+
+
+@inner
+def factorize_constraints(model, work):
+    """Factors of B M⁻¹ Bᵀ for the directions of the rows as they were evaluated last; False when it is singular."""
+    schur_complement(model, model.mass_pairs, work, work.schur)
+    free_hinges(model, work)
+    return factorize_dense(model.row_kind.shape[0], work.schur, work.order)
+
+
+@inner
+def accelerate(value, model, state, work):
+    """The accelerations, with rows and factors of the present state at hand."""
     n_row = model.row_kind.shape[0]
     for b in range(model.n.shape[0]):
         inner_forces(b, model, state, state.q[b], state.v[b], state.a[b])
@@ -311,48 +352,63 @@ def accelerations(value, model, state, work):
     for b in range(model.n.shape[0]):
         solve(model.n[b], model.first[b], model.mass_low[b], model.mass_up[b], state.a[b])
     if n_row == 0:
-        return OK
-    constraint_rows(model, state, state.q, state.v, work)
+        return
     for r in range(n_row):
-        state.multiplier[r] = work.row_bias[r]
-    rows_of(model, state.a, work, state.multiplier)
-    schur_complement(model, model.mass_pairs, work.weight, work.schur)
-    if not solve_dense(n_row, work.schur, state.multiplier):
-        return SINGULAR_CONSTRAINTS
+        work.multiplier[r] = work.row_bias[r]
+    rows_of(model, state.a, work, work.multiplier)
+    give_torques(model, work, True)
+    solve_dense(n_row, work.schur, work.order, work.multiplier)
+    for r in range(n_row):
+        state.multiplier[r] = work.multiplier[r]
     subtract_reactions(model, model.mass_columns, state.multiplier, work, state.a)
-    return OK
 
 
 @inner
 def hold_positions(model, state, work, n_passes):
-    """Remove what is left of the constraint residual, along S⁻¹ Bᵀ of the step just taken."""
+    """Remove what is left of the constraint residual, along S⁻¹ Bᵀ of the step just taken.
+
+    Directions change little in it: the factors of the first pass serve for all.
+    """
     n_row = model.row_kind.shape[0]
-    for _ in range(n_passes):
+    for i in range(n_passes):
         constraint_rows(model, state, state.q, state.v, work)
         worst = 0.0
         for r in range(n_row):
-            work.multiplier[r] = work.row_value[r]
-            worst = max(worst, abs(work.row_value[r]))
+            work.multiplier[r] = 0.0
+            if model.row_kind[r] != TORQUE:
+                work.multiplier[r] = work.row_value[r]
+                worst = max(worst, abs(work.row_value[r]))
         if worst < 1e-12:
             return OK
-        schur_complement(model, work.pairs, work.weight, work.schur)
-        if not solve_dense(n_row, work.schur, work.multiplier):
-            return SINGULAR_CONSTRAINTS
+        if i == 0:
+            schur_complement(model, work.pairs, work, work.schur)
+            free_hinges(model, work)
+            if not factorize_dense(n_row, work.schur, work.order):
+                return SINGULAR_CONSTRAINTS
+        solve_dense(n_row, work.schur, work.order, work.multiplier)
         subtract_reactions(model, work.columns, work.multiplier, work, state.q)
+    constraint_rows(model, state, state.q, state.v, work)
     return OK
+
+
+@inner
+def hold_rates(model, state, work):
+    """Project the velocities on Φ̇ = 0 in the metric of the mass matrix, with rows and factors of the state at hand."""
+    n_row = model.row_kind.shape[0]
+    for r in range(n_row):
+        work.multiplier[r] = work.row_rate[r]
+    give_torques(model, work, False)
+    solve_dense(n_row, work.schur, work.order, work.multiplier)
+    subtract_reactions(model, model.mass_columns, work.multiplier, work, state.v)
 
 
 @kernel
 def hold_velocities(model, state, work):
     """Project the velocities on Φ̇ = 0 in the metric of the mass matrix."""
-    n_row = model.row_kind.shape[0]
     constraint_rows(model, state, state.q, state.v, work)
-    for r in range(n_row):
-        work.multiplier[r] = work.row_rate[r]
-    schur_complement(model, model.mass_pairs, work.weight, work.schur)
-    if not solve_dense(n_row, work.schur, work.multiplier):
+    if not factorize_constraints(model, work):
         return SINGULAR_CONSTRAINTS
-    subtract_reactions(model, model.mass_columns, work.multiplier, work, state.v)
+    hold_rates(model, state, work)
     return OK
 
 
@@ -372,6 +428,39 @@ def factorize_step(h, model, state, work):
             solve(model.n[b], model.first[b], work.low[b], work.up[b], column)
     marker_pairs(model, work.columns, work.pairs)
     return OK
+
+
+@inner
+def spring_rows(h, model, state, work):
+    """The equations of hinges with springs and dampers in the system B S⁻¹ Bᵀ λ = rhs of a Newmark step.
+
+    At the end of the step, angle θ and rate being linear in the coordinates x about the iterate y, the torque
+    −λ = k (θ_r − θ) + c (θ̇_r − θ̇) + τ is τ₀ − κ B (x − y) with κ = k + 2 c/h and τ₀ the torque at y and its Newmark
+    velocity; x = x₀ − S⁻¹ Bᵀ λ gives
+
+        (κ B S⁻¹ Bᵀ + 1) λ = κ B (x₀ − y) − τ₀,
+
+    of which work.multiplier holds B (x₀ − y). A stiff spring thus limits no step.
+    """
+    n_row, some = model.row_kind.shape[0], False
+    for r in range(n_row):
+        work.row_change[r] = 0.0
+        some = some or model.row_kind[r] == TORQUE
+    if not some:
+        return
+    for b in range(model.n.shape[0]):
+        for k in range(model.n[b]):
+            work.vector[b, k] = 2.0 / h * (work.next[b, k] - state.q[b, k]) - 2.0 * state.v[b, k]
+    rows_of(model, work.vector, work, work.row_change)
+    for r in range(n_row):
+        if model.row_kind[r] != TORQUE:
+            continue
+        work.row_rate[r] += work.row_change[r]
+        stiffness, scale = model.row_stiffness[r] + 2.0 / h * model.row_damping[r], work.schur[r, r]
+        work.multiplier[r] = scale * (stiffness * work.multiplier[r] - row_torque(r, model, work))
+        for s in range(n_row):
+            work.schur[r, s] *= scale * stiffness
+        work.schur[r, r] += scale
 
 
 @inner
@@ -403,11 +492,13 @@ def newmark_solve(h, value, n_iterations, model, state, work):
                 for k in range(model.n[b]):
                     work.vector[b, k] = state.q[b, k] + work.rhs[b, k] - work.next[b, k]
             for r in range(n_row):
-                work.multiplier[r] = work.row_value[r]
+                work.multiplier[r] = 0.0 if model.row_kind[r] == TORQUE else work.row_value[r]
             rows_of(model, work.vector, work, work.multiplier)
-            schur_complement(model, work.pairs, work.weight, work.schur)
-            if not solve_dense(n_row, work.schur, work.multiplier):
+            schur_complement(model, work.pairs, work, work.schur)
+            spring_rows(h, model, state, work)
+            if not factorize_dense(n_row, work.schur, work.order):
                 return SINGULAR_CONSTRAINTS
+            solve_dense(n_row, work.schur, work.order, work.multiplier)
             subtract_reactions(model, work.columns, work.multiplier, work, work.rhs)
         for b in range(n_b):
             for k in range(model.n[b]):
@@ -451,17 +542,33 @@ def step(h, value, n_iterations, threshold, model, state, work):
         if model.deformed_modes:
             marker_pairs(model, model.mass_columns, model.mass_pairs)
         code = hold_positions(model, state, work, 3)
-        if code == OK:
-            code = hold_velocities(model, state, work)
-    if code == OK:
-        code = accelerations(value, model, state, work)
-    return code
+        if code != OK:
+            return code
+        if not factorize_constraints(model, work):
+            return SINGULAR_CONSTRAINTS
+        hold_rates(model, state, work)
+        constraint_rows(model, state, state.q, state.v, work)
+    accelerate(value, model, state, work)
+    for r in range(model.row_kind.shape[0]):
+        if model.row_kind[r] == TORQUE:
+            state.angle[model.row_spring[r]] = work.row_value[r]
+    return OK
 
 
 @kernel
-def advance(h, values, n_iterations, threshold, model, state, work, done):
-    """Take one step for each row of values (n_steps, n_loads, 6); done[0] counts the steps that succeeded."""
+def advance(h, values, drives, springs, n_iterations, threshold, model, state, work, done):
+    """Take one step for each row of values (n_steps, n_loads, 6); done[0] counts the steps that succeeded.
+
+    drives (n_steps, n_drives, 3) are angles, rates and accelerations at the ends of the steps, springs (n_steps,
+    n_springs, 3) the references of springs and dampers and the torques beside them.
+    """
     for i in range(values.shape[0]):
+        for d in range(drives.shape[1]):
+            for k in range(3):
+                work.drive[d, k] = drives[i, d, k]
+        for d in range(springs.shape[1]):
+            for k in range(3):
+                work.spring[d, k] = springs[i, d, k]
         code = step(h, values[i], n_iterations, threshold, model, state, work)
         if code != OK:
             return code

@@ -54,8 +54,8 @@ def solve(n, first, low, up, x):
 
 
 @inner
-def solve_dense(n, a, x):
-    """Solve x ← a⁻¹ x by elimination with row exchanges; a is destroyed. False when a is singular."""
+def factorize_dense(n, a, order):
+    """P a = L U in place by elimination with row exchanges, kept in ``order`` (n,). False when a is singular."""
     scale = 0.0
     for i in range(n):
         for j in range(n):
@@ -67,22 +67,37 @@ def solve_dense(n, a, x):
                 p = i
         if not abs(a[p, k]) > 1e-14 * scale:
             return False
+        order[k] = p
         if p != k:
             for j in range(n):
                 a[k, j], a[p, j] = a[p, j], a[k, j]
-            x[k], x[p] = x[p], x[k]
+        pivot = 1.0 / a[k, k]
         for i in range(k + 1, n):
-            f = a[i, k] / a[k, k]
-            if f != 0.0:
+            if a[i, k] != 0.0:
+                f = a[i, k] * pivot
+                a[i, k] = f
                 for j in range(k + 1, n):
                     a[i, j] -= f * a[k, j]
-                x[i] -= f * x[k]
+    return True
+
+
+@inner
+def solve_dense(n, a, order, x):
+    """Solve x ← a⁻¹ x with the factors of a."""
+    for k in range(n):
+        p = order[k]
+        if p != k:
+            x[k], x[p] = x[p], x[k]
+    for i in range(n):
+        value = x[i]
+        for j in range(i):
+            value -= a[i, j] * x[j]
+        x[i] = value
     for k in range(n - 1, -1, -1):
         value = x[k]
         for j in range(k + 1, n):
             value -= a[k, j] * x[j]
         x[k] = value / a[k, k]
-    return True
 
 
 # ---- inertia and stiffness of one body -----------------------------------------------------------------------------
