@@ -27,6 +27,8 @@ PITCH = (0.02, 0.05, 0.08)
 """Pitch at the start [rad]."""
 SLIP = 4e7
 """Rise of the generator's torque with the speed of the shaft [N m s/rad]: the speed settles within a second."""
+GAINS = (0.0, 2.0, 10.0, 40.0)
+"""Baumgarte's gains of the runs without projection [1/s]."""
 TURNED_AWAY = 1.0
 """Angle by which a difference of the azimuth is divided [rad]."""
 
@@ -189,9 +191,10 @@ def trajectories():
     return CaseResult(checks, {"largest difference against step": figure}, "\n".join(notes))
 
 
-def coupled_drift(duration):
+def coupled_drift(duration, **changes):
     """The shipped preset in the wind with moving pitch and yaw: residuals after each aerodynamic step, and drift."""
-    simulator = Simulator("nrel_5mw", SteadyInflow(11.0, shear_exponent=0.2), "gebhardt")
+    fidelity = replace(FIDELITIES["gebhardt"], **changes)
+    simulator = Simulator("nrel_5mw", SteadyInflow(11.0, shear_exponent=0.2), fidelity)
     simulator.reset(rotor_speed=SPEED, pitch=PITCH)
     work, position = simulator.coupling.integrator.work, 0.0
     simulator.constraint_drift()
@@ -228,3 +231,22 @@ def drift():
             f"{run.drift.velocity:.2e} m/s or rad/s, in the wind {coupled.velocity:.2e}."
         ),
     )
+
+
+@case("formulations-gain", "Constrained form: drift over Baumgarte's gain, without projection", SOURCE, slow=True)
+def gain():
+    """30 s in the wind with moving pitch and yaw; stabilisation alone, weak, as shipped and strong, and none."""
+    found = {gain: coupled_drift(30.0, projection=False, stabilisation=gain)[1] for gain in GAINS}
+    projected = coupled_drift(30.0)[1]
+    own = found[10.0].position
+    checks = [
+        Check("drift of positions with projection", "<= 1e-6", projected.position, 0.0, "m or rad"),
+        Check("with the shipped gain alone", "<= 1e-6", own, 0.0, "m or rad"),
+        Check("without either over that with the shipped gain", ">= 10", found[0.0].position / own, 0.0),
+    ]
+    lines = [
+        f"α = {gain} 1/s: |φ| up to {drift.position:.2e}, |φ̇| up to {drift.velocity:.2e}"
+        for gain, drift in found.items()
+    ]
+    lines.append(f"with projection: {projected.position:.2e} and {projected.velocity:.2e} before it")
+    return CaseResult(checks, notes="\n".join(lines))
