@@ -9,7 +9,7 @@ from validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.constants import GRAVITY
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.multibody.integrators.stability import hamming_matrix
-from wt_gym.multibody.system import Joint, MultibodySystem
+from wt_gym.multibody.system import HammingIntegrator, Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 
 __all__ = ["amplification", "oscillator", "spectral_radius", "stability_limit"]
@@ -59,8 +59,8 @@ def amplification(integrator, step):
     """
     integrator.step = step
     history = integrator.history
-    hamming = hasattr(history, "error")
-    carried = (history.y, history.f, history.error) if hamming else (history.y, history.f, history.pseudo)
+    hamming = isinstance(integrator, HammingIntegrator)
+    carried = history.y, history.f, history.memory
     sizes = [a.size for a in carried]
     cuts = np.cumsum(sizes)[:-1]
     columns = []
@@ -68,9 +68,9 @@ def amplification(integrator, step):
         for array, part in zip(carried, np.split(unit, cuts), strict=True):
             array[...] = part.reshape(array.shape)
         if hamming:
-            history.filled[0] = 3
+            history.marks[0] = 3
         else:
-            history.counters[:] = 0
+            history.marks[:] = 0
         integrator.advance()
         columns.append(np.concatenate([a.ravel() for a in carried]))
     return np.array(columns).T
@@ -177,7 +177,7 @@ def pendulum_error(name, n_steps, exact_history=False, duration=2.0, **options):
         for k in range(4):
             integrator.history.y[k] = pendulum_state(begin + k * h)
             integrator.history.f[k] = system.rates(integrator.history.y[k])
-        integrator.history.filled[0], first = 3, 3
+        integrator.history.marks[0], first = 3, 3
     integrator.advance(n_steps - first)
     return float(np.linalg.norm((integrator.state - pendulum_state(begin + duration)) / [1.0, np.sqrt(GRAVITY)]))
 

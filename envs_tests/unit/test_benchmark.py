@@ -24,6 +24,7 @@ from wt_gym.benchmark import (
     BenchmarkTask,
     Reference,
     ResultFolder,
+    confirm_reference,
     into_page,
     leaderboard,
     load_task,
@@ -157,6 +158,27 @@ def test_scores_fall_with_every_load_and_every_use(reference, metric):
 def test_scores_rise_with_power(reference):
     found = [score(TASK, results(TASK, {"captured_power": x}), reference).score for x in (0.996, 1.0, 1.01)]
     assert np.all(np.diff(found) > 0.0)
+
+
+def test_reference_numbers_take_the_fingerprint_of_sources_that_change_no_number(reference):
+    present = PRINT | {"kernels": "new"}
+    confirmed = confirm_reference(TASK, reference, results(TASK, fingerprint=present), present)
+    assert confirmed.fingerprint == present
+    assert confirmed.baseline == reference.baseline
+    assert confirmed.best_improvement == reference.best_improvement
+
+
+@pytest.mark.parametrize(
+    ("changes", "part", "message"),
+    [
+        ({"blade_flap_del": 1.0 + 1e-6}, "kernels", "another blade_flap_del in"),
+        (None, "control", "controllers have changed"),
+    ],
+)
+def test_reference_numbers_that_may_have_changed_are_not_confirmed(reference, changes, part, message):
+    present = PRINT | {part: "new"}
+    with pytest.raises(BenchmarkError, match=message):
+        confirm_reference(TASK, reference, results(TASK, changes, fingerprint=present), present)
 
 
 def test_scores_are_clipped(reference):

@@ -5,7 +5,7 @@ the reference numbers that stand in the task's file. docs/benchmark.md has the r
 """
 
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
-from wt_gym.benchmark.reference import Reference, make_reference, reference_of, write_reference
+from wt_gym.benchmark.reference import Reference, confirm_reference, make_reference, reference_of, write_reference
 from wt_gym.benchmark.results import ResultFolder, result_key
 from wt_gym.benchmark.run import INTERFACE, play, run_definition
 from wt_gym.benchmark.scoring import Score, score
@@ -22,6 +22,7 @@ __all__ = [
     "Score",
     "Term",
     "benchmark_fingerprint",
+    "confirm_reference",
     "into_page",
     "leaderboard",
     "load_task",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
     from wt_gym.benchmark.tasks import BenchmarkTask
 
-__all__ = ["Reference", "make_reference", "reference_of", "write_reference"]
+__all__ = ["Reference", "confirm_reference", "make_reference", "reference_of", "write_reference"]
+
+SAME = 1e-9
+"""Relative change of a metric within which a run is the same as before."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,48 @@ def make_reference(
         raise BenchmarkError(f"task {task.name}: no candidate is better than the baseline within the limits: {found}")
     fingerprint = dict(baseline[task.winds[0].label]["definition"]["fingerprint"])
     return Reference(task.digest, fingerprint, metrics, best, allowed[best], found)
+
+
+def confirm_reference(
+    task: BenchmarkTask, reference: Reference, baseline: Mapping[str, Mapping], fingerprint: Mapping[str, str]
+) -> Reference:
+    """Reference numbers for sources that have changed in a way that changes no number.
+
+    Parameters
+    ----------
+    task : BenchmarkTask
+    reference : Reference
+        As made with the earlier sources.
+    baseline : mapping
+        Results of the baseline controller with the present sources by the label of the wind.
+    fingerprint : mapping
+        Of the present sources.
+
+    Returns
+    -------
+    Reference
+        The same numbers with the present fingerprint.
+
+    Raises
+    ------
+    wt_gym.errors.BenchmarkError
+        If a metric of the baseline has changed, or the controllers, whose other numbers were then not run again.
+    """
+    if "control" in differing(dict(fingerprint), reference.fingerprint):
+        raise BenchmarkError(
+            f"task {task.name}: controllers have changed since its reference numbers were made, and runs of the "
+            f"baseline say nothing about the others: scripts/benchmark.py reference --task {task.name} runs them all"
+        )
+    for label, known in reference.baseline.items():
+        found = baseline[label]["metrics"]
+        changed = [name for name, value in known.items()
+                   if name not in found or not abs(found[name] - value) <= SAME * abs(value)]  # fmt: skip
+        if changed:
+            raise BenchmarkError(
+                f"task {task.name}: the baseline gives another {', '.join(changed[:3])} in {label}: the reference "
+                f"numbers are out of date; scripts/benchmark.py reference --task {task.name} makes them anew"
+            )
+    return replace(reference, fingerprint=dict(fingerprint))
 
 
 def _keeps(task: BenchmarkTask, result: Mapping[str, Any], baseline: Mapping[str, float]) -> bool:

@@ -4,6 +4,7 @@
     wt-gym benchmark run baselines runs/ppo --task load-reduction-15 --out runs/benchmark --jobs 2
     wt-gym benchmark table runs/benchmark
     wt-gym benchmark reference --task all --jobs 2      # after a change of the physics
+    wt-gym benchmark reference --confirm --jobs 2       # after a change of the sources that changes no number
     wt-gym benchmark front runs/ppo --jobs 2            # docs/data/load_travel_front.csv and .svg
 
 An agent is zero, random, a controller with parameters behind a colon (constrained_ipc:level=0.1), planner, the path of
@@ -31,6 +32,11 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     table.add_argument("folder", type=Path, metavar="DIR")
     table.add_argument("--page", type=Path, metavar="FILE", help="put the table into this page too")
     reference = commands.add_parser("reference", description="Renew the reference numbers in the files of tasks.")
+    reference.add_argument(
+        "--confirm", action="store_true",
+        help="run only the baseline: where its numbers are the same, the reference numbers stay and take the "
+        "fingerprint of the present sources",
+    )  # fmt: skip
     front = commands.add_parser(
         "front", description="Flap DEL against pitch travel of individual pitch: gains, and bands that constrain it."
     )
@@ -109,6 +115,8 @@ def reference(arguments: argparse.Namespace) -> dict:
     from wt_gym.benchmark import ResultFolder, make_reference, write_reference
 
     folder, best = ResultFolder(arguments.out), {}
+    if arguments.confirm:
+        return confirmed(arguments, folder)
     for task in chosen(arguments.task):
         entries = entries_of([BASELINE, *task.candidates])
         run_jobs(jobs_of([task], entries), folder, arguments.jobs)
@@ -118,6 +126,26 @@ def reference(arguments: argparse.Namespace) -> dict:
         best[task.name] = made.improvements
         print(f"{task.id}: 100 is {made.best_agent}, an improvement of {100 * made.best_improvement:.2f} % ({path})")
     return best
+
+
+def confirmed(arguments: argparse.Namespace, folder) -> dict:
+    """Reference numbers that a change of the sources has left as they are."""
+    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
+    from wt_gym.agents.entries import BASELINE, entries_of
+    from wt_gym.benchmark import confirm_reference, reference_of, write_reference
+
+    (entry,), kept = entries_of([BASELINE]), {}
+    for task in chosen(arguments.task):
+        if task.reference is None:
+            print(f"{task.id}: no reference numbers yet")
+            continue
+        run_jobs(jobs_of([task], [entry]), folder, arguments.jobs)
+        results = results_of(task, entry, folder)
+        fingerprint = next(iter(results.values()))["definition"]["fingerprint"]
+        path = write_reference(task, confirm_reference(task, reference_of(task), results, fingerprint))
+        kept[task.name] = fingerprint
+        print(f"{task.id}: the baseline gives the same numbers in {len(results)} winds ({path})")
+    return kept
 
 
 def front(arguments: argparse.Namespace) -> list:

@@ -14,6 +14,7 @@ FAILURES = {
     tree_kernels.SINGULAR_MASS: "the mass matrix is not positive definite: a coordinate moves no mass",
     tree_kernels.SINGULAR_CONSTRAINTS: "the constraint equations depend on each other: a motion is locked twice",
     tree_kernels.DIVERGED: "the integration diverged; the step may exceed the stability limit",
+    tree_kernels.NOT_CONVERGED: "Newton's iteration did not converge; the step may be too long for the motion",
 }
 """Messages for the codes that the compiled kernels return."""
 

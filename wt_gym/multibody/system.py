@@ -23,8 +23,9 @@ from wt_gym.structure.flexible_body import FlexibleBody, Marker
 __all__ = ["FAILURES", "Constraint", "HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]
 
 TREE_FIELDS = (
-    "parent kind axis joint_rotation joint_offset marker_position marker_linear marker_second marker_rotation "
-    "n_elastic joint_q joint_u elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
+    "parent dof_parent kind axis joint_rotation joint_offset "
+    "marker_position marker_linear marker_second marker_rotation n_elastic joint_q joint_u "
+    "elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
     "stiffness damping "
     "cols n_col dof_stiffness dof_damping dof_q servo_frequency servo_damping gravity n_q n_u n_servo load_parent "
     "constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation projection"
@@ -291,6 +292,7 @@ class MultibodySystem:
         index = {key: np.array([e[key] for e in self._index]) for key in self._index[0]}
         return {
             "parent": np.array(self.parents),
+            "dof_parent": self._previous_velocities(inherited),
             "kind": np.array([j.code for j in self.joints]),
             "n_elastic": np.array([b.n_elastic for b in self.bodies]),
             "cols": cols,
@@ -302,6 +304,15 @@ class MultibodySystem:
             **index,
             **self._constraint_arrays(),
         }
+
+    def _previous_velocities(self, chains):
+        """Velocity before each one on its way from the ground, -1 for the first; chains: those up to a body's joint."""
+        previous = np.full(self.n_u, -1)
+        for b, chain in enumerate(chains):
+            first = self._index[b]["elastic_u"]
+            way = chain + list(range(first, first + self.bodies[b].n_elastic))
+            previous[way[1:]] = way[:-1]
+        return previous
 
     def _constraint_arrays(self):
         """Constraint equations, and the body that carries each body's loads."""
@@ -443,6 +454,14 @@ class MultibodySystem:
         return Inputs(z((2, n_b, 6 + nf)), *(z((2, n_u)) for _ in range(3)), *(z((2, n_s)) for _ in range(3)))
 
     # ---- evaluation (convenience around the kernels, one state at a time) ------------------------------------------
+
+    def balance(self, y, inputs, work):
+        """Mass matrix (n_u, n_u) and forces (n_u,) of M u̇ = f for a state and the inputs at the start of an interval.
+
+        Views of ``work``, of the matrix its lower triangle; without constraint forces. The arguments are not checked.
+        """
+        rate_kernels.force_balance(y, inputs, self.tree, work, np.zeros(self.n_state))
+        return work.mass, work.force
 
     def rates(self, y, inputs=None, work=None):
         """dy/dt (n_state,) for a state and the inputs at the start of their interval.

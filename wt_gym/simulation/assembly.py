@@ -76,7 +76,8 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     bodies = turbine_bodies(turbine, fidelity, planform.nodes)
     time_step, embedded = fidelity.step_for(turbine.drivetrain.rated_rotor_speed), None
     if fidelity.formulation == "embedded":
-        n_substeps = fidelity.substeps_for(time_step, highest_frequency(structure.system))
+        explicit = fidelity.integrator == "hamming"
+        n_substeps = fidelity.substeps_for(time_step, highest_frequency(structure.system) if explicit else None)
     else:
         embedded = assemble(turbine, replace(fidelity, formulation="embedded"), threads, generator_damping)
         n_substeps = embedded.n_substeps

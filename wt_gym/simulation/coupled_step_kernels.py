@@ -6,7 +6,10 @@ the kernel for this value alone, beside the one that Python calls.
 
 from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solve
 from wt_gym.compiled import kernel
+from wt_gym.multibody.integrators.implicit_kernels import implicit_advance
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
+from wt_gym.multibody.integrators.structural_newton_kernels import structural_advance
+from wt_gym.multibody.tree.rate_kernels import rates
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion, tower_drag
 from wt_gym.simulation.energy_kernels import check_energy
@@ -30,29 +33,38 @@ def move_lattice(y, tree, work, x):
         for k in range(x.elastic.shape[1]):
             x.elastic[i, k] = y[x.elastic_q[i, k]]
             x.elastic_rate[i, k] = y[x.elastic_u[i, k]]
-    n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
-    shape = (n_blade, n_point, 3)
-    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.blades,
+    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.carriers, x.pieces,
                  x.nodes.reshape(shape), x.velocities.reshape(shape))  # fmt: skip
 
 
 @kernel
 def copy_history(source, target):
-    """Points of the multistep scheme from one set of arrays to another."""
+    """What an integration goes on from, from one set of arrays to another."""
     for k in range(source.y.shape[0]):
         for i in range(source.y.shape[1]):
             target.y[k, i] = source.y[k, i]
             target.f[k, i] = source.f[k, i]
-    for i in range(source.error.shape[0]):
-        target.error[i] = source.error[i]
-    target.filled[0] = source.filled[0]
+    for i in range(source.memory.shape[0]):
+        target.memory[i] = source.memory[i]
+    for i in range(source.marks.shape[0]):
+        target.marks[i] = source.marks[i]
 
 
 @kernel
-def check_range(y, x, monitor):
-    """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor."""
+def check_range(y, x, monitor, pieces, gauges):
+    """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor.
+
+    The tips of blades of several bodies (pieces: `PieceNodes`) are where the gauges have seen them.
+    """
     if not (abs(y[monitor.generator_u]) < x.max_speed and abs(rotor_speed(y, monitor)) < x.max_speed):
         return OVERSPEED
+    if pieces is not None:
+        for i in range(gauges.deflection.shape[0]):
+            d = gauges.deflection[i]
+            if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 < x.max_deflection**2:
+                return DEFLECTION
+        return OK
     for i in range(x.elastic_q.shape[0]):
         size2 = 0.0
         for c in range(3):
@@ -111,8 +123,37 @@ def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
 @kernel(separate=True)
 def move_structure(motion, scheme, n_corrections):
     """The structure through one aerodynamic step, without the rates at its end; returns a code."""
-    return hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, scheme.h, scheme.n_sub,
-                           n_corrections, motion.constrained, bool(False))  # fmt: skip
+    return advance_structure(motion.implicit, motion, scheme, n_corrections, motion.constrained)
+
+
+@kernel
+def advance_structure(implicit, motion, scheme, n_corrections, constrained):
+    """As `move_structure`, by the scheme that the types of its first and last argument choose."""
+    m = motion
+    if implicit is None:
+        return hamming_advance(m.history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, n_corrections, constrained,
+                               bool(False))  # fmt: skip
+    if constrained is None:
+        return structural_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
+                                  scheme.n_sub, implicit.tolerance, implicit.max_iterations)  # fmt: skip
+    return implicit_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
+                            scheme.n_sub, implicit.tolerance, implicit.max_iterations, implicit.difference,
+                            constrained)  # fmt: skip
+
+
+@kernel(separate=True)
+def final_rates(motion):
+    """Rates that belong to the stored state and the inputs at the end of the step; the kinematics too."""
+    return rates_by(motion.implicit, motion, motion.constrained)
+
+
+@kernel
+def rates_by(implicit, motion, constrained):
+    """As `final_rates`, by the scheme that the type of the first argument chooses."""
+    m = motion
+    if implicit is None:
+        return hamming_advance(m.history, m.inputs, m.tree, m.work, 1.0, int(0), int(0), constrained, bool(True))
+    return rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate, constrained)
 
 
 @kernel(separate=True)
@@ -122,10 +163,11 @@ def predict_step(air, motion, x, scheme):
     copy_history(motion.history, motion.saved)
     extrapolate_loads(motion.inputs, x.previous_loads)
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-    rough = motion.constrained is None and scheme.iterations > 1 and scheme.n_sub <= MOST_UNCORRECTED
+    explicit = motion.implicit is None and motion.constrained is None
+    rough = explicit and scheme.iterations > 1 and scheme.n_sub <= MOST_UNCORRECTED
     code = move_structure(motion, scheme, 0 if rough else scheme.n_corrections)
     if code == OK:
-        move_lattice(motion.history.y[3], motion.tree, motion.work, x)
+        move_lattice(motion.state, motion.tree, motion.work, x)
     return code
 
 
@@ -137,15 +179,15 @@ def correct_step(air, motion, x, scheme, blade_wind):
     comes from nothing. As many passes as the scheme has leave some per cent of the loads, of either sign; where they
     leave more than ``scheme.loosest`` others follow.
     """
-    n_blade, n_point = x.elastic.shape[0], x.points.position.shape[0]
-    forces, loads = air.arrays.forces.reshape((n_blade, n_point, 3)), motion.inputs.body_loads[1]
+    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+    forces, loads = air.arrays.forces.reshape(shape), motion.inputs.body_loads[1]
     share = x.relaxation[0]
     for iteration in range(MOST_PASSES):
         copy_loads(loads, x.passes[0])
         solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
               bool(False))  # fmt: skip
-        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.blades, loads)
-        tower_drag(motion.history.y[3], motion.tree, motion.work, x.tower, loads[x.tower.body])
+        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
+        tower_drag(motion.state, motion.tree, motion.work, x.tower, loads[x.tower.body])
         if iteration > 0:  # the prediction was not corrected yet: one pass at least
             share = secant_share(loads, x.passes, share, x.relaxation)
             if change <= scheme.tolerance:
@@ -157,7 +199,7 @@ def correct_step(air, motion, x, scheme, blade_wind):
         code = move_structure(motion, scheme, scheme.n_corrections)
         if code != OK:
             return code
-        move_lattice(motion.history.y[3], motion.tree, motion.work, x)
+        move_lattice(motion.state, motion.tree, motion.work, x)
     return check_sections(air.arrays)
 
 
@@ -228,11 +270,10 @@ def secant_share(new, passes, share, memory):
 @kernel(separate=True)
 def end_step(motion, x, scheme, gauges, monitor, blade_wind):
     """Rates that belong to the stored state and the final loads; extremes; is anything out of range or balance?"""
-    code = hamming_advance(motion.history, motion.inputs, motion.tree, motion.work, 1.0, int(0), int(0),
-                           motion.constrained, bool(True))  # fmt: skip
+    code = final_rates(motion)
     if code != OK:
         return code
     watch_steps(motion, scheme.n_sub, gauges, monitor)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
-    code = check_range(motion.history.y[3], x, monitor)
+    code = check_range(motion.state, x, monitor, x.pieces, gauges)
     return check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt) if code == OK else code

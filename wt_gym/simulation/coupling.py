@@ -9,6 +9,7 @@ from wt_gym.compiled import compiled_for
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
+from wt_gym.multibody.integrators.schemes import GeneralizedAlphaIntegrator, NewmarkIntegrator
 from wt_gym.multibody.system import HammingIntegrator
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation import coupled_step_kernels, energy_kernels, monitor_kernels
@@ -27,6 +28,9 @@ MAX_DEFLECTION = 0.4
 """Elastic tip displacement, in blade lengths, beyond which a linear elastic blade has lost its meaning."""
 MAX_OVERSPEED = 3.0
 """Rotor speed, in rated speeds, at which a simulation is given up."""
+NEWTON_TOLERANCE = 1e-7
+"""Change of the position increments [m or rad] at which the iteration of an implicit step ends, far below what the
+passes of structure and loads leave."""
 LOOSEST = 0.1
 """Change of the loads of the blades, over the largest of them, with which a step may end."""
 
@@ -42,11 +46,24 @@ class Air(NamedTuple):
     body_work: tuple | None  # BodyWork
 
 
+class Implicit(NamedTuple):
+    """How an implicit scheme integrates the structure."""
+
+    scratch: tuple  # ImplicitScratch
+    scheme: np.ndarray  # (4,) β, γ, αm, αf
+    tolerance: float  # change of the position increments at which Newton's iteration ends
+    max_iterations: int
+    difference: float  # change of the increments from which the matrix of a system with constraint equations is made
+
+
 class Motion(NamedTuple):
     """The structure, as the compiled step takes it."""
 
-    history: tuple  # HammingHistory: the state
-    saved: tuple  # HammingHistory, room for a copy
+    history: tuple  # History: what the integration goes on from
+    saved: tuple  # the same, room for a copy
+    state: np.ndarray  # (n_state,) newest state, a view
+    rate: np.ndarray  # (n_state,) its rate, a view
+    implicit: tuple | None  # Implicit; None: the Hamming scheme
     inputs: tuple  # Inputs
     tree: tuple  # Tree
     work: tuple  # Work
@@ -95,12 +112,13 @@ class Exchange(NamedTuple):
 
     nodes: np.ndarray  # (n_blades, n_chord + 1, n_span + 1, 3) lattice nodes [m]
     velocities: np.ndarray  # the same [m/s]
-    points: tuple  # Points of the lattice on a blade
-    blades: np.ndarray  # (n_blades,) bodies
-    elastic_q: np.ndarray  # (n_blades, n_f) where a blade's coordinates are in the state
-    elastic_u: np.ndarray  # (n_blades, n_f) and their rates
-    elastic: np.ndarray  # (n_blades, n_f)
-    elastic_rate: np.ndarray  # (n_blades, n_f)
+    points: tuple  # Points of the lattice on a blade, or on its pieces
+    carriers: np.ndarray  # (n_carriers,) bodies that carry them: the blades, or their pieces blade by blade
+    pieces: tuple | None  # PieceNodes; None: a blade is one body
+    elastic_q: np.ndarray  # (n_carriers, n_f) where the coordinates of a carrier are in the state
+    elastic_u: np.ndarray  # (n_carriers, n_f) and their rates
+    elastic: np.ndarray  # (n_carriers, n_f)
+    elastic_rate: np.ndarray  # (n_carriers, n_f)
     previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago
     passes: np.ndarray  # (2, n_b, 6 + n_f) loads under which the blades moved, and their last change
     relaxation: np.ndarray  # (3,) share taken of a change of the loads, and sums of its secants
@@ -115,11 +133,12 @@ class Exchange(NamedTuple):
         """Arrays for a turbine whose bodies bear loads of the shape of ``body_loads`` (2, n_b, 6 + n_f)."""
         structure, shape = models.structure, models.lattice.nodes_shape
         system, points = structure.system, structure.lattice_points
-        each = np.arange(points.linear.shape[2])
-        q = np.add.outer([system.index(blade, "elastic_q") for blade in structure.blades], each)
-        u = np.add.outer([system.index(blade, "elastic_u") for blade in structure.blades], each) + system.n_q
+        carriers, each = structure.carriers, np.arange(points.linear.shape[-1])
+        q = np.add.outer([system.index(body, "elastic_q") for body in carriers], each)
+        u = np.add.outer([system.index(body, "elastic_u") for body in carriers], each) + system.n_q
         return cls(
-            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, blades=np.array(structure.blades),
+            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, carriers=carriers,
+            pieces=structure.piece_nodes,
             elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
             previous_loads=np.zeros_like(body_loads[0]), passes=np.zeros_like(body_loads),
             relaxation=np.array([1.0, 0.0, 0.0]), energy=EnergyBalance.of(models),
@@ -127,6 +146,18 @@ class Exchange(NamedTuple):
             max_speed=MAX_OVERSPEED * models.turbine.drivetrain.rated_rotor_speed,
             max_deflection=MAX_DEFLECTION * models.turbine.blade.length,
         )  # fmt: skip
+
+
+def _integrator(system, h, fidelity, n_substeps):
+    """Integrator of a structure in steps of h [s]."""
+    if fidelity.integrator == "hamming":
+        return HammingIntegrator(system, h, fidelity.corrections, fidelity.starter, n_substeps)
+    options = {"tolerance": NEWTON_TOLERANCE, "trail": n_substeps}
+    if not system.constraints:
+        options["tangent"] = "structure"
+    if fidelity.integrator == "newmark":
+        return NewmarkIntegrator(system, h, **options)
+    return GeneralizedAlphaIntegrator(system, h, fidelity.spectral_radius, **options)
 
 
 class Coupling:
@@ -139,7 +170,7 @@ class Coupling:
     Attributes
     ----------
     models : TurbineModels
-    integrator : HammingIntegrator
+    integrator : HammingIntegrator, NewmarkIntegrator or GeneralizedAlphaIntegrator
         Of the structure, with its state and inputs.
     aero : AeroState
     exchange : Exchange
@@ -153,7 +184,7 @@ class Coupling:
         self.models = models
         fidelity, system = models.fidelity, models.structure.system
         h = models.time_step / models.n_substeps
-        self.integrator = HammingIntegrator(system, h, fidelity.corrections, fidelity.starter, models.n_substeps)
+        self.integrator = _integrator(system, h, fidelity, models.n_substeps)
         self.aero = models.lattice.new_state()
         self.exchange = Exchange.of(models, self.integrator.inputs.body_loads)
         self._gauges = Gauges.of(models.turbine, models.structure)
@@ -161,7 +192,7 @@ class Coupling:
         self._earlier_velocities = np.zeros(models.lattice.nodes_shape)
         self._saved = type(self.integrator.history)(*(np.zeros_like(x) for x in self.integrator.history))
         self._scheme = Scheme(
-            models.time_step, h, models.n_substeps, self.integrator.n_corrections, fidelity.coupling_iterations,
+            models.time_step, h, models.n_substeps, fidelity.corrections, fidelity.coupling_iterations,
             fidelity.coupling_tolerance, LOOSEST,
         )  # fmt: skip
         # the nodes of the lattice, then the points of the tower, which stay
@@ -336,7 +367,11 @@ class Coupling:
         """Arguments of the compiled step."""
         lattice, i, system = self.models.lattice, self.integrator, self.models.structure.system
         air = Air(lattice.arrays, lattice.constants, self.aero.arrays, lattice.work, *lattice.body_arrays)
-        motion = Motion(i.history, self._saved, i.inputs, system.tree, i.work, system.constrained)
+        implicit = None
+        if not isinstance(i, HammingIntegrator):
+            implicit = Implicit(i.scratch, i.scheme, i.tolerance, i.max_iterations, i.difference)
+        motion = Motion(i.history, self._saved, i.state, i.state_rate, implicit, i.inputs, system.tree, i.work,
+                        system.constrained)  # fmt: skip
         return air, motion, self.exchange, self._scheme, self._gauges, self._monitor
 
     def _advance_split(self, blade_wind):
@@ -357,7 +392,9 @@ class Coupling:
             speed, generator = monitor_kernels.rotor_speed(y, self._monitor), self.generator_speed
             return f"rotor speed {speed:.2f} rad/s (generator {generator:.2f}) is beyond {x.max_speed:.2f} rad/s"
         if code == coupled_step_kernels.DEFLECTION:
-            largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
+            largest = np.linalg.norm(self._gauges.deflection, axis=1).max()
+            if x.pieces is None:
+                largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
         if code == coupled_step_kernels.UNSETTLED:
             return f"circulation and polars of the blades disagree by {self.aero.residual:.3g} m/s"

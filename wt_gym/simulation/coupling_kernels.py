@@ -3,35 +3,67 @@
 import math
 
 from wt_gym.compiled import kernel
+from wt_gym.multibody.system import Points
 from wt_gym.multibody.tree.output_kernels import joint_wrenches
 from wt_gym.multibody.tree.point_kernels import point_loads, point_motion
 from wt_gym.multibody.tree.tree_kernels import kinematics
 
 
 @kernel
-def rotor_motion(rot, r, v, omega, elastic, rates, points, blades, nodes, velocities):
+def rotor_motion(rot, r, v, omega, elastic, rates, points, carriers, pieces, nodes, velocities):
     """Global positions and velocities (n_blades, n_points, 3) of the lattice points.
 
-    rot, r, v, omega are the frames of all bodies; elastic and rates (n_blades, n_f) the blades' coordinates.
+    rot, r, v, omega are the frames of all bodies; elastic and rates (n_carriers, n_f) the coordinates of the carriers,
+    the blades or (pieces: `PieceNodes`) the bodies of one blade after the other.
     """
-    for i in range(blades.shape[0]):
-        b = blades[i]
-        point_motion(rot[b], r[b], v[b], omega[b], elastic[i], rates[i], points, nodes[i], velocities[i])
+    if pieces is None:
+        for i in range(carriers.shape[0]):
+            b = carriers[i]
+            point_motion(rot[b], r[b], v[b], omega[b], elastic[i], rates[i], points_of_piece(points, 0), nodes[i],
+                         velocities[i])  # fmt: skip
+    else:
+        for i in range(carriers.shape[0]):
+            b, p = carriers[i], i % pieces.count.shape[0]
+            n, blade = pieces.count[p], i // pieces.count.shape[0]
+            position, velocity = pieces.position[:n], pieces.velocity[:n]
+            point_motion(rot[b], r[b], v[b], omega[b], elastic[i], rates[i], points_of_piece(points, p), position,
+                         velocity)  # fmt: skip
+            for k in range(n):
+                for c in range(3):
+                    nodes[blade, pieces.node[p, k], c] = position[k, c]
+                    velocities[blade, pieces.node[p, k], c] = velocity[k, c]
+
+
+@kernel(inline="always")
+def points_of_piece(points, p):
+    """`Points` of one piece, views."""
+    return Points(points.position[p], points.linear[p], points.second[p])
 
 
 @kernel
-def rotor_loads(forces, rot, elastic, points, blades, loads):
+def rotor_loads(forces, rot, elastic, points, carriers, pieces, loads):
     """Loads (n_b, 6 + n_f) of the bodies from forces (n_blades, n_points, 3) on the lattice points, by virtual work.
+
+    Carriers and pieces as for `rotor_motion`.
 
     Returns the largest change of a force component against what ``loads`` held, divided by the largest component.
     """
     change, size = 0.0, 1e-30
-    for i in range(blades.shape[0]):
-        b = blades[i]
+    for i in range(carriers.shape[0]):
+        b = carriers[i]
         old0, old1, old2 = loads[b, 0], loads[b, 1], loads[b, 2]
         for k in range(loads.shape[1]):
             loads[b, k] = 0.0
-        point_loads(rot[b], elastic[i], points, forces[i], loads[b])
+        if pieces is None:
+            point_loads(rot[b], elastic[i], points_of_piece(points, 0), forces[i], loads[b])
+        else:
+            p, blade = i % pieces.count.shape[0], i // pieces.count.shape[0]
+            n = pieces.count[p]
+            force = pieces.position[:n]
+            for k in range(n):
+                for c in range(3):
+                    force[k, c] = forces[blade, pieces.node[p, k], c]
+            point_loads(rot[b], elastic[i], points_of_piece(points, p), force, loads[b])
         change = max(change, abs(loads[b, 0] - old0), abs(loads[b, 1] - old1), abs(loads[b, 2] - old2))
         size = max(size, abs(loads[b, 0]), abs(loads[b, 1]), abs(loads[b, 2]))
     return change / size
@@ -179,11 +211,11 @@ def read_gauges(y, dy, body_loads, tree, work, g):
         for c in range(tree.n_col[g.nacelle]):
             g.nacelle_acceleration[i] += work.vl[g.nacelle, i, c] * accelerations[tree.cols[g.nacelle, c]]
     for i in range(g.blades.shape[0]):
-        b = g.blades[i]
+        root, b = g.blades[i], g.tip_bodies[i]
         n, q, u = tree.n_elastic[b], tree.elastic_q[b], tree.n_q + tree.elastic_u[b]
         point_motion(work.rot[b], work.r[b], work.v[b], work.omega[b], y[q : q + n], y[u : u + n], g.tip_points,
                      g.tips[i : i + 1], g.tip_velocity[i : i + 1])  # fmt: skip
-        tip_deflection(g.tips[i], work.r[b], work.rot[g.hub], g.root_rotation[i], g.tip_points.position[0],
+        tip_deflection(g.tips[i], work.r[root], work.rot[g.hub], g.root_rotation[i], g.tip_rest,
                        y[n_y + 1 + i], g.deflection[i])  # fmt: skip
         view_from_tower(g.tips[i], g.tower_base, work.r[g.nacelle], work.rot[g.nacelle, :, 0], g.tower_height,
                         g.tower_radius, g.tower_view[i])  # fmt: skip

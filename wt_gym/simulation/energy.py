@@ -43,10 +43,10 @@ class EnergyBalance(NamedTuple):
     def of(cls, models):
         """Balances of a turbine at a start."""
         turbine, structure = models.turbine, models.structure
-        system, blades = structure.system, list(structure.blades)
+        system = structure.system
         radius, density = 0.5 * turbine.rotor_diameter, turbine.air_density
         area, n_b = math.pi * radius**2, len(system.bodies)
-        inertia = rotor_axial_inertia(turbine, system.bodies[blades[0]].inertia)
+        inertia = rotor_axial_inertia(turbine, structure.blade_inertia)
         driven = system.tree.constraint_servo >= 0
         turned = [b for b, joint in enumerate(system.joints) if joint.kind == "servo"]
         axes = [system.joints[b].axis for b in turned]
@@ -55,7 +55,7 @@ class EnergyBalance(NamedTuple):
             reserve=RESERVE * 0.5 * inertia * turbine.drivetrain.rated_rotor_speed**2,
             flux=BETZ * 0.5 * density * area, sphere=0.5 * density * 4.0 / 3.0 * math.pi * radius**3,
             per_force=0.5 / (density * area), share=_disc_shares(models),
-            is_blade=np.isin(np.arange(n_b), blades),
+            is_blade=np.isin(np.arange(n_b), structure.carriers),
             servo_body=np.concatenate([turned, system.tree.constraint_body[driven, 1]]).astype(np.int64),
             servo_axis=np.concatenate([axes, system.tree.constraint_axis[driven]]),
             force=np.zeros(3), **(state | {"looked": np.full(1, -1)}),

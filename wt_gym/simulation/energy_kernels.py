@@ -68,7 +68,7 @@ def check_energy(motion, e, wrench, blade_wind, dt):
 @kernel(separate=True)
 def whole_energy(motion):
     """Kinetic, elastic and gravitational energy of the turbine [J]."""
-    kinetic, elastic, potential = energies(motion.history.y[3], motion.tree, motion.work)
+    kinetic, elastic, potential = energies(motion.state, motion.tree, motion.work)
     return kinetic + elastic + potential
 
 
@@ -92,7 +92,7 @@ def powers(motion, e, wrench):
     Parts: of each body the loads with its frame and those on its elastic coordinates, of each coordinate its force, of
     each servo the moment in its joint.
     """
-    tree, work, y, loads = motion.tree, motion.work, motion.history.y[3], motion.inputs.body_loads[1]
+    tree, work, y, loads = motion.tree, motion.work, motion.state, motion.inputs.body_loads[1]
     n_q, n_u = tree.n_q, tree.n_u
     given, passing, of_air = 0.0, 0.0, 0.0
     for i in range(3):

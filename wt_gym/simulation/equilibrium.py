@@ -7,11 +7,14 @@ from wt_gym.multibody.errors import MultibodyError
 
 __all__ = ["elastic_equilibrium", "highest_frequency"]
 
+ROUNDING = 1e-6
+"""Change of the coordinates, over their size, below which a step that leads no nearer is rounding: nodal coordinates
+are 1e9 times as stiff against each other as the blade as a whole."""
 SMALLEST_SHARE = 1.0 / 256.0
 """Of a step of Newton's method, below which there is no balance."""
 
 
-def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iterations=40, tolerance=1e-9):
+def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces=False, iterations=40, tolerance=1e-9):
     """Newton's method for elastic coordinates that do not accelerate; the rotor's own acceleration stays free.
 
     A step is halved until the next one, with the same derivatives, is shorter: where strong loads bend slender blades
@@ -26,6 +29,10 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
     inputs, work : arrays of the system
     azimuth_q, azimuth_u : int
         The coordinate and velocity that turn freely.
+    of_forces : bool
+        Balance forces, r = f − M_a u̇_a with the column M_a of the velocity that turns freely and u̇_a = f_a/M_aa,
+        instead of accelerations. In nodal coordinates the accelerations of one small turn of a node exceed those of a
+        bent blade so far that differences show nothing of these.
 
     Raises
     ------
@@ -40,7 +47,11 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
         return
 
     def residual(state):
-        return system.rates(state, inputs, work)[u]
+        if not of_forces:
+            return system.rates(state, inputs, work)[u]
+        mass, force = system.balance(state, inputs, work)
+        column = np.concatenate([mass[azimuth_u, :azimuth_u], mass[azimuth_u:, azimuth_u]])
+        return (force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q]
 
     (jacobian, change), fresh = _newton_step(residual, y, q), True
     for _ in range(iterations):
@@ -49,6 +60,8 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, iteration
             return
         following = _shortened_step(residual, y, q, change, jacobian, SMALLEST_SHARE if fresh else 1.0)
         if following is None and fresh:
+            if np.abs(change).max() < ROUNDING * max(1.0, np.abs(y[q]).max()):
+                return
             break
         # nearly linear: the derivatives serve as long as they bring the balance nearer by half
         fresh = following is None or np.linalg.norm(following) > 0.5 * np.linalg.norm(change)

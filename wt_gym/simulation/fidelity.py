@@ -72,11 +72,16 @@ class Fidelity:
     yaw_drive : str
         "stiff": the nacelle follows the yaw drive; "spring": through the yaw spring and damper of the turbine.
     blade_bodies : int
-        Floating-frame bodies of a blade. The coupled simulation takes one; blades cut into more are built with
-        :mod:`wt_gym.structure.substructure`.
+        Floating-frame bodies of a blade, one behind the other: with several a blade may bend far, and its bending
+        twists it. Modal bodies have the static shapes of their tips as coordinates, in the directions of which
+        ``blade_modes`` counts at least one; nodal ones the displacements of their nodes. They want an implicit
+        ``integrator``.
     integrator : str
-        "hamming". Newmark's and the generalised-α scheme integrate any multibody system by
-        :mod:`wt_gym.multibody.integrators.schemes`, but not yet the coupled one.
+        "hamming", explicit: the structural steps are as short as the highest frequency wants them. "newmark" (¼, ½) or
+        "generalised_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
+        nodal coordinates, torsion and blades of several bodies.
+    spectral_radius : float
+        Of the generalised-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once.
     tower_shadow : bool
         Potential flow round a cylinder acts on the blades near the tower: the cheap form of a tower in the flow.
     tower_body : (int, int) or None
@@ -134,6 +139,7 @@ class Fidelity:
     projection: bool = later_field(True)
     moving_bodies: bool = later_field(False)
     blade_basis: str = later_field("fixed")
+    spectral_radius: float = later_field(0.8)
 
     def __post_init__(self):
         """Refuse values without meaning."""
@@ -158,15 +164,17 @@ class Fidelity:
                 raise SimulationError(
                     f"Fidelity.{name} {getattr(self, name)!r} is unknown; allowed: {', '.join(allowed)}"
                 )
-        if self.integrator != "hamming":
+        if not 0.0 <= self.spectral_radius <= 1.0:
+            raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; allowed: 0 … 1")
+        if not isinstance(self.blade_bodies, numbers.Integral) or self.blade_bodies < 1:
             raise SimulationError(
-                f"Fidelity.integrator is {self.integrator!r}: the coupled step takes 'hamming' only; the other schemes "
-                "integrate multibody systems (wt_gym.multibody.integrators.schemes)"
+                f"Fidelity.blade_bodies is {self.blade_bodies!r}; a whole number of at least 1 is needed"
             )
-        if self.blade_bodies != 1:
+        if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self.integrator == "hamming"):
             raise SimulationError(
-                f"Fidelity.blade_bodies is {self.blade_bodies!r}: the coupled simulation takes 1; blades of several "
-                "bodies are built with wt_gym.structure.substructure"
+                f"Fidelity.blade_bodies is {self.blade_bodies} with blade_coordinates = {self.blade_coordinates!r} and "
+                f"integrator = {self.integrator!r}: several bodies want 'modal' or 'nodal' coordinates, and an "
+                "implicit integrator ('newmark' or 'generalised_alpha') for their high frequencies"
             )
         for name, low in (("tower_body", 3), ("nacelle_body", 5)):
             value = getattr(self, name)
@@ -218,11 +226,13 @@ class Fidelity:
         return self.step_base / math.ceil(self.step_base / longest - 1e-9)
 
     def substeps_for(self, time_step, highest):
-        """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s].
+        """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: no limit.
 
         One, two and three corrector passes are stable up to ω h = 0.276, 0.78 and 1.08 without damping; a quarter is
         kept in reserve.
         """
+        if highest is None:
+            return math.ceil(time_step / self.max_substep - 1e-9)
         phase = RESERVE * undamped_limit(self.corrections)
         return math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
 

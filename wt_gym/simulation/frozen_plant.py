@@ -99,8 +99,8 @@ class FrozenPlant:
         s, n_q = self.structure, system.n_q
         self.elastic = np.array([i for i in range(system.n_u) if i != s.azimuth_u])
         self.blade_elastic = [
-            list(range(system.index(b, "elastic_u"), system.index(b, "elastic_u") + system.bodies[b].n_elastic))
-            for b in s.blades
+            [system.index(b, "elastic_u") + k for b in parts for k in range(system.bodies[b].n_elastic)]
+            for parts in s.parts
         ]
         rates = [self._reach_of(n_q + i) for i in range(system.n_u)]
         self.reach = np.array(rates)
@@ -115,7 +115,7 @@ class FrozenPlant:
         self._nodes, self._velocities, self._forces = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         flat = (n, shape[1] * shape[2], 3)
         self._flat = tuple(a.reshape(flat) for a in (self._nodes, self._velocities, self._forces))
-        self._blades = np.array(self.structure.blades)
+        self._carriers = self.structure.carriers
         self._tower = TowerAir.of(self.turbine, self.structure)
         self._tower_axis = self._tower.position.copy()
         self._measurement = Measurement(self.turbine, self.structure)
@@ -127,10 +127,11 @@ class FrozenPlant:
         """Kinematics and lattice points of the state y."""
         s, work = self.structure, self.work
         tree_kernels.kinematics(y, self.system.tree, work)
-        self._elastic = [np.array(part) for part in zip(*(s.elastic(b, y) for b in s.blades), strict=True)]
+        self._elastic = [np.array(part) for part in zip(*(s.elastic(b, y) for b in self._carriers), strict=True)]
         coupling_kernels.rotor_motion(
-            work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._blades, *self._flat[:2]
-        )
+            work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._carriers, s.piece_nodes,
+            *self._flat[:2],
+        )  # fmt: skip
 
     def _reach_of(self, i):
         y = self.system.initial_state()
@@ -306,8 +307,9 @@ class FrozenPlant:
         self._forces[:] = forces @ turn.T
         loads = self.inputs.body_loads
         coupling_kernels.rotor_loads(
-            self._flat[2], self.work.rot, self._elastic[0], self.structure.lattice_points, self._blades, loads[1]
-        )
+            self._flat[2], self.work.rot, self._elastic[0], self.structure.lattice_points, self._carriers,
+            self.structure.piece_nodes, loads[1],
+        )  # fmt: skip
         self._tower.wind[:] = self._wind.velocity(self._tower_axis, 0.0)
         coupling_kernels.tower_drag(y, self.system.tree, self.work, self._tower, loads[1][self.structure.tower])
         loads[0] = loads[1]

@@ -18,7 +18,9 @@ class Gauges(NamedTuple):
     hub: int  # body
     nacelle: int  # body
     blades: np.ndarray  # (n_blades,) bodies
+    tip_bodies: np.ndarray  # (n_blades,) bodies that carry the tips
     tip_points: tuple  # Points: the tip of a blade
+    tip_rest: np.ndarray  # (3,) the undeformed tip in the axes of the pitched root [m]
     root_rotation: np.ndarray  # (n_blades, 3, 3) orientation of the unpitched blade roots in the hub
     tower_base: np.ndarray  # (3,) [m]
     tower_height: np.ndarray  # (n,) above the base [m]
@@ -37,7 +39,8 @@ class Gauges(NamedTuple):
         n, cone = turbine.n_blades, rotation_y(-turbine.hub.cone)
         return cls(
             hub=structure.hub, nacelle=structure.nacelle, blades=np.array(structure.blades),
-            tip_points=structure.tip_points,
+            tip_bodies=np.array([parts[-1] for parts in structure.parts]), tip_points=structure.tip_points,
+            tip_rest=structure.tip_rest,
             root_rotation=np.array([rotation_x(2.0 * np.pi * i / n) @ cone for i in range(n)]),
             tower_base=np.array([0.0, 0.0, turbine.tower.base_height]),
             tower_height=np.ascontiguousarray(structure.tower_points.position[:, 2]),

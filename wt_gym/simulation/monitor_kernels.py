@@ -28,7 +28,7 @@ def watch_steps(motion, n_sub, g, m):
         if k < n_sub - 1:
             watch(motion.work.trail[k], motion.work.trail_rate[k], motion.tree, motion.work, g, m)
         else:  # rates under the final loads
-            watch(motion.history.y[3], motion.history.f[3], motion.tree, motion.work, g, m)
+            watch(motion.state, motion.rate, motion.tree, motion.work, g, m)
 
 
 @kernel

@@ -84,10 +84,11 @@ class Starter:
                 passes=4 if induced is None else 1, induced=induced, accept=k == PASSES - 1,
             )  # fmt: skip
             loads = inputs.body_loads[1]
-            coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.blades, loads)
+            coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
             coupling_kernels.tower_drag(y, s.system.tree, work, x.tower, loads[s.tower])
             inputs.body_loads[0] = loads
             _, moment = coupling_kernels.rotor_resultant(c.blade_nodes, c.blade_forces, work.r[s.hub], axis)
             self.drives.load(moment, rotor_speed, generator_torque)
             self._act(c)
-            elastic_equilibrium(s.system, y, inputs, work, s.azimuth_q, s.azimuth_u)
+            elastic_equilibrium(s.system, y, inputs, work, s.azimuth_q, s.azimuth_u,
+                                c.models.fidelity.integrator != "hamming")  # fmt: skip

@@ -11,9 +11,10 @@ import numpy as np
 
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
+from wt_gym.simulation.blade_pieces import PieceNodes, add_pieces, cut_blade, piece_points, tip_of_last_piece
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
-from wt_gym.structure.flexible_body import FlexibleBody, offset_marker
+from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker
 from wt_gym.structure.modes import clamped_modes, select_modes
 
 __all__ = ["TurbineStructure", "build_structure"]
@@ -37,11 +38,19 @@ class TurbineStructure:
     tower, nacelle, generator, hub : int
         Body indices.
     blades : tuple of int
-        Body indices.
+        Body indices; of the roots, where a blade has several bodies.
+    parts : tuple of tuple of int
+        Of each blade the indices of its bodies, from root to tip.
+    blade_inertia : BodyInertia
+        Of a whole undeformed blade.
     lattice_points : Points
-        Material points of one blade, (n, 3) and their mode shapes.
+        Material points of one blade, (n_bodies, n, 3), and their mode shapes, by the bodies of the blade: mostly one.
+    piece_nodes : PieceNodes or None
+        Which lattice nodes each body of a blade carries; None: a blade is one body.
     tip_points : Points
-        The blade tip, one point.
+        The blade tip, one point of the last body of a blade.
+    tip_rest : array (3,)
+        The undeformed tip in the frame of the whole blade [m].
     tower_points : Points
         Tower axis, for pictures.
     tower_radius : array (n,)
@@ -58,8 +67,12 @@ class TurbineStructure:
     generator: int
     hub: int
     blades: tuple
+    parts: tuple
+    blade_inertia: BodyInertia
     lattice_points: Points
+    piece_nodes: PieceNodes | None
     tip_points: Points
+    tip_rest: np.ndarray
     tower_points: Points
     tower_radius: np.ndarray
     drag_points: Points
@@ -95,6 +108,11 @@ class TurbineStructure:
         z[mine.n_q + mine.n_u :] = y[theirs.n_q + theirs.n_u :]
         mine.place_free_bodies(z)
         return z
+
+    @property
+    def carriers(self):
+        """Bodies that carry lattice points (n_blades n_pieces,), blade by blade."""
+        return np.array([b for parts in self.parts for b in parts])
 
     @property
     def azimuth_q(self):
@@ -153,20 +171,32 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     generator, hub = _add_drivetrain(
         system, turbine, nacelle, blade_body.inertia, fidelity.stiffest_shaft, generator_damping
     )
-    blades = tuple(
-        _add_blade(system, turbine, hub, blade_body, i, fidelity.formulation) for i in range(turbine.n_blades)
+    pieces = _pieces(turbine.blade, blade_beam, fidelity)
+    parts = tuple(
+        _add_blade(system, turbine, hub, pieces or blade_body, i, fidelity.formulation) for i in range(turbine.n_blades)
     )
-    length = turbine.blade.length
-    tip = np.asarray(turbine.blade.axis_at(length))
+    tip = np.asarray(turbine.blade.axis_at(turbine.blade.length))
+    nodes, carried = np.reshape(lattice_nodes, (-1, 3)), None
+    if pieces:
+        lattice_points, carried = piece_points(pieces, nodes)
+        tip_points = tip_of_last_piece(pieces, tip)
+    else:
+        whole = body_points(blade_beam, blade_basis, nodes)
+        lattice_points = Points(*(shapes[None] for shapes in whole))
+        tip_points = body_points(blade_beam, blade_basis, tip[None])
     return TurbineStructure(
         system=system.build(),
         tower=tower,
         nacelle=nacelle,
         generator=generator,
         hub=hub,
-        blades=blades,
-        lattice_points=body_points(blade_beam, blade_basis, np.reshape(lattice_nodes, (-1, 3))),
-        tip_points=body_points(blade_beam, blade_basis, tip[None]),
+        blades=tuple(bodies[0] for bodies in parts),
+        parts=parts,
+        blade_inertia=blade_body.inertia,
+        lattice_points=lattice_points,
+        piece_nodes=carried,
+        tip_points=tip_points,
+        tip_rest=tip if pieces else tip_points.position[0],
         tower_points=tower_points,
         tower_radius=tower_radius,
         drag_points=drag_points,
@@ -180,18 +210,34 @@ def _blade(blade, fidelity):
     axis = _axis_at_stations(blade)
     sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
     beam = Beam(sections, fidelity.blade_elements)
-    if fidelity.blade_coordinates == "modal":
+    if fidelity.blade_bodies > 1:  # its pieces bend: what shapes the tower and sizes the shaft is the blade at rest
+        basis = nodal_basis(beam, ())
+        body = FlexibleBody.from_beam("blade", beam, basis)
+    elif fidelity.blade_coordinates == "modal":
         basis, names = _blade_modes(beam, fidelity)
         twists = fidelity.blade_modes[2] > 0
         body = FlexibleBody.from_beam("blade", beam, basis, blade.damping_ratio, None, names, twists)
     else:
-        dofs = _moving_dofs(fidelity.blade_modes) if fidelity.blade_coordinates == "nodal" else ()
-        if dofs and np.ptp(axis[:, :2], axis=0).max() > 1e-6 * blade.length:
-            dofs = tuple(sorted({*dofs, 2}))  # a curved axis bends only if its nodes may also move along z
+        dofs = _blade_dofs(blade, beam, fidelity) if fidelity.blade_coordinates == "nodal" else ()
         basis = nodal_basis(beam, dofs)
         body = body_from_beam("blade", beam, "nodal", dofs=dofs, damping_ratio=blade.damping_ratio)
         body = replace(body, coordinate_names=tuple(node_names(beam, dofs)))  # the blades get numbers on the hub
     return beam, basis, body
+
+
+def _pieces(blade, beam, fidelity):
+    """Bodies of a blade that has several, else nothing."""
+    if fidelity.blade_bodies == 1:
+        return ()
+    return cut_blade(blade, beam, fidelity, _blade_dofs(blade, beam, fidelity))
+
+
+def _blade_dofs(blade, beam, fidelity):
+    """Degrees of freedom of the nodes of a blade."""
+    dofs = _moving_dofs(fidelity.blade_modes)
+    if np.ptp(beam.sections.axis[:, :2], axis=0).max() > 1e-6 * blade.length:
+        dofs = tuple(sorted({*dofs, 2}))  # a curved axis bends only if its nodes may also move along z
+    return dofs
 
 
 def _moving_dofs(modes):
@@ -388,8 +434,11 @@ def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest, damping):
     return generator, system.add(body, torsion, generator)
 
 
-def _add_blade(system, turbine, hub, body, i, formulation):
-    """Blade i on its pitch bearing, a joint or six equations; the servo angle is the pitch (about minus z)."""
+def _add_blade(system, turbine, hub, blade, i, formulation):
+    """Blade i, a body or pieces, on its pitch bearing, a joint or six equations; returns its bodies from the root on.
+
+    The servo angle is the pitch (about minus z).
+    """
     root = rotation_x(2.0 * np.pi * i / turbine.n_blades) @ rotation_y(-turbine.hub.cone)
     bearing = {
         "axis": (0.0, 0.0, -1.0),
@@ -399,13 +448,19 @@ def _add_blade(system, turbine, hub, body, i, formulation):
         "servo_damping": 1.0,
         "name": f"pitch_{i + 1}",
     }
-    names = tuple(f"blade_{i + 1}_{n}" for n in body.coordinate_names)
-    named = FlexibleBody(f"blade_{i + 1}", body.inertia, body.stiffness, body.damping, body.markers, names)
-    if formulation == "embedded":
-        return system.add(named, Joint("servo", **bearing), hub)
-    blade = system.add(named, Joint("free", name=f"blade_{i + 1}_frame"))
-    system.add_constraint(Constraint("weld", **bearing), hub, blade, second_marker="root")
-    return blade
+    name = f"blade_{i + 1}"
+
+    def add_root(body):
+        if formulation == "embedded":
+            return system.add(body, Joint("servo", **bearing), hub)
+        root_body = system.add(body, Joint("free", name=f"{name}_frame"))
+        system.add_constraint(Constraint("weld", **bearing), hub, root_body, second_marker="root")
+        return root_body
+
+    if isinstance(blade, FlexibleBody):
+        names = tuple(f"{name}_{n}" for n in blade.coordinate_names)
+        return (add_root(replace(blade, name=name, coordinate_names=names)),)
+    return add_pieces(system, blade, add_root, name)
 
 
 def body_points(beam, basis, points):

@@ -10,17 +10,22 @@ from wt_gym.multibody.integrators import integrator_kernels
 from wt_gym.multibody.integrators.stability import check_hamming_step
 from wt_gym.multibody.tree import tree_kernels
 
-__all__ = ["Drift", "HammingIntegrator", "checked_start", "new_history"]
+__all__ = ["Drift", "HammingIntegrator", "History", "checked_start", "new_history"]
 
-HammingHistory = namedtuple("HammingHistory", "y f error filled")
+History = namedtuple("History", "y f memory marks matrix pivot")
+"""What an integration goes on from, of one type for all schemes: states y and rates f (n_points, n_state), newest last;
+memory: of the Hamming scheme its error estimate (n_state,), of implicit ones the pseudo-accelerations (n_v,); marks:
+how many older points count (1,), or the counters of the implicit schemes (3,); factors of Newton's matrix (n_v, n_v)
+with pivots (n_v,), of implicit schemes. n_v counts velocities and servos."""
 Drift = namedtuple("Drift", "norm position velocity")
 STARTERS = {"adams": 0, "runge-kutta": -3}
-"""What ``filled`` of an empty history is."""
+"""What ``marks`` of an empty history is."""
 
 
 def new_history(n):
     """Empty history of the Hamming scheme for a state of length n."""
-    return HammingHistory(np.zeros((4, n)), np.zeros((4, n)), np.zeros(n), np.zeros(1, dtype=np.int64))
+    points, count = np.zeros((4, n)), np.zeros(1, dtype=np.int64)
+    return History(points, points.copy(), np.zeros(n), count, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
 
 
 def checked_start(system, y, inputs, work):
@@ -99,8 +104,8 @@ class HammingIntegrator:
             y = checked_start(system, y, self.inputs, self.work)
             check_hamming_step(system, y, self.step, self.n_corrections, self.inputs, self.work)
         history.y[3] = check_state(system, y)
-        history.error[:] = 0.0
-        history.filled[0] = STARTERS[self.starter]
+        history.memory[:] = 0.0
+        history.marks[0] = STARTERS[self.starter]
         history.f[3] = system.rates(y, self.inputs, self.work)
 
     @property

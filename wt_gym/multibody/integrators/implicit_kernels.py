@@ -20,9 +20,8 @@ import math
 from wt_gym.compiled import kernel
 from wt_gym.multibody.tree.linear_algebra_kernels import factorise, solve_factorised
 from wt_gym.multibody.tree.rate_kernels import rates
-from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
+from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, NOT_CONVERGED, OK, SPHERICAL
 
-NOT_CONVERGED = 10
 FRESH, EVALUATIONS, TANGENTS = range(3)
 SLOW = 0.2
 """Contraction of the corrections above which the kept matrix is made anew."""
@@ -49,10 +48,10 @@ def step_end(h, scheme, history, x, tree, scratch):
     beta, gamma, alpha_m, alpha_f = scheme[0], scheme[1], scheme[2], scheme[3]
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
     n_y = n_q + n_u
-    y, a, trial, increment = history.y, history.pseudo, scratch.trial, scratch.increment
+    y, a, trial, increment = history.y[0], history.memory, scratch.trial, scratch.increment
     for i in range(n_u + n_s):
         k = n_q + i if i < n_u else n_y + n_s + i - n_u
-        a1 = ((1.0 - alpha_f) * x[i] + alpha_f * history.f[k] - alpha_m * a[i]) / (1.0 - alpha_m)
+        a1 = ((1.0 - alpha_f) * x[i] + alpha_f * history.f[0, k] - alpha_m * a[i]) / (1.0 - alpha_m)
         scratch.pseudo[i] = a1
         increment[i] = h * y[k] + h * h * ((0.5 - beta) * a[i] + beta * a1)
         trial[k] = y[k] + h * ((1.0 - gamma) * a[i] + gamma * a1)
@@ -74,7 +73,7 @@ def residual(h, scheme, history, x, tau, inputs, tree, work, scratch, out, const
     """Out = x − u̇ at the end of the step; returns the code of the right-hand side."""
     step_end(h, scheme, history, x, tree, scratch)
     code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
-    history.counters[EVALUATIONS] += 1
+    history.marks[EVALUATIONS] += 1
     if code != OK:
         return code
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
@@ -96,8 +95,8 @@ def newton_matrix(h, scheme, history, x, tau, inputs, tree, work, scratch, diffe
             return code
         for i in range(x.shape[0]):
             matrix[i, j] = (scratch.shifted[i] - scratch.residual[i]) / difference
-    history.counters[TANGENTS] += 1
-    history.counters[FRESH] = 1
+    history.marks[TANGENTS] += 1
+    history.marks[FRESH] = 1
     return OK if factorise(matrix, history.pivot) else NOT_CONVERGED
 
 
@@ -108,9 +107,9 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
 
     Parameters
     ----------
-    history : ImplicitHistory
-        y (n,) and f (n,) state and rate; pseudo (n_v,) pseudo-acceleration; matrix (n_v, n_v) and pivot (n_v,) factors
-        of Newton's matrix; counters (3,): matrix usable, evaluations, matrices made. n_v = n_u + n_servo.
+    history : History
+        y (1, n) and f (1, n) state and rate; memory (n_v,) pseudo-acceleration; matrix (n_v, n_v) and pivot (n_v,)
+        factors of Newton's matrix; marks (3,): matrix usable, evaluations, matrices made. n_v = n_u + n_servo.
     inputs : Inputs
     tree, work : arrays of the system
     scratch : ImplicitScratch
@@ -139,13 +138,13 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
     for step in range(n_steps):
         tau = (step + 1.0) / n_steps
         for i in range(n_u + n_s):
-            x[i] = history.f[n_q + i if i < n_u else n_q + n_u + n_s + i - n_u]
+            x[i] = history.f[0, n_q + i if i < n_u else n_q + n_u + n_s + i - n_u]
         before, converged = 0.0, False
         for iteration in range(max_iterations):
             code = residual(h, scheme, history, x, tau, inputs, tree, work, scratch, r, constrained)
             if code != OK:
                 return code
-            if history.counters[FRESH] == 0:
+            if history.marks[FRESH] == 0:
                 code = newton_matrix(
                     h, scheme, history, x, tau, inputs, tree, work, scratch, difference / reach, constrained
                 )
@@ -163,7 +162,7 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
                 converged = True
                 break
             if iteration > 0 and change > SLOW * before:
-                history.counters[FRESH] = 0
+                history.marks[FRESH] = 0
             before = change
         if not converged:
             return NOT_CONVERGED
@@ -171,9 +170,12 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
         if code != OK:
             return code
         for i in range(n_u + n_s):
-            history.pseudo[i] = scratch.pseudo[i]
-        for i in range(history.y.shape[0]):
+            history.memory[i] = scratch.pseudo[i]
+        for i in range(history.y.shape[1]):
             if not abs(scratch.trial[i]) < 1e12:
                 return DIVERGED
-            history.y[i], history.f[i] = scratch.trial[i], scratch.rate[i]
+            history.y[0, i], history.f[0, i] = scratch.trial[i], scratch.rate[i]
+        if step < work.trail.shape[0]:
+            for i in range(history.y.shape[1]):
+                work.trail[step, i], work.trail_rate[step, i] = history.y[0, i], history.f[0, i]
     return OK

@@ -24,9 +24,9 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
 
     Parameters
     ----------
-    history : HammingHistory
-        y (4, n) and f (4, n), newest last; error (n,); filled (1,) number of valid older points, or minus the number of
-        Runge–Kutta steps still to go.
+    history : History
+        y (4, n) and f (4, n), newest last; memory (n,) the error; marks (1,) number of valid older points, or minus the
+        number of Runge–Kutta steps still to go.
     inputs : Inputs
     tree, work : arrays of the system
         ``work.trail`` and ``work.trail_rate`` take the state and rate after each step, as far as they have rows.
@@ -47,12 +47,12 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
     int
         OK, SINGULAR_MASS, SINGULAR_CONSTRAINTS or DIVERGED (the state is not finite).
     """
-    y, f, e = history.y, history.f, history.error
+    y, f, e = history.y, history.f, history.memory
     p, c, fn = work.predictor, work.corrector, work.rate
     n = p.shape[0]
     for step in range(max(n_steps, 1)):
         tau = (step + 1.0) / n_steps if n_steps else h
-        filled = history.filled[0]
+        filled = history.marks[0]
         n_passes = n_corrections if filled >= 0 else 3
         for i in range(n):
             if n_steps == 0:
@@ -121,7 +121,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                 work.trail[step, i] = c[i]
                 work.trail_rate[step, i] = fn[i]
         if filled < 3:
-            history.filled[0] = filled + 1 if filled != -1 else 3
+            history.marks[0] = filled + 1 if filled != -1 else 3
     return OK
 
 

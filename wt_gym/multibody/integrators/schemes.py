@@ -18,14 +18,14 @@ import numpy as np
 
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError, failure_of_a_step
-from wt_gym.multibody.integrators import implicit_kernels
-from wt_gym.multibody.integrators.hamming import HammingIntegrator, checked_start
+from wt_gym.multibody.integrators import implicit_kernels, structural_newton_kernels
+from wt_gym.multibody.integrators.hamming import HammingIntegrator, History, checked_start
 from wt_gym.multibody.integrators.stability import check_conditional_step
 from wt_gym.multibody.tree import tree_kernels
 
 __all__ = ["INTEGRATORS", "GeneralizedAlphaIntegrator", "NewmarkIntegrator", "make_integrator"]
 
-ImplicitHistory = namedtuple("ImplicitHistory", "y f pseudo matrix pivot counters")
+TANGENTS = ("difference", "structure")
 ImplicitScratch = namedtuple("ImplicitScratch", "trial rate acceleration pseudo increment residual shifted")
 
 
@@ -46,30 +46,39 @@ class _ImplicitIntegrator:
         Most Newton iterations in a step.
     difference : float
         Change of the position increments [m or rad] from which Newton's matrix is made.
+    tangent : {"difference", "structure"}
+        Newton's matrix from differences of the equations of motion, kept as long as it serves; or, for systems without
+        constraint equations, from mass, damping and stiffness, made at every step for little more than the mass matrix.
+    trail : int
+        Steps of one call whose states and rates are kept in ``work``, see `MultibodySystem.new_work`.
 
     Raises
     ------
     MultibodyError
-        For a step, tolerance or number of iterations that is not positive.
+        For a step, tolerance or number of iterations that is not positive, and for a tangent that does not exist.
     """
 
-    def __init__(self, system, step, scheme, tolerance, max_iterations, difference):
+    def __init__(self, system, step, scheme, tolerance, max_iterations, difference, tangent, trail):
         system.require_built()
         for name, value in (("step", step), ("tolerance", tolerance), ("difference", difference)):
             if not 0.0 < value < np.inf:
                 raise MultibodyError(f"integration {name} must be positive and finite, got {value}")
         if max_iterations < 1:
             raise MultibodyError(f"max_iterations must be at least 1, got {max_iterations}")
+        if tangent not in TANGENTS or (tangent == "structure" and system.constraints):
+            allowed = "'difference'" if system.constraints else " or ".join(map(repr, TANGENTS))
+            raise MultibodyError(f"the tangent of this system cannot be {tangent!r}; allowed: {allowed}")
+        self.tangent = tangent
         self.system, self.step, self.scheme = system, float(step), np.array(scheme, dtype=float)
         self.tolerance, self.max_iterations = float(tolerance), int(max_iterations)
         self.difference = float(difference)
-        self.work, self.inputs = system.new_work(), system.new_inputs()
+        self.work, self.inputs = system.new_work(trail), system.new_inputs()
         n, n_v = system.n_state, system.n_u + system.n_servo
-        self.history = ImplicitHistory(
-            np.zeros(n), np.zeros(n), np.zeros(n_v), np.zeros((n_v, n_v)), np.zeros(n_v, dtype=np.int64),
-            np.zeros(3, dtype=np.int64),
+        self.history = History(
+            np.zeros((1, n)), np.zeros((1, n)), np.zeros(n_v), np.zeros(3, dtype=np.int64), np.zeros((n_v, n_v)),
+            np.zeros(n_v, dtype=np.int64),
         )  # fmt: skip
-        self._scratch = ImplicitScratch(np.zeros(n), np.zeros(n), *(np.zeros(n_v) for _ in range(5)))
+        self.scratch = ImplicitScratch(np.zeros(n), np.zeros(n), *(np.zeros(n_v) for _ in range(5)))
 
     @property
     def phase_limit(self):
@@ -98,27 +107,27 @@ class _ImplicitIntegrator:
             y = checked_start(system, y, self.inputs, self.work)
             if np.isfinite(self.phase_limit):
                 check_conditional_step(system, y, self.step, self.phase_limit, self.inputs, self.work)
-        history.y[:] = check_state(system, y)
-        history.f[:] = system.rates(history.y, self.inputs, self.work)
+        history.y[0] = check_state(system, y)
+        history.f[0] = system.rates(history.y[0], self.inputs, self.work)
         n_y = system.n_q + system.n_u
-        history.pseudo[: system.n_u] = history.f[system.n_q : n_y]
-        history.pseudo[system.n_u :] = history.f[n_y + system.n_servo :]
-        history.counters[:] = 0
+        history.memory[: system.n_u] = history.f[0, system.n_q : n_y]
+        history.memory[system.n_u :] = history.f[0, n_y + system.n_servo :]
+        history.marks[:] = 0
 
     @property
     def state(self):
         """Current state (n_state,), a view."""
-        return self.history.y
+        return self.history.y[0]
 
     @property
     def state_rate(self):
         """Current dy/dt (n_state,), a view."""
-        return self.history.f
+        return self.history.f[0]
 
     @property
     def n_evaluations(self):
         """Right-hand sides evaluated since the start."""
-        return int(self.history.counters[implicit_kernels.EVALUATIONS])
+        return int(self.history.marks[implicit_kernels.EVALUATIONS])
 
     def advance(self, n_steps=1):
         """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.
@@ -128,14 +137,20 @@ class _ImplicitIntegrator:
         MultibodyError
             When Newton's iteration does not converge, the state diverges or the mass matrix is singular.
         """
-        code = implicit_kernels.implicit_advance(
-            self.history, self.inputs, self.system.tree, self.work, self._scratch, self.step, self.scheme, int(n_steps),
-            self.tolerance, self.max_iterations, self.difference, self.system.constrained,
-        )  # fmt: skip
+        if self.tangent == "structure":
+            code = structural_newton_kernels.structural_advance(
+                self.history, self.inputs, self.system.tree, self.work, self.scratch, self.step, self.scheme,
+                int(n_steps), self.tolerance, self.max_iterations,
+            )  # fmt: skip
+        else:
+            code = implicit_kernels.implicit_advance(
+                self.history, self.inputs, self.system.tree, self.work, self.scratch, self.step, self.scheme,
+                int(n_steps), self.tolerance, self.max_iterations, self.difference, self.system.constrained,
+            )  # fmt: skip
         if code == tree_kernels.OK:
             return
-        self.history.counters[implicit_kernels.FRESH] = 0
-        if code == implicit_kernels.NOT_CONVERGED:
+        self.history.marks[implicit_kernels.FRESH] = 0
+        if code == tree_kernels.NOT_CONVERGED:
             raise MultibodyError(
                 f"Newton's iteration did not converge in {self.max_iterations} iterations; the step {self.step} s may "
                 "be too long for the motion"
@@ -154,9 +169,12 @@ class NewmarkIntegrator(_ImplicitIntegrator):
     beta, gamma : float
         (¼, ½), the default, is the average-acceleration rule: second order, stable at every step, no numerical damping.
         (0, ½) is the central-difference rule, stable for ω h < 2.
-    tolerance, max_iterations, difference
+    tolerance, max_iterations, difference, tangent
         Of Newton's iteration: smallest change of the position increments [m or rad], most iterations in a step, change
-        of the increments from which the matrix is made.
+        of the increments from which the matrix is made; "structure" instead of "difference" makes it from the masses
+        and stiffnesses of the bodies.
+    trail : int
+        Steps of one call whose states are kept in ``work``.
 
     Raises
     ------
@@ -164,11 +182,12 @@ class NewmarkIntegrator(_ImplicitIntegrator):
         For parameters that make no stable scheme.
     """
 
-    def __init__(self, system, step, beta=0.25, gamma=0.5, tolerance=1e-9, max_iterations=20, difference=1e-6):
+    def __init__(self, system, step, beta=0.25, gamma=0.5, tolerance=1e-9, max_iterations=20, difference=1e-6,
+                 tangent="difference", trail=0):  # fmt: skip
         if not (gamma >= 0.5 and beta >= 0.0):
             raise MultibodyError(f"Newmark needs gamma >= 1/2 and beta >= 0, got gamma = {gamma}, beta = {beta}")
         self.beta, self.gamma = float(beta), float(gamma)
-        super().__init__(system, step, (beta, gamma, 0.0, 0.0), tolerance, max_iterations, difference)
+        super().__init__(system, step, (beta, gamma, 0.0, 0.0), tolerance, max_iterations, difference, tangent, trail)
 
 
 class GeneralizedAlphaIntegrator(_ImplicitIntegrator):
@@ -183,7 +202,7 @@ class GeneralizedAlphaIntegrator(_ImplicitIntegrator):
         Step length [s].
     rho_inf : float
         Spectral radius at infinite frequency: 1 keeps all frequencies, 0 removes the highest within one step.
-    tolerance, max_iterations, difference
+    tolerance, max_iterations, difference, tangent, trail
         As for :class:`NewmarkIntegrator`.
 
     Raises
@@ -192,13 +211,16 @@ class GeneralizedAlphaIntegrator(_ImplicitIntegrator):
         For a spectral radius outside 0 … 1.
     """
 
-    def __init__(self, system, step, rho_inf=0.8, tolerance=1e-9, max_iterations=20, difference=1e-6):
+    def __init__(self, system, step, rho_inf=0.8, tolerance=1e-9, max_iterations=20, difference=1e-6,
+                 tangent="difference", trail=0):  # fmt: skip
         if not 0.0 <= rho_inf <= 1.0:
             raise MultibodyError(f"the spectral radius rho_inf must lie in 0 … 1, got {rho_inf}")
         self.rho_inf = float(rho_inf)
         alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
         gamma, beta = 0.5 - alpha_m + alpha_f, 0.25 * (1.0 - alpha_m + alpha_f) ** 2
-        super().__init__(system, step, (beta, gamma, alpha_m, alpha_f), tolerance, max_iterations, difference)
+        super().__init__(
+            system, step, (beta, gamma, alpha_m, alpha_f), tolerance, max_iterations, difference, tangent, trail
+        )
 
 
 INTEGRATORS = {
@@ -215,7 +237,7 @@ def make_integrator(name, system, step, **options):
     ----------
     name : str
         "hamming" (options n_corrections, starter), "newmark" (beta, gamma) or "generalized-alpha" (rho_inf); the
-        implicit ones also take tolerance, max_iterations and difference.
+        implicit ones also take tolerance, max_iterations, difference, tangent and trail.
     system : MultibodySystem
     step : float
         [s].

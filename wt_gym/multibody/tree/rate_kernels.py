@@ -18,6 +18,31 @@ def rates(y, tau, inputs, tree, work, dy, constrained=None):
     Returns OK, SINGULAR_MASS or SINGULAR_CONSTRAINTS. The accelerations are also left in work.force, the constraint
     forces on the second bodies in work.multipliers.
     """
+    balance_terms(y, tau, inputs, tree, work, dy)
+    n_q, n_u, force = tree.n_q, tree.n_u, work.force
+    yd = y[n_q : n_q + n_u]
+    if constrained is None:
+        if not cholesky(work.mass):
+            return SINGULAR_MASS
+        solve_lower(work.mass, force)
+        solve_upper(work.mass, force)
+    else:
+        constraint_rows(y, tree, work)
+        code = solve_constrained(tree, work)
+        if code != OK:
+            return code
+    for i in range(n_u):
+        dy[n_q + i] = force[i]
+    position_rates(y, yd, tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, dy)
+    return OK
+
+
+@kernel(inline="always")
+def balance_terms(y, tau, inputs, tree, work, dy):
+    """The two sides of M u̇ = f, into work.mass (lower triangle) and work.force, and the rates of the servos into dy.
+
+    Arguments as for `rates`; the kinematics are then up to date.
+    """
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
     n_y = n_q + n_u
     yd = y[n_q:n_y]
@@ -47,20 +72,12 @@ def rates(y, tau, inputs, tree, work, dy, constrained=None):
             ref = inputs.reference[0, i] + tau * (inputs.reference[1, i] - inputs.reference[0, i])
             ref_rate = inputs.reference_rate[0, i] + tau * (inputs.reference_rate[1, i] - inputs.reference_rate[0, i])
             force[i] += k * (ref - y[tree.dof_q[i]]) + c * (ref_rate - yd[i])
-    if constrained is None:
-        if not cholesky(work.mass):
-            return SINGULAR_MASS
-        solve_lower(work.mass, force)
-        solve_upper(work.mass, force)
-    else:
-        constraint_rows(y, tree, work)
-        code = solve_constrained(tree, work)
-        if code != OK:
-            return code
-    for i in range(n_u):
-        dy[n_q + i] = force[i]
-    position_rates(y, yd, tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, dy)
-    return OK
+
+
+@kernel(separate=True)
+def force_balance(y, inputs, tree, work, dy):
+    """As `balance_terms` at the start of the input interval, for Python."""
+    balance_terms(y, 0.0, inputs, tree, work, dy)
 
 
 @kernel

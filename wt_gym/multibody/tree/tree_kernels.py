@@ -21,7 +21,7 @@ from wt_gym.compiled import kernel
 from wt_gym.multibody.tree.rotation_kernels import cross_add, quaternion_rotation, rotation_exp, tangent_bias
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, SERVO = range(6)
-OK, SINGULAR_MASS, SINGULAR_CONSTRAINTS, DIVERGED = range(4)
+OK, SINGULAR_MASS, SINGULAR_CONSTRAINTS, DIVERGED, NOT_CONVERGED = range(5)
 
 
 @kernel(inline="always")
