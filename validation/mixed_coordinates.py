@@ -6,7 +6,8 @@ can be made nodal, modal or rigid, and the reference coordinates Cartesian or th
 
 The paper's own numbers are not legible in the copies at hand, so that its statements become criteria on a stand-in rig
 of the same kind (``wt_gym/turbines/data/nada_small.json``). The air is a quasi-steady disc: thrust ½ρA V²C_T and torque
-½ρAR V² (a − b λ) with the wind relative to the nacelle, V = 8 m/s − ẋ, which is how tower motion reaches the rotor speed.
+½ρAR V² (a − b λ) with the wind relative to the nacelle, V = 8 m/s − ẋ, which is how tower motion reaches the rotor
+speed.
 """
 
 from __future__ import annotations
