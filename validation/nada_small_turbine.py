@@ -1,7 +1,7 @@
 """The small turbine of Nada & Al-Shahrani in the coupled simulation: what the flexibility of its tower does.
 
 Modal tower, rigid nacelle and hub, nodal blades whose frames carry Euler parameters (fidelity "mixed"), in the wake of
-the vortex lattice instead of the disc of ``mixed-coordinates``. The wind generator is turned up from 6 to 8 m/s: the
+the vortex lattice instead of the disc of ``mixed-coordinates``. The wind generator is turned up from 7 to 8 m/s: the
 nacelle swings and the rotor spins up. The paper's curves are not legible in the copies at hand, so that its statements
 are asked of the stand-in rig: the motion of the nacelle, the effect of the tower on the rotor speed, a reduced set of
 tower modes in place of the nodes, and the speed of the test.
@@ -20,24 +20,31 @@ from wt_gym.turbines import load_turbine
 from wt_gym.turbines.nada_turbine import nada_speed
 from wt_gym.wind import SteadyInflow
 
-BEFORE = 6.0
-"""Wind at the start [m/s]."""
+BEFORE, SLOW = 7.0, 150.0
+"""Wind [m/s] and rotor speed [rad/s] at the start: slower, the plates of the blades stall in 8 m/s."""
 DURATION = 0.8
 """Six periods of the tower, twenty turns of the rotor [s]."""
 
 
-def coupled_run(duration=DURATION, before=BEFORE, **changes):
+def coupled_run(duration=DURATION, before=BEFORE, start=SLOW, **changes):
     """Time [s], nacelle displacement downwind [m], rotor speed [rad/s], thrust [N] and the simulator."""
     turbine, wind = load_turbine("nada_small"), rig()["published"]["test_wind_speed_m_s"]
     fidelity = replace(FIDELITIES["mixed"], **changes)
     simulator = Simulator(turbine, SteadyInflow(before, turbine.hub_height, 0.0), fidelity, generator="damper")
-    simulator.reset(rotor_speed=nada_speed() * before / wind)
+    simulator.reset(rotor_speed=start)
     simulator.inflow = SteadyInflow(wind, turbine.hub_height, 0.0)
     rows = []
     for _ in range(round(duration / simulator.time_step)):
         signals = simulator.advance(simulator.time_step, pitch=0.0)
         rows.append([simulator.time, *(signals[k] for k in ("tower_top_fore_aft", "rotor_speed", "aero_thrust"))])
     return (*np.array(rows).T, simulator)
+
+
+def spin_up(run):
+    """Mean speed [rad/s] and acceleration [rad/s²] of a run after the first 0.2 s."""
+    late = run[0] > 0.2
+    slope, _ = np.polyfit(run[0][late], run[2][late], 1)
+    return float(run[2][late].mean()), float(slope)
 
 
 def differences(one, other):
@@ -86,9 +93,11 @@ def nada_small_turbine():
             ("nacelle", "rotor speed"), differences(mixed, coupled_run(0.3, **changes)), strict=True
         ):
             checks.append(Check(f"{name}: {what}", 0.0, error, limit, "", False, f"{NADA}: {reduced}"))
-    settled = coupled_run(1.0, before=data["published"]["test_wind_speed_m_s"], tower_coordinates="rigid")[2]
-    checks.append(Check("rotor speed after 1 s at 8 m/s over that of tip-speed ratio 5", 1.0,
-                        float(settled[-1] / design), 0.03, "", True, "the damper balances the air there"))  # fmt: skip
+    test = data["published"]["test_wind_speed_m_s"]
+    slow, fast = (spin_up(coupled_run(0.5, test, w, tower_coordinates="rigid")) for w in (SLOW, design))
+    steady = fast[0] - fast[1] * (fast[0] - slow[0]) / (fast[1] - slow[1])
+    meets = "stand-in of the test: the damper meets the air at λ = 5; of a line through accelerations at two speeds"
+    checks.append(Check("steady rotor speed at 8 m/s", design, steady, 0.03, "rad/s", True, meets))
     figures = {
         "nacelle displacement downwind": Figure((Curve(times, 1e3 * nacelle),), "t [s]", "mm"),
         "rotor speed": Figure(

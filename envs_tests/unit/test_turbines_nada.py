@@ -52,8 +52,8 @@ def test_the_strip_bends_across_its_flat_side():
     values = np.linalg.eigvalsh(bending)
     np.testing.assert_allclose(values[:, 0], 3e9 * chord * 0.002**3 / 12.0, rtol=1e-9)
     np.testing.assert_allclose(values[:, 1], 3e9 * 0.002 * chord**3 / 12.0, rtol=1e-9)
-    # the soft axis of a bending moment lies along the chord, which twist to feather turns from y (towards x upwind)
-    chordwise = np.column_stack([-np.sin(twist), np.cos(twist)])
+    # a moment along the chord meets the soft stiffness; feathering, about -z, turns the trailing edge from y towards x
+    chordwise = np.column_stack([np.sin(twist), np.cos(twist)])
     along = np.einsum("ni,nij,nj->n", chordwise, bending, chordwise)
     np.testing.assert_allclose(along, values[:, 0], rtol=1e-9)
 
