@@ -5,16 +5,14 @@ coordinates with the geometric stiffness of their rotation; a tower of circular 
 can be made nodal, modal or rigid, and the reference coordinates Cartesian or those of the joints.
 
 The paper's own numbers are not legible in the copies at hand, so that its statements become criteria on a stand-in rig
-of the same kind (``data/nada_small.json``). The air is a quasi-steady disc: thrust ½ρA V²C_T and torque ½ρAR V²
-(a − b λ) with the wind relative to the nacelle, V = 8 m/s − ẋ, which is how tower motion reaches the rotor speed.
+of the same kind (``wt_gym/turbines/data/nada_small.json``). The air is a quasi-steady disc: thrust ½ρA V²C_T and torque
+½ρAR V² (a − b λ) with the wind relative to the nacelle, V = 8 m/s − ẋ, which is how tower motion reaches the rotor
+speed.
 """
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
-from functools import cache
-from importlib import resources
 
 import numpy as np
 
@@ -26,16 +24,15 @@ from wt_gym.structure.coordinates import body_from_beam, circular_sections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines.beam import inertia_matrix
+from wt_gym.turbines.nada_turbine import nada_data
 
 NADA = "Nada & Al-Shahrani 2019, Mech. Sci. 10, 35–46"
 STEP = 5e-5
 
 
-@cache
 def rig():
-    """Data of the stand-in rig."""
-    text = resources.files(__package__).joinpath("data", "nada_small.json").read_text(encoding="utf-8")
-    return json.loads(text)
+    """Data of the stand-in rig, those of the turbine "nada_small"."""
+    return nada_data()
 
 
 def tower_beam(n_elements=6):

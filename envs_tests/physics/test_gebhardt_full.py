@@ -30,6 +30,7 @@ def full():
     return simulator, signals
 
 
+@pytest.mark.slow
 def test_everything_is_there(full):
     """Free blades with quaternions on 22 nodes, wakes from two edges, ground, tower and nacelle as closed bodies."""
     simulator, signals = full
@@ -45,6 +46,7 @@ def test_everything_is_there(full):
     assert signals.rotor_speed / RPM == pytest.approx(RPM_15, rel=0.02)
 
 
+@pytest.mark.slow
 def test_multipliers_are_the_loads_of_the_roots(full):
     """Against the moments that follow from the motion of all bodies, tip to root (Newton–Euler, `joint_wrenches`)."""
     simulator, signals = full
@@ -57,6 +59,7 @@ def test_multipliers_are_the_loads_of_the_roots(full):
     np.testing.assert_array_equal(again, multipliers)
 
 
+@pytest.mark.slow
 def test_drift_before_projection_is_seen(full):
     """Steps drift by more than what is left after them, and both are small."""
     simulator, _ = full
@@ -67,6 +70,7 @@ def test_drift_before_projection_is_seen(full):
     assert np.abs(simulator.coupling.integrator.work.residual).max() < 0.1 * drift.position
 
 
+@pytest.mark.slow
 def test_bodies_stand_where_the_tower_is(full):
     """The axis of the body ends on the bent tower, and its panels move as the tower does."""
     simulator, signals = full
@@ -90,6 +94,7 @@ def test_bodies_stand_where_the_tower_is(full):
     assert signals.tower_top_fore_aft == pytest.approx(tower[-1, 0], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_tower_bears_the_force_on_its_body(full):
     """The given load is that of the strips by virtual work: its power is that of the forces on the moving strips."""
     simulator, _ = full
@@ -107,6 +112,7 @@ def test_the_tower_bears_the_force_on_its_body(full):
     np.testing.assert_allclose(load[:3], force.sum(axis=0), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_snapshots_of_everything(full):
     simulator, _ = full
     kept = simulator.state()
@@ -117,6 +123,7 @@ def test_snapshots_of_everything(full):
     np.testing.assert_array_equal(first, again)
 
 
+@pytest.mark.slow
 def test_tangent_of_a_straight_spinning_blade(full):
     """Without deformation the tangent has the spinning modes, whose stiffening the rotating-beam cases have proved."""
     beam, _ = full[0].structure.blade_field
@@ -126,6 +133,7 @@ def test_tangent_of_a_straight_spinning_blade(full):
     np.testing.assert_allclose(modes.frequency, expected.frequency, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_tangent_of_a_bent_loaded_blade(full):
     """K_t and M_t against second differences of the potential and the kinetic energy of all mass points."""
     beam, basis = full[0].structure.blade_field
@@ -151,6 +159,7 @@ def test_tangent_of_a_bent_loaded_blade(full):
         assert direction @ inertia @ direction == pytest.approx(mass @ np.sum(rate**2, axis=1), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_blade_without_load_keeps_its_modes():
     """At rest, in still air without weight, the modes of the deformed state are the fixed ones."""
     made = make_simulator(15.0, RPM_15, formulation="embedded", fidelity="gebhardt-full")

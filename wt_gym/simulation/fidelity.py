@@ -331,6 +331,20 @@ FIDELITIES = {
         nacelle_body=(8, 8),
         moving_bodies=True,
     ),
+    # the mixed coordinates of Nada & Al-Shahrani 2019, for their small turbine: modal tower, rigid nacelle and hub,
+    # nodal blades whose frames are free, with Euler parameters; the stabilisation is that of their rig's time scale
+    "mixed": Fidelity(
+        "mixed",
+        TRAINING,
+        max_substep=5e-4,
+        tower_modes=(2, 2, 1),
+        blade_modes=(1, 1, 0),
+        blade_elements=4,
+        blade_coordinates="nodal",
+        integrator="newmark",
+        formulation="constrained",
+        stabilisation=200.0,
+    ),
 }
 
 

@@ -253,7 +253,15 @@ class Simulator:
             ``norm``: largest | |q| − 1 | of a quaternion; ``position`` [m or rad] and ``velocity`` [m/s or rad/s]:
             largest residual of a constraint equation and of its rate, over all steps and passes since the last time.
             Zeros without constraint equations.
+
+        Raises
+        ------
+        SimulationError
+            With an implicit integrator, which keeps no record of it.
         """
+        if self.fidelity.integrator != "hamming":
+            used = self.fidelity.integrator
+            raise SimulationError(f"constraint_drift needs Fidelity.integrator 'hamming', not {used!r}")
         drift = self.coupling.integrator.drift
         if restart:
             self.coupling.integrator.restart_drift()

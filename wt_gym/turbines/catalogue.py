@@ -49,7 +49,13 @@ def _gebhardt() -> Turbine:
     return gebhardt_turbine()
 
 
-_BUILT: dict[str, Callable[[], Turbine]] = {"gebhardt_45m": _gebhardt}
+def _nada() -> Turbine:
+    from wt_gym.turbines.nada_turbine import nada_turbine
+
+    return nada_turbine()
+
+
+_BUILT: dict[str, Callable[[], Turbine]] = {"gebhardt_45m": _gebhardt, "nada_small": _nada}
 """Turbines that no windIO file describes."""
 
 

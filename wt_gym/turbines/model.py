@@ -257,7 +257,7 @@ class Drivetrain(ArrayRecord):
             "generator_inertia": (0.0, _BIG),
             "spring": (0.0, _BIG),
             "rated_power": (0.0, 1e9),
-            "rated_rotor_speed": (0.0, 100.0),
+            "rated_rotor_speed": (0.0, 1000.0),
             "max_generator_torque": (0.0, _BIG),
         }
         checked = {

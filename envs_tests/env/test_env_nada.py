@@ -1,0 +1,101 @@
+"""The small turbine of Nada & Al-Shahrani 2019 as an environment: contract, snapshot, random actions, test speed."""
+
+import warnings
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.errors import SimulationError
+from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.wind import SteadyInflow
+
+IDS = ("wt_gym/NadaSmall-Steady-v0", "wt_gym/NadaSmall-Turbulent-v0")
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_both_checkers_have_nothing_to_say(env_id):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(env_id)
+        check_env(env.unwrapped, skip_render_check=True)
+        sb3_check_env(env)
+
+
+def test_snapshots_continue_bit_for_bit():
+    env = gym.make(IDS[1], wind_speed=8.0, sensor_noise=1.0).unwrapped
+    env.reset(seed=3)
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (6, *env.action_space.shape))
+    for action in actions[:3]:
+        env.step(action)
+    kept = env.snapshot()
+    first = [env.step(action)[:2] for action in actions]
+    env.restore(kept)
+    again = [env.step(action)[:2] for action in actions]
+    for (a, r), (b, s) in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a, b)
+        assert r == s
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_random_actions_do_not_break_an_episode(env_id):
+    env = gym.make(env_id).unwrapped
+    env.action_space.seed(7)
+    env.reset(seed=2)
+    over = False
+    while not over:
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        assert np.isfinite(observation).all()
+        assert np.isfinite(reward)
+        over = terminated or truncated
+    assert info.get("termination") != "failure"
+
+
+def test_mixed_coordinates():
+    """Five modes of the tower, 4 nodes a blade with 4 degrees of freedom each, three frames with Euler parameters."""
+    simulator = Simulator("nada_small", SteadyInflow(8.0, 0.6, 0.0), "mixed", generator="damper")
+    structure = simulator.structure
+    system, blade = structure.system, structure.system.bodies[structure.blades[0]]
+    assert len(system.quaternions) == 3
+    assert system.n_constraints == 18
+    assert len(system.bodies[structure.tower].coordinate_names) == 5
+    assert len(blade.coordinate_names) == 16
+    assert not system.bodies[structure.nacelle].coordinate_names
+    assert not system.bodies[structure.hub].coordinate_names
+    with pytest.raises(SimulationError, match="integrator 'hamming'"):
+        simulator.constraint_drift()
+
+
+@pytest.mark.slow
+def test_mixed_coordinates_with_and_without_constraint_equations():
+    """The same machine: nacelle, rotor and blades move alike for a turn, and the constraint equations hold."""
+    runs = []
+    for formulation in ("constrained", "embedded"):
+        fidelity = replace(FIDELITIES["mixed"], formulation=formulation)
+        simulator = Simulator("nada_small", SteadyInflow(7.0, 0.6, 0.0), fidelity, generator="damper")
+        simulator.reset(rotor_speed=150.0)
+        simulator.inflow = SteadyInflow(8.0, 0.6, 0.0)
+        rows = [simulator.advance(simulator.time_step, pitch=0.0) for _ in range(50)]
+        runs.append([[r["tower_top_fore_aft"], r["rotor_speed"], *r["tip_out_of_plane"]] for r in rows])
+        if formulation == "constrained":
+            residual, _ = simulator.structure.system.constraint_residuals(simulator.coupling.integrator.state)
+            assert np.abs(residual).max() < 1e-6
+    free, held = np.array(runs)
+    np.testing.assert_allclose(free, held, atol=1e-3 * np.abs(held - held[0]).max(axis=0).min(), rtol=1e-3)
+
+
+def test_the_damper_holds_the_speed_of_the_test():
+    """The damper meets the air within 3 % at 160 rad/s and 8 m/s: Ω stays, and tip deflection and tower lean small."""
+    simulator = Simulator("nada_small", SteadyInflow(8.0, 0.6, 0.0), generator="damper")
+    signals = simulator.reset(rotor_speed=160.0)
+    for _ in range(20):
+        signals = simulator.advance(23 * simulator.time_step, pitch=0.0)
+    assert signals["rotor_speed"] == pytest.approx(160.0, rel=0.03)
+    # thrust L³/3EI of the rod: the mean lean of the tower
+    assert signals["tower_top_fore_aft"] == pytest.approx(
+        signals["aero_thrust"] * 0.6**3 / (3.0 * 1.17e11 * np.pi * 0.01**4 / 64.0), rel=0.1
+    )
