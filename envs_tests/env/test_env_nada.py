@@ -56,7 +56,7 @@ def test_random_actions_do_not_break_an_episode(env_id):
 
 
 def test_mixed_coordinates():
-    """Five modes of the tower, 4 nodes a blade with 4 degrees of freedom each, three frames with Euler parameters."""
+    """Five tower modes, four nodes of a blade with four degrees of freedom, three frames with Euler parameters."""
     simulator = Simulator("nada_small", SteadyInflow(8.0, 0.6, 0.0), "mixed", generator="damper")
     structure = simulator.structure
     system, blade = structure.system, structure.system.bodies[structure.blades[0]]

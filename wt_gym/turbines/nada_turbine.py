@@ -136,7 +136,7 @@ def nada_turbine():
             generator_damping=damping,
         ),
         pitch=PitchSystem(min_pitch=low, max_pitch=high, max_rate=np.radians(data["pitch_rate_deg_s"])),
-        iec_class="IV",
+        iec_class="III",
         turbulence_class="C",
         notes=("all dimensions are stand-ins, see data/nada_small.json",),
     )
