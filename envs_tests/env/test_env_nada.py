@@ -72,20 +72,26 @@ def test_mixed_coordinates():
 
 @pytest.mark.slow
 def test_mixed_coordinates_with_and_without_constraint_equations():
-    """The same machine: nacelle, rotor and blades move alike for a turn, and the constraint equations hold."""
-    runs = []
-    for formulation in ("constrained", "embedded"):
-        fidelity = replace(FIDELITIES["mixed"], formulation=formulation)
-        simulator = Simulator("nada_small", SteadyInflow(7.0, 0.6, 0.0), fidelity, generator="damper")
-        simulator.reset(rotor_speed=150.0)
-        simulator.inflow = SteadyInflow(8.0, 0.6, 0.0)
-        rows = [simulator.advance(simulator.time_step, pitch=0.0) for _ in range(50)]
-        runs.append([[r["tower_top_fore_aft"], r["rotor_speed"], *r["tip_out_of_plane"]] for r in rows])
-        if formulation == "constrained":
-            residual, _ = simulator.structure.system.constraint_residuals(simulator.coupling.integrator.state)
-            assert np.abs(residual).max() < 1e-6
-    free, held = np.array(runs)
-    np.testing.assert_allclose(free, held, atol=1e-3 * np.abs(held - held[0]).max(axis=0).min(), rtol=1e-3)
+    """The same machine; Newmark's step leaves the constraint equations open by h², a quarter at half the step."""
+    free, open_by = mixed_run(5e-4)
+    held, _ = mixed_run(5e-4, formulation="embedded")
+    _, open_at_half = mixed_run(2.2e-4)
+    assert np.abs(free[:, 0] - held[:, 0]).max() < 1e-3 * np.ptp(held[:, 0])
+    np.testing.assert_allclose(free[:, 1], held[:, 1], rtol=1e-4)
+    assert open_by / open_at_half == pytest.approx(4.0, rel=0.1)
+
+
+def mixed_run(max_substep, **changes):
+    """Nacelle displacement [m] and rotor speed [rad/s] (n, 2), and the largest residual of the constraint equations."""
+    fidelity = replace(FIDELITIES["mixed"], max_substep=max_substep, **changes)
+    simulator = Simulator("nada_small", SteadyInflow(7.0, 0.6, 0.0), fidelity, generator="damper")
+    simulator.reset(rotor_speed=150.0)
+    simulator.inflow = SteadyInflow(8.0, 0.6, 0.0)
+    rows = [simulator.advance(simulator.time_step, pitch=0.0) for _ in range(100)]
+    residual = [0.0]
+    if simulator.structure.system.n_constraints:
+        residual, _ = simulator.structure.system.constraint_residuals(simulator.coupling.integrator.state)
+    return np.array([[r["tower_top_fore_aft"], r["rotor_speed"]] for r in rows]), np.abs(residual).max()
 
 
 def test_the_damper_holds_the_speed_of_the_test():
