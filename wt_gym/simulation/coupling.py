@@ -31,9 +31,9 @@ MAX_OVERSPEED = 3.0
 """Rotor speed, in rated speeds, at which a simulation is given up."""
 ROUGH = 100.0
 """Tolerance of an implicit step that is not the last of an aerodynamic one, over that of the last."""
-NEWTON_TOLERANCE = 1e-6
-"""Change of the position increments [m or rad] at which the iteration of an implicit step ends, far below what the
-passes of structure and loads leave."""
+NEWTON_TOLERANCE = 2e-8
+"""Change of the position increments, in blade lengths, at which the iteration of an implicit step ends, far below what
+the passes of structure and loads leave."""
 LOOSEST = 0.1
 """Change of the loads of the blades, over the largest of them, with which a step may end."""
 
@@ -152,11 +152,11 @@ class Exchange(NamedTuple):
         )  # fmt: skip
 
 
-def _integrator(system, h, fidelity, n_substeps):
-    """Integrator of a structure in steps of h [s]."""
+def _integrator(system, h, fidelity, n_substeps, length):
+    """Integrator of a structure in steps of h [s] with blades of a length [m]."""
     if fidelity.integrator == "hamming":
         return HammingIntegrator(system, h, fidelity.corrections, fidelity.starter, n_substeps)
-    options = {"tolerance": NEWTON_TOLERANCE, "trail": n_substeps}
+    options = {"tolerance": NEWTON_TOLERANCE * length, "trail": n_substeps}
     if not system.constraints:
         options["tangent"] = "structure"
     if fidelity.integrator == "newmark":
@@ -190,7 +190,7 @@ class Coupling:
         self.models = models
         fidelity, system = models.fidelity, models.structure.system
         h = models.time_step / models.n_substeps
-        self.integrator = _integrator(system, h, fidelity, models.n_substeps)
+        self.integrator = _integrator(system, h, fidelity, models.n_substeps, models.turbine.blade.length)
         self.aero = models.lattice.new_state()
         self.exchange = Exchange.of(models, self.integrator.inputs.body_loads)
         self._gauges = Gauges.of(models.turbine, models.structure)
