@@ -27,7 +27,7 @@ __all__ = ["benchmark_fingerprint", "code_of", "differing", "sources_digest"]
 _ROOT = Path(wt_gym.__file__).parent
 _SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER}
 _FILES_OF_WIND = {"box_cache.py", "bts.py"}  # keep and read boxes, and change no number of a task
-_ENVIRONMENT = ("episode.py", "layout.py", "observations.py", "turbine_env.py")
+_ENVIRONMENT = ("costs.py", "episode.py", "layout.py", "observations.py", "turbine_env.py")
 _STATEMENT_BEGINS = {tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
 
 
@@ -42,9 +42,10 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
     Returns
     -------
     dict
-        ``turbine``, ``fidelity``, and of the sources ``kernels``: all compiled kernels, ``model``: what else the
-        simulator is made of, ``wind``: what makes the winds, ``control``: controllers and actions, ``environment``: a
-        step and its end, ``metrics``: what is measured of a run. Of sources neither comments nor docstrings count.
+        ``turbine``, ``fidelity``, and of the sources ``kernels``: all compiled kernels and how they are compiled,
+        ``model``: what else the simulator is made of, ``wind``: what makes the winds, ``control``: controllers and
+        actions, ``environment``: a step and its end, ``metrics``: what is measured of a run. Of sources neither
+        comments nor docstrings count.
     """
     return {
         "turbine": fingerprint(turbine)[:16],
@@ -55,7 +56,7 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
 
 @cache
 def _sources() -> dict[str, str]:
-    kernels = set(_ROOT.rglob("*_kernels.py"))
+    kernels = {*_ROOT.rglob("*_kernels.py"), _ROOT / "compiled.py"}
     rooms = {
         "model": _modules("aerodynamics", "multibody", "simulation", "structure"),
         "wind": {
