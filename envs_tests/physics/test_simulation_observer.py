@@ -213,6 +213,7 @@ WATCHED = ("rotor_speed", "azimuth", "yaw", "tip_out_of_plane", "tip_in_plane", 
            "tower_top_fore_aft", "tower_base_fore_aft_moment", "tip_clearance_min", "tip_out_of_plane_max")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_coupled_trajectory_is_that_of_the_same_equations_in_the_embedded_form(monkeypatch):
     """Within 1e-3 of the largest value of each channel, four times nearer with half the step."""
     coarse, _ = trajectory(step=0.0125)
@@ -228,6 +229,7 @@ def test_coupled_trajectory_is_that_of_the_same_equations_in_the_embedded_form(m
     assert np.linalg.norm(errors[1]) < 0.5 * np.linalg.norm(errors[0])
 
 
+@pytest.mark.slow
 def test_missing_geometric_stiffness_deflects_the_tips_farther():
     """In a turning rotor the tip deflections exceed those of the embedded form by about K Ω²/ω₀² of their size."""
     sims = [Simulator("nrel_5mw", SteadyInflow(8.0), fidelity) for fidelity in (FIDELITIES["training"], OBSERVER)]
@@ -260,6 +262,7 @@ def test_snapshots_copies_and_pickles_go_on_bit_for_bit(options):
     assert [go(other) == first for other in others] == [True, True]
 
 
+@pytest.mark.slow
 def test_energy_balance_holds_and_finds_a_drive_from_nowhere():
     """The balance of the embedded coordinates is that of the observer frames: a torque that is not booked breaks it."""
     sim = Simulator("nrel_5mw", SteadyInflow(9.0), OBSERVER)

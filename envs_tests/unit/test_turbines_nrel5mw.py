@@ -23,7 +23,7 @@ def iea() -> Turbine:
 
 
 def test_catalogue_loads_and_caches():
-    assert catalogue() == ("nrel_5mw", "iea_15mw", "gebhardt_45m")
+    assert catalogue() == ("nrel_5mw", "iea_15mw", "gebhardt_45m", "nada_small")
     for name in catalogue():
         assert load_turbine(name) is load_turbine(name)
 
