@@ -1,12 +1,9 @@
 """The turbine of Gebhardt et al. 2012 as an environment: contract, fixed yaw, damper or torque, boundary layer."""
 
-import warnings
-
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
-from stable_baselines3.common.env_checker import check_env as sb3_check_env
+from turbine_contract import both_checkers_are_content, random_episode, snapshot_repeats
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.control import operating_point
@@ -28,11 +25,7 @@ HEIGHTS = np.array([[0.0, 0.0, z] for z in (5.0, 40.0, 70.0, 110.0, 275.0)])
 @pytest.mark.parametrize("env_id", IDS)
 @pytest.mark.parametrize("generator", ["torque", "damper"])
 def test_both_checkers_have_nothing_to_say(env_id, generator):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        env = gym.make(env_id, generator=generator)
-        check_env(env.unwrapped, skip_render_check=True)
-        sb3_check_env(env)
+    both_checkers_are_content(env_id, generator=generator)
 
 
 @pytest.mark.parametrize("env_id", IDS)
@@ -55,34 +48,14 @@ def test_no_action_is_dead(env_id, generator, names):
 @pytest.mark.parametrize("kwargs", [{}, {"action_mode": "residual"}])
 @pytest.mark.parametrize("generator", ["torque", "damper"])
 def test_random_actions_do_not_break_an_episode(generator, kwargs):
-    env = gym.make(IDS[1], generator=generator, wind_speed=14.0, **kwargs).unwrapped
-    env.action_space.seed(7)
-    observation, info = env.reset(seed=2)
-    over = False
-    while not over:
-        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
-        assert np.isfinite(observation).all()
-        assert np.isfinite(reward)
-        over = terminated or truncated
-    assert info.get("termination") != "failure"
+    truncated = random_episode(gym.make(IDS[1], generator=generator, wind_speed=14.0, **kwargs).unwrapped)
     if kwargs or generator == "damper":
         assert truncated
 
 
 @pytest.mark.parametrize("generator", ["torque", "damper"])
 def test_snapshots_continue_bit_for_bit(generator):
-    env = gym.make(IDS[1], generator=generator, wind_speed=13.0, sensor_noise=1.0).unwrapped
-    env.reset(seed=3)
-    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (6, *env.action_space.shape))
-    for action in actions[:3]:
-        env.step(action)
-    kept = env.snapshot()
-    first = [env.step(action)[:2] for action in actions]
-    env.restore(kept)
-    again = [env.step(action)[:2] for action in actions]
-    for (a, r), (b, s) in zip(first, again, strict=True):
-        np.testing.assert_array_equal(a, b)
-        assert r == s
+    snapshot_repeats(gym.make(IDS[1], generator=generator, wind_speed=13.0, sensor_noise=1.0).unwrapped)
 
 
 def test_the_damper_takes_power_with_the_square_of_the_speed():

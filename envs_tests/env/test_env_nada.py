@@ -1,13 +1,11 @@
 """The small turbine of Nada & Al-Shahrani 2019 as an environment: contract, snapshot, random actions, test speed."""
 
-import warnings
 from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
-from stable_baselines3.common.env_checker import check_env as sb3_check_env
+from turbine_contract import both_checkers_are_content, random_episode, snapshot_repeats
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.errors import SimulationError
@@ -19,40 +17,16 @@ IDS = ("wt_gym/NadaSmall-Steady-v0", "wt_gym/NadaSmall-Turbulent-v0")
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_both_checkers_have_nothing_to_say(env_id):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        env = gym.make(env_id)
-        check_env(env.unwrapped, skip_render_check=True)
-        sb3_check_env(env)
+    both_checkers_are_content(env_id)
 
 
 def test_snapshots_continue_bit_for_bit():
-    env = gym.make(IDS[1], wind_speed=8.0, sensor_noise=1.0).unwrapped
-    env.reset(seed=3)
-    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (6, *env.action_space.shape))
-    for action in actions[:3]:
-        env.step(action)
-    kept = env.snapshot()
-    first = [env.step(action)[:2] for action in actions]
-    env.restore(kept)
-    again = [env.step(action)[:2] for action in actions]
-    for (a, r), (b, s) in zip(first, again, strict=True):
-        np.testing.assert_array_equal(a, b)
-        assert r == s
+    snapshot_repeats(gym.make(IDS[1], wind_speed=8.0, sensor_noise=1.0).unwrapped)
 
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_random_actions_do_not_break_an_episode(env_id):
-    env = gym.make(env_id).unwrapped
-    env.action_space.seed(7)
-    env.reset(seed=2)
-    over = False
-    while not over:
-        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
-        assert np.isfinite(observation).all()
-        assert np.isfinite(reward)
-        over = terminated or truncated
-    assert info.get("termination") != "failure"
+    random_episode(gym.make(env_id).unwrapped)
 
 
 def test_mixed_coordinates():

@@ -315,7 +315,7 @@ FIDELITIES = {
         formulation="constrained",
     ),
     # the same with all that the paper names: wakes from trailing edges and tips, tower and nacelle as closed bodies,
-    # the ground, and Bernoulli's loads of a flow without viscosity
+    # the ground, in a flow without viscosity; the loads are Joukowski's, see validation/gebhardt_full.py
     "gebhardt-full": Fidelity(
         "gebhardt-full",
         GEBHARDT_AIR,
