@@ -26,6 +26,7 @@ from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.analysis.summary import summarise
+from wt_gym.commands import main
 from wt_gym.control.controllers import BaselineController
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation import Simulator
@@ -359,33 +360,31 @@ def test_scripts_explain_themselves(script):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["evaluate.py", "no/such/agent"], "'no/such/agent' is no agent"),
-        (["evaluate.py", "--env", STEADY, "--wind-speed", "60"], "cut-in and cut-out"),
-        (["evaluate.py", "--env", "CartPole-v1"], "must be one of wt_gym/"),
-        (["evaluate.py", "--env", "NoSuchEnv-v0"], "NoSuchEnv"),
-        (["evaluate.py", "--env-kwargs", '{"episode_length": 50}'], "episode_length"),
-        (["evaluate.py", "--env-kwargs", '{"colour": 1}'], "no arguments ['colour']"),
-        (["evaluate.py", "--duration", "20", "--skip", "30"], "nothing is left"),
-        (["train.py", "--env", "CartPole-v1"], "must be one of wt_gym/"),
-        (["train.py", "--wind-speed", "60"], "cut-in and cut-out"),
-        (["train.py", "--env-kwargs", "[1]"], "must be a JSON object"),
-        (["train.py", "--steps", "-5", "--wind-speed", "12"], "total_steps must be a whole number from 1"),
-        (["train.py", "--max-seconds", "nan"], "max_seconds must be a number"),
-        (["train.py", "--hyper", "gama=0.9"], "PPO has no 'gama'; known are"),
-        (["simulate.py", "--wind-speed", "0"], "--wind-speed must be positive"),
-        (["simulate.py", "--duration", "0"], "--duration must be positive"),
-        (["simulate.py", "--duration", "-5"], "--duration must be positive"),
+        (["evaluate", "no/such/agent"], "'no/such/agent' is no agent"),
+        (["evaluate", "--env", STEADY, "--wind-speed", "60"], "cut-in and cut-out"),
+        (["evaluate", "--env", "CartPole-v1"], "must be one of wt_gym/"),
+        (["evaluate", "--env", "NoSuchEnv-v0"], "NoSuchEnv"),
+        (["evaluate", "--env-kwargs", '{"episode_length": 50}'], "episode_length"),
+        (["evaluate", "--env-kwargs", '{"colour": 1}'], "no arguments ['colour']"),
+        (["evaluate", "--duration", "20", "--skip", "30"], "nothing is left"),
+        (["train", "--env", "CartPole-v1"], "must be one of wt_gym/"),
+        (["train", "--wind-speed", "60"], "cut-in and cut-out"),
+        (["train", "--env-kwargs", "[1]"], "must be a JSON object"),
+        (["train", "--steps", "-5", "--wind-speed", "12"], "total_steps must be a whole number from 1"),
+        (["train", "--max-seconds", "nan"], "max_seconds must be a number"),
+        (["train", "--hyper", "gama=0.9"], "PPO has no 'gama'; known are"),
+        (["simulate", "--wind-speed", "0"], "--wind-speed must be positive"),
+        (["simulate", "--duration", "0"], "--duration must be positive"),
+        (["simulate", "--duration", "-5"], "--duration must be positive"),
     ],
 )
 def test_errors_of_the_user_take_one_line(command, message, tmp_path):
-    script, *arguments = command
-    path = Path(__file__).parents[2] / "scripts" / script
-    out = ["--out", tmp_path / "out"]
-    done = subprocess.run([sys.executable, path, *arguments, *out], capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert done.stderr.startswith("error: ")
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
+    with pytest.raises(SystemExit) as ended:
+        main([*command, "--out", str(tmp_path / "out")])
+    error = ended.value.code  # Python prints a text that is given as exit status, and ends with status 1
+    assert error.startswith("error: ")
+    assert message in error
+    assert "\n" not in error
 
 
 def test_evaluation_script_prints_json_and_writes_a_report(tmp_path):

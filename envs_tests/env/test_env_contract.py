@@ -206,7 +206,7 @@ def run_adversary(env, n, seed):
 @pytest.mark.parametrize(
     ("n", "kwargs"),
     [
-        (10_000, {"wind_speed": (3.0, 25.0), "wind_seeds": (1, 2, 3)}),
+        (2_000, {"wind_speed": (3.0, 25.0), "wind_seeds": (1, 2, 3)}),
         (500, {"wind_speed": (4.0, 24.0), "pitch": "individual", "action_mode": "absolute", "sensor_noise": 1.0}),
         pytest.param(10_000, {"wind_speed": (3.0, 25.0), "standstill_limit": 0.0}, marks=pytest.mark.slow),
     ],

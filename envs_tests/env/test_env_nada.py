@@ -8,7 +8,6 @@ import pytest
 from turbine_contract import both_checkers_are_content, random_episode, snapshot_repeats
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.wind import SteadyInflow
 
@@ -40,8 +39,6 @@ def test_mixed_coordinates():
     assert len(blade.coordinate_names) == 16
     assert not system.bodies[structure.nacelle].coordinate_names
     assert not system.bodies[structure.hub].coordinate_names
-    with pytest.raises(SimulationError, match="integrator 'hamming'"):
-        simulator.constraint_drift()
 
 
 @pytest.mark.slow
@@ -65,6 +62,7 @@ def mixed_run(max_substep, **changes):
     residual = [0.0]
     if simulator.structure.system.n_constraints:
         residual, _ = simulator.structure.system.constraint_residuals(simulator.coupling.integrator.state)
+        assert simulator.constraint_drift().position >= np.abs(residual).max() > 0.0
     return np.array([[r["tower_top_fore_aft"], r["rotor_speed"]] for r in rows]), np.abs(residual).max()
 
 

@@ -244,7 +244,11 @@ def test_missing_geometric_stiffness_deflects_the_tips_farther():
 
 @pytest.mark.parametrize(
     "options",
-    [{}, {"reference_condition": "three_quarter", "frame_update": 0.2}, {"yaw_drive": "spring", "stiffest_shaft": 0.5}],
+    [
+        {},
+        {"reference_condition": "three_quarter", "frame_update": 0.2},
+        pytest.param({"yaw_drive": "spring", "stiffest_shaft": 0.5}, marks=pytest.mark.slow),  # kernels of its own
+    ],
 )
 def test_snapshots_copies_and_pickles_go_on_bit_for_bit(options):
     sim = Simulator("nrel_5mw", SteadyInflow(9.0), replace(OBSERVER, **options))

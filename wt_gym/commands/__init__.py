@@ -20,6 +20,7 @@ COMMANDS = {
     "tune": "tune the parameters of a controller",
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",
+    "compile": "compile the simulator ahead of the first run, in two processes",
     "bench": "speed and memory on this machine",
 }
 

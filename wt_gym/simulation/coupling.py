@@ -364,7 +364,7 @@ class Coupling:
         """One compiled call; or several with the induction of a big wake between them."""
         lattice = self.models.lattice
         if self._bundles is None or lattice.bodies:  # bodies are placed anew now and then
-            self._bundles = self._bundle()
+            self._bundles = self.bundle()
         if lattice.split is not None:
             return self._advance_split(blade_wind)
         if lattice.bodies:
@@ -373,7 +373,7 @@ class Coupling:
             self._step = compiled_for(self._whole_step, (*self._bundles, blade_wind))
         return self._step(*self._bundles, blade_wind)
 
-    def _bundle(self):
+    def bundle(self):
         """Arguments of the compiled step."""
         lattice, i, system = self.models.lattice, self.integrator, self.models.structure.system
         air = Air(lattice.arrays, lattice.constants, self.aero.arrays, lattice.work, *lattice.body_arrays)

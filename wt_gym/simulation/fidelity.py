@@ -2,7 +2,7 @@
 
 import math
 import numbers
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.errors import SimulationError
@@ -285,6 +285,21 @@ GEBHARDT_AIR = AeroOptions(
 """Against 4 × 24 panels and 90 rows the steady torque of the turbine of Gebhardt et al. at 7.4 rpm changes by 0.05 %,
 the thrust by 0.4 % (without bodies, Joukowski's loads)."""
 
+GEBHARDT = Fidelity(
+    "gebhardt",
+    TRAINING,
+    max_substep=0.0125,
+    starter="runge-kutta",
+    tower_modes=(1, 1, 1),
+    blade_modes=(2, 1, 0),
+    blade_elements=21,
+    stiffest_shaft=0.0,
+    coupling_iterations=5,
+    formulation="constrained",
+)
+"""The 13 degrees of freedom of Gebhardt et al. 2012: three of the tower, the rotor, three of each blade; step and
+starter are such that a step changes the norm of a quaternion by less than 1e-8 before it is rescaled."""
+
 FIDELITIES = {
     "training": Fidelity("training", TRAINING),
     "engineering": Fidelity(
@@ -300,33 +315,13 @@ FIDELITIES = {
         tower_modes=(2, 2, 1),
         blade_modes=(4, 3, 1),
     ),
-    # the 13 degrees of freedom of Gebhardt et al. 2012: three of the tower, the rotor, three of each blade; step and
-    # starter are such that a step changes the norm of a quaternion by less than 1e-8 before it is rescaled
-    "gebhardt": Fidelity(
-        "gebhardt",
-        TRAINING,
-        max_substep=0.0125,
-        starter="runge-kutta",
-        tower_modes=(1, 1, 1),
-        blade_modes=(2, 1, 0),
-        blade_elements=21,
-        stiffest_shaft=0.0,
-        coupling_iterations=5,
-        formulation="constrained",
-    ),
+    "gebhardt": GEBHARDT,
     # the same with all that the paper names: wakes from trailing edges and tips, tower and nacelle as closed bodies,
     # the ground, in a flow without viscosity; the loads are Joukowski's, see validation/gebhardt_full.py
-    "gebhardt-full": Fidelity(
-        "gebhardt-full",
-        GEBHARDT_AIR,
-        max_substep=0.0125,
-        starter="runge-kutta",
-        tower_modes=(1, 1, 1),
-        blade_modes=(2, 1, 0),
-        blade_elements=21,
-        stiffest_shaft=0.0,
-        coupling_iterations=5,
-        formulation="constrained",
+    "gebhardt-full": replace(
+        GEBHARDT,
+        name="gebhardt-full",
+        aero=GEBHARDT_AIR,
         tower_body=(8, 8),
         nacelle_body=(8, 8),
         moving_bodies=True,

@@ -114,7 +114,7 @@ class ObserverCoupling(Coupling):
     def _start_structure(self, y):
         """Frames and coordinates for a state of the multibody system, in consistent motion."""
         system, work, s = self.models.structure.system, self.integrator.work, self.observed.state
-        history, motion = self.integrator.history, self._bundle()[1]
+        history, motion = self.integrator.history, self.bundle()[1]
         for array in (history.y, history.f, history.memory, history.marks):
             array[:] = 0
         history.y[3] = y
@@ -142,9 +142,9 @@ class ObserverCoupling(Coupling):
         observer_coupling_kernels.refresh(self.observed.model, self.observed.state, self.observed.work)
         super().resume()
 
-    def _bundle(self):
+    def bundle(self):
         """Arguments of the compiled step."""
-        air, motion, *others = super()._bundle()
+        air, motion, *others = super().bundle()
         return air, motion, self.observed, *others
 
     def _advance_split(self, blade_wind):

@@ -1,0 +1,45 @@
+"""Compile the simulator of environments, in two processes, so that no later run has to wait for it.
+
+    wt-gym compile
+    wt-gym compile wt_gym/LoadReduction-v0 wt_gym/IEA15MW-Turbulent-v0
+
+Compiled kernels stay in the cache (NUMBA_CACHE_DIR, else beside the package). One that has them already is done within
+seconds. On a cluster run it once on every kind of node, before the workers start.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+
+DEFAULT = "wt_gym/NREL5MW-Turbulent-v0"
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("compile", description=__doc__)
+    parser.add_argument(
+        "env", nargs="*", default=[DEFAULT], metavar="ENV", help="environment ids (default: %(default)s)"
+    )
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run the command."""
+    arguments = parse_arguments(words)
+    import gymnasium as gym
+
+    from wt_gym.agents.command_line import environment_arguments
+    from wt_gym.agents.compilation import compile_kernels
+    from wt_gym.simulation.compile_ahead import compile_ahead
+
+    with user_errors(), stoppable("what is compiled so far stays"):
+        for env_id in arguments.env:
+            environment_arguments(env_id, {})
+            began = time.perf_counter()
+            env = gym.make(env_id)
+            compile_ahead(env.unwrapped.turbine, env.unwrapped.fidelity)
+            compile_kernels(env)
+            print(f"{env_id}: ready after {time.perf_counter() - began:.0f} s", flush=True)

@@ -1,0 +1,79 @@
+"""Compile the kernels of a turbine before they are wanted, in two processes at once.
+
+A process compiles one kernel after another. What moves the structure and what moves the air do not call each other, and
+take about as long: each is compiled in a process of its own, into the cache that both share. What calls both is left to
+the first step.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+
+from wt_gym.simulation.coupled_step_kernels import end_step, predict_step
+from wt_gym.simulation.coupling import Coupling
+from wt_gym.simulation.simulator import Simulator
+from wt_gym.wind import SteadyInflow
+
+if TYPE_CHECKING:
+    from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.turbines import Turbine
+
+__all__ = ["compile_ahead"]
+
+
+def compile_ahead(turbine: Turbine, fidelity: str | Fidelity) -> None:
+    """Compile what the simulator of a turbine needs, in this process and another one, which is new and ends with it.
+
+    A script that calls this needs the guard ``if __name__ == "__main__":``, as for every new process.
+
+    Parameters
+    ----------
+    turbine, fidelity
+        As of `wt_gym.simulation.Simulator`.
+    """
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        air = pool.submit(_compile_air, turbine, fidelity)
+        _compile_structure(_at_rest(turbine, fidelity))
+        air.result()
+
+
+def _at_rest(turbine, fidelity) -> Simulator:
+    return Simulator(turbine, SteadyInflow(8.0), fidelity)
+
+
+def _compile_structure(simulator: Simulator) -> None:
+    """What moves the structure, by letting it begin to move, and what only the compiled step calls."""
+    coupling = simulator.coupling
+    coupling.begin(coupling.models.structure.system.initial_state())
+    if type(coupling) is Coupling:
+        air, motion, exchange, scheme, gauges, monitor = coupling.bundle()
+        nodes = exchange.nodes
+        for kernel, arguments in (
+            (predict_step, (air, motion, exchange, scheme)),
+            (end_step, (motion, exchange, scheme, gauges, monitor, nodes)),
+        ):
+            kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
+
+
+def _compile_air(turbine, fidelity) -> None:
+    """What moves the air, by starting the wake of a plain rotor of as many blades and panels."""
+    lattice = _at_rest(turbine, fidelity).lattice
+    n_blades, n_along, n_across, _ = lattice.nodes_shape
+    reach, speed, axis = 50.0, 1.0, np.array([1.0, 0.0, 0.0])
+    angle = 2.0 * math.pi * np.arange(n_blades)[:, None, None] / n_blades
+    radius = np.linspace(0.1 * reach, reach, n_across)
+    along = 0.1 * reach * np.linspace(-0.25, 0.75, n_along)[:, None]  # the leading edge looks where the blade goes
+    flow_angle = np.arctan2(8.0, speed * radius)
+    outwards = np.stack([np.zeros_like(angle), -np.sin(angle), np.cos(angle)], axis=-1)
+    ahead = np.stack([np.zeros_like(angle), -np.cos(angle), -np.sin(angle)], axis=-1)
+    sideways = (along * np.cos(flow_angle))[..., None]
+    nodes = radius[:, None] * outwards - sideways * ahead + (along * np.sin(flow_angle))[..., None] * axis
+    velocities = speed * np.cross(axis, nodes)
+    wind = np.broadcast_to(8.0 * axis, nodes.shape)
+    lattice.initialise_helix(lattice.new_state(), nodes, velocities, wind, np.zeros(3), axis, speed, 0.1, passes=1)
