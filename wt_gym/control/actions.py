@@ -32,6 +32,9 @@ RESIDUAL_PITCH_RATE = math.radians(1.5)
 """Greatest rate of residual pitch [rad/s]; the baseline controller uses 0.6 deg/s in the mean."""
 RESIDUAL_TORQUE, RESIDUAL_TORQUE_RATE = 0.1, 0.05
 """Greatest residual torque and its rate, over the rated torque [-], [1/s]."""
+RESIDUAL_OVERLOAD = 1.03
+"""Electrical power, over the rated one, beyond which residual torque does not lift it [-]: a lasting offset would load
+the generator with more than it is made for. The controllers themselves reach 1.02 in gusts."""
 MARGIN = math.radians(5.0)
 """By which the range of absolute pitch goes beyond the operating points [rad]."""
 
@@ -158,6 +161,8 @@ class ActionMap:
         self.torque_limits = (0.0, turbine.drivetrain.max_generator_torque)
         self.max_pitch_rate, self.max_torque_rate = turbine.pitch.max_rate, turbine.drivetrain.max_torque_rate
         self.max_yaw_rate = turbine.nacelle.max_yaw_rate
+        drive = turbine.drivetrain
+        self._most_shaft_power = RESIDUAL_OVERLOAD * drive.rated_power / (drive.gear_ratio * drive.generator_efficiency)
         self._spans = self._chosen_spans(spans, turbine)
         self._coordinates = {
             "collective": ("pitch",),
@@ -391,7 +396,7 @@ class ActionMap:
         elif "torque" not in self.components:
             torque = base.generator_torque
         elif residual:
-            torque = base.generator_torque + torque
+            torque = self._residual_torque(base.generator_torque, torque, rotor_speed)
         if base is not None and (residual or not self.has_yaw):
             yaw_rate += base.yaw_rate
         low, high = self.pitch_limits
@@ -403,6 +408,12 @@ class ActionMap:
             min(max(yaw_rate, -self.max_yaw_rate), self.max_yaw_rate),
             min(max(torque, self.torque_limits[0]), self.torque_limits[1]),
         )
+
+    def _residual_torque(self, base: float, offset: float, rotor_speed: float) -> float:
+        """Torque of the controller and the agent [N m]; beyond `RESIDUAL_OVERLOAD` the controller alone may load."""
+        if rotor_speed <= 0.0:
+            return base + offset
+        return min(base + offset, max(base, self._most_shaft_power / rotor_speed))
 
     def encode(self, demand: Demand, previous: Demand) -> np.ndarray:
         """Give the action whose demand is the wanted one, or the nearest one that the spans allow.

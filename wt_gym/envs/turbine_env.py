@@ -90,7 +90,8 @@ class WindTurbineEnv(gym.Env):
     blade gets its share at every step of the simulator; ``"cyclic"``, residual only, tilt and yaw without the mean,
     which stays with the controller. ``action_components`` leaves components out: pitch and torque
     are then the controller's, yaw rests unless the controller yaws. ``action_spans`` changes rates and limits. Residual
-    offsets are narrow enough for a random policy to survive.
+    offsets are narrow enough for a random policy to survive, and residual torque does not lift the power beyond 1.03
+    times rated.
 
     Positive pitch feathers; positive yaw is counter-clockwise seen from above. A turbine without yaw drive (greatest
     yaw rate 0) has no yaw component, one whose generator is a damper no torque component. Within a control step demands

@@ -77,7 +77,7 @@ class Power:
     name : str
     """
 
-    def __init__(self, weight: float = 1.0, time_constant: float = 5.0, overload: float = 1.1, name: str = "power"):
+    def __init__(self, weight: float = 1.0, time_constant: float = 5.0, overload: float = 1.03, name: str = "power"):
         self.weight, self.time_constant, self.overload, self.name = weight, time_constant, overload, name
         self._started = False
 
