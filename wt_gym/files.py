@@ -61,9 +61,24 @@ def require_writable(folder: Path) -> None:
 
 
 def remove_partial(folder: Path) -> None:
-    """Remove what killed processes had begun to write; for those who know that nobody else writes in the folder now."""
+    """Remove what killed processes had begun to write; what a running one writes at the moment stays."""
     for file in folder.glob(".*.partial"):
-        file.unlink()
+        if not _writes(file):
+            file.unlink(missing_ok=True)
+
+
+def _writes(partial: Path) -> bool:
+    """Whether the process whose number stands in the name of a temporary file is another one that runs."""
+    number = partial.name.split(".")[-2]
+    if not number.isdigit() or int(number) == os.getpid():  # one of an earlier process with the same number
+        return False
+    try:
+        os.kill(int(number), 0)  # only asks
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # it is someone else's
+        pass
+    return True
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:

@@ -21,6 +21,7 @@ COMMANDS = {
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",
     "bench": "speed and memory on this machine",
+    "fuzz": "drawn policies, winds and turbines against the contract of the environment",
 }
 
 
