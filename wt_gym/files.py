@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
-__all__ = ["remove_partial", "require_writable", "whole_file", "write_text_whole", "write_whole"]
+    import xarray as xr
+
+__all__ = [
+    "remove_partial", "require_writable", "whole_file", "write_netcdf_whole", "write_text_whole", "write_whole",
+]  # fmt: skip
 
 
 @contextmanager
@@ -97,3 +101,11 @@ def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:
 def write_text_whole(path: Path, text: str) -> None:
     """Write a text in UTF-8 as `whole_file` does."""
     write_whole(path, lambda file: file.write(text.encode()))
+
+
+def write_netcdf_whole(path: Path, data: xr.Dataset) -> None:
+    """Write a data set as NetCDF 4, as `whole_file` does.
+
+    The file is made in memory: the HDF5 library crashes the process where it finds no room on a disk.
+    """
+    write_whole(path, lambda file: file.write(data.to_netcdf(engine="h5netcdf")))

@@ -37,6 +37,8 @@ _CONTROLLERS = (
     "constrained_ipc+yaw",
 )
 _THREE_BLADES = 3
+_WITH_TABLES = ("nrel_5mw", "iea_15mw", "gebhardt_45m")
+"""Turbines whose wind estimator needs no table measured first, which takes minutes."""
 
 
 @dataclass(frozen=True)
@@ -136,13 +138,13 @@ def draw_case(number: int, turbines: Sequence[str], fidelity: str = "training") 
         "overspeed_limit": float(rng.choice([1.25, 1.25, 1.6])),
         "standstill_limit": (None, 0.0, -1.0)[rng.integers(3)],
         "reward": {name: float(rng.choice([0.0, 1.0])) for name in ("tip_deflection", "tower_load", "damage")},
-        **_drawn_action(turbine, policy, rng),
+        **_drawn_action(turbine, name in _WITH_TABLES, policy, rng),
         **WINDS[wind](turbine, rng),
     }
     return FuzzCase(number, name, wind, policy, arguments, odd_starts=bool(rng.random() < 0.3))
 
 
-def _drawn_action(turbine: Turbine, policy: str, rng: np.random.Generator) -> dict[str, Any]:
+def _drawn_action(turbine: Turbine, has_table: bool, policy: str, rng: np.random.Generator) -> dict[str, Any]:
     """What the actions mean, what runs beneath them and what is seen."""
     turns = turbine.n_blades >= _THREE_BLADES
     mode = str(rng.choice(ACTION_MODES))
@@ -150,18 +152,15 @@ def _drawn_action(turbine: Turbine, policy: str, rng: np.random.Generator) -> di
     if mode == "residual" and turns and rng.random() < 0.3:
         pitch = "cyclic"
     components = [name for name in ("pitch", "yaw", "torque") if rng.random() < 0.8]
-    beneath = str(rng.choice(_CONTROLLERS if turns else _CONTROLLERS[:3]))
+    usable = [name for name in _CONTROLLERS if has_table or "rosco" not in name]
+    beneath = str(rng.choice([name for name in usable if turns or "ipc" not in name]))
     more: dict[str, Any] = {"residual_fade": bool(rng.random() < 0.5)}
     more["residual_washout"] = 10.0 if rng.random() < 0.3 else None
-    groups = list(OBSERVATION_GROUPS)
+    groups = [name for name in OBSERVATION_GROUPS if has_table or name != "wind_estimate"]
     if policy == "controller":  # which acts itself, on all that there is
         mode, pitch, components = ("rate", "absolute")[rng.integers(2)], "individual" if turns else "collective", None
-    usable = components is None or [
-        name for name in components
-        if not (name == "yaw" and turbine.nacelle.max_yaw_rate == 0.0)
-        and not (name == "torque" and not turbine.drivetrain.takes_torque)
-    ]  # fmt: skip
-    components = None if usable is True or not usable else tuple(usable)
+    drives = {"pitch": True, "yaw": turbine.nacelle.max_yaw_rate > 0.0, "torque": turbine.drivetrain.takes_torque}
+    components = tuple(name for name in components or () if drives[name]) or None
     if mode == "residual" or (components is not None and not {"pitch", "torque"} <= set(components)):
         more["controller"] = beneath
     else:

@@ -110,6 +110,10 @@ def make_policy(kind: str, env: WindTurbineEnv, rng: np.random.Generator) -> Cal
     """
     if kind != "controller":
         return Policy(kind, env.layout.action.size, rng)
-    names = ["discon", "retuned", "rosco", *(["ipc", "constrained_ipc"] if env.turbine.n_blades > 2 else [])]
+    names = ["discon", "retuned"]
+    if env.turbine.n_blades > 2:
+        names += ["ipc", "constrained_ipc"]
+    if "rotor_wind" in env.layout.observation.names:  # what it reads too, which some turbines have to measure first
+        names.append("rosco")
     agent = ControllerAgent(env.layout, str(rng.choice(names)))
     return lambda observation, start: agent.predict(observation, episode_start=[start])[0]

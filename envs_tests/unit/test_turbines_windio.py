@@ -453,15 +453,8 @@ def test_included_files_are_read_from_beside_the_one_that_includes_them(tmp_path
 @pytest.mark.parametrize(
     "text",
     [
-        "name: !!int ''", "name: !!float x", "? [a, b]
-: 1", "? {a: 1}
-: 1", "name: !!timestamp 2001-99-99", "a: *b",
-        "a: &a [*a]", "%YAML 9.9
----
-a: 1", "name: !!binary '='", "a: !!set {b, c}", "---
-a: 1
----
-b: 1", "<<: 3",
+        "name: !!int ''", "name: !!float x", "? [a, b]\n: 1", "? {a: 1}\n: 1", "name: !!timestamp 2001-99-99", "a: *b",
+        "a: &a [*a]", "%YAML 9.9\n---\na: 1", "name: !!binary '='", "a: !!set {b, c}", "---\na: 1\n---\nb: 1", "<<: 3",
         "a: !!omap 3", "a: !!python/name:os.system x", "a: 0b", "a: 0o9", "a: 1:99:xx",
     ],
 )  # fmt: skip
