@@ -226,7 +226,7 @@ def tune(
         ]
         return float(np.mean(single))
 
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    optuna.logging.set_verbosity(optuna.logging.ERROR)  # it warns of a trial that Ctrl-C ends by a traceback
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed))
     if "+" not in task.controller and "tower_dampers" not in task.controller:
         defaults = controller_parameters(task.controller)

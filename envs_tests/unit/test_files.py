@@ -24,7 +24,7 @@ def test_what_killed_processes_left_is_removed_and_what_others_write_stays(tmp_p
     sleeper = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     try:
         running = tmp_path / f".run.nc.{sleeper.pid}.partial"
-        left = f".run.nc.{os.getpid()}.partial", ".run.nc.x.partial", ".partial", ".a.99999999999.partial"
+        left = f".run.nc.{os.getpid()}.partial", ".run.nc.x.partial", ".a.99999999999.partial"
         for name in (running.name, *left):
             (tmp_path / name).write_text("")
         (tmp_path / "run.nc").write_text("")

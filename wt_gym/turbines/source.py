@@ -148,7 +148,7 @@ def read_windio(path: Path) -> Node:
 
     try:
         data = _Loader().load(path)
-    except YAMLError as error:
+    except (YAMLError, IndexError) as error:  # the latter where a number is said to stand and nothing does
         raise TurbineDefinitionError(f"not a valid YAML file: {error}") from error
     except RecursionError as error:
         raise TurbineDefinitionError("nested too deep, or includes itself") from error
