@@ -442,11 +442,13 @@ class WindTurbineEnv(gym.Env):
         Raises
         ------
         ValueError
-            If an option is unknown.
+            If an option is unknown or no number.
         wt_gym.errors.InflowError
             If a wind is asked for that cannot be had.
         wt_gym.errors.ActionError
             If an option is out of range, for example more torque than there is at the rotor speed.
+        wt_gym.errors.SimulationError
+            If there is no steady state to start from, for example because the wind bends the blades too far.
         """
         self._running = False
         super().reset(seed=seed)
