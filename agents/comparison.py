@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["COLUMNS", "Case", "ControllerRuns", "change", "inflow_of", "run_cases", "table"]
+__all__ = ["COLUMNS", "Case", "ControllerRuns", "change", "in_all_winds", "inflow_of", "run_cases", "table"]
 
 COLUMNS = (
     ("mean_power", "power"),
@@ -51,6 +51,11 @@ class ControllerRuns:
     metrics: dict[Case, dict[str, float]]
     failures: dict[Case, str]
 
+    @property
+    def done(self) -> tuple[Case, ...]:
+        """Cases that were run, whether they failed or not."""
+        return (*self.metrics, *self.failures)
+
 
 def inflow_of(turbine: Turbine, case: Case, shear_exponent: float = 0.2):
     """Wind of a case: sheared, with Kaimal turbulence of the turbine's class if there is a seed."""
@@ -73,6 +78,7 @@ def run_cases(
     fidelity="training",
     control_dt: float | None = None,
     progress: Callable[[str, Case], None] | None = None,
+    runs: list[ControllerRuns] | None = None,
 ) -> list[ControllerRuns]:
     """Run every controller in every wind.
 
@@ -89,8 +95,11 @@ def run_cases(
         [s]; by default the step of the simulator.
     progress : callable, optional
         Called with label and case after every run.
+    runs : list of ControllerRuns, optional
+        That get the metrics, by default new ones. Whoever gives them has what was done where the series is stopped.
     """
-    runs = [ControllerRuns(label, {}, {}) for label in controllers]
+    runs = [] if runs is None else runs
+    runs += [ControllerRuns(label, {}, {}) for label in controllers]
     simulator = None
     for case in cases:
         inflow = inflow_of(turbine, case)
@@ -107,6 +116,19 @@ def run_cases(
             if progress is not None:
                 progress(run.name, case)
     return runs
+
+
+def in_all_winds(runs: list[ControllerRuns]) -> list[ControllerRuns]:
+    """Give the same without the winds in which only some have run, because the series was stopped there."""
+    done = [case for case in runs[0].done if all(case in run.done for run in runs)]
+    return [
+        ControllerRuns(
+            run.name,
+            {case: run.metrics[case] for case in done if case in run.metrics},
+            {case: run.failures[case] for case in done if case in run.failures},
+        )
+        for run in runs
+    ]
 
 
 def table(runs: list[ControllerRuns]) -> str:

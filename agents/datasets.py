@@ -85,6 +85,7 @@ def record_dataset(
 
     Observations, actions, rewards, ends and, in the infos, ``cost`` of every step are kept; seeds of the episodes, the
     environment with its arguments, and reference scores, mean returns of random actions and of the agent itself.
+    Where the recording is stopped the episodes that were done are written.
 
     Parameters
     ----------
@@ -99,9 +100,6 @@ def record_dataset(
     ValueError
         If there is such a data set already, or the agent is unknown or does not fit the environment.
     """
-    import minari
-    from minari.data_collector.episode_buffer import EpisodeBuffer
-
     folder = Path(folder).absolute()
     if (folder / config.dataset_id).exists():
         raise ValueError(f"there is a data set {config.dataset_id} in {folder} already; remove it or give another id")
@@ -112,13 +110,28 @@ def record_dataset(
     if config.noise > 0.0:
         agent = _Noisy(agent, config.noise, config.seed)
     lowest = [_episode(env, UniformAgent(layout_of(env)), config.seed + k) for k in range(config.random_episodes)]
-    played = []
-    for k in range(config.episodes):
-        played.append(_episode(env, agent, config.seed + k))
-        if on_episode is not None:
-            on_episode(k + 1, sum(played[-1]["rewards"]))
+    played: list[dict[str, Any]] = []
+    try:
+        for k in range(config.episodes):
+            played.append(_episode(env, agent, config.seed + k))
+            if on_episode is not None:
+                on_episode(k + 1, sum(played[-1]["rewards"]))
+    except BaseException:
+        if played:  # what was recorded is kept
+            _write(config, folder, env, played, lowest)
+        raise
+    dataset = _write(config, folder, env, played, lowest)
+    env.close()
+    return dataset
+
+
+def _write(config: DatasetConfig, folder: Path, env: gym.Env, played: list, lowest: list) -> MinariDataset:
+    """Write the episodes that were played, with the mean returns of random ones for comparison."""
+    import minari
+    from minari.data_collector.episode_buffer import EpisodeBuffer
+
     with _datasets_in(folder):
-        dataset = minari.create_dataset_from_buffers(
+        return minari.create_dataset_from_buffers(
             config.dataset_id,
             [EpisodeBuffer(id=k, seed=config.seed + k, **episode) for k, episode in enumerate(played)],
             env=env,
@@ -126,10 +139,8 @@ def record_dataset(
             ref_min_score=_mean_return(lowest),
             ref_max_score=_mean_return(played),
             requirements=[f"wt_gym=={wt_gym.__version__}"],
-            description=f"{config.agent} in {env_id}, {config.episodes} episodes, noise {config.noise:g} on actions",
+            description=f"{config.agent} in {env.spec.id}, {len(played)} episodes, noise {config.noise:g} on actions",
         )
-    env.close()
-    return dataset
 
 
 @contextmanager

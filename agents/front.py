@@ -10,6 +10,7 @@ import numpy as np
 
 from wt_gym.agents.entries import BASELINE, LEVELS, Entry, entry_of
 from wt_gym.analysis.statistics import bootstrap_interval
+from wt_gym.files import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -213,7 +214,7 @@ def distance_table(distances: Sequence[FrontDistance]) -> list[str]:
 def write_csv(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
     """Write the points as a table."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with whole_file(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
@@ -253,6 +254,7 @@ def draw_front(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
     axes[0][0].set_ylabel("flap DEL against the baseline [%]")
     axes[0][0].legend(frameon=False, fontsize=9)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, metadata={"Date": None})
+    with whole_file(path) as partial:
+        figure.savefig(partial, format=path.suffix.removeprefix("."), metadata={"Date": None})
     plt.close(figure)
     return path

@@ -17,6 +17,8 @@ import numpy as np
 import wt_gym
 from wt_gym.agents.comparison import Case, run_cases
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
+from wt_gym.errors import SimulationError
+from wt_gym.files import require_writable, write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -180,11 +182,24 @@ def tune(
     -------
     dict
         The record: ``best`` (parameters, cost), ``trials``, ``task``, ``versions``.
+
+    Raises
+    ------
+    ValueError
+        If there is no trial to make, or the cost weighs what runs have no number of.
+    SimulationError
+        If the reference does not run to the end.
+    OSError
+        If the record cannot be written.
     """
     import optuna  # in the extra "tune"
 
     from wt_gym.control.controllers import controller_parameters
 
+    if trials < 1:
+        raise ValueError(f"at least 1 trial is needed, got {trials}")
+    if output is not None:
+        require_writable(output.parent)
     cases = [Case(wind, number) for wind in task.winds for number in task.seeds]
 
     def runs(choice: str, parameters: dict):
@@ -192,7 +207,12 @@ def tune(
 
     reference = runs(task.reference, {})
     if reference.failures:
-        raise RuntimeError(f"the reference {task.reference!r} failed: {reference.failures}")
+        raise SimulationError(f"the reference {task.reference!r} failed: {reference.failures}")
+
+    unknown = [name for name in task.cost.weights if any(name not in found for found in reference.metrics.values())]
+    if unknown:
+        known = ", ".join(next(iter(reference.metrics.values())))
+        raise ValueError(f"the cost weighs {', '.join(unknown)}, of which a run has no number; there are {known}")
 
     def cost(trial) -> float:
         parameters = {
@@ -206,7 +226,7 @@ def tune(
         ]
         return float(np.mean(single))
 
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    optuna.logging.set_verbosity(optuna.logging.ERROR)  # it warns of a trial that Ctrl-C ends by a traceback
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed))
     if "+" not in task.controller and "tower_dampers" not in task.controller:
         defaults = controller_parameters(task.controller)
@@ -224,7 +244,7 @@ def tune(
         record["trials"].append({"cost": trial.value, "parameters": trial.params})
         record["best"] = min(record["trials"], key=lambda row: row["cost"])
         if output is not None:
-            output.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+            write_text_whole(output, json.dumps(record, indent=1) + "\n")
         if progress is not None:
             progress(trial.number, trial.value, trial.params)
 

@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
-__all__ = ["remove_partial", "require_writable", "whole_file", "write_text_whole", "write_whole"]
+    import xarray as xr
+
+__all__ = [
+    "remove_partial", "require_writable", "whole_file", "write_netcdf_whole", "write_text_whole", "write_whole",
+]  # fmt: skip
 
 
 @contextmanager
@@ -61,9 +65,24 @@ def require_writable(folder: Path) -> None:
 
 
 def remove_partial(folder: Path) -> None:
-    """Remove what killed processes had begun to write; for those who know that nobody else writes in the folder now."""
+    """Remove what killed processes had begun to write; what a running one writes at the moment stays."""
     for file in folder.glob(".*.partial"):
-        file.unlink()
+        if not _writes(file):
+            file.unlink(missing_ok=True)
+
+
+def _writes(partial: Path) -> bool:
+    """Whether the process whose number stands in the name of a temporary file is another one that runs."""
+    number = partial.name.split(".")[-2]
+    if not number.isdigit() or int(number) == os.getpid():  # one of an earlier process with the same number
+        return False
+    try:
+        os.kill(int(number), 0)  # only asks
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # it is someone else's
+        pass
+    return True
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:
@@ -82,3 +101,11 @@ def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:
 def write_text_whole(path: Path, text: str) -> None:
     """Write a text in UTF-8 as `whole_file` does."""
     write_whole(path, lambda file: file.write(text.encode()))
+
+
+def write_netcdf_whole(path: Path, data: xr.Dataset) -> None:
+    """Write a data set as NetCDF 4, as `whole_file` does.
+
+    The file is made in memory: the HDF5 library crashes the process where it finds no room on a disk.
+    """
+    write_whole(path, lambda file: file.write(data.to_netcdf(engine="h5netcdf")))

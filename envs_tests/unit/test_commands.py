@@ -1,8 +1,11 @@
 """The command line: how it is called, and how it ends where something is refused, missing or stopped."""
 
 import argparse
+import json
+import resource
 import signal
 import sys
+from contextlib import contextmanager
 from importlib import import_module
 
 import numpy as np
@@ -134,3 +137,125 @@ def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
     assert "File exists" in ended(simulate.main, ["--out", str(tmp_path / "file" / "run.nc")])
     assert "one file" in ended(simulate.main, ["--wind-speed", "8", "8", "--out", str(tmp_path / "run.nc")])
     assert not (tmp_path / "run.nc").exists()
+
+
+def broken_off(*_, **__):
+    """Work during which Ctrl-C comes."""
+    signal.raise_signal(signal.SIGINT)
+
+
+def stopped_in_one_line(words, capsys):
+    """What a command writes to standard output; it ends with 130, and one line on standard error, after Ctrl-C."""
+    assert ended(main, words) == 130
+    shown = capsys.readouterr()
+    *before, last = shown.err.strip().splitlines()
+    assert last.startswith("stopped; ")
+    assert "Traceback" not in shown.err
+    return shown.out, before
+
+
+def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch, capsys):
+    from wt_gym.agents import comparison
+
+    done = []
+
+    def run(simulator, controller, duration, control_dt, name):
+        if len(done) == 5:
+            signal.raise_signal(signal.SIGINT)
+        done.append((simulator.inflow.mean_speed, name))
+        return argparse.Namespace(to_dataset=lambda: None)
+
+    metrics = {"mean_power": 1e6, "blade_flap_del": 1e6, "pitch_duty_cycle": 0.1}
+    metrics |= dict.fromkeys(key for key, _ in comparison.COLUMNS if key not in metrics) | metrics
+    monkeypatch.setattr(comparison, "Simulator", ScriptedSimulator)
+    monkeypatch.setattr(comparison, "run_controller", run)
+    monkeypatch.setattr(comparison, "run_metrics", lambda *_: {key: 1e6 for key in metrics})
+    words = ["compare-controllers", "discon", "ipc", "--winds", "8", "12", "15", "--seeds", "--json"]
+    out, _ = stopped_in_one_line(words, capsys)
+    rows = json.loads(out.splitlines()[-1])
+    assert [(row["wind_speed"], row["controller"]) for row in rows] == [
+        (8.0, "discon"), (12.0, "discon"), (8.0, "ipc"), (12.0, "ipc"),
+    ]  # fmt: skip
+    assert "| 8 | ipc |" in out
+    assert "| 15 |" not in out
+
+
+def test_a_stopped_search_keeps_its_trials(monkeypatch, tmp_path, capsys):
+    pytest.importorskip("optuna")
+    from wt_gym.agents import tuning
+    from wt_gym.agents.comparison import COLUMNS, ControllerRuns
+
+    calls = []
+
+    def runs(turbine, controllers, cases, *_):
+        calls.append(controllers)
+        if len(calls) == 4:  # the reference, two trials, and then
+            signal.raise_signal(signal.SIGINT)
+        return [ControllerRuns("x", {case: {key: 1.0 for key, _ in COLUMNS} for case in cases}, {})]
+
+    monkeypatch.setattr(tuning, "run_cases", runs)
+    record = tmp_path / "new" / "tuned.json"
+    stopped_in_one_line(["tune", "ipc", "--trials", "9", "--winds", "12", "--output", str(record)], capsys)
+    assert len(json.loads(record.read_text())["trials"]) == 2
+    assert [file.name for file in record.parent.iterdir()] == ["tuned.json"]
+    weighs = ["tune", "ipc", "--winds", "12", "--weights", "beauty=1"]
+    calls.clear()
+    assert "the cost weighs beauty" in ended(main, weighs)
+
+
+def test_a_stopped_recording_keeps_its_episodes(monkeypatch, tmp_path, capsys):
+    from wt_gym.agents import datasets
+
+    played, written = [], []
+
+    def episode(env, agent, seed):
+        if len(played) == 4:  # two at random, two of the agent, and then
+            signal.raise_signal(signal.SIGINT)
+        played.append(seed)
+        return {"rewards": [1.0]}
+
+    monkeypatch.setitem(sys.modules, "minari", type(sys)("minari"))
+    monkeypatch.setattr(datasets, "_episode", episode)
+    monkeypatch.setattr(datasets, "_write", lambda config, folder, env, done, lowest: written.append(len(done)))
+    words = ["dataset", "baseline", "a/b-v0", "--env-kwargs", '{"inflow": "steady"}', "--out", str(tmp_path)]
+    out, _ = stopped_in_one_line(words, capsys)
+    assert written == [2]
+    assert out.count("episode ") == 2
+
+
+def test_a_stopped_diagram_leaves_no_files(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("wt_gym.simulation.campbell.campbell", broken_off)
+    monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
+    stopped_in_one_line(["campbell", "--csv", str(tmp_path / "new" / "table.csv")], capsys)
+    assert not list((tmp_path / "new").iterdir())
+    (tmp_path / "file").write_text("")
+    assert "File exists" in ended(main, ["campbell", "--csv", str(tmp_path / "file" / "table.csv")])
+
+
+def test_a_full_disk_ends_in_one_line_and_what_was_written_stays(monkeypatch, tmp_path):
+    def run(simulator, duration, on_step, recorder):
+        for k in range(5 if simulator.inflow.mean_speed < 10.0 else 5000):
+            recorder.append(argparse.Namespace(values=np.full(len(recorder.channels), 0.1 * k)))
+        return recorder
+
+    monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
+    monkeypatch.setattr("wt_gym.agents.closed_loop.run_baseline", run)
+    out = tmp_path / "run.nc"
+    with files_of_at_most(400_000):
+        error = ended(simulate.main, ["--wind-speed", "8", "12", "--out", str(out)])
+    assert error.startswith("error: ")
+    assert "\n" not in error
+    assert [file.name for file in tmp_path.iterdir()] == ["run_8.nc"]
+    with xr.open_dataset(tmp_path / "run_8.nc", engine="h5netcdf") as data:
+        assert data.sizes["time"] == 5
+
+
+@contextmanager
+def files_of_at_most(size):
+    """A limit on files stands for a disk that is full; Python ignores the signal that comes with it."""
+    former = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, former[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, former)

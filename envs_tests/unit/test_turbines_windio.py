@@ -2,7 +2,9 @@
 
 import copy
 import json
+import re
 import time
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -406,6 +408,63 @@ def test_what_would_blow_up_ends_soon_in_one_line(text, named, tmp_path):
         load_turbine(path)
     assert time.process_time() - begin < 1.0
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("files", "named"),
+    [
+        ({f"a{k}.yaml": f"[{', '.join([f'!include a{k + 1}.yaml'] * 10)}]" for k in range(9)}, "more than 300 files"),
+        ({"a0.yaml": "[!include a1.yaml, !include a1.yaml]", "a1.yaml": "[!include a0.yaml]"}, "includes itself"),
+        ({f"a{k}.yaml": f"b: !include a{k + 1}.yaml" for k in range(200)}, "nested too deep|nested deeper"),
+        ({"a0.yaml": "[" * 20_000 + "]" * 20_000}, "nested too deep"),
+        ({"a0.yaml": "\n".join([*BOMB, "airfoils: *a29"])}, "aliases"),
+        ({"a0.yaml": "!include nowhere.yaml"}, "no such file"),
+        ({"a0.yaml": "!include /dev/zero.yaml"}, "no such file"),
+        ({"a0.yaml": "!include /dev/zero"}, "one YAML file"),
+        ({"a0.yaml": "!include [a1.yaml]"}, "one YAML file"),
+        ({"a0.yaml": "!include folder.yaml", "folder.yaml/x": ""}, "no such file"),
+        ({"a0.yaml": "name: [unclosed"}, "not a valid YAML"),
+    ],
+)
+def test_what_is_included_has_limits_too(files, named, tmp_path):
+    path = tmp_path / "turbine.yaml"
+    path.write_text("name: !include a0.yaml")
+    for name, text in {"a9.yaml": "1", **files}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    load_turbine("nrel_5mw")  # loads windIO
+    begin = time.process_time()
+    with pytest.raises(TurbineDefinitionError, match=named) as refused:
+        load_turbine(path)
+    assert time.process_time() - begin < 1.0
+    assert len(str(refused.value)) < 1000
+
+
+def test_included_files_are_read_from_beside_the_one_that_includes_them(tmp_path):
+    data = small_turbine()
+    whole = load_turbine(save(data, tmp_path))
+    (tmp_path / "parts").mkdir()
+    for part in ("airfoils", "materials"):
+        (tmp_path / "parts" / f"{part}.yaml").write_text(json.dumps(data[part]))
+        data[part] = f"INCLUDE parts/{part}.yaml"
+    path = save(data, tmp_path)
+    path.write_text(re.sub(r'"INCLUDE (.*?)"', r"!include \1", path.read_text()))
+    np.testing.assert_equal(asdict(load_turbine(path)), asdict(whole))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name: !!int ''", "name: !!float x", "? [a, b]\n: 1", "? {a: 1}\n: 1", "name: !!timestamp 2001-99-99", "a: *b",
+        "a: &a [*a]", "%YAML 9.9\n---\na: 1", "name: !!binary '='", "a: !!set {b, c}", "---\na: 1\n---\nb: 1", "<<: 3",
+        "a: !!omap 3", "a: !!python/name:os.system x", "a: 0b", "a: 0o9", "a: 1:99:xx",
+    ],
+)  # fmt: skip
+def test_odd_yaml_is_refused_without_a_traceback(text, tmp_path):
+    path = tmp_path / "turbine.yaml"
+    path.write_text(text)
+    with pytest.raises(TurbineDefinitionError, match=r"turbine\.yaml"):
+        load_turbine(path)
 
 
 def test_files_that_cannot_be_read_are_refused(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ import xarray as xr
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.replay import Replay
-from wt_gym.files import whole_file, write_text_whole
+from wt_gym.files import whole_file, write_netcdf_whole, write_text_whole
 
 __all__ = ["METRICS_FILE", "RUNS_FOLDER", "TABLE_FILE", "Evaluation", "Run", "Wind", "run_file"]
 
@@ -95,8 +95,7 @@ class Run:
         """
         if self.replay is not None:
             self.replay.save(_replay_file(path))
-        with whole_file(path) as partial:
-            self.data.assign_attrs(run=json.dumps(self.to_json())).to_netcdf(partial, engine="h5netcdf")
+        write_netcdf_whole(path, self.data.assign_attrs(run=json.dumps(self.to_json())))
 
     @classmethod
     def load(cls, path: Path) -> Run:
@@ -236,7 +235,7 @@ class Evaluation:
         table = self.to_json()
         for number, row in enumerate(table["runs"]):
             row["file"] = f"{RUNS_FOLDER}/{run_file(number, row['agent'])}"
-        with (folder / METRICS_FILE).open("w", newline="", encoding="utf-8") as file:
+        with whole_file(folder / METRICS_FILE) as partial, partial.open("w", newline="", encoding="utf-8") as file:
             rows = csv.writer(file)
             rows.writerow(["agent", "wind_speed", "wind_seed", "ending", "duration", *METRICS])
             for run in self.runs:

@@ -22,6 +22,7 @@ COMMANDS = {
     "campbell": "frequencies and damping against rotor or wind speed",
     "compile": "compile the simulator ahead of the first run, in two processes",
     "bench": "speed and memory on this machine",
+    "fuzz": "drawn policies, winds and turbines against the contract of the environment",
 }
 
 

@@ -23,10 +23,9 @@ import tempfile
 import time
 from dataclasses import replace
 
-from wt_gym.commands.program import CLONE, OneLineParser
+from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser
 
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-IN_CLONE = (CLONE / "validation").is_dir()
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
 RUNGS = ["training", "engineering", "reference"]
 

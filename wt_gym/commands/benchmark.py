@@ -16,7 +16,7 @@ import argparse
 import json
 from pathlib import Path
 
-from wt_gym.commands.program import CLONE, UNSAFE, OneLineParser, as_called, stoppable, user_errors
+from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, as_called, stoppable, user_errors
 
 KEPT = "runs/benchmark"
 
@@ -94,16 +94,17 @@ def table(arguments: argparse.Namespace) -> dict:
     """Score a folder."""
     from wt_gym.benchmark import ResultFolder, into_page, leaderboard, to_markdown
     from wt_gym.errors import BenchmarkError
+    from wt_gym.files import write_text_whole
 
     results = list(ResultFolder(arguments.folder))
     if not results:
         raise BenchmarkError(f"{arguments.folder} holds no results; {as_called('wt-gym benchmark')} run makes them")
     board = leaderboard(results)
     text = to_markdown(board)
-    (arguments.folder / "leaderboard.md").write_text(text, encoding="utf-8")
-    (arguments.folder / "leaderboard.json").write_text(json.dumps(board, indent=1) + "\n", encoding="utf-8")
+    write_text_whole(arguments.folder / "leaderboard.md", text)
+    write_text_whole(arguments.folder / "leaderboard.json", json.dumps(board, indent=1) + "\n")
     if arguments.page is not None:
-        arguments.page.write_text(into_page(text, arguments.page.read_text(encoding="utf-8")), encoding="utf-8")
+        write_text_whole(arguments.page, into_page(text, arguments.page.read_text(encoding="utf-8")))
     print(text)
     return board
 
@@ -113,7 +114,13 @@ def reference(arguments: argparse.Namespace) -> dict:
     from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
     from wt_gym.agents.entries import BASELINE, entries_of
     from wt_gym.benchmark import ResultFolder, make_reference, write_reference
+    from wt_gym.errors import BenchmarkError
 
+    if not IN_CLONE:
+        raise BenchmarkError(
+            "reference numbers stand in the files of the package: a clone of the project makes them, not what is "
+            f"installed in {CLONE}"
+        )
     folder, best = ResultFolder(arguments.out), {}
     if arguments.confirm:
         return confirmed(arguments, folder)

@@ -8,13 +8,20 @@ In operation rotor speed and pitch follow the baseline controller's steady sched
 speed unless --free-generator is given.
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import math
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import OneLineParser, user_errors
+from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.files import require_writable, whole_file
+
+if TYPE_CHECKING:
+    from wt_gym.simulation.campbell import CampbellDiagram
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -74,9 +81,8 @@ def check(parser, arguments) -> None:
             parser.error(f"--out {arguments.out}: endings of figures are {', '.join(sorted(known))}")
 
 
-def main(words: list[str] | None = None) -> None:
-    """Compute, print and draw the diagram."""
-    arguments = parse_arguments(words)
+def compute(arguments: argparse.Namespace) -> CampbellDiagram:
+    """Diagram of the options."""
     import numpy as np
 
     from wt_gym.control.operating_point import operating_point
@@ -89,37 +95,50 @@ def main(words: list[str] | None = None) -> None:
         if sys.stderr.isatty():
             print(f"\r{done} of {count} operating points", end="\n" if done == count else "", file=sys.stderr)
 
-    with user_errors():
-        turbine = load_turbine(arguments.turbine)
-        inflow = SteadyInflow(turbine.rated_wind_speed, hub_height=turbine.hub_height)
-        simulator = Simulator(turbine, inflow=inflow, fidelity=arguments.fidelity)
-        speeds = arguments.rotor_speed
-        if speeds is None and arguments.wind_speed is None:
-            speeds = np.linspace(0.0, 1.1, 6) * turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi
-        diagram = campbell(
-            simulator,
-            rotor_speeds=None if arguments.wind_speed else np.asarray(speeds) * np.pi / 30.0,
-            wind_speeds=arguments.wind_speed,
-            schedule=lambda wind: operating_point(turbine, wind),
-            pitch=np.radians(arguments.pitch or 0.0),
-            aerodynamics=arguments.aerodynamics,
-            generator="free" if arguments.free_generator else "locked",
-            n_azimuths=arguments.azimuths,
-            on_point=progress,
-        )
-    print(f"{turbine.name}: {diagram.description}; damped frequency [Hz] and damping ratio [%]")
+    turbine = load_turbine(arguments.turbine)
+    inflow = SteadyInflow(turbine.rated_wind_speed, hub_height=turbine.hub_height)
+    simulator = Simulator(turbine, inflow=inflow, fidelity=arguments.fidelity)
+    speeds = arguments.rotor_speed
+    if speeds is None and arguments.wind_speed is None:
+        speeds = np.linspace(0.0, 1.1, 6) * turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi
+    return campbell(
+        simulator,
+        rotor_speeds=None if arguments.wind_speed else np.asarray(speeds) * np.pi / 30.0,
+        wind_speeds=arguments.wind_speed,
+        schedule=lambda wind: operating_point(turbine, wind),
+        pitch=np.radians(arguments.pitch or 0.0),
+        aerodynamics=arguments.aerodynamics,
+        generator="free" if arguments.free_generator else "locked",
+        n_azimuths=arguments.azimuths,
+        on_point=progress,
+    )
+
+
+def show(diagram: CampbellDiagram) -> None:
+    """Print the diagram as a table."""
+    print(f"{diagram.turbine}: {diagram.description}; damped frequency [Hz] and damping ratio [%]")
     print(f"{'wind [m/s]':>24}  " + "".join(f"{v:15.2f}" for v in diagram.wind_speed))
-    print(f"{'rotor [rpm]':>24}  " + "".join(f"{v * 30 / np.pi:15.2f}" for v in diagram.rotor_speed))
+    print(f"{'rotor [rpm]':>24}  " + "".join(f"{v * 30 / math.pi:15.2f}" for v in diagram.rotor_speed))
     for name, frequency, damping in zip(diagram.names, diagram.frequency, diagram.damping, strict=True):
         cells = "".join(f"{f:8.3f} {100 * d:6.2f}" for f, d in zip(frequency, damping, strict=True))
         print(f"{name.replace('_', ' '):>24}  {cells}")
-    for path, write in (
-        (arguments.csv, diagram.to_csv),
-        (arguments.out, lambda p: diagram.figure().savefig(p, dpi=150)),
-    ):
-        if path:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write(path)
-            print(f"written: {path}")
+
+
+def main(words: list[str] | None = None) -> None:
+    """Compute, print and draw the diagram."""
+    arguments = parse_arguments(words)
+    files = [path for path in (arguments.csv, arguments.out) if path]
+    with user_errors(), stoppable("a diagram is written when all its points are done"):
+        for path in files:
+            require_writable(path.parent)
+        diagram = compute(arguments)
+        show(diagram)
+        if arguments.csv:
+            diagram.to_csv(arguments.csv)
+        if arguments.out:
+            with whole_file(arguments.out) as partial:
+                diagram.figure().savefig(partial, format=arguments.out.suffix.removeprefix("."), dpi=150)
+    for path in files:
+        print(f"written: {path}")
     if arguments.json:
-        print(json.dumps({"turbine": turbine.name, "abscissa": diagram.abscissa, "rows": diagram.rows()}))
+        print(json.dumps({"turbine": diagram.turbine, "abscissa": diagram.abscissa, "rows": diagram.rows()}))

@@ -5,15 +5,23 @@
 A controller is a name of wt_gym.control.controllers.make_controller, with parameters behind a colon.
 """
 
+from __future__ import annotations
+
 import json
 import sys
 import time
+from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import OneLineParser, user_errors
+from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+
+if TYPE_CHECKING:
+    import argparse
+
+    from wt_gym.agents.comparison import ControllerRuns
 
 
-def main(words: list[str] | None = None) -> None:
-    """Run."""
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
     parser = OneLineParser("compare-controllers", description=__doc__)
     parser.add_argument("controllers", nargs="+")
     parser.add_argument("--turbine", default="nrel_5mw")
@@ -24,32 +32,49 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--fidelity", default="training")
     parser.add_argument("--control-dt", type=float, help="s")
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    arguments = parser.parse_args(words)
+    return parser.parse_args(words)
 
-    from wt_gym.agents.choices import controller_of
-    from wt_gym.agents.comparison import Case, run_cases, table
-    from wt_gym.turbines import load_turbine
+
+def show(runs: list[ControllerRuns], as_json: bool) -> None:
+    """Print the table of the winds in which every controller has run, and what failed."""
+    from wt_gym.agents.comparison import in_all_winds, table
+
+    runs = in_all_winds(runs)
+    print(table(runs))
+    for run in runs:
+        for case, message in run.failures.items():
+            print(f"{run.name} in {case}: {message}")
+    if as_json:
+        rows = [
+            {"controller": r.name, "wind_speed": c.wind_speed, "seed": c.seed, **m}
+            for r in runs
+            for c, m in r.metrics.items()
+        ]
+        print(json.dumps(rows), flush=True)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run."""
+    arguments = parse_arguments(words)
 
     begin = time.monotonic()
 
     def progress(name, case):
         print(f"{time.monotonic() - begin:6.0f} s  {name} in {case}", file=sys.stderr, flush=True)
 
-    with user_errors():
+    runs: list[ControllerRuns] = []
+    with user_errors(), stoppable("shown are the winds in which every controller has run"):
+        from wt_gym.agents.choices import controller_of
+        from wt_gym.agents.comparison import Case, run_cases
+        from wt_gym.turbines import load_turbine
+
         controllers = {text: controller_of(text) for text in arguments.controllers}
         cases = [Case(wind, seed) for wind in arguments.winds for seed in (arguments.seeds or [None])]
-        runs = run_cases(
-            load_turbine(arguments.turbine), controllers, cases, arguments.duration, arguments.skip,
-            arguments.fidelity, arguments.control_dt, progress,
-        )  # fmt: skip
-    print(table(runs))
-    for run in runs:
-        for case, message in run.failures.items():
-            print(f"{run.name} in {case}: {message}")
-    if arguments.json:
-        rows = [
-            {"controller": r.name, "wind_speed": c.wind_speed, "seed": c.seed, **m}
-            for r in runs
-            for c, m in r.metrics.items()
-        ]
-        print(json.dumps(rows))
+        try:
+            run_cases(
+                load_turbine(arguments.turbine), controllers, cases, arguments.duration, arguments.skip,
+                arguments.fidelity, arguments.control_dt, progress, runs,
+            )  # fmt: skip
+        finally:  # of a stopped series too
+            if any(run.done for run in runs):
+                show(runs, arguments.json)

@@ -11,7 +11,7 @@ act on the rates of every blade and of the torque, a trained model as it was tra
 import argparse
 import json
 
-from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, user_errors
+from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, stoppable, user_errors
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -40,7 +40,7 @@ def main(words: list[str] | None = None) -> None:
     def show(number: int, earned: float) -> None:
         print(f"episode {number} of {arguments.episodes}: return {earned:.1f}", flush=True)
 
-    with user_errors():
+    with user_errors(), stoppable(f"the episodes that were done are in {arguments.out}"):
         import minari  # noqa: F401 - refused before anything is made
 
         from wt_gym.agents.command_line import environment_arguments

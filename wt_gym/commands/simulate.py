@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
-from wt_gym.files import require_writable, whole_file
+from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -152,8 +152,7 @@ def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> R
         return run_baseline(simulator, arguments.duration, on_step=progress, recorder=recorder)
     finally:
         if arguments.out and len(recorder):
-            with whole_file(file_of(arguments, speed)) as partial:
-                recorder.save(partial)
+            recorder.save(file_of(arguments, speed))
 
 
 def main(words: list[str] | None = None) -> None:

@@ -8,7 +8,7 @@ import json
 import sys
 from pathlib import Path
 
-from wt_gym.commands.program import OneLineParser, user_errors
+from wt_gym.commands.program import OneLineParser, stoppable, user_errors
 
 
 def weight(text: str) -> tuple[str, float]:
@@ -35,14 +35,15 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     arguments = parser.parse_args(words)
 
-    from wt_gym.agents.tuning import Cost, TuningTask, tune
-    from wt_gym.turbines import load_turbine
-
     def progress(number, cost, parameters):
         shown = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
         print(f"trial {number}: cost {cost:+.4f} with {shown}", file=sys.stderr, flush=True)
 
-    with user_errors():
+    kept = f"the trials so far are in {arguments.output}" if arguments.output else "--output would keep the trials"
+    with user_errors(), stoppable(kept):
+        from wt_gym.agents.tuning import Cost, TuningTask, tune
+        from wt_gym.turbines import load_turbine
+
         task = TuningTask(
             arguments.controller, arguments.reference, tuple(arguments.winds), tuple(arguments.seeds),
             arguments.duration, arguments.skip, arguments.fidelity,

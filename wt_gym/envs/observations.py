@@ -15,6 +15,7 @@ from wt_gym.control import ActionMap, Aim, Channel, Demand, Lidar, NacelleAnemom
 from wt_gym.control.coleman import FIXED_FRAME, to_fixed_frame
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
+from wt_gym.envs.arguments import shown
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.simulation.channels import channel_table
 
@@ -128,6 +129,8 @@ class Observer:
             raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
         if history < 1 or history != int(history):
             raise ValueError(f"history must be a whole number of readings, at least 1, got {history!r}")
+        if lidar is not None and not isinstance(lidar, Lidar):
+            raise ValueError(f"lidar must be a wt_gym.control.Lidar or None, got {shown(lidar)}")
         self._turbine, self._action, self._noise_level = turbine, action, noise_level
         self._delay, self._history = int(delay), int(history)
         self._fades = residual is not None and residual.fades

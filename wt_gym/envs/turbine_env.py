@@ -17,6 +17,7 @@ from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.controllers import AboveRated, FadeParameters, checked_demand, make_controller
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.envs import rewards
+from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, shown
 from wt_gym.envs.costs import Costs
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, Situation
@@ -344,17 +345,30 @@ class WindTurbineEnv(gym.Env):
     ):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
-        if not overspeed_limit > 1.0:
+        if not check_number("overspeed_limit", overspeed_limit) > 1.0:
             raise ValueError(f"overspeed_limit must be above 1, got {overspeed_limit!r}")
-        if not 0.0 <= termination_penalty < math.inf:
+        if check_number("termination_penalty", termination_penalty) < 0.0:
             raise ValueError(f"termination_penalty must be finite and not negative, got {termination_penalty!r}")
+        if not (isinstance(controller, str) or callable(controller) or hasattr(controller, "start")):
+            raise ValueError(f"controller must be a name, a Controller or a function, got {shown(controller)}")
+        control_dt = check_number("control_dt", control_dt, "s")
+        sensor_noise = check_number("sensor_noise", sensor_noise)
+        sensor_delay, history = check_number("sensor_delay", sensor_delay, "s"), check_number("history", history)
+        relative_reward = check_flag("relative_reward", relative_reward)
+        vector_reward = check_flag("vector_reward", vector_reward)
+        if residual_washout is not None:
+            residual_washout = check_number("residual_washout", residual_washout, "s")
+        if action_components is not None:
+            action_components = check_names("action_components", action_components)
+        if action_spans is not None:
+            action_spans = check_mapping("action_spans", action_spans)
         turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
         if generator is not None and generator not in GENERATORS:
             raise ValueError(f"generator must be one of {GENERATORS} or None, got {generator!r}")
         self.turbine, _ = with_generator(turbine, generator)
         if standstill_limit is None:
             standstill_limit = 0.2 if self.turbine.drivetrain.takes_torque else -1.0
-        if not -1.0 <= standstill_limit < 1.0:
+        if not -1.0 <= check_number("standstill_limit", standstill_limit) < 1.0:
             raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         self.wind = WindSampler(
             self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander,
@@ -372,6 +386,7 @@ class WindTurbineEnv(gym.Env):
         self._inner_dt, self._substeps = self._inner_steps()
         self._max_steps = None
         if episode_length is not None:
+            episode_length = check_number("episode_length", episode_length, "s")
             self._max_steps = self._steps_in("episode_length", episode_length, least=1)
         delay = pitch_delay(self.turbine.pitch, self._inner_dt)
         action = ActionMap(
@@ -383,6 +398,7 @@ class WindTurbineEnv(gym.Env):
         self._residual = self._make_residual(action, residual_fade, residual_washout)
         if observation is None:
             observation = RESIDUAL_GROUPS if action_mode == "residual" else DEFAULT_GROUPS
+        observation = check_names("observation", observation)
         late = self._steps_in("sensor_delay", sensor_delay, least=0)
         self._observer = Observer(self.turbine, action, observation, sensor_noise, late, history, lidar, self._residual)
         self._costs = Costs(self.turbine, self.control_dt, self.overspeed_limit)
@@ -427,18 +443,25 @@ class WindTurbineEnv(gym.Env):
         Raises
         ------
         ValueError
-            If an option is unknown.
+            If an option is unknown or no number.
         wt_gym.errors.InflowError
             If a wind is asked for that cannot be had.
         wt_gym.errors.ActionError
             If an option is out of range, for example more torque than there is at the rotor speed.
+        wt_gym.errors.SimulationError
+            If there is no steady state to start from, for example because the wind bends the blades too far.
         """
         self._running = False
         super().reset(seed=seed)
+        if options is not None and not isinstance(options, dict):
+            raise ValueError(f"the options of reset must be a dict, got {shown(options)}")
         options = dict(options or {})
         unknown = [name for name in options if name not in _RESET_OPTIONS]
         if unknown:
             raise ValueError(f"reset has no options {unknown}; there are {_RESET_OPTIONS}")
+        for name in ("rotor_speed", "pitch", "azimuth", "generator_torque"):
+            if name in options:
+                options[name] = check_number(name, options[name], finite=False)
         wind_options = {name: options[name] for name in ("wind_speed", "wind_seed", "time_offset") if name in options}
         self.episode_wind = self.wind.sample(self.np_random, **wind_options)
         azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
@@ -446,10 +469,10 @@ class WindTurbineEnv(gym.Env):
         start = self._start_point()
         speed, pitch = float(options.get("rotor_speed", start.rotor_speed)), float(options.get("pitch", start.pitch))
         torque = min(start.generator_torque, available_torque(self.turbine.drivetrain, speed))
-        torque = float(options.get("generator_torque", torque))
-        self._begin(self.episode_wind, speed, pitch, float(options.get("azimuth", azimuth)), torque)
+        torque, azimuth = float(options.get("generator_torque", torque)), float(options.get("azimuth", azimuth))
+        self._begin(self.episode_wind, speed, pitch, azimuth, torque)
         if self._twin is not None:
-            self._twin._begin(self.episode_wind, speed, pitch, float(options.get("azimuth", azimuth)), torque)
+            self._twin._begin(self.episode_wind, speed, pitch, azimuth, torque)
         observation, saturated = self._observe()
         if self._renderer is not None:
             self._renderer.reset()
@@ -677,7 +700,7 @@ class WindTurbineEnv(gym.Env):
 
     def _steps_in(self, name, time, least) -> int:
         """Control steps in a time [s]."""
-        count = round(time / self.control_dt) if math.isfinite(time) else -1
+        count = round(time / self.control_dt)
         if not (count >= least and math.isclose(count * self.control_dt, time, rel_tol=1e-9, abs_tol=1e-12)):
             raise ValueError(
                 f"{name} must be a multiple of control_dt = {self.control_dt} s, at least {least} of them, got {time!r}"

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.envs.arguments import real_number, real_numbers, shown
 from wt_gym.errors import InflowError
 from wt_gym.wind import Inflow, SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
 from wt_gym.wind.iec import (
     EXTREME_SHEAR_EXPONENT,
     EXTREME_WIND_INTENSITY,
     extreme_wind_speed,
+    reference_intensity,
     turbulence_sigma,
 )
 
@@ -147,7 +149,9 @@ class WindSampler:
         self._directions, self._wander = self._checked_direction(direction, wander)
         self._profile = self._checked_profile(shear_exponent, roughness_length)
         self._to_hub = self._share_at_hub(reference_height)
-        self._class = turbulence_class or turbine.turbulence_class
+        if turbulence_class is not None:
+            reference_intensity(turbulence_class)  # refuses an unknown class, also where it plays no part
+        self._class = turbine.turbulence_class if turbulence_class is None else turbulence_class
         if not isinstance(wind_seeds, Iterable):
             raise InflowError(f"wind_seeds must be a sequence of integers, got {wind_seeds!r}")
         self._pool = tuple(self._checked_seed(seed) for seed in wind_seeds)
@@ -294,22 +298,17 @@ class WindSampler:
 
     @staticmethod
     def _checked_direction(direction, wander):
-        try:
-            ends = np.atleast_1d(np.asarray(direction, dtype=np.float64))
-        except (TypeError, ValueError):
-            ends = np.empty(0)
-        if ends.size not in (1, 2) or not np.all(np.abs(ends) <= np.pi) or ends[0] > ends[-1]:
+        ends = real_numbers(direction)
+        if len(ends) not in (1, 2) or not all(abs(end) <= np.pi for end in ends) or ends[0] > ends[-1]:
             raise InflowError(
                 f"wind_direction must be an angle or a range (low, high) within +-pi rad, got {direction!r}"
             )
-        return (float(ends[0]), float(ends[-1])), wander if wander is None else WindSampler._checked_wander(wander)
+        return (ends[0], ends[-1]), wander if wander is None else WindSampler._checked_wander(wander)
 
     @staticmethod
     def _checked_wander(wander) -> tuple[float, float]:
-        try:
-            deviation, time_constant = (float(value) for value in wander)
-        except (TypeError, ValueError):
-            deviation = time_constant = np.nan
+        given = real_numbers(wander)
+        deviation, time_constant = given if len(given) == 2 else (np.nan, np.nan)
         if not (0.0 <= deviation <= np.pi and FASTEST_WANDERING <= time_constant < np.inf):
             raise InflowError(
                 f"wind_wander must be a deviation of 0 to pi rad and a time constant of at least {FASTEST_WANDERING:g} "
@@ -323,6 +322,8 @@ class WindSampler:
             raise InflowError(f"turbulence_model must be one of {TURBULENCE_MODELS}, got {turbulence_model!r}")
         if turbulence_model != "NTM" and self._kind != "turbulent":
             raise InflowError(f"turbulence_model={turbulence_model!r} belongs to inflow='turbulent'")
+        if isinstance(return_period, bool):
+            raise InflowError(f"return_period must be 1 or 50 years, got {return_period!r}")
         if return_period != 50 and not (isinstance(self._kind, str) and self._kind in EXTREME):
             raise InflowError(f"return_period belongs to the inflows {EXTREME}")
 
@@ -353,8 +354,8 @@ class WindSampler:
 
     def _range(self, wind_speed) -> tuple[float, float]:
         """Lower and upper wind speed [m/s]."""
-        ends = np.atleast_1d(np.asarray(wind_speed, dtype=object))
-        if ends.size not in (1, 2):
+        ends = tuple(wind_speed) if isinstance(wind_speed, list | tuple | np.ndarray) else (wind_speed,)
+        if len(ends) not in (1, 2):
             raise InflowError(f"wind_speed must be a number or a pair (low, high) in m/s, got {wind_speed!r}")
         low, high = self._checked_speed(ends[0]), self._checked_speed(ends[-1])
         if low > high:
@@ -363,10 +364,10 @@ class WindSampler:
 
     def _checked_speed(self, speed) -> float:
         low, high = self._turbine.cut_in, self._turbine.cut_out
-        try:
-            value = self._to_hub * float(speed)
-        except (TypeError, ValueError) as error:
-            raise InflowError(f"wind_speed must be a number in m/s, got {speed!r}") from error
+        given = real_number(speed)
+        if given is None:
+            raise InflowError(f"wind_speed must be a number in m/s, got {shown(speed)}")
+        value = self._to_hub * given
         if not low <= value <= high:
             at_hub = "" if self._to_hub == 1.0 else f", which is {value:.4g} m/s at the hub"
             raise InflowError(

@@ -2,11 +2,13 @@
 
 import csv
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from wt_gym.errors import SimulationError
+from wt_gym.files import whole_file
 from wt_gym.simulation.linearization import linearize
 
 __all__ = ["CampbellDiagram", "campbell"]
@@ -67,7 +69,7 @@ class CampbellDiagram:
     def to_csv(self, path):
         """Write the tidy table."""
         rows = self.rows()
-        with open(path, "w", newline="", encoding="utf-8") as file:
+        with whole_file(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, fieldnames=list(rows[0]))
             writer.writeheader()
             writer.writerows(rows)

@@ -353,6 +353,6 @@ def fidelity(choice):
     """
     if isinstance(choice, Fidelity):
         return choice
-    if choice not in FIDELITIES:
+    if not isinstance(choice, str) or choice not in FIDELITIES:
         raise SimulationError(f"fidelity {choice!r} is unknown; allowed: {', '.join(FIDELITIES)} or a Fidelity")
     return FIDELITIES[choice]

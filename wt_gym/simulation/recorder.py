@@ -1,7 +1,10 @@
 """Recording of signals into a labelled data set."""
 
+from pathlib import Path
+
 import numpy as np
 
+from wt_gym.files import write_netcdf_whole
 from wt_gym.simulation.channels import channel_table
 
 __all__ = ["Recorder"]
@@ -59,5 +62,5 @@ class Recorder:
         return xr.Dataset(variables, {"time": ("time", time, {"units": "s"})}, self.attributes)
 
     def save(self, path):
-        """Write the data set as NetCDF 4."""
-        self.to_dataset().to_netcdf(path, engine="h5netcdf")
+        """Write the data set as NetCDF 4; the file is there when it is whole."""
+        write_netcdf_whole(Path(path), self.to_dataset())

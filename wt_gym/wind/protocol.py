@@ -117,6 +117,8 @@ def require_number(
 ) -> float:
     """Return ``value`` as a float if it is a finite number within bounds; raise InflowError that names it if not."""
     try:
+        if isinstance(value, bool | str):  # which float would take
+            raise TypeError(f"{value!r} is no number")
         number = float(value)
     except (TypeError, ValueError) as error:
         raise InflowError(f"{name} must be a number [{unit}]; got {value!r}") from error

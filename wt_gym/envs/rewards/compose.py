@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
+from wt_gym.envs.arguments import check_mapping, check_number, shown
 from wt_gym.envs.rewards.damage import Damage
 from wt_gym.envs.rewards.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
@@ -62,13 +63,17 @@ def compose(reward: Mapping[str, float] | Iterable[RewardTerm] | None) -> tuple[
         unknown = [name for name in reward if name not in _TERMS]
         if unknown:
             raise ValueError(f"reward has no terms {unknown}; there are {tuple(_TERMS)}")
-        terms = [cls(weight=float(reward[name])) if name in reward else cls() for name, cls in _TERMS.items()]
-    else:
+        weights = check_mapping("reward", reward)
+        terms = [cls(weight=weights[name]) if name in reward else cls() for name, cls in _TERMS.items()]
+    elif isinstance(reward, Iterable):
         terms = list(reward)
+    else:
+        raise ValueError(f"reward must map names of terms to weights, or give several terms, got {shown(reward)}")
     for term in terms:
         if not (callable(term) and hasattr(term, "name") and hasattr(term, "weight")):
             raise ValueError(f"a reward term needs a name, a weight and must be callable, got {term!r}")
-        if not 0 <= term.weight < math.inf:
+        weight = check_number(f"the weight of reward term {term.name!r}", term.weight, finite=False)
+        if not 0 <= weight < math.inf:
             raise ValueError(
                 f"the weight of reward term {term.name!r} must be finite and not negative, got {term.weight}"
             )

@@ -1,0 +1,85 @@
+"""Whether the memory of a process stays flat over many steps and resets."""
+
+from __future__ import annotations
+
+import resource
+from dataclasses import dataclass
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+
+import wt_gym  # noqa: F401 - registers the environments
+
+__all__ = ["MemoryRecord", "measure_memory", "resident_memory"]
+
+_SAMPLES = 100
+_WARM = 0.2
+"""Share of the samples before the growth counts: caches fill, the allocator settles."""
+
+
+@dataclass(frozen=True)
+class MemoryRecord:
+    """Resident memory over a long run.
+
+    Attributes
+    ----------
+    steps : list of int
+    resident : list of float
+        [MiB].
+    resets : int
+    """
+
+    steps: list[int]
+    resident: list[float]
+    resets: int
+
+    @property
+    def growth(self) -> float:
+        """Growth after the warm part, by a straight line through the samples [KiB per 1000 steps]."""
+        warm = round(_WARM * len(self.steps))
+        slope = np.polyfit(self.steps[warm:], self.resident[warm:], 1)[0]
+        return float(slope) * 1024.0 * 1000.0
+
+
+def resident_memory() -> float:
+    """Resident memory of this process [MiB]; where the system does not tell, the most that it ever was."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    return pages * resource.getpagesize() / 2**20
+
+
+def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v0", episode_steps: int = 50) -> MemoryRecord:
+    """Step an environment at random with short episodes.
+
+    Parameters
+    ----------
+    steps : int
+        At least 1000.
+    env_id : str
+    episode_steps : int
+        After which it is reset.
+
+    Raises
+    ------
+    ValueError
+        If there are too few steps to tell.
+    """
+    if steps < 10 * _SAMPLES:
+        raise ValueError(f"memory needs at least {10 * _SAMPLES} steps to tell, got {steps}")
+    env = gym.make(env_id, wind_seeds=(1, 2))
+    env.action_space.seed(0)
+    record, resets, length = MemoryRecord([], [], 0), 0, episode_steps
+    for step in range(steps):
+        if length >= episode_steps:
+            env.reset(seed=resets)
+            resets, length = resets + 1, 0
+        *_, terminated, truncated, _ = env.step(env.action_space.sample())
+        length = episode_steps if terminated or truncated else length + 1
+        if (step + 1) % (steps // _SAMPLES) == 0:
+            record.steps.append(step + 1)
+            record.resident.append(resident_memory())
+    env.close()
+    return MemoryRecord(record.steps, record.resident, resets)

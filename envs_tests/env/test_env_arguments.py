@@ -1,0 +1,116 @@
+"""Arguments of the environment of the wrong type, as JSON gives them: refused in one line, each of them."""
+
+import inspect
+import json
+
+import numpy as np
+import pytest
+
+import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.commands import evaluate
+from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, real_numbers
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.errors import InflowError, WtGymError
+from wt_gym.turbines import load_turbine
+
+JSON_VALUES = {
+    "text": "x",
+    "number as text": "12",
+    "list": [1],
+    "nested list": [[1, 2], 3],
+    "mapping": {"a": 1},
+    "truth": True,
+    "number": 1.5,
+    "nothing": None,
+    "huge": 10**400,
+}
+"""One of each kind of JSON, some in disguise."""
+
+NOTHING_IS_ALLOWED = {
+    "shear_exponent", "turbulence_class", "wind_wander", "episode_length", "action_components", "action_spans",
+    "residual_washout", "reward", "standstill_limit", "observation", "lidar", "render_mode", "generator",
+    "roughness_length", "reference_height",
+}  # fmt: skip
+ALLOWED = {
+    **{name: {"number"} for name in (
+        "overspeed_limit", "termination_penalty", "sensor_noise", "wind_direction", "reference_height",
+        "residual_washout", "roughness_length",
+    )},
+    "residual_fade": {"truth"},
+    "relative_reward": {"truth"},
+    "vector_reward": {"truth"},
+    "wind_seeds": {"list"},
+}  # fmt: skip
+"""Kinds that an argument takes; every other one is to be refused."""
+
+
+def arguments():
+    return [name for name in inspect.signature(WindTurbineEnv).parameters if name != "self"]
+
+
+@pytest.mark.parametrize("name", arguments())
+def test_every_argument_refuses_what_it_cannot_be(name):
+    refused = 0
+    for kind, value in JSON_VALUES.items():
+        if kind in ALLOWED.get(name, ()) or (kind == "nothing" and name in NOTHING_IS_ALLOWED):
+            continue
+        with pytest.raises((ValueError, WtGymError)) as error:
+            WindTurbineEnv(**{name: value})
+        message = str(error.value)
+        assert "\n" not in message, kind
+        assert len(message) < 1500, kind
+        assert name.split("_")[0] in message.replace(" ", "_"), f"{kind}: {message}"
+        refused += 1
+    assert refused >= 6
+
+
+@pytest.mark.parametrize("name", arguments())
+def test_numbers_without_end_or_meaning_are_refused(name):
+    for value in (float("nan"), float("inf"), -1e300):
+        with pytest.raises((ValueError, WtGymError)):
+            WindTurbineEnv(**{name: value})
+
+
+@pytest.mark.parametrize(
+    "given",
+    ['{"control_dt": [1]}', '{"episode_length": "long"}', '{"reward": {"power": "much"}}', '{"controller": 3}',
+     '{"fidelity": ["training"]}', '{"action_spans": [1]}', '{"lidar": {"range": 3}}', '{"vector_reward": "no"}'],
+)  # fmt: skip
+def test_on_a_command_line_too(given, tmp_path):
+    words = ["baseline", "--env-kwargs", given, "--out", str(tmp_path / "out"), "--duration", "2", "--skip", "0"]
+    with pytest.raises(SystemExit) as end:
+        evaluate.main(words)
+    message = end.value.code
+    assert message.startswith("error: ")
+    assert "\n" not in message
+    assert next(iter(json.loads(given))) in message
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"rotor_speed": [1.0]}, {"pitch": "0"}, {"azimuth": True}, {"wind_speed": {}}, [1]],
+)
+def test_options_of_a_reset_too(options):
+    env = WindTurbineEnv()
+    with pytest.raises(ValueError, match="must be"):
+        env.reset(options=options)
+
+
+@pytest.mark.parametrize(
+    "given", [{"direction": "0.1"}, {"direction": True}, {"wander": "12"}, {"turbulence_class": "Z"}, {"direction": []}]
+)
+def test_winds_take_no_texts_for_numbers_and_no_unknown_class(given):
+    with pytest.raises(InflowError):
+        WindSampler(load_turbine("nrel_5mw"), "steady", 8.0, **given)
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert check_number("x", np.float32(0.5)) == 0.5
+    assert check_number("x", np.int64(3)) == 3.0
+    assert check_number("x", np.array(2.0)) == 2.0
+    assert real_numbers(np.array([1.0, 2.0])) == (1.0, 2.0)
+    assert real_numbers([[1.0], 2.0]) == real_numbers([1.0, None]) == real_numbers(np.ones((2, 2))) == ()
+    assert check_flag("x", np.bool_(True)) is True
+    assert check_names("x", iter(("a", "b"))) == ("a", "b")
+    assert check_mapping("x", {"a": 1}) == {"a": 1.0}

@@ -1,0 +1,99 @@
+"""Arguments of the environment of the wrong type, as JSON and command lines bring them: refused in one line each."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+__all__ = ["check_flag", "check_mapping", "check_names", "check_number", "real_number", "real_numbers", "shown"]
+
+
+def check_number(name: str, value: Any, unit: str = "", *, finite: bool = True) -> float:
+    """Return a real number, which neither a truth value nor a text is.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument.
+    value : object
+    unit : str
+        For the message.
+    finite : bool
+        Refuse NaN and infinity.
+
+    Raises
+    ------
+    ValueError
+    """
+    found = real_number(value)
+    if found is None or (finite and not math.isfinite(found)):
+        kind = "a finite number" if finite else "a number"
+        raise ValueError(f"{name} must be {kind}{f' in {unit}' if unit else ''}, got {shown(value)}")
+    return found
+
+
+def check_flag(name: str, value: Any) -> bool:
+    """Return a truth value, which no text or number is: "false" would count as true.
+
+    Raises
+    ------
+    ValueError
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name} must be true or false, got {shown(value)}")
+    return bool(value)
+
+
+def check_names(name: str, value: Any) -> tuple[str, ...]:
+    """Return several texts; a text alone or a mapping is none of that kind.
+
+    Raises
+    ------
+    ValueError
+    """
+    several = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
+    parts = tuple(value) if several else (None,)
+    if not all(isinstance(part, str) for part in parts):
+        raise ValueError(f"{name} must be a list of names, got {shown(parts if several else value)}")
+    return parts
+
+
+def check_mapping(name: str, value: Any) -> dict[str, float]:
+    """Return a mapping of names to numbers.
+
+    Raises
+    ------
+    ValueError
+    """
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{name} must map names to numbers, got {shown(value)}")
+    return {key: check_number(f"{name}[{key!r}]", number, finite=False) for key, number in value.items()}
+
+
+def real_number(value: Any) -> float | None:
+    """Give a real number as it is; None for anything else, truth values and texts among them."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return None
+    try:
+        return float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        return None
+
+
+def real_numbers(value: Any) -> tuple[float, ...]:
+    """Give one real number or those of a flat sequence; none of them where anything else is among them."""
+    several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    parts = tuple(value) if several else (value,)
+    found = [real_number(part) for part in parts]
+    return () if None in found else tuple(found)
+
+
+def shown(value: Any) -> str:
+    """How a refused value stands in a message: on one line, and shortened."""
+    return f"{value!r:.100}".replace("\n", " ")
