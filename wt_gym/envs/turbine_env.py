@@ -24,6 +24,7 @@ from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drives import available_torque, pitch_delay
+from wt_gym.simulation.faults import SensorBias, checked_faults
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import GENERATORS, with_generator
@@ -40,12 +41,14 @@ if TYPE_CHECKING:
 
 __all__ = ["EnvSnapshot", "WindTurbineEnv"]
 
-_RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitch", "azimuth", "generator_torque")
+_RESET_OPTIONS = (
+    "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "generator_torque", "faults",
+)  # fmt: skip
 
 # What an episode remembers beside the simulator, the sensors and the random numbers
 _SNAPSHOT = (
     "signals", "demand", "base", "aim", "controller", "reward_terms", "_action", "_observation", "_saturated", "_steps",
-    "_running", "_failed", "_twin_terms", "_residual",
+    "_running", "_failed", "_twin_terms", "_residual", "_faults",
 )  # fmt: skip
 
 
@@ -182,6 +185,9 @@ class WindTurbineEnv(gym.Env):
     ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
     [rad/s], ``pitch`` [rad], ``azimuth`` [rad] and ``generator_torque`` [N m]. The torque is never more than a
     generator can brake with at the rotor speed (`wt_gym.simulation.drives.available_torque`): none at standstill.
+    Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and ``faults``, what breaks
+    in it and when (`wt_gym.simulation.faults`): blades that stick, a generator that is lost, a shut-down, sensors that
+    read wrong. Actions, observations and the ends of episodes stay what they are.
 
     ## Episode end
 
@@ -397,6 +403,7 @@ class WindTurbineEnv(gym.Env):
         self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
         self.simulator: Simulator | None = None
         self.signals: Signals | None = None
+        self._faults = self._sensor_faults = self._drive_faults = ()
         self._twin, self._twin_terms = None, {}
         if relative_reward:
             # its winds are those drawn here, so that it has none of its own to choose from
@@ -439,16 +446,20 @@ class WindTurbineEnv(gym.Env):
         if unknown:
             raise ValueError(f"reset has no options {unknown}; there are {_RESET_OPTIONS}")
         wind_options = {name: options[name] for name in ("wind_speed", "wind_seed", "time_offset") if name in options}
-        self.episode_wind = self.wind.sample(self.np_random, **wind_options)
+        faults = checked_faults(options.get("faults", ()), self.turbine.n_blades)
+        if "inflow" in options:
+            self.episode_wind = self.wind.given(options["inflow"], **wind_options)
+        else:
+            self.episode_wind = self.wind.sample(self.np_random, **wind_options)
         azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
 
         start = self._start_point()
         speed, pitch = float(options.get("rotor_speed", start.rotor_speed)), float(options.get("pitch", start.pitch))
         torque = min(start.generator_torque, available_torque(self.turbine.drivetrain, speed))
         torque = float(options.get("generator_torque", torque))
-        self._begin(self.episode_wind, speed, pitch, float(options.get("azimuth", azimuth)), torque)
+        self._begin(self.episode_wind, speed, pitch, float(options.get("azimuth", azimuth)), torque, faults)
         if self._twin is not None:
-            self._twin._begin(self.episode_wind, speed, pitch, float(options.get("azimuth", azimuth)), torque)
+            self._twin._begin(self.episode_wind, speed, pitch, float(options.get("azimuth", azimuth)), torque, faults)
         observation, saturated = self._observe()
         if self._renderer is not None:
             self._renderer.reset()
@@ -461,17 +472,18 @@ class WindTurbineEnv(gym.Env):
             return OperatingPoint(0.0, min(self.turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
         return operating_point(self.turbine, self.episode_wind.wind_speed)
 
-    def _begin(self, wind, rotor_speed, pitch, azimuth, torque) -> None:
+    def _begin(self, wind, rotor_speed, pitch, azimuth, torque, faults) -> None:
         """Start simulator, controller, sensors and reward in a wind."""
         self.episode_wind = wind
         self._place_simulator()
+        self._take_faults(faults)
         self.signals = self.simulator.reset(
             rotor_speed=rotor_speed, pitch=pitch, azimuth=azimuth, yaw=0.0, generator_torque=torque
         )
         self.demand = self.base = Demand(np.full(self.turbine.n_blades, pitch), 0.0, torque)
         self.aim = self.layout.action.start(self.demand)
         if self.controller is not None:
-            self.controller.start(self.signals, self.demand)
+            self.controller.start(self._measured(self.signals), self.demand)
         if self._residual is not None:
             self._residual.start(pitch, rotor_speed, self._inner_dt)
         self._action = np.zeros(self.layout.action.size)
@@ -518,7 +530,7 @@ class WindTurbineEnv(gym.Env):
             raise
         self.signals, self.aim, self._action = after, aim, values
         self._steps += 1
-        self._observer.advance(after, self.control_dt)
+        self._observer.advance(self._measured(after), self.control_dt)
         if self._renderer is not None:
             self._renderer.record(after)
 
@@ -544,7 +556,7 @@ class WindTurbineEnv(gym.Env):
         turn, rise = aim.pitch - start.pitch, aim.generator_torque - start.generator_torque
 
         def demand_at(k: int, signals: Signals) -> Demand:
-            part = k / n
+            part, signals = k / n, self._measured(signals)
             if controller is not None:
                 base = controller.step(signals, self._inner_dt)
                 self.base = checked_demand(base, controller, self.turbine.n_blades)
@@ -616,6 +628,7 @@ class WindTurbineEnv(gym.Env):
         """
         self.episode_wind = snapshot.wind
         self._place_simulator()
+        self._take_faults(snapshot.kept["_faults"])
         if snapshot.simulator is not None:
             self.simulator.restore(snapshot.simulator)
         self.__dict__.update(copy.deepcopy(snapshot.kept))
@@ -687,13 +700,29 @@ class WindTurbineEnv(gym.Env):
         """Put the simulator into the wind of the episode."""
         if self.simulator is None:
             self.simulator = Simulator(self.turbine, inflow=self.episode_wind.inflow, fidelity=self.fidelity)
+            self._drive_faults = ()
         else:
             self.simulator.inflow = self.episode_wind.inflow
 
+    def _take_faults(self, faults) -> None:
+        """Let drives and sensors have these faults and no others."""
+        self._faults = faults
+        self._sensor_faults = tuple(fault for fault in faults if isinstance(fault, SensorBias))
+        drive_faults = tuple(fault for fault in faults if not isinstance(fault, SensorBias))
+        if drive_faults != self._drive_faults:
+            self.simulator.faults = self._drive_faults = drive_faults
+
+    def _measured(self, signals: Signals) -> Signals:
+        """Signals as the sensors read them."""
+        for fault in self._sensor_faults:
+            signals = fault.read(signals)
+        return signals
+
     def _situation(self) -> Situation:
         return Situation(
-            self.signals, self.demand, self.aim, self.base, self._action, self.episode_wind.inflow, self._residual
-        )
+            self._measured(self.signals), self.demand, self.aim, self.base, self._action, self.episode_wind.inflow,
+            self._residual,
+        )  # fmt: skip
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)

@@ -224,6 +224,25 @@ class WindSampler:
             time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * box.duration
         return self._turned(EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset), rng)
 
+    def given(self, inflow: Inflow, **options) -> EpisodeWind:
+        """Take a wind from outside in place of one of its own.
+
+        Parameters
+        ----------
+        inflow : Inflow
+        **options
+            Of `sample`; none goes with it.
+
+        Raises
+        ------
+        InflowError
+            If it is no inflow, or something of it is to be chosen.
+        """
+        if options:
+            raise InflowError(f"a given inflow has {', '.join(options)} already: leave them out of the options")
+        (own,) = self._own_inflows([inflow])
+        return EpisodeWind(own, own.mean_speed, -1, 0.0)
+
     def _gust(self, speed: float, rng: np.random.Generator) -> TransientInflow:
         """Draw a transient of IEC 61400-1."""
         turbine, make = self._turbine, ("eog", "edc", "ecd", "vertical", "horizontal")[int(rng.integers(5))]
