@@ -86,6 +86,8 @@ class Condition:
         What fails, in words.
     duration : float
         [s].
+    turbulence : {"kaimal", "mann"}
+        Spectra of a turbulent wind.
     """
 
     wind: str
@@ -96,6 +98,7 @@ class Condition:
     azimuth: float = 0.0
     faults: tuple[DriveFault | SensorBias, ...] = ()
     label: str = ""
+    turbulence: str = "kaimal"
 
     @property
     def parked(self) -> bool:
@@ -346,10 +349,11 @@ def inflow_of(condition: Condition, turbine: Turbine) -> Inflow:
     """
     direction, rng = math.radians(condition.direction), np.random.default_rng(0)
     if condition.wind == "EWM":
-        sampler = _sampler(turbine, "extreme-turbulent", direction=direction)
+        sampler = _sampler(turbine, "extreme-turbulent", direction=direction, turbulence=condition.turbulence)
         return sampler.sample(rng, wind_seed=condition.seed).inflow
     if condition.wind in ("NTM", "ETM"):
-        sampler = _sampler(turbine, "turbulent", direction=direction, turbulence_model=condition.wind)
+        options = {"turbulence_model": condition.wind, "turbulence": condition.turbulence}
+        sampler = _sampler(turbine, "turbulent", direction=direction, **options)
         return sampler.sample(rng, wind_speed=condition.speed, wind_seed=condition.seed).inflow
     where = condition.speed, turbine.hub_height, turbine.rotor_diameter
     kind, sign = condition.wind.rstrip("+-"), -1 if condition.wind.endswith("-") else 1

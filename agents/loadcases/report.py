@@ -258,9 +258,10 @@ def _lifetime_section(results: LoadCaseResults) -> str:
         for agent in results.agents
     )
     caption = (
-        "DLC 1.2: the load at 1 Hz throughout that does the damage of production in normal turbulence, \u03b3 1. Weibull"
-        f" distribution of the mean wind speed: {climate.mean_speed:g} m/s on average, exponent {climate.shape:g},"
-        f" between {climate.cut_in:g} and {climate.cut_out:g} m/s. Starts, stops, idling and faults are not in it."
+        "DLC 1.2: the load at 1 Hz throughout that does the damage of production in normal turbulence, \u03b3 1."
+        f" Weibull distribution of the mean wind speed: {climate.mean_speed:g} m/s on average, exponent"
+        f" {climate.shape:g}, between {climate.cut_in:g} and {climate.cut_out:g} m/s. Starts, stops, idling and faults"
+        " are not in it."
     )
     table = (
         f"<div class='scroll'><table class='verdicts'><thead><tr><th scope='col'>Agent</th>{head}</tr></thead>"
@@ -327,15 +328,16 @@ def _method(results: LoadCaseResults) -> str:
     items = [
         "Cases and partial safety factors \u03b3 of IEC 61400-1, edition 3 with amendment 1, tables 2 and 3.",
         "Characteristic values: the mean over the seeds, or over the azimuths of the rotor at the start, of what is"
-        " worst in a run; in DLC 2.1 and 2.2 over the worse half of the seeds; then the worst wind speed, sign and time.",
-        f"DLC 1.1 is extrapolated to 50 years by the factor {EXTRAPOLATION:g} of the amendment, which is for blades; what"
-        " else is worst in production is a matter of DLC 1.3. It supposes runs of ten minutes.",
+        " worst in a run; in DLC 2.1 and 2.2 over the worse half of the seeds; then the worst wind speed, sign and"
+        " time.",
+        f"DLC 1.1 is extrapolated to 50 years by the factor {EXTRAPOLATION:g} of the amendment, which is for blades;"
+        " what else is worst in production is a matter of DLC 1.3. It supposes runs of ten minutes.",
         "Clearance: the deflection from the unloaded clearance counts, times \u03b3 and "
         f"{DEFLECTION_FACTOR:g} on the stiffness. A negative value touches the tower.",
         f"The first {SKIP:g} s of every run are left out. Flapwise moment, tower moment, clearance and rotor speed are"
         " those of all structural steps, the edgewise moment of the control steps.",
-        "A turbine that stands after a shut-down has come through. Overspeed, a tip that strikes the tower, a rotor that"
-        " stops by itself and a simulation that leaves its range have not.",
+        "A turbine that stands after a shut-down has come through. Overspeed, a tip that strikes the tower, a rotor"
+        " that stops by itself and a simulation that leaves its range have not.",
     ]
     if results.settings["quick"]:
         items.append("This is the quick set: too few seeds and too short runs for a certificate.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from wt_gym.agents.workers import check_workers, in_processes
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.benchmark.fingerprint import sources_digest
 from wt_gym.envs.layout import layout_of
+from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.files import require_writable, write_text_whole
 from wt_gym.wind.iec import REFERENCE_SPEED
 
@@ -42,7 +43,9 @@ _SOURCES = ("cases.py", "run.py")
 _FORMAT = 1
 """Raise when files of runs mean something else."""
 # They belong to what the load cases decide: when and in what wind a run ends.
-_OURS = ("episode_length", "max_episode_steps", "inflow", "wind_speed", "wind_seeds", "turbulence_model")
+_OURS = (
+    "episode_length", "max_episode_steps", "inflow", "wind_speed", "wind_seeds", "turbulence_model", "turbulence",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,8 @@ class LoadCaseConfig:
         Fewer and shorter runs, see `wt_gym.agents.loadcases.cases.plan_of`.
     plan : Plan, optional
         How much is run, in place of what ``quick`` says.
+    turbulence : {"kaimal", "mann"}
+        Spectra of the turbulent winds.
     iec_class : str, optional
         Of the wind climate, by default the turbine's.
     mean_wind_speed : float, optional
@@ -70,7 +75,7 @@ class LoadCaseConfig:
     Raises
     ------
     ValueError
-        If a case is unknown or none is given, or the arguments of the environment hold what the cases decide.
+        If a case or turbulence is unknown, no case is given, or the arguments of the environment hold what the cases decide.
     """
 
     env_id: str = "wt_gym/LoadReduction-v0"
@@ -78,6 +83,7 @@ class LoadCaseConfig:
     cases: tuple[str, ...] = tuple(CASES)
     quick: bool = False
     plan: Plan | None = None
+    turbulence: str = "kaimal"
     iec_class: str | None = None
     mean_wind_speed: float | None = None
     weibull_shape: float = 2.0
@@ -86,6 +92,8 @@ class LoadCaseConfig:
         unknown = [case for case in self.cases if case not in CASES]
         if unknown or not self.cases:
             raise ValueError(f"load cases must be some of {', '.join(CASES)}, got {', '.join(unknown) or 'none'}")
+        if self.turbulence not in TURBULENCE:
+            raise ValueError(f"turbulence must be one of {TURBULENCE}, got {self.turbulence!r}")
         for name in _OURS:
             if name in self.env_kwargs:
                 raise ValueError(f"{name} follows from the load cases; leave it out of the environment's arguments")
@@ -201,7 +209,7 @@ def run_load_cases(
             check_environments(contenders.agents, plain)
         plan = config.plan or plan_of(turbine, config.quick)
         cases = tuple(case for case in CASES if case in config.cases)
-        conditions = {case: CASES[case].conditions(turbine, plan) for case in cases}
+        conditions = {case: _conditions(case, turbine, plan, config) for case in cases}
         define = _definitions(agents, config, plain)
         # runs of several cases are the same: they stand once, by what they are
         jobs = {
@@ -227,6 +235,12 @@ def run_load_cases(
         )
         write_text_whole(store.path / TABLE_FILE, json.dumps(table.to_json(), indent=1) + "\n")
     return table
+
+
+def _conditions(case: str, turbine, plan: Plan, config: LoadCaseConfig) -> list[Condition]:
+    """Runs of a case, with the turbulence that is wanted where there is any."""
+    conditions = CASES[case].conditions(turbine, plan)
+    return [replace(c, turbulence=config.turbulence) if c.seed is not None else c for c in conditions]
 
 
 def _jobs(agents: Mapping[str, str], conditions: Sequence[Condition]) -> Iterator[tuple[str, Condition]]:
@@ -323,6 +337,7 @@ def _settings(config: LoadCaseConfig, plan: Plan, env: gym.Env) -> dict[str, Any
     fidelity = env.unwrapped.fidelity
     settings = {
         "env_id": config.env_id, "env_kwargs": config.env_kwargs, "quick": config.quick, "plan": vars(plan),
+        "turbulence": config.turbulence,
         "fidelity": fidelity if isinstance(fidelity, str) else fidelity.name, "control_dt": env.unwrapped.control_dt,
         "wt_gym": wt_gym.__version__, "numpy": np.__version__, "gymnasium": gym.__version__,
     }  # fmt: skip

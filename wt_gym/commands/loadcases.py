@@ -29,6 +29,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the yardstick")
     parser.add_argument("--case", nargs="+", metavar="DLC", help="numbers of the cases (default: all there are)")
     parser.add_argument("--quick", action="store_true", help="fewer wind speeds, seeds and azimuths, shorter runs")
+    parser.add_argument(
+        "--turbulence", choices=("kaimal", "mann"), default="kaimal", help="spectra of the winds (default: %(default)s)"
+    )
     parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/loadcases", help="folder for the results (default: %(default)s)")
     parser.add_argument("--fidelity", help="training, engineering or reference")
@@ -70,6 +73,7 @@ def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
         env_kwargs=kwargs,
         cases=tuple(arguments.case or CASES),
         quick=arguments.quick,
+        turbulence=arguments.turbulence,
         iec_class=arguments.iec_class,
         mean_wind_speed=arguments.mean_wind_speed,
         weibull_shape=arguments.weibull_shape,

@@ -220,7 +220,7 @@ class WindTurbineEnv(gym.Env):
         turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the rated
         power (`wt_gym.turbines.damper.with_damper`), and of a controller beneath only pitch and yaw act.
     inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, sequence of Inflow or callable
-        Steady sheared wind, IEC Kaimal turbulence, IEC transients (EOG, EDC, ECD, EWS), the IEC extreme wind model
+        Steady sheared wind, IEC turbulence, IEC transients (EOG, EDC, ECD, EWS), the IEC extreme wind model
         (EWM) steady or turbulent, or inflows of one's own: one, several to draw from, or a function of a random
         generator.
     wind_speed : float or (float, float)
@@ -244,6 +244,8 @@ class WindTurbineEnv(gym.Env):
         is drawn for 1200 s, after which the direction stays.
     turbulence_model : {"NTM", "ETM"}
         Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``.
+    turbulence : {"kaimal", "mann"}
+        Spectra of turbulent winds: Kaimal's, or Mann's uniform shear model (``docs/wind.md``).
     return_period : {50, 1}
         Of extreme winds, in years.
     fidelity : str or Fidelity
@@ -346,6 +348,7 @@ class WindTurbineEnv(gym.Env):
         generator: str | None = None,
         roughness_length: float | None = None,
         reference_height: float | None = None,
+        turbulence: str = "kaimal",
     ):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
@@ -363,7 +366,7 @@ class WindTurbineEnv(gym.Env):
             raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         self.wind = WindSampler(
             self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander,
-            turbulence_model, return_period, roughness_length, reference_height,
+            turbulence_model, return_period, roughness_length, reference_height, turbulence,
         )  # fmt: skip
         if self.wind.parks and standstill_limit >= 0.0:
             raise ValueError(
