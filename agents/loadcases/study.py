@@ -75,7 +75,8 @@ class LoadCaseConfig:
     Raises
     ------
     ValueError
-        If a case or turbulence is unknown, no case is given, or the arguments of the environment hold what the cases decide.
+        If a case or turbulence is unknown, no case is given, or the arguments of the environment hold what the cases
+        decide.
     """
 
     env_id: str = "wt_gym/LoadReduction-v0"
