@@ -55,7 +55,7 @@ _ALIASES = 1
 _WAVES_PER_BATCH = 64
 # Wave numbers k₁L at which one-point spectra are tabulated, and of the integration across them.
 _TABLE = np.geomspace(1e-3, 1e3, 121)
-_RADII, _ANGLES = 240, 32
+_RADII, _ANGLES = 280, 32
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ def _unit_spectra(shear: float) -> np.ndarray:
     In polar coordinates across the wind, by the trapezoidal rule over the angle, where the integrand is periodic, and
     over the logarithm of the radius; what is the same for k₂ and −k₂ is taken twice.
     """
-    radius = np.geomspace(1e-4, 1e5, _RADII)
+    radius = np.geomspace(1e-4, 1e7, _RADII)
     angle = np.pi * ((np.arange(_ANGLES) + 0.5) / _ANGLES - 0.5)
     k2, k3 = np.multiply.outer(radius, np.cos(angle)), np.multiply.outer(radius, np.sin(angle))
     weight = radius**2 * math.log(radius[1] / radius[0]) * 2.0 * np.pi / _ANGLES
