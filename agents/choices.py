@@ -114,7 +114,7 @@ def named_choices(choices: list[str]) -> dict[str, str]:
     Parameters
     ----------
     choices : list of str
-        Words, controllers or paths for `wt_gym.agents.evaluation.load_agent`, each with or without a name in front. The
+        Words, controllers or paths for `wt_gym.agents.environments.load_agent`, with or without a name in front. The
         folder of a training with several seeds stands for one agent a seed.
 
     Returns

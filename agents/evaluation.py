@@ -13,19 +13,15 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.choices import controller_of, is_controller_name
 from wt_gym.agents.compilation import compile_kernels
-from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.controller_agent import ControllerAgent
+from wt_gym.agents.environments import Environments, check_environments, load_agent
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.progress import ProgressLine, clock
-from wt_gym.agents.trained_environment import check_environment
 from wt_gym.agents.workers import check_workers, in_processes
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.control.controllers import make_controller
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
@@ -40,7 +36,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.turbines import Turbine
 
-__all__ = ["DEFAULT_WIND_SEEDS", "FIRST_SEED", "EvaluationConfig", "evaluate", "load_agent"]
+__all__ = ["DEFAULT_WIND_SEEDS", "FIRST_SEED", "EvaluationConfig", "evaluate"]
 
 DEFAULT_WIND_SEEDS = EVALUATION_WIND_SEEDS[:6]
 """Turbulence seeds that no training saw; six is what IEC 61400-1 asks for at each mean speed."""
@@ -50,7 +46,6 @@ decide (gusts, directions, own inflows, noise) is never what a training has draw
 _SEEDS_A_WIND, _MOST_SEED = 1000, 2**32
 # A metric of a few samples says nothing: runs that end earlier than this after the skipped start have none.
 _LEAST_MEASURED = 2.0
-_ENDLESS = 10**9  # control steps
 
 
 @dataclass(frozen=True)
@@ -115,36 +110,6 @@ class EvaluationConfig:
                 raise ValueError(f"{name} follows from the duration of the evaluation; leave it out of env_kwargs")
 
 
-def load_agent(choice: str, layout: EnvLayout) -> Agent:
-    """Give the agent that a word or path means.
-
-    Parameters
-    ----------
-    choice : str
-        ``"baseline"`` (the controller beneath residual actions, else the baseline controller), ``"constant"``, a
-        controller as `wt_gym.agents.choices.controller_of` reads it (beneath residual actions it is the environment's
-        matter, and its agent is the constant one), or the path of a trained model or its folder.
-    layout : EnvLayout
-
-    Returns
-    -------
-    Agent
-    """
-    beneath = layout.action.mode == "residual"
-    if choice == "constant" or (beneath and (choice == "baseline" or is_controller_name(choice))):
-        return ConstantAgent(layout)
-    if choice == "baseline":
-        return ControllerAgent(layout)
-    if is_controller_name(choice):
-        name, parameters = controller_of(choice)
-        return ControllerAgent(layout, name, **parameters)
-    from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
-
-    agent = TrainedAgent.load(choice)
-    agent.check_fits(layout)
-    return agent
-
-
 def evaluate(
     agents: Mapping[str, str | Agent],
     config: EvaluationConfig,
@@ -197,7 +162,7 @@ def evaluate(
         layout = layout_of(env)
         climate = _climate(layout.turbine, config)
         if not allow_other_environment:
-            _check_environments(contenders.agents, env)
+            check_environments(contenders.agents, env)
         if store:
             # nothing else can be refused any more
             store.begin(code_fingerprint(layout.turbine, env.unwrapped.fidelity), overwrite)
@@ -230,15 +195,6 @@ def evaluate(
     return evaluation
 
 
-def _check_environments(agents: Mapping[str, Agent], env: gym.Env) -> None:
-    """Refuse models that were trained in another environment, by name."""
-    for name, agent in agents.items():
-        try:
-            check_environment(getattr(agent, "record", None) or {}, env)
-        except ValueError as error:
-            raise ValueError(f"{name}: {error}") from error
-
-
 class _Contenders:
     """Agents, each with the environment it runs in.
 
@@ -251,7 +207,7 @@ class _Contenders:
 
     def __init__(self, agents: Mapping[str, str | Agent], config: EvaluationConfig):
         self.given, self.config = agents, config
-        self.environments = _Environments(config)
+        self.environments = Environments(config.env_id, config.env_kwargs, config.duration)
         layout = layout_of(self.environments.plain)
         self.agents = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
         self._beneath = {name: self.environments.beneath(agent) for name, agent in agents.items()}
@@ -290,37 +246,6 @@ def _get_ready(agents: dict[str, str], config: EvaluationConfig) -> None:
 def _run_here(job: tuple[str, Wind]) -> Run:
     """Make a run in a worker process."""
     return _contenders.run(*job, ProgressLine(shown=False))
-
-
-class _Environments:
-    """The environment of an evaluation, and one for each controller that runs beneath residual actions."""
-
-    def __init__(self, config: EvaluationConfig):
-        self._config = config
-        self._made: dict[str | None, gym.Env] = {}
-        self.plain = self._make(None)
-
-    def beneath(self, agent: str | Agent) -> gym.Env:
-        """Environment for an agent: the plain one, except for a controller that has to run beneath the actions."""
-        residual = layout_of(self.plain).action.mode == "residual"
-        return self._make(agent if residual and isinstance(agent, str) and is_controller_name(agent) else None)
-
-    def _make(self, choice: str | None) -> gym.Env:
-        if choice not in self._made:
-            config, more = self._config, {}
-            if choice is not None:
-                name, parameters = controller_of(choice)
-                more = {"controller": lambda turbine: make_controller(name, turbine, **parameters)}
-            # the duration of the evaluation is the only limit, whatever the length of a task's episodes
-            self._made[choice] = gym.make(
-                config.env_id, **config.env_kwargs | more, episode_length=config.duration, max_episode_steps=_ENDLESS
-            )
-        return self._made[choice]
-
-    def close(self) -> None:
-        """Close all."""
-        for env in self._made.values():
-            env.close()
 
 
 def _climate(turbine: Turbine, config: EvaluationConfig) -> WindClimate | None:

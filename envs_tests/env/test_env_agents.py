@@ -18,7 +18,8 @@ import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.agents.choices import BASELINE, named_choices
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.evaluation import EvaluationConfig, evaluate, load_agent
+from wt_gym.agents.environments import load_agent
+from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.train import TrainingConfig, train
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.lifetime import WindClimate

@@ -22,9 +22,9 @@ def small_box(seed=1, **changes):
 @pytest.fixture
 def cache_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path))
-    turbulence_box._kaimal_box.cache_clear()
+    turbulence_box._made_box.cache_clear()
     yield tmp_path / "turbulence"
-    turbulence_box._kaimal_box.cache_clear()
+    turbulence_box._made_box.cache_clear()
 
 
 def parameters_of(seed, **changes):
@@ -43,7 +43,7 @@ def parameters_of(seed, **changes):
 
 
 def forget():
-    turbulence_box._kaimal_box.cache_clear()
+    turbulence_box._made_box.cache_clear()
 
 
 def test_same_seed_same_bits():

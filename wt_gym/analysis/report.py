@@ -17,7 +17,7 @@ from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
 from wt_gym.analysis.plots import agent_styles, spectra_figure, time_series_figure
 from wt_gym.analysis.replay_section import replay_script, replay_section
-from wt_gym.analysis.report_page import PAGE
+from wt_gym.analysis.report_page import PAGE, figure_element, section
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
 from wt_gym.analysis.summary import (
     JUDGED,
@@ -33,8 +33,6 @@ from wt_gym.analysis.summary import (
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
     from wt_gym.analysis.paired import Estimate
     from wt_gym.analysis.results import Evaluation, Wind
 
@@ -124,7 +122,7 @@ def _verdicts(evaluation: Evaluation) -> str:
         f"{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
     )
     figure = verdict_figure(evaluation)
-    return table + ("" if figure is None else _plot("changes", figure))
+    return table + ("" if figure is None else figure_element("changes", figure))
 
 
 _SHORT = {
@@ -248,12 +246,14 @@ def _sections(evaluation: Evaluation) -> str:
             " of the flapwise DEL, both with 95 % intervals; the dashed line joins the agents that no other beats in"
             " both."
         )
-        sections.append(_section("pareto", "Load against pitch travel", text, _plot("pareto-figure", front)))
+        sections.append(section("pareto", "Load against pitch travel", text, figure_element("pareto-figure", front)))
     sections.append(replay_section(evaluation))
     for i, agents in enumerate(trainings(evaluation)):
         text = f"{', '.join(agents)}: episodes of the training, with exploration, in its own winds."
         figure = learning_figure(evaluation, agents)
-        sections.append(_section(f"training{i}", "Learning curve", escape(text), _plot(f"training{i}-figure", figure)))
+        sections.append(
+            section(f"training{i}", "Learning curve", escape(text), figure_element(f"training{i}-figure", figure))
+        )
     text = (
         "All rows share one time axis: zoom into one and the others follow; double-click to return. Dashed lines are"
         " rated values, dotted vertical lines the ends of runs that stopped early. One wind of each mean speed is"
@@ -261,17 +261,17 @@ def _sections(evaluation: Evaluation) -> str:
     )
     series = "".join(
         f"<details{'' if i else ' open'}><summary>{escape(wind.label)}</summary>"
-        f"{_plot(f'time{i}', time_series_figure(evaluation, wind))}</details>"
+        f"{figure_element(f'time{i}', time_series_figure(evaluation, wind))}</details>"
         for i, wind in enumerate(_shown_winds(evaluation))
     )
-    sections.append(_section("time", "Time series", text, series))
+    sections.append(section("time", "Time series", text, series))
     skip = evaluation.settings.get("skip", 0.0)
     text = (
         "Power spectral density by Welch's method (60 s segments), mean over the winds that an agent completed. Dotted"
         " lines: once and three times the mean rotor frequency of the baseline."
     )
-    spectra = _plot("spectra-figure", spectra_figure(evaluation, skip))
-    sections.append(_section("spectra", "Where the loads come from", text, spectra))
+    spectra = figure_element("spectra-figure", spectra_figure(evaluation, skip))
+    sections.append(section("spectra", "Where the loads come from", text, spectra))
     return "".join(sections)
 
 
@@ -282,22 +282,6 @@ def _shown_winds(evaluation: Evaluation) -> list[Wind]:
     n = min(4, max(1, _MOST_SERIES // len(evaluation.agents)), len(speeds))
     places = {round(k * (len(speeds) - 1) / max(1, n - 1)) for k in range(n)}
     return [first[speeds[place]] for place in sorted(places)]
-
-
-def _section(name: str, heading: str, caption: str, content: str) -> str:
-    """Section of the page."""
-    return f"<section id='{name}'><h2>{heading}</h2><p class='caption'>{caption}</p>{content}</section>"
-
-
-def _plot(name: str, figure: go.Figure) -> str:
-    """A figure that the page's script draws."""
-    # "</" would end the script element early.
-    data = figure.to_json().replace("</", "<\\/")
-    height = int(figure.layout.height)
-    return (
-        f"<div class='plot' style='height:{height}px' data-figure='{name}-data'></div>"
-        f"<script type='application/json' id='{name}-data'>{data}</script>"
-    )
 
 
 def _method(evaluation: Evaluation) -> str:

@@ -1,6 +1,13 @@
-"""Skeleton and style of the report page. Comments such as ``<!--title-->`` are replaced by `wt_gym.analysis.report`."""
+"""Skeleton and style of report pages. Comments such as ``<!--title-->`` are replaced by those who write a page."""
 
-__all__ = ["PAGE"]
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+__all__ = ["PAGE", "SHELL", "figure_element", "section"]
 
 _STYLE = """
 :root { --ink: #1c2733; --muted: #465462; --line: #d5dce4; --paper: #ffffff; --ground: #f3f6f9; --accent: #0b4f79; }
@@ -90,7 +97,7 @@ _SCRIPT = """
 })();
 """
 
-PAGE = f"""<!DOCTYPE html>
+SHELL = f"""<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
@@ -102,7 +109,20 @@ PAGE = f"""<!DOCTYPE html>
 <body>
 <header><div class="inner"><h1><!--title--></h1><p><!--headline--></p><ul><!--facts--></ul></div></header>
 <main>
-<section id="verdict"><h2><!--question--></h2><!--verdicts--></section>
+<!--body-->
+</main>
+<footer>Made with wt_gym: flexible multibody turbine with unsteady vortex-lattice loads and a free wake.</footer>
+<script><!--replayjs--></script>
+<script><!--plotlyjs--></script>
+<script>{_SCRIPT}</script>
+</body>
+</html>
+"""
+"""Page without sections: title, headline, facts, body, scripts."""
+
+PAGE = SHELL.replace(
+    "<!--body-->\n",
+    """<section id="verdict"><h2><!--question--></h2><!--verdicts--></section>
 <section id="summary"><h2>In words</h2><!--summary--></section>
 <section id="comparison"><h2>Comparison</h2>
 <p class="caption">Every metric over all winds and at each mean wind speed, with its change against the baseline.</p>
@@ -112,11 +132,22 @@ PAGE = f"""<!DOCTYPE html>
 <!--lifetime-->
 <!--sections-->
 <section id="method"><h2>How to read the numbers</h2><!--method--></section>
-</main>
-<footer>Made with wt_gym: flexible multibody turbine with unsteady vortex-lattice loads and a free wake.</footer>
-<script><!--replayjs--></script>
-<script><!--plotlyjs--></script>
-<script>{_SCRIPT}</script>
-</body>
-</html>
-"""
+""",
+)
+"""Page of an evaluation."""
+
+
+def section(name: str, heading: str, caption: str, content: str) -> str:
+    """Section of a page."""
+    return f"<section id='{name}'><h2>{heading}</h2><p class='caption'>{caption}</p>{content}</section>"
+
+
+def figure_element(name: str, figure: go.Figure) -> str:
+    """A figure that the page's script draws."""
+    # "</" would end the script element early.
+    data = figure.to_json().replace("</", "<\\/")
+    height = int(figure.layout.height)
+    return (
+        f"<div class='plot' style='height:{height}px' data-figure='{name}-data'></div>"
+        f"<script type='application/json' id='{name}-data'>{data}</script>"
+    )

@@ -25,6 +25,7 @@ from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drives import available_torque, pitch_delay
+from wt_gym.simulation.faults import SensorBias, checked_faults
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import GENERATORS, with_generator
@@ -41,12 +42,14 @@ if TYPE_CHECKING:
 
 __all__ = ["EnvSnapshot", "WindTurbineEnv"]
 
-_RESET_OPTIONS = ("wind_speed", "wind_seed", "time_offset", "rotor_speed", "pitch", "azimuth", "generator_torque")
+_RESET_OPTIONS = (
+    "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "generator_torque", "faults",
+)  # fmt: skip
 
 # What an episode remembers beside the simulator, the sensors and the random numbers
 _SNAPSHOT = (
     "signals", "demand", "base", "aim", "controller", "reward_terms", "_action", "_observation", "_saturated", "_steps",
-    "_running", "_failed", "_twin_terms", "_residual",
+    "_running", "_failed", "_twin_terms", "_residual", "_faults",
 )  # fmt: skip
 
 
@@ -184,6 +187,9 @@ class WindTurbineEnv(gym.Env):
     ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
     [rad/s], ``pitch`` [rad], ``azimuth`` [rad] and ``generator_torque`` [N m]. The torque is never more than a
     generator can brake with at the rotor speed (`wt_gym.simulation.drives.available_torque`): none at standstill.
+    Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and ``faults``, what breaks
+    in it and when (`wt_gym.simulation.faults`): blades that stick, a generator that is lost, a shut-down, sensors that
+    read wrong. Actions, observations and the ends of episodes stay what they are.
 
     ## Episode end
 
@@ -216,7 +222,7 @@ class WindTurbineEnv(gym.Env):
         turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the rated
         power (`wt_gym.turbines.damper.with_damper`), and of a controller beneath only pitch and yaw act.
     inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, sequence of Inflow or callable
-        Steady sheared wind, IEC Kaimal turbulence, IEC transients (EOG, EDC, ECD, EWS), the IEC extreme wind model
+        Steady sheared wind, IEC turbulence, IEC transients (EOG, EDC, ECD, EWS), the IEC extreme wind model
         (EWM) steady or turbulent, or inflows of one's own: one, several to draw from, or a function of a random
         generator.
     wind_speed : float or (float, float)
@@ -240,6 +246,8 @@ class WindTurbineEnv(gym.Env):
         is drawn for 1200 s, after which the direction stays.
     turbulence_model : {"NTM", "ETM"}
         Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``.
+    turbulence : {"kaimal", "mann"}
+        Spectra of turbulent winds: Kaimal's, or Mann's uniform shear model (``docs/wind.md``).
     return_period : {50, 1}
         Of extreme winds, in years.
     fidelity : str or Fidelity
@@ -342,6 +350,7 @@ class WindTurbineEnv(gym.Env):
         generator: str | None = None,
         roughness_length: float | None = None,
         reference_height: float | None = None,
+        turbulence: str = "kaimal",
     ):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
@@ -372,7 +381,7 @@ class WindTurbineEnv(gym.Env):
             raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         self.wind = WindSampler(
             self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander,
-            turbulence_model, return_period, roughness_length, reference_height,
+            turbulence_model, return_period, roughness_length, reference_height, turbulence,
         )  # fmt: skip
         if self.wind.parks and standstill_limit >= 0.0:
             raise ValueError(
@@ -414,6 +423,7 @@ class WindTurbineEnv(gym.Env):
         self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
         self.simulator: Simulator | None = None
         self.signals: Signals | None = None
+        self._faults = self._sensor_faults = self._drive_faults = ()
         self._twin, self._twin_terms = None, {}
         if relative_reward:
             # its winds are those drawn here, so that it has none of its own to choose from
@@ -463,16 +473,20 @@ class WindTurbineEnv(gym.Env):
             if name in options:
                 options[name] = check_number(name, options[name], finite=False)
         wind_options = {name: options[name] for name in ("wind_speed", "wind_seed", "time_offset") if name in options}
-        self.episode_wind = self.wind.sample(self.np_random, **wind_options)
+        faults = checked_faults(options.get("faults", ()), self.turbine.n_blades)
+        if "inflow" in options:
+            self.episode_wind = self.wind.given(options["inflow"], **wind_options)
+        else:
+            self.episode_wind = self.wind.sample(self.np_random, **wind_options)
         azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
 
         start = self._start_point()
         speed, pitch = float(options.get("rotor_speed", start.rotor_speed)), float(options.get("pitch", start.pitch))
         torque = min(start.generator_torque, available_torque(self.turbine.drivetrain, speed))
         torque, azimuth = float(options.get("generator_torque", torque)), float(options.get("azimuth", azimuth))
-        self._begin(self.episode_wind, speed, pitch, azimuth, torque)
+        self._begin(self.episode_wind, speed, pitch, azimuth, torque, faults)
         if self._twin is not None:
-            self._twin._begin(self.episode_wind, speed, pitch, azimuth, torque)
+            self._twin._begin(self.episode_wind, speed, pitch, azimuth, torque, faults)
         observation, saturated = self._observe()
         if self._renderer is not None:
             self._renderer.reset()
@@ -485,17 +499,18 @@ class WindTurbineEnv(gym.Env):
             return OperatingPoint(0.0, min(self.turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
         return operating_point(self.turbine, self.episode_wind.wind_speed)
 
-    def _begin(self, wind, rotor_speed, pitch, azimuth, torque) -> None:
+    def _begin(self, wind, rotor_speed, pitch, azimuth, torque, faults) -> None:
         """Start simulator, controller, sensors and reward in a wind."""
         self.episode_wind = wind
         self._place_simulator()
+        self._take_faults(faults)
         self.signals = self.simulator.reset(
             rotor_speed=rotor_speed, pitch=pitch, azimuth=azimuth, yaw=0.0, generator_torque=torque
         )
         self.demand = self.base = Demand(np.full(self.turbine.n_blades, pitch), 0.0, torque)
         self.aim = self.layout.action.start(self.demand)
         if self.controller is not None:
-            self.controller.start(self.signals, self.demand)
+            self.controller.start(self._measured(self.signals), self.demand)
         if self._residual is not None:
             self._residual.start(pitch, rotor_speed, self._inner_dt)
         self._action = np.zeros(self.layout.action.size)
@@ -542,7 +557,7 @@ class WindTurbineEnv(gym.Env):
             raise
         self.signals, self.aim, self._action = after, aim, values
         self._steps += 1
-        self._observer.advance(after, self.control_dt)
+        self._observer.advance(self._measured(after), self.control_dt)
         if self._renderer is not None:
             self._renderer.record(after)
 
@@ -568,7 +583,7 @@ class WindTurbineEnv(gym.Env):
         turn, rise = aim.pitch - start.pitch, aim.generator_torque - start.generator_torque
 
         def demand_at(k: int, signals: Signals) -> Demand:
-            part = k / n
+            part, signals = k / n, self._measured(signals)
             if controller is not None:
                 base = controller.step(signals, self._inner_dt)
                 self.base = checked_demand(base, controller, self.turbine.n_blades)
@@ -640,6 +655,7 @@ class WindTurbineEnv(gym.Env):
         """
         self.episode_wind = snapshot.wind
         self._place_simulator()
+        self._take_faults(snapshot.kept["_faults"])
         if snapshot.simulator is not None:
             self.simulator.restore(snapshot.simulator)
         self.__dict__.update(copy.deepcopy(snapshot.kept))
@@ -711,13 +727,29 @@ class WindTurbineEnv(gym.Env):
         """Put the simulator into the wind of the episode."""
         if self.simulator is None:
             self.simulator = Simulator(self.turbine, inflow=self.episode_wind.inflow, fidelity=self.fidelity)
+            self._drive_faults = ()
         else:
             self.simulator.inflow = self.episode_wind.inflow
 
+    def _take_faults(self, faults) -> None:
+        """Let drives and sensors have these faults and no others."""
+        self._faults = faults
+        self._sensor_faults = tuple(fault for fault in faults if isinstance(fault, SensorBias))
+        drive_faults = tuple(fault for fault in faults if not isinstance(fault, SensorBias))
+        if drive_faults != self._drive_faults:
+            self.simulator.faults = self._drive_faults = drive_faults
+
+    def _measured(self, signals: Signals) -> Signals:
+        """Signals as the sensors read them."""
+        for fault in self._sensor_faults:
+            signals = fault.read(signals)
+        return signals
+
     def _situation(self) -> Situation:
         return Situation(
-            self.signals, self.demand, self.aim, self.base, self._action, self.episode_wind.inflow, self._residual
-        )
+            self._measured(self.signals), self.demand, self.aim, self.base, self._action, self.episode_wind.inflow,
+            self._residual,
+        )  # fmt: skip
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)

@@ -36,6 +36,8 @@ EVALUATION_WIND_SEEDS = tuple(range(1001, 1025))
 EXTREME = ("extreme", "extreme-turbulent")
 KINDS = ("steady", "turbulent", "gusts", *EXTREME)
 TURBULENCE_MODELS = ("NTM", "ETM")
+TURBULENCE = ("kaimal", "mann")
+"""Whose turbulence: `wt_gym.wind.kaimal` or `wt_gym.wind.mann`."""
 WANDERING = 1200.0
 """Time over which a wandering direction is drawn [s]; after it the direction stays."""
 FASTEST_WANDERING = 1.0
@@ -72,7 +74,7 @@ class EpisodeWind:
 class WindSampler:
     """Draws the wind of an episode.
 
-    Kaimal spectra and coherence depend on frequency only through ``f / V``: turbulence is a frozen field in space. So a
+    Spectra and coherence depend on frequency only through ``f / V``: turbulence is a frozen field in space. So a
     box of unit intensity synthesised at one speed serves another speed V when it is carried along at V and scaled to
     the standard deviation of V. Boxes are made at the next multiple of 6 m/s, for 600 s at that speed.
 
@@ -110,6 +112,9 @@ class WindSampler:
     reference_height : float, optional
         Height at which ``wind_speed`` holds instead of hub height [m]. All else, cut-in and cut-out too, refers to the
         speed that the profile then has at the hub: V = V_ref (z/z_ref)^a, or V_ref ln(z/z0)/ln(z_ref/z0).
+    turbulence : {"kaimal", "mann"}
+        Of the turbulent kinds: Kaimal's spectra with an exponential coherence, or Mann's uniform shear model, both with
+        the parameters of IEC 61400-1. Mann's too depends on frequency only through ``f / V``.
 
     Attributes
     ----------
@@ -141,6 +146,7 @@ class WindSampler:
         return_period: int = 50,
         roughness_length: float | None = None,
         reference_height: float | None = None,
+        turbulence: str = "kaimal",
     ):
         if isinstance(kind, str) and kind not in KINDS:
             raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {kind!r}")
@@ -157,7 +163,8 @@ class WindSampler:
         self._pool = tuple(self._checked_seed(seed) for seed in wind_seeds)
         if not self._pool:
             raise InflowError("wind_seeds must name at least one seed")
-        self._check_choices(turbulence_model, return_period)
+        self._check_choices(turbulence_model, return_period, turbulence)
+        self._whose = turbulence
         self._model, self.parks = turbulence_model, isinstance(kind, str) and kind in EXTREME
         self._turbulent = isinstance(kind, str) and kind in ("turbulent", "extreme-turbulent")
         if self.parks:
@@ -227,6 +234,25 @@ class WindSampler:
         if time_offset is None:
             time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * box.duration
         return self._turned(EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset), rng)
+
+    def given(self, inflow: Inflow, **options) -> EpisodeWind:
+        """Take a wind from outside in place of one of its own.
+
+        Parameters
+        ----------
+        inflow : Inflow
+        **options
+            Of `sample`; none goes with it.
+
+        Raises
+        ------
+        InflowError
+            If it is no inflow, or something of it is to be chosen.
+        """
+        if options:
+            raise InflowError(f"a given inflow has {', '.join(options)} already: leave them out of the options")
+        (own,) = self._own_inflows([inflow])
+        return EpisodeWind(own, own.mean_speed, -1, 0.0)
 
     def _gust(self, speed: float, rng: np.random.Generator) -> TransientInflow:
         """Draw a transient of IEC 61400-1."""
@@ -316,7 +342,7 @@ class WindSampler:
             )
         return deviation, time_constant
 
-    def _check_choices(self, turbulence_model, return_period) -> None:
+    def _check_choices(self, turbulence_model, return_period, turbulence) -> None:
         """Refuse choices that are unknown or that the kind of wind would ignore."""
         if turbulence_model not in TURBULENCE_MODELS:
             raise InflowError(f"turbulence_model must be one of {TURBULENCE_MODELS}, got {turbulence_model!r}")
@@ -324,6 +350,10 @@ class WindSampler:
             raise InflowError(f"turbulence_model={turbulence_model!r} belongs to inflow='turbulent'")
         if isinstance(return_period, bool):
             raise InflowError(f"return_period must be 1 or 50 years, got {return_period!r}")
+        if turbulence not in TURBULENCE:
+            raise InflowError(f"turbulence must be one of {TURBULENCE}, got {turbulence!r}")
+        if turbulence != "kaimal" and not (isinstance(self._kind, str) and self._kind.endswith("turbulent")):
+            raise InflowError(f"turbulence={turbulence!r} belongs to the inflows 'turbulent' and 'extreme-turbulent'")
         if return_period != 50 and not (isinstance(self._kind, str) and self._kind in EXTREME):
             raise InflowError(f"return_period belongs to the inflows {EXTREME}")
 
@@ -337,7 +367,8 @@ class WindSampler:
         """Turbulence carried along at a speed."""
         made_at = _BOX_SPEED_STEP * np.ceil(speed / _BOX_SPEED_STEP)
         turbine = self._turbine
-        box = TurbulenceBox.kaimal(made_at, turbine.hub_height, turbine.rotor_diameter, self._class, seed=seed)
+        make = TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
+        box = make(made_at, turbine.hub_height, turbine.rotor_diameter, self._class, seed=seed)
         sigma = self._sigma(speed)
         intensity = sigma / turbulence_sigma(made_at, self._class)
         if made_at == speed and intensity == 1.0:

@@ -303,6 +303,9 @@ class Drives:
     Attributes
     ----------
     pitch, yaw, generator : Law
+        As they act now, see `fail`.
+    sound_generator : GeneratorLaw
+        Without faults.
     command : array (2 + n_blades,)
         Generator torque [N m], yaw and pitch of each blade [rad]; part of the state of the simulation.
     """
@@ -310,9 +313,33 @@ class Drives:
     def __init__(self, turbine, generator=None):
         self.pitch, self.yaw = PitchDrives(turbine.pitch, turbine.n_blades), YawDrive(turbine.nacelle.max_yaw_rate)
         self.generator = _own_law(turbine.drivetrain) if generator is None else generator
+        self._sound_pitch, self.sound_generator = self.pitch, self.generator
         self.command = np.zeros(2 + turbine.n_blades)
         self._ideal_pitch = turbine.pitch.servo_frequency is None
         self._step, self._pitch_rate = 0.0, np.zeros(turbine.n_blades)
+
+    def fail(self, faults, clock):
+        """Let the drives have these faults and no others.
+
+        Parameters
+        ----------
+        faults : iterable of wt_gym.simulation.faults.DriveFault
+            Later ones act upon what earlier ones have left.
+        clock : callable
+            Gives the time at the start of the present step [s].
+
+        Raises
+        ------
+        ActionError
+            If the turbine does not have what fails; the drives are then sound.
+        """
+        self.pitch, self.generator = self._sound_pitch, self.sound_generator
+        try:
+            for fault in faults:
+                fault.fail(self, clock)
+        except ActionError:
+            self.pitch, self.generator = self._sound_pitch, self.sound_generator
+            raise
 
     def start(self, pitch, yaw, speed, generator_torque=None):
         """Place pitch [rad], yaw [rad] and torque [N m] at a rotor speed [rad/s]; without a torque see `load`.

@@ -52,6 +52,8 @@ class Simulator:
     coupling : Coupling
         Structure and air in their present state.
     drives : Drives
+    faults : tuple of wt_gym.simulation.faults.DriveFault
+        What fails, and when. As the inflow it may be exchanged before a reset, and is no part of a snapshot.
 
     Examples
     --------
@@ -74,17 +76,18 @@ class Simulator:
         self._starter = Starter(self.coupling, self.drives)
         self._measurement = Measurement(self.turbine, self.structure)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
-        self._n_steps, self._started = 0, False
+        self._n_steps, self._started, self._faults = 0, False, ()
 
     def __getstate__(self):
         """What a copy or a pickle takes along: the arguments and the state; the rest is built anew from them."""
-        arguments = self.turbine, self.inflow, self.fidelity, self._threads, self.drives.generator
-        return arguments, self.state() if self._started else None
+        arguments = self.turbine, self.inflow, self.fidelity, self._threads, self.drives.sound_generator
+        return arguments, self._faults, self.state() if self._started else None
 
     def __setstate__(self, kept):
         """Build the models and continue from the state."""
-        arguments, state = kept
+        arguments, faults, state = kept
         self.__init__(*arguments)
+        self.faults = faults
         if state is not None:
             self.restore(state)
 
@@ -92,6 +95,17 @@ class Simulator:
     def time(self):
         """Simulated time [s]."""
         return self._n_steps * self.time_step
+
+    @property
+    def faults(self):
+        """What fails, and when."""
+        return self._faults
+
+    @faults.setter
+    def faults(self, faults):
+        self._faults = ()
+        self.drives.fail(faults, lambda: self.time)
+        self._faults = tuple(faults)
 
     @property
     def signals(self):

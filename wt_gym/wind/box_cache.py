@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from wt_gym.wind.kaimal import KaimalParameters
+from wt_gym.wind.mann import MannParameters
 
 __all__ = ["MAX_BYTES", "cache_file", "load", "store"]
 
@@ -34,6 +35,8 @@ _DAMAGE = (
     zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 _log = logging.getLogger(__name__)
+
+_Parameters = KaimalParameters | MannParameters
 
 
 def cache_directory() -> Path | None:
@@ -54,20 +57,20 @@ def cache_directory() -> Path | None:
     return base / "wt_gym" / "turbulence"
 
 
-def cache_file(parameters: KaimalParameters) -> Path | None:
+def cache_file(parameters: _Parameters) -> Path | None:
     """File in which the box of these parameters is or would be kept."""
     directory = cache_directory()
     if directory is None:
         return None
     digest = hashlib.sha256(_label(parameters).encode()).hexdigest()[:20]
-    return directory / f"kaimal-{digest}.npz"
+    return directory / f"{parameters.model}-{digest}.npz"
 
 
-def _label(parameters: KaimalParameters) -> str:
+def _label(parameters: _Parameters) -> str:
     return json.dumps({"format": _FORMAT, **parameters.as_dict()}, sort_keys=True)
 
 
-def load(parameters: KaimalParameters) -> np.ndarray | None:
+def load(parameters: _Parameters) -> np.ndarray | None:
     """Fluctuations (n_times, n_z, n_y, 3) from the cache, or None if there is no sound file."""
     path = cache_file(parameters)
     if path is None:
@@ -89,7 +92,7 @@ def load(parameters: KaimalParameters) -> np.ndarray | None:
     return fluctuation
 
 
-def store(parameters: KaimalParameters, fluctuation: np.ndarray) -> None:
+def store(parameters: _Parameters, fluctuation: np.ndarray) -> None:
     """Write the box so that other processes see either the whole file or none."""
     path = cache_file(parameters)
     if path is None:
@@ -112,7 +115,7 @@ def store(parameters: KaimalParameters, fluctuation: np.ndarray) -> None:
 def _prune(newest: Path) -> None:
     """Remove the boxes not used for longest until the folder is within its limit; ``newest`` stays."""
     boxes = []
-    for path in newest.parent.glob("kaimal-*"):
+    for path in [*newest.parent.glob("kaimal-*"), *newest.parent.glob("mann-*")]:
         with contextlib.suppress(FileNotFoundError):  # another process may prune at the same time
             status = path.stat()
             boxes.append((status.st_mtime, status.st_size, path))

@@ -33,6 +33,7 @@ answers (``scaling``), all without chance, because the amplitudes at the hub are
 
 import math
 from dataclasses import asdict, dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.fft
@@ -60,6 +61,8 @@ class KaimalParameters:
 
     ``grid`` is (n_y, n_z), ``width`` the side of the square grid [m], ``n_times`` the number of time steps.
     """
+
+    model: ClassVar[str] = "kaimal"
 
     mean_speed: float
     hub_height: float

@@ -9,6 +9,7 @@ import numpy as np
 from wt_gym.errors import InflowError
 from wt_gym.wind import box_cache, bts
 from wt_gym.wind.kaimal import KaimalParameters, synthesise
+from wt_gym.wind.mann import SHEAR, MannParameters, synthesise_mann
 from wt_gym.wind.protocol import require_number
 from wt_gym.wind.steady import SteadyInflow
 
@@ -21,7 +22,7 @@ _BOXES_IN_MEMORY = 8
 class TurbulenceBox:
     """Velocity fluctuations at the points of a plane across the wind, sampled in time.
 
-    Make one with :meth:`kaimal` or :meth:`from_bts`. Boxes are immutable and can be shared.
+    Make one with :meth:`kaimal`, :meth:`mann` or :meth:`from_bts`. Boxes are immutable and can be shared.
 
     Parameters
     ----------
@@ -183,7 +184,64 @@ class TurbulenceBox:
             scaling,
             lateral_coherence,
         )
-        return _kaimal_box(parameters, bool(cache))
+        return _made_box(parameters, bool(cache))
+
+    @classmethod
+    def mann(
+        cls,
+        mean_speed: float,
+        hub_height: float,
+        rotor_diameter: float,
+        turbulence_class: str = "B",
+        *,
+        seed: int,
+        duration: float = 600.0,
+        time_step: float = 0.25,
+        grid: tuple[int, int] | None = None,
+        width: float | None = None,
+        turbulence: str = "NTM",
+        turbine_class: str = "I",
+        scaling: str = "low_frequency",
+        length: float | None = None,
+        shear: float = SHEAR,
+        cache: bool = True,
+    ) -> "TurbulenceBox":
+        """Turbulence of Mann's uniform shear model around a rotor, periodic in time; see `wt_gym.wind.mann`.
+
+        Parameters
+        ----------
+        mean_speed, hub_height, rotor_diameter, turbulence_class, seed, duration, time_step, grid, width, turbulence, \
+turbine_class, cache
+            As of :meth:`kaimal`.
+        scaling
+            As of :meth:`kaimal`, for the mean over many seeds and points: amplitudes are random here at the hub too.
+        length
+            L [m]; by default the standard's, 0.8 Λ₁: 33.6 m for hubs from 60 m on.
+        shear
+            Γ; by default the standard's, 3.9. With 0 the turbulence is isotropic.
+
+        Raises
+        ------
+        InflowError
+            An argument is out of range or does not fit the others.
+        """
+        parameters = MannParameters.resolve(
+            length,
+            shear,
+            mean_speed=mean_speed,
+            hub_height=hub_height,
+            rotor_diameter=rotor_diameter,
+            turbulence_class=turbulence_class,
+            seed=seed,
+            duration=duration,
+            time_step=time_step,
+            grid=grid,
+            width=width,
+            turbulence=turbulence,
+            turbine_class=turbine_class,
+            scaling=scaling,
+        )
+        return _made_box(parameters, bool(cache))
 
     @classmethod
     def from_bts(cls, path: str | os.PathLike, *, remove_profile: bool = False) -> "TurbulenceBox":
@@ -323,10 +381,10 @@ def _frozen_samples(samples: np.ndarray, name: str) -> np.ndarray:
 
 
 @lru_cache(maxsize=_BOXES_IN_MEMORY)
-def _kaimal_box(parameters: KaimalParameters, use_disk: bool) -> TurbulenceBox:
+def _made_box(parameters: KaimalParameters | MannParameters, use_disk: bool) -> TurbulenceBox:
     fluctuation = box_cache.load(parameters) if use_disk else None
     if fluctuation is None:
-        fluctuation = synthesise(parameters)
+        fluctuation = (synthesise_mann if isinstance(parameters, MannParameters) else synthesise)(parameters)
         if use_disk:
             box_cache.store(parameters, fluctuation)
     fluctuation.setflags(write=False)

@@ -1,0 +1,119 @@
+"""Agents by word or path, and the environments that they run in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+
+from wt_gym.agents.choices import controller_of, is_controller_name
+from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.controller_agent import ControllerAgent
+from wt_gym.agents.trained_environment import check_environment
+from wt_gym.control.controllers import make_controller
+from wt_gym.envs.layout import layout_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from wt_gym.envs.episode import Agent
+    from wt_gym.envs.layout import EnvLayout
+
+__all__ = ["Environments", "check_environments", "load_agent"]
+
+_ENDLESS = 10**9  # control steps
+
+
+def load_agent(choice: str, layout: EnvLayout) -> Agent:
+    """Give the agent that a word or path means.
+
+    Parameters
+    ----------
+    choice : str
+        ``"baseline"`` (the controller beneath residual actions, else the baseline controller), ``"constant"``, a
+        controller as `wt_gym.agents.choices.controller_of` reads it (beneath residual actions it is the environment's
+        matter, and its agent is the constant one), or the path of a trained model or its folder.
+    layout : EnvLayout
+
+    Returns
+    -------
+    Agent
+    """
+    beneath = layout.action.mode == "residual"
+    if choice == "constant" or (beneath and (choice == "baseline" or is_controller_name(choice))):
+        return ConstantAgent(layout)
+    if choice == "baseline":
+        return ControllerAgent(layout)
+    if is_controller_name(choice):
+        name, parameters = controller_of(choice)
+        return ControllerAgent(layout, name, **parameters)
+    from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
+
+    agent = TrainedAgent.load(choice)
+    agent.check_fits(layout)
+    return agent
+
+
+def check_environments(agents: Mapping[str, Agent], env: gym.Env) -> None:
+    """Refuse models that were trained in another environment.
+
+    Parameters
+    ----------
+    agents : mapping
+        Name to agent.
+    env : gymnasium.Env
+
+    Raises
+    ------
+    ValueError
+        With the name of the agent and what differs.
+    """
+    for name, agent in agents.items():
+        try:
+            check_environment(getattr(agent, "record", None) or {}, env)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from error
+
+
+class Environments:
+    """An environment, and one like it for each controller that runs beneath residual actions.
+
+    Parameters
+    ----------
+    env_id : str
+    env_kwargs : mapping
+        Arguments of the environment besides episode length.
+    episode_length : float, optional
+        The only limit, whatever the length of a task's episodes [s]; None: no limit.
+
+    Attributes
+    ----------
+    plain : gymnasium.Env
+        With the controller that the environment has anyway.
+    """
+
+    def __init__(self, env_id: str, env_kwargs: Mapping[str, Any], episode_length: float | None = None):
+        self._id, self._kwargs, self._length = env_id, dict(env_kwargs), episode_length
+        self._made: dict[str | None, gym.Env] = {}
+        self.plain = self._make(None)
+
+    def beneath(self, agent: str | Agent) -> gym.Env:
+        """Environment for an agent: the plain one, except for a controller that has to run beneath the actions."""
+        residual = layout_of(self.plain).action.mode == "residual"
+        return self._make(agent if residual and isinstance(agent, str) and is_controller_name(agent) else None)
+
+    def _make(self, choice: str | None) -> gym.Env:
+        if choice not in self._made:
+            more = {}
+            if choice is not None:
+                name, parameters = controller_of(choice)
+                more = {"controller": lambda turbine: make_controller(name, turbine, **parameters)}
+            self._made[choice] = gym.make(
+                self._id, **self._kwargs | more, episode_length=self._length, max_episode_steps=_ENDLESS
+            )
+        return self._made[choice]
+
+    def close(self) -> None:
+        """Close all."""
+        for env in self._made.values():
+            env.close()

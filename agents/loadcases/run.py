@@ -1,0 +1,154 @@
+"""One run of a design load case: an agent in its environment, or a parked turbine that nobody controls."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.agents.loadcases.cases import EVENT, SKIP, inflow_of
+from wt_gym.analysis.metrics import run_metrics
+from wt_gym.envs.episode import episode_steps
+from wt_gym.errors import SimulationError
+from wt_gym.simulation import Recorder, Simulator
+from wt_gym.simulation.faults import FEATHER
+from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
+
+if TYPE_CHECKING:
+    import gymnasium as gym
+    import xarray as xr
+
+    from wt_gym.agents.loadcases.cases import Condition
+    from wt_gym.envs.episode import Agent
+    from wt_gym.simulation import Fidelity
+    from wt_gym.turbines import Turbine
+
+__all__ = ["COMPLETE", "EXTREMES", "TRACES", "run_agent", "run_parked", "unloaded_clearance"]
+
+EXTREMES = ("blade_flap_max", "blade_edge_max", "tower_base_max", "rotor_speed_max", "tip_clearance_min")
+"""What is kept of a run: largest sizes of moments [N m], largest rotor speed [rad/s], smallest clearance [m]."""
+_FATIGUE = ("blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_side_del")
+TRACES = ("wind_x", "rotor_speed", "generator_power", "pitch_1", "root_flap_moment_1", "tower_base_fore_aft_moment")
+"""Signals that are kept of a transient, from 10 s before it on."""
+COMPLETE = ("time", "stopped")
+"""Ends of runs that went as planned: their time is over, or the rotor has come to rest after a shut-down."""
+_SEED = 2**40 + 2**33
+"""Seeds of the environment, for noise: beyond those of any training and evaluation."""
+_BEFORE_EVENT = 10.0
+_LEAST_MEASURED = 2.0
+_PARKED_STEP = 0.2
+
+
+def run_agent(env: gym.Env, agent: Agent, condition: Condition) -> dict[str, Any]:
+    """Run an agent.
+
+    What the simulation does not survive is a result as any other.
+
+    Parameters
+    ----------
+    env : gymnasium.Env
+        Without a limit of time.
+    agent : Agent
+    condition : Condition
+
+    Returns
+    -------
+    dict
+        JSON values: ``ending`` ("time", "stopped", or why the episode was terminated), ``failure`` (message or None),
+        ``time`` [s], ``extremes`` (`EXTREMES`) and ``fatigue`` after the skipped start, None where there was nothing to
+        measure, ``unloaded_clearance`` [m], and ``trace``: signals of a transient.
+    """
+    turbine_env = env.unwrapped
+    turbine = turbine_env.turbine
+    options = {
+        "inflow": inflow_of(condition, turbine), "faults": condition.faults,
+        "azimuth": math.radians(condition.azimuth),
+    }  # fmt: skip
+    try:
+        observation, _ = env.reset(seed=_SEED + (condition.seed or 0), options=options)
+    except SimulationError as error:
+        return _nothing(str(error))
+    recorder = Recorder(turbine_env.simulator)
+    recorder.append(turbine_env.signals)
+    steps, ending, failure = round(condition.duration / turbine_env.control_dt), "time", None
+    for count, step in enumerate(episode_steps(env, agent, observation), start=1):
+        if not step.failed:
+            recorder.append(turbine_env.signals)
+        if step.done:
+            ending, failure = step.info["termination"], step.info.get("failure")
+        if count >= steps:
+            break
+    stops = condition.stops_at
+    if ending == "standstill" and stops is not None and turbine_env.signals["time"] > stops:
+        ending = "stopped"
+    clearance = unloaded_clearance(turbine, turbine_env.simulator.structure.tip_rest)
+    return _result(recorder.to_dataset(), turbine, condition, ending, failure, clearance)
+
+
+def run_parked(turbine: Turbine, fidelity: str | Fidelity, condition: Condition) -> dict[str, Any]:
+    """Run a turbine that idles with feathered blades, from rest; as `run_agent`, without an agent."""
+    simulator = Simulator(turbine, inflow_of(condition, turbine), fidelity)
+    step = simulator.time_step * max(1, round(_PARKED_STEP / simulator.time_step))
+    pitch, recorder = min(FEATHER, turbine.pitch.max_pitch), Recorder(simulator)
+    ending, failure = "time", None
+    try:
+        azimuth = math.radians(condition.azimuth)
+        recorder.append(simulator.reset(rotor_speed=0.0, pitch=pitch, azimuth=azimuth, generator_torque=0.0))
+        for _ in range(round(condition.duration / step)):
+            recorder.append(simulator.advance(step, pitch=pitch))
+    except SimulationError as error:
+        if not len(recorder):
+            return _nothing(str(error))
+        ending, failure = "failure", str(error)
+    clearance = unloaded_clearance(turbine, simulator.structure.tip_rest)
+    return _result(recorder.to_dataset(), turbine, condition, ending, failure, clearance)
+
+
+def _nothing(failure: str) -> dict[str, Any]:
+    """Result of a run that could not start."""
+    return {
+        "ending": "failure", "failure": failure, "time": 0.0, "extremes": None, "fatigue": None,
+        "unloaded_clearance": None, "trace": None,
+    }  # fmt: skip
+
+
+def _result(data: xr.Dataset, turbine: Turbine, condition: Condition, ending, failure, clearance) -> dict[str, Any]:
+    """What is kept of a run."""
+    time = data["time"].values
+    result = _nothing(failure) | {"ending": ending, "time": float(time[-1]), "unloaded_clearance": clearance}
+    if time[-1] >= SKIP + _LEAST_MEASURED:
+        metrics = run_metrics(data.isel(time=slice(1, None)), turbine, SKIP)
+        edge = [np.abs(data[f"root_edge_moment_{b + 1}"].values[time >= SKIP]).max() for b in range(turbine.n_blades)]
+        metrics["blade_edge_max"] = float(max(edge))
+        result |= {
+            "extremes": {name: metrics[name] for name in EXTREMES},
+            "fatigue": {name: metrics[name] for name in _FATIGUE},
+        }
+    if condition.seed is None:
+        kept = time >= EVENT - _BEFORE_EVENT
+        result["trace"] = {
+            name: [float(f"{value:.5g}") for value in values[kept]]
+            for name, values in (("time", time), *((name, data[name].values) for name in TRACES))
+        }
+    return result
+
+
+def unloaded_clearance(turbine: Turbine, tip: np.ndarray) -> float:
+    """Distance of the tip of an undeformed blade from the tower, where it passes it at zero pitch [m].
+
+    Parameters
+    ----------
+    turbine : Turbine
+    tip : numpy.ndarray, shape (3,)
+        The tip in the axes of the blade's root, `TurbineStructure.tip_rest` [m].
+    """
+    nacelle = turbine.nacelle
+    tilt = rotation_y(nacelle.tilt)
+    down = tilt @ rotation_x(math.pi) @ rotation_y(-turbine.hub.cone)
+    centre = np.array([0.0, 0.0, turbine.tower.height + nacelle.tower_top_to_shaft])
+    centre += tilt @ [-nacelle.overhang, 0.0, 0.0]
+    root = np.array([0.0, 0.0, turbine.blade.root_radius])
+    place = centre + down @ (root + tip)
+    radius = 0.5 * turbine.tower.diameter_at(np.array([place[2] - turbine.tower.base_height]))[0]
+    return float(math.hypot(place[0], place[1]) - radius)

@@ -1,0 +1,345 @@
+"""Load cases of several agents: a file a run, which is not made again where it is there already."""
+
+from __future__ import annotations
+
+import json
+import time
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+
+import wt_gym
+from wt_gym.agents.choices import fingerprint
+from wt_gym.agents.compilation import compile_kernels
+from wt_gym.agents.environments import Environments, check_environments, load_agent
+from wt_gym.agents.evaluation_folder import code_fingerprint
+from wt_gym.agents.folder_lock import FolderLock
+from wt_gym.agents.loadcases.cases import CASES, Plan, digest, plan_of
+from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
+from wt_gym.agents.loadcases.run import run_agent, run_parked
+from wt_gym.agents.progress import ProgressLine, clock
+from wt_gym.agents.workers import check_workers, in_processes
+from wt_gym.analysis.lifetime import WindClimate
+from wt_gym.benchmark.fingerprint import sources_digest
+from wt_gym.envs.layout import layout_of
+from wt_gym.envs.wind_sampler import TURBULENCE
+from wt_gym.files import require_writable, write_text_whole
+from wt_gym.wind.iec import REFERENCE_SPEED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from wt_gym.agents.loadcases.cases import Condition
+
+__all__ = ["REPORT_FILE", "RUNS_FOLDER", "TABLE_FILE", "LoadCaseConfig", "run_load_cases"]
+
+REPORT_FILE, TABLE_FILE, RUNS_FOLDER = "report.html", "loadcases.json", "runs"
+_HERE = Path(__file__).parent
+_SOURCES = ("cases.py", "run.py")
+_FORMAT = 1
+"""Raise when files of runs mean something else."""
+# They belong to what the load cases decide: when and in what wind a run ends.
+_OURS = (
+    "episode_length", "max_episode_steps", "inflow", "wind_speed", "wind_seeds", "turbulence_model", "turbulence",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LoadCaseConfig:
+    """Which cases, and in which environment.
+
+    Attributes
+    ----------
+    env_id : str
+        Actions and observations; the wind is that of the cases.
+    env_kwargs : dict
+        More arguments of the environment.
+    cases : tuple of str
+        Numbers out of `wt_gym.agents.loadcases.cases.CASES`.
+    quick : bool
+        Fewer and shorter runs, see `wt_gym.agents.loadcases.cases.plan_of`.
+    plan : Plan, optional
+        How much is run, in place of what ``quick`` says.
+    turbulence : {"kaimal", "mann"}
+        Spectra of the turbulent winds.
+    iec_class : str, optional
+        Of the wind climate, by default the turbine's.
+    mean_wind_speed : float, optional
+        Annual mean in place of the class's [m/s].
+    weibull_shape : float
+
+    Raises
+    ------
+    ValueError
+        If a case or turbulence is unknown, no case is given, or the arguments of the environment hold what the cases
+        decide.
+    """
+
+    env_id: str = "wt_gym/LoadReduction-v0"
+    env_kwargs: dict[str, Any] = field(default_factory=dict)
+    cases: tuple[str, ...] = tuple(CASES)
+    quick: bool = False
+    plan: Plan | None = None
+    turbulence: str = "kaimal"
+    iec_class: str | None = None
+    mean_wind_speed: float | None = None
+    weibull_shape: float = 2.0
+
+    def __post_init__(self):
+        unknown = [case for case in self.cases if case not in CASES]
+        if unknown or not self.cases:
+            raise ValueError(f"load cases must be some of {', '.join(CASES)}, got {', '.join(unknown) or 'none'}")
+        if self.turbulence not in TURBULENCE:
+            raise ValueError(f"turbulence must be one of {TURBULENCE}, got {self.turbulence!r}")
+        for name in _OURS:
+            if name in self.env_kwargs:
+                raise ValueError(f"{name} follows from the load cases; leave it out of the environment's arguments")
+
+
+class _LoadCaseFolder(FolderLock):
+    """Runs on disk, each under the hash of what it is; a context that holds the folder for this process."""
+
+    subfolders = (RUNS_FOLDER,)
+
+    def __init__(self, path: str | Path):
+        super().__init__(path, "loadcases")
+
+    def __enter__(self):
+        super().__enter__()
+        try:
+            require_writable(self.path / RUNS_FOLDER)
+        except OSError:
+            self.__exit__(None)
+            raise
+        return self
+
+    def find(self, definition: dict[str, Any]) -> dict[str, Any] | None:
+        """Result of a run, None if it has not been made yet."""
+        file = self.file(definition)
+        if not file.exists():
+            return None
+        try:
+            found = json.loads(file.read_text(encoding="utf-8"))
+            if found["definition"] == definition:
+                return found["result"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{file} is damaged: {error!r}; remove it to have the run made again") from error
+        raise ValueError(f"{file} holds another run than its name says; remove it to have the run made again")
+
+    def keep(self, definition: dict[str, Any], result: dict[str, Any]) -> None:
+        """Write a run."""
+        write_text_whole(self.file(definition), json.dumps({"definition": definition, "result": result}) + "\n")
+
+    def file(self, definition: dict[str, Any]) -> Path:
+        """File of a run."""
+        return self.path / RUNS_FOLDER / f"{digest(definition)}.json"
+
+
+class _Contenders:
+    """Agents with their environments; what a process needs to make any run."""
+
+    def __init__(self, agents: Mapping[str, str], config: LoadCaseConfig):
+        self.environments = Environments(config.env_id, config.env_kwargs)
+        layout = layout_of(self.environments.plain)
+        self.agents = {name: load_agent(choice, layout) for name, choice in agents.items()}
+        self._env = {name: self.environments.beneath(choice) for name, choice in agents.items()}
+
+    def run(self, name: str, condition: Condition) -> dict[str, Any]:
+        """Make a run."""
+        if name == PARKED:
+            env = self.environments.plain.unwrapped
+            return run_parked(env.turbine, env.fidelity, condition)
+        return run_agent(self._env[name], self.agents[name], condition)
+
+    def close(self) -> None:
+        """Close the environments."""
+        self.environments.close()
+
+
+def run_load_cases(
+    agents: Mapping[str, str],
+    config: LoadCaseConfig,
+    folder: str | Path,
+    *,
+    workers: int = 1,
+    allow_other_environment: bool = False,
+    progress: bool = True,
+) -> LoadCaseResults:
+    """Run all agents in all cases.
+
+    Parameters
+    ----------
+    agents : mapping
+        Name to word or path for `wt_gym.agents.environments.load_agent`.
+    config : LoadCaseConfig
+    folder : str or path
+        Keeps each run as soon as it is made, under the hash of all it depends on: agent (a model by its SHA-256 sums),
+        condition, environment and code. What is there is not made again; what belongs to others stays.
+    workers : int
+        Runs beside each other, each in a process of its own; the files are the same.
+    allow_other_environment : bool
+        As of `wt_gym.agents.evaluation.evaluate`.
+    progress : bool
+        Show progress on standard error.
+
+    Returns
+    -------
+    LoadCaseResults
+
+    Raises
+    ------
+    ValueError
+        If the folder is in use, a file in it is damaged, a model does not fit the environment, there is no worker or
+        no agent, or an agent has the name `PARKED`.
+    OSError
+        If the folder cannot be written.
+    wt_gym.errors.InflowError
+        If the turbine has no class of IEC 61400-1.
+    """
+    check_workers(workers)
+    if not agents or PARKED in agents:
+        raise ValueError(f"load cases need at least one agent, of a name other than {PARKED!r}")
+    with _LoadCaseFolder(folder) as store, closing(_Contenders(agents, config)) as contenders:
+        plain = contenders.environments.plain
+        turbine = plain.unwrapped.turbine
+        if not allow_other_environment:
+            check_environments(contenders.agents, plain)
+        plan = config.plan or plan_of(turbine, config.quick)
+        cases = tuple(case for case in CASES if case in config.cases)
+        conditions = {case: _conditions(case, turbine, plan, config) for case in cases}
+        define = _definitions(agents, config, plain)
+        # runs of several cases are the same: they stand once, by what they are
+        jobs = {
+            digest(definition): (name, condition, definition)
+            for case in cases
+            for name, condition in _jobs(agents, conditions[case])
+            for definition in [define(name, condition)]
+        }
+        results = {key: store.find(definition) for key, (_, _, definition) in jobs.items()}
+        left = [key for key, result in results.items() if result is None]
+        shown = _Progress(len(jobs), len(left), progress)
+        for key, result in _made({key: jobs[key][:2] for key in left}, contenders, agents, config, workers):
+            store.keep(jobs[key][2], result)
+            results[key] = json.loads(json.dumps(result))  # as it would be read
+            shown.done(*jobs[key][:2], result)
+        runs: dict[tuple[str, str], list[CaseRun]] = {}
+        for case in cases:
+            for name, condition in _jobs(agents, conditions[case]):
+                result = results[digest(define(name, condition))]
+                runs.setdefault((case, name), []).append(CaseRun(name, condition, result))
+        table = LoadCaseResults(
+            turbine.name, cases, tuple(agents), runs, _climate(turbine, config), _settings(config, plan, plain)
+        )
+        write_text_whole(store.path / TABLE_FILE, json.dumps(table.to_json(), indent=1) + "\n")
+    return table
+
+
+def _conditions(case: str, turbine, plan: Plan, config: LoadCaseConfig) -> list[Condition]:
+    """Runs of a case, with the turbulence that is wanted where there is any."""
+    conditions = CASES[case].conditions(turbine, plan)
+    return [replace(c, turbulence=config.turbulence) if c.seed is not None else c for c in conditions]
+
+
+def _jobs(agents: Mapping[str, str], conditions: Sequence[Condition]) -> Iterator[tuple[str, Condition]]:
+    """Who runs in which condition; a parked turbine is the same for all."""
+    for condition in conditions:
+        for name in (PARKED,) if condition.parked else agents:
+            yield name, condition
+
+
+def _definitions(agents: Mapping[str, str], config: LoadCaseConfig, env: gym.Env):
+    """Give the function that says what a run depends on."""
+    turbine, fidelity = env.unwrapped.turbine, env.unwrapped.fidelity
+    code = code_fingerprint(turbine, fidelity) | {
+        "loadcases": sources_digest({_HERE / name for name in _SOURCES}, _HERE)
+    }
+    where = {"env_id": config.env_id, "env_kwargs": config.env_kwargs}
+    known = {name: fingerprint(choice) for name, choice in agents.items()}
+    for print_ in known.values():
+        if "sha256" in print_:
+            del print_["choice"]  # a model is what it is wherever it lies
+
+    def definition(name: str, condition: Condition) -> dict[str, Any]:
+        agent = {} if name == PARKED else {"agent": known[name]} | where
+        parts = {"format": _FORMAT, "condition": condition.to_json(), "code": code, **agent}
+        return json.loads(json.dumps(parts, default=str))
+
+    return definition
+
+
+def _made(
+    jobs: dict[str, tuple[str, Condition]],
+    contenders: _Contenders,
+    agents: Mapping[str, str],
+    config: LoadCaseConfig,
+    workers: int,
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Each run as soon as it is made, here or in other processes."""
+    if workers == 1 or len(jobs) < 2:
+        for key, job in jobs.items():
+            yield key, contenders.run(*job)
+        return
+    compile_kernels(contenders.environments.plain)
+    given = [(key, *job) for key, job in jobs.items()]
+    for (key, *_), result in in_processes(_run_here, given, workers, _get_ready, (dict(agents), config)):
+        yield key, result
+
+
+_contenders: _Contenders | None = None
+"""Of a worker process."""
+
+
+def _get_ready(agents: dict[str, str], config: LoadCaseConfig) -> None:
+    """Begin as a worker process."""
+    global _contenders
+    _contenders = _Contenders(agents, config)
+
+
+def _run_here(job: tuple[str, str, Condition]) -> dict[str, Any]:
+    """Make a run in a worker process."""
+    return _contenders.run(*job[1:])
+
+
+class _Progress:
+    """Says how far it is."""
+
+    def __init__(self, total: int, left: int, shown: bool):
+        self._line, self._total, self._left = ProgressLine(shown), total, left
+        self._made, self._simulated, self._start = 0, 0.0, time.monotonic()
+        if total > left:
+            self._line.show(f"{total - left} of {total} runs are there already", final=True)
+
+    def done(self, name: str, condition: Condition, result: dict[str, Any]) -> None:
+        """Count a run."""
+        self._made, self._simulated = self._made + 1, self._simulated + result["time"]
+        elapsed = time.monotonic() - self._start
+        text = (
+            f"{self._total - self._left + self._made} of {self._total} runs, {name} in {condition.name}: "
+            f"{result['ending']}; {self._simulated:.0f} s simulated in {clock(elapsed)} min"
+        )
+        self._line.show(text, final=self._made == self._left)
+
+
+def _climate(turbine, config: LoadCaseConfig) -> WindClimate | None:
+    """Wind climate, None where the turbine's class has none."""
+    limits = {"shape": config.weibull_shape, "cut_in": turbine.cut_in, "cut_out": turbine.cut_out}
+    if config.mean_wind_speed is not None:
+        return WindClimate(config.mean_wind_speed, **limits)
+    chosen = config.iec_class or turbine.iec_class
+    return WindClimate.of_class(chosen, **limits) if chosen in REFERENCE_SPEED else None
+
+
+def _settings(config: LoadCaseConfig, plan: Plan, env: gym.Env) -> dict[str, Any]:
+    """How it was made, as JSON values."""
+    fidelity = env.unwrapped.fidelity
+    settings = {
+        "env_id": config.env_id, "env_kwargs": config.env_kwargs, "quick": config.quick, "plan": vars(plan),
+        "turbulence": config.turbulence,
+        "fidelity": fidelity if isinstance(fidelity, str) else fidelity.name, "control_dt": env.unwrapped.control_dt,
+        "wt_gym": wt_gym.__version__, "numpy": np.__version__, "gymnasium": gym.__version__,
+    }  # fmt: skip
+    return json.loads(json.dumps(settings, default=str))

@@ -1,0 +1,268 @@
+"""Load cases: which runs there are, what they come to, and how a study keeps and resumes them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wt_gym.agents.loadcases import study
+from wt_gym.agents.loadcases.cases import CASES, Condition, digest, inflow_of, plan_of
+from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
+from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
+from wt_gym.agents.loadcases.run import EXTREMES, unloaded_clearance
+from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases
+from wt_gym.analysis.lifetime import WindClimate, wind_weights
+from wt_gym.commands.loadcases import main
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
+from wt_gym.simulation.assembly import assemble
+from wt_gym.simulation.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
+from wt_gym.simulation.fidelity import fidelity
+from wt_gym.turbines import load_turbine
+
+FATIGUE = ("blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_side_del")
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel_5mw")
+
+
+def result(flap=1.0, clearance=8.0, ending="time", fatigue=1.0):
+    extremes = dict.fromkeys(EXTREMES, flap) | {"tip_clearance_min": clearance, "rotor_speed_max": 1.2}
+    return {
+        "ending": ending, "failure": None, "time": 80.0, "extremes": extremes,
+        "fatigue": dict.fromkeys(FATIGUE, fatigue), "unloaded_clearance": 10.0, "trace": None,
+    }  # fmt: skip
+
+
+def results(case, values, agent="A", wind="NTM", climate=None):
+    """Results of one case from speeds and results, seeds counted."""
+    runs = [CaseRun(agent, Condition(wind, v, 80.0, seed), r) for seed, (v, r) in enumerate(values)]
+    return LoadCaseResults(
+        "T", (case,), ("A",), {(case, agent): runs}, climate, {"quick": True, "fidelity": "training"}
+    )
+
+
+# ---- which runs there are ----
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_runs_are_told_apart_by_their_hash_and_those_of_1_1_serve_1_2(turbine, quick):
+    plan = plan_of(turbine, quick)
+    hashes = {case: [digest(c.to_json()) for c in kind.conditions(turbine, plan)] for case, kind in CASES.items()}
+    assert all(len(set(found)) == len(found) > 0 for found in hashes.values())
+    assert hashes["1.1"] == hashes["1.2"]
+    rest = [name for case, found in hashes.items() if case != "1.2" for name in found]
+    assert len(set(rest)) == len(rest)
+
+
+def test_the_full_set_is_that_of_the_standard(turbine):
+    plan = plan_of(turbine)
+    assert plan.speeds == tuple(float(v) for v in range(4, 25, 2))
+    runs = {case: kind.conditions(turbine, plan) for case, kind in CASES.items()}
+    for case in ("1.1", "1.3"):
+        assert all(sum(c.speed == v for c in runs[case]) == 6 for v in plan.speeds)
+        assert all(c.duration == 630.0 for c in runs[case])
+    assert {c.speed for c in runs["1.4"]} == {turbine.rated_wind_speed + d for d in (-2.0, 0.0, 2.0)}
+    assert {c.wind for c in runs["1.4"]} == {"ECD+", "ECD-"}
+    assert len({(c.wind, c.azimuth) for c in runs["1.5"]}) == 16
+    assert len([c for c in runs["2.1"] if c.speed == 12.0 and c.label == "grid loss"]) == 12
+    assert {c.speed for c in runs["6.1"]} == {50.0}  # class I
+    held_back = {c.seed for found in runs.values() for c in found if c.seed is not None}
+    assert not held_back & set(TRAINING_WIND_SEEDS)
+    assert not {c.seed for c in runs["1.1"]} & {c.seed for c in runs["1.3"]}
+
+
+def test_each_fault_case_has_its_faults(turbine):
+    plan = plan_of(turbine, quick=True)
+
+    def kinds(case):
+        return {tuple(type(f) for f in c.faults) for c in CASES[case].conditions(turbine, plan)}
+
+    assert kinds("2.1") == {(GeneratorLoss, ShutDown), (SensorBias,)}
+    assert kinds("2.2") == {(StuckPitch, ShutDown)}
+    assert kinds("2.3") == {(GeneratorLoss, ShutDown)}
+    assert kinds("4.2") == {(ShutDown,)}
+    assert kinds("1.3") == kinds("6.1") == {()}
+
+
+def test_winds_are_those_of_the_models(turbine):
+    extreme = inflow_of(Condition("ETM", 12.0, 130.0, 1001), turbine).description
+    sigma = 2.0 * 0.14 * (0.072 * (10.0 / 2.0 + 3.0) * (12.0 / 2.0 - 4.0) + 10.0)  # class IB
+    assert f"with sigma_u {sigma:.3g} m/s" in extreme
+    shear = inflow_of(Condition("EWS-horizontal-", 12.0, 70.0), turbine)
+    assert (shear.kind, shear.speed_amplitude < 0.0) == ("EWS-horizontal", True)
+    gust = inflow_of(Condition("ECD-", 12.0, 80.0), turbine)
+    assert gust.direction_amplitude == pytest.approx(-np.radians(60.0))  # 720 deg / V
+
+
+# ---- what they come to ----
+
+
+@pytest.mark.parametrize(
+    ("case", "expected"),
+    [
+        ("1.1", 1.25 * 1.5 * 3.0),  # the mean of the seeds, extrapolated
+        ("1.3", 1.35 * 3.0),
+        ("2.1", 1.35 * 4.5),  # the mean of the larger half of 1, 2, 4 and 5
+        ("2.2", 1.1 * 4.5),
+        ("2.3", 1.1 * 3.0),
+    ],
+)
+def test_design_loads_are_means_of_realisations_times_the_factors(case, expected):
+    values = [(12.0, result(x)) for x in (1.0, 2.0, 4.0, 5.0)] + [(18.0, result(2.9))] * 4
+    value = results(case, values).value(case, "A", "blade_flap_max")
+    assert value.design == pytest.approx(expected)
+    assert value.where == "NTM, 12 m/s"
+
+
+def test_the_deflection_counts_for_the_clearance():
+    """10 m unloaded, 8 and 6 m left: 3 m of deflection on average, times 1.35 and 1.1."""
+    value = results("1.3", [(12.0, result(clearance=8.0)), (12.0, result(clearance=6.0))]).value(
+        "1.3", "A", "tip_clearance_min"
+    )
+    assert (value.characteristic, value.design) == (pytest.approx(7.0), pytest.approx(10.0 - 1.35 * 1.1 * 3.0))
+
+
+def test_what_a_case_says_nothing_about_has_no_value():
+    assert results("1.1", [(12.0, result())]).value("1.1", "A", "tower_base_max") is None
+    assert results("1.2", [(12.0, result())]).value("1.2", "A", "blade_flap_max") is None
+    parked = results("6.1", [(50.0, result())], agent=PARKED, wind="EWM")
+    assert parked.value("6.1", PARKED, "tip_clearance_min") is None
+    assert parked.value("6.1", PARKED, "rotor_speed_max").design == 1.2
+    nothing = result(ending="failure") | {"extremes": None, "fatigue": None, "failure": "diverged", "time": 3.0}
+    assert results("1.4", [(12.0, nothing)]).value("1.4", "A", "blade_flap_max") is None
+
+
+def test_lifetime_loads_weigh_speeds_by_the_climate_and_seeds_alike():
+    climate = WindClimate(10.0)
+    values = [(8.0, result(fatigue=1.0)), (8.0, result(fatigue=3.0)), (16.0, result(fatigue=2.0))]
+    share = wind_weights(climate, [8.0, 16.0])
+    expected = (share[0] * (1.0 + 3.0**10) / 2.0 + share[1] * 2.0**10) ** 0.1
+    found = results("1.2", values, climate=climate)
+    assert found.lifetime("A", "blade_flap_del") == pytest.approx(expected)
+    failed = results("1.2", [*values, (16.0, result(ending="overspeed"))], climate=climate)
+    assert failed.lifetime("A", "blade_flap_del") is None
+
+
+def test_failures_are_shown_as_results(tmp_path):
+    trace = {name: [0.0, 1.0] for name in (
+        "time", "wind_x", "rotor_speed", "generator_power", "pitch_1", "root_flap_moment_1",
+        "tower_base_fore_aft_moment",
+    )}  # fmt: skip
+    found = results(
+        "1.4", [(11.4, result(2e7) | {"trace": trace}), (11.4, result(3e7, ending="overspeed"))], wind="ECD+"
+    )
+    assert found.survived("1.4", "A") == (1, 2)
+    assert "| 1.4 | A | 1 of 2 (1 overspeed) | 33.8 †" in "\n".join(load_case_tables(found))
+    page = write_load_case_report(found, tmp_path / "report.html").read_text()
+    assert "A does not come through DLC 1.4." in page
+    assert "DLC 1.4, A, ECD+, 11.4 m/s, seed 1: overspeed after 80.0 s" in page
+    assert "<!--" not in page.split("<script>")[0]
+    assert json.dumps(found.to_json())
+
+
+def test_the_unloaded_clearance_follows_from_the_geometry(turbine):
+    """NREL/TP-500-38060: overhang 5.019 m, tilt 5 deg, cone 2.5 deg, radius 63 m, straight blade, tower 6 to 3.87 m."""
+    tip = assemble(turbine, fidelity("training")).structure.tip_rest
+    tilt, cone = np.radians(5.0), np.radians(2.5)
+    upwind = 5.019 * np.cos(tilt) + 63.0 * np.sin(tilt + cone)
+    height = turbine.hub_height - 63.0 * np.cos(tilt + cone)
+    radius = 0.5 * np.interp(height, [0.0, 87.6], [6.0, 3.87])
+    assert unloaded_clearance(turbine, tip) == pytest.approx(upwind - radius, abs=0.05)
+
+
+# ---- how a study keeps and resumes runs ----
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Runs that are not simulated: what was asked for, in order; a condition in ``stop`` interrupts."""
+    made, stop = [], set()
+
+    def run(env, agent, condition):
+        if len(made) in stop:
+            raise KeyboardInterrupt
+        made.append(condition)
+        return result(float(len(made)))
+
+    monkeypatch.setattr(study, "run_agent", run)
+    monkeypatch.setattr(study, "run_parked", lambda turbine, fidelity, condition: run(None, None, condition))
+    made_and_stop = type("Counted", (), {"made": made, "stop": stop})
+    return made_and_stop
+
+
+def quick(*cases):
+    return LoadCaseConfig(cases=cases, quick=True)
+
+
+def files(folder):
+    return {path.name: path.read_bytes() for path in (folder / "runs").iterdir()}
+
+
+def test_an_interrupted_study_goes_on_with_what_it_has(tmp_path, counted):
+    counted.stop.add(3)
+    with pytest.raises(KeyboardInterrupt):
+        run_load_cases({"A": "baseline"}, quick("1.5"), tmp_path, progress=False)
+    before = files(tmp_path)
+    assert len(before) == 3
+    counted.stop.clear()
+    found = run_load_cases({"A": "baseline"}, quick("1.5"), tmp_path, progress=False)
+    assert len(counted.made) == len(set(counted.made)) == 8
+    after = files(tmp_path)
+    assert len(after) == 8
+    assert before.items() <= after.items()
+    assert found.survived("1.5", "A") == (8, 8)
+    again = run_load_cases({"other name": "baseline"}, quick("1.5"), tmp_path, progress=False)
+    assert len(counted.made) == 8
+    assert [r.result for r in again.runs["1.5", "other name"]] == [r.result for r in found.runs["1.5", "A"]]
+
+
+def test_cases_share_runs_and_a_parked_turbine_is_run_once(tmp_path, counted):
+    found = run_load_cases({"A": "baseline", "B": "ipc"}, quick("1.1", "1.2", "6.1"), tmp_path, progress=False)
+    assert len(counted.made) == 2 * 6 + 2
+    assert len(files(tmp_path)) == 14
+    assert found.rows() == [("1.1", "A"), ("1.1", "B"), ("1.2", "A"), ("1.2", "B"), ("6.1", PARKED)]
+    assert json.loads((tmp_path / "loadcases.json").read_text())["cases"]
+
+
+def test_other_agents_arguments_and_turbulence_are_other_runs(tmp_path, counted):
+    config = quick("1.1")
+    for agent, changed in (
+        ("baseline", config),
+        ("constant", config),
+        ("baseline", replace(config, env_kwargs={"overspeed_limit": 1.4})),
+        ("baseline", replace(config, turbulence="mann")),
+    ):
+        run_load_cases({"A": agent}, changed, tmp_path, progress=False)
+    assert len(counted.made) == len(files(tmp_path)) == 4 * 6
+
+
+def test_a_damaged_file_is_named(tmp_path, counted):
+    run_load_cases({"A": "baseline"}, quick("2.3"), tmp_path, progress=False)
+    file = next((tmp_path / "runs").iterdir())
+    file.write_text("{")
+    with pytest.raises(ValueError, match=f"{file.name} is damaged"):
+        run_load_cases({"A": "baseline"}, quick("2.3"), tmp_path, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--case", "9.9"], "load cases must be some of 1.1, 1.2, 1.3, 1.4, 1.5, 2.1, 2.2, 2.3, 4.2, 6.1, got 9.9"),
+        (["--jobs", "0"], "at least 1 job"),
+        (["nobody"], "'nobody' is no agent"),
+        (["--env-kwargs", '{"wind_speed": 9}'], "wind_speed follows from the load cases"),
+        (["--env-kwargs", '{"colour": 9}'], "the environment has no arguments"),
+        (["no controller=baseline"], "of a name other than 'no controller'"),
+        (["--out", "/dev/null/there"], "/dev/null/there"),
+    ],
+)
+def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    assert message in end.value.code
+    assert "\n" not in end.value.code
+    assert not list(tmp_path.iterdir())

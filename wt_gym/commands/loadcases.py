@@ -1,0 +1,104 @@
+"""Run design load cases of IEC 61400-1 with agents and controllers, and write a report.
+
+    wt-gym loadcases --quick
+    wt-gym loadcases baseline ipc runs/ppo --jobs 2
+    wt-gym loadcases baseline runs/ppo --case 1.3 1.4 2.3 --quick
+
+Agents are those of wt-gym evaluate: words, controllers, folders or files of trained models, with NAME= in front if you
+like. What fails, a turbine that runs away or a blade that strikes the tower, is a result. Every run is kept in the
+folder of the results, under the hash of all it depends on: the same command goes on where it was stopped, and another
+one takes what is there. docs/loadcases.md says what is run, and what the numbers mean.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, stoppable, user_errors
+
+if TYPE_CHECKING:
+    from wt_gym.agents.loadcases.study import LoadCaseConfig
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("loadcases", description=__doc__, epilog=UNSAFE)
+    parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the yardstick")
+    parser.add_argument("--case", nargs="+", metavar="DLC", help="numbers of the cases (default: all there are)")
+    parser.add_argument("--quick", action="store_true", help="fewer wind speeds, seeds and azimuths, shorter runs")
+    parser.add_argument(
+        "--turbulence", choices=("kaimal", "mann"), default="kaimal", help="spectra of the winds (default: %(default)s)"
+    )
+    parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
+    parser.add_argument("--out", default="runs/loadcases", help="folder for the results (default: %(default)s)")
+    parser.add_argument("--fidelity", help="training, engineering or reference")
+    kwargs_help = "more arguments of the environment, e.g. '{\"overspeed_limit\": 1.5}'; winds are the cases'"
+    parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
+    parser.add_argument(
+        "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
+        "controllers beneath than those of their training",
+    )  # fmt: skip
+    parser.add_argument(
+        "--jobs", type=int, default=1, help="runs beside each other, in processes (default: %(default)s)"
+    )
+    climate = parser.add_argument_group("wind climate, for loads over a life")
+    one = climate.add_mutually_exclusive_group()
+    one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
+    one.add_argument("--mean-wind-speed", type=float, metavar="M_S", help="annual mean in place of the class's [m/s]")
+    climate.add_argument(
+        "--weibull-shape", type=float, default=2.0, metavar="K", help="Weibull exponent (default: %(default)s)"
+    )
+    report = parser.add_argument_group("report")
+    report.add_argument("--title", help="title of the report")
+    report.add_argument("--no-report", action="store_true", help="write runs and table only")
+    report.add_argument("--json", action="store_true", help="print the table as JSON at the end")
+    return parser.parse_args(words)
+
+
+def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
+    """Configuration of the options."""
+    from wt_gym.agents.command_line import environment_arguments
+    from wt_gym.agents.loadcases.cases import CASES
+    from wt_gym.agents.loadcases.study import LoadCaseConfig
+
+    environment_arguments(arguments.env, arguments.env_kwargs)  # refuses environments of others and unknown arguments
+    kwargs = dict(arguments.env_kwargs)
+    if arguments.fidelity:
+        kwargs["fidelity"] = arguments.fidelity
+    return LoadCaseConfig(
+        env_id=arguments.env,
+        env_kwargs=kwargs,
+        cases=tuple(arguments.case or CASES),
+        quick=arguments.quick,
+        turbulence=arguments.turbulence,
+        iec_class=arguments.iec_class,
+        mean_wind_speed=arguments.mean_wind_speed,
+        weibull_shape=arguments.weibull_shape,
+    )
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run load cases."""
+    arguments = parse_arguments(words)
+
+    out = Path(arguments.out)
+    with user_errors(), stoppable(f"the same command goes on with what is in {out}"):
+        from wt_gym.agents.choices import named_choices
+        from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
+        from wt_gym.agents.loadcases.study import REPORT_FILE, run_load_cases
+
+        results = run_load_cases(
+            named_choices(arguments.agents), configuration(arguments), out, workers=arguments.jobs,
+            allow_other_environment=arguments.allow_other_environment,
+        )  # fmt: skip
+        if not arguments.no_report:
+            write_load_case_report(results, out / REPORT_FILE, arguments.title)
+    print("\n".join(load_case_tables(results)))
+    print(f"runs and table: {out}")
+    if not arguments.no_report:
+        print(f"report: {out / REPORT_FILE}")
+    if arguments.json:
+        print(json.dumps(results.to_json()))

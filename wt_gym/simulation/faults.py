@@ -1,0 +1,292 @@
+"""Faults of drives and sensors: what breaks, and when.
+
+A drive that fails is a law that wraps the sound one (`wt_gym.simulation.drives`): it acts once an aerodynamic step, at
+the simulator's own step, whoever gives the demands. All that a law remembers is its command; what the time is it asks
+a clock. A sensor that fails changes what controllers and agents read, and nothing else.
+
+Times count from the reset. A fault acts in the first step that begins at its time or later.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wt_gym.errors import ActionError
+from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.simulation.drives import GeneratorLaw, PitchDrives
+
+__all__ = ["DriveFault", "GeneratorLoss", "SensorBias", "ShutDown", "StuckPitch", "checked_faults"]
+
+FEATHER = 0.5 * math.pi
+"""Pitch of a feathered blade [rad], where the range of the drive reaches that far."""
+_ROUNDING = 1e-6
+"""Part of a step by which a time may be missed: steps are counted, times are products."""
+
+
+@dataclass(frozen=True)
+class DriveFault:
+    """Something that happens to the drives.
+
+    Parameters
+    ----------
+    time : float
+        When it begins [s].
+
+    Raises
+    ------
+    ActionError
+        If a value has no meaning.
+    """
+
+    time: float
+
+    def __post_init__(self):
+        _require("time of a fault", self.time, "s", 0.0)
+
+    def fail(self, drives, clock: Callable[[], float]) -> None:
+        """Put laws that fail in the place of those that the drives have.
+
+        Parameters
+        ----------
+        drives : wt_gym.simulation.drives.Drives
+        clock : callable
+            Gives the time at the start of the present step [s].
+        """
+        raise NotImplementedError
+
+    def begun(self, now: float, dt: float) -> bool:
+        """Whether a step of dt [s] that begins now [s] feels it."""
+        return now > self.time - _ROUNDING * dt
+
+
+@dataclass(frozen=True)
+class StuckPitch(DriveFault):
+    """From a time on one blade stays at the pitch it has been commanded to: its rate is zero.
+
+    Parameters
+    ----------
+    time : float
+        [s].
+    blade : int
+        From 1 on.
+    """
+
+    blade: int = 1
+
+    def fail(self, drives, clock):
+        """See `DriveFault.fail`."""
+        n = drives.pitch.n_blades
+        if not (isinstance(self.blade, int) and 1 <= self.blade <= n):
+            raise ActionError(f"blade {self.blade!r} cannot be stuck; the turbine has the blades 1 to {n}")
+        drives.pitch = _FailingPitch(drives.pitch, self, clock)
+
+    def move_pitch(self, law, command, demand, dt, speed):
+        """Let all blades but one follow."""
+        stays = command[self.blade - 1]
+        law.follow(command, demand, dt, speed)
+        command[self.blade - 1] = stays
+
+
+@dataclass(frozen=True)
+class ShutDown(DriveFault):
+    """From a time on all blades go to feather at a rate of their own and no torque is demanded, whatever is asked for.
+
+    The torque falls at the greatest rate of the generator. Pitch rates beyond those of the drive are the drive's.
+
+    Parameters
+    ----------
+    time : float
+        [s].
+    rate : float
+        Of the pitch [rad/s].
+    """
+
+    rate: float = math.radians(8.0)
+
+    def __post_init__(self):
+        super().__post_init__()
+        _require("pitch rate of a shut-down", self.rate, "rad/s", 0.0, open_low=True)
+
+    def fail(self, drives, clock):
+        """See `DriveFault.fail`."""
+        drives.pitch = _FailingPitch(drives.pitch, self, clock)
+        drives.generator = _FailingGenerator(drives.generator, self, clock)
+
+    def move_pitch(self, law, command, demand, dt, speed):
+        """Let the blades follow a demand for feather."""
+        reach = self.rate * dt
+        law.follow(command, [now + min(max(FEATHER - now, -reach), reach) for now in command.tolist()], dt, speed)
+
+    def move_torque(self, law, command, demand, dt, speed):
+        """Let the torque go."""
+        law.follow(command, 0.0, dt, speed)
+
+
+@dataclass(frozen=True)
+class GeneratorLoss(DriveFault):
+    """From a time on the generator brakes no more: the grid is lost, and with it the torque, within one step."""
+
+    def fail(self, drives, clock):
+        """See `DriveFault.fail`."""
+        if drives.generator.damping:
+            raise ActionError("the torque of a damper that is part of the rotor cannot be lost")
+        drives.generator = _FailingGenerator(drives.generator, self, clock)
+
+    def move_torque(self, law, command, demand, dt, speed):
+        """No torque."""
+        command[0] = 0.0
+
+
+@dataclass(frozen=True)
+class _FailingPitch:
+    """Pitch drives under a fault; a `wt_gym.simulation.drives.Law`."""
+
+    law: PitchDrives
+    fault: StuckPitch | ShutDown
+    clock: Callable[[], float] = field(repr=False)
+
+    @property
+    def n_blades(self):
+        """Number of blades."""
+        return self.law.n_blades
+
+    def vector(self, pitch):
+        """See `PitchDrives.vector`."""
+        return self.law.vector(pitch)
+
+    def first(self, value, speed):
+        """See `PitchDrives.first`."""
+        return self.law.first(value, speed)
+
+    def follow(self, command, demand, dt, speed):
+        """Move the commands as far as the fault lets them."""
+        if self.fault.begun(self.clock(), dt):
+            self.fault.move_pitch(self.law, command, demand, dt, speed)
+        else:
+            self.law.follow(command, demand, dt, speed)
+
+
+@dataclass(frozen=True)
+class _FailingGenerator:
+    """A generator under a fault; a `wt_gym.simulation.drives.GeneratorLaw`."""
+
+    law: GeneratorLaw
+    fault: ShutDown | GeneratorLoss
+    clock: Callable[[], float] = field(repr=False)
+
+    @property
+    def damping(self):
+        """See `GeneratorLaw`."""
+        return self.law.damping
+
+    def first(self, value, speed):
+        """See `GeneratorLaw`."""
+        return self.law.first(value, speed)
+
+    def balance(self, moment, speed):
+        """See `GeneratorLaw.balance`."""
+        return self.law.balance(moment, speed)
+
+    def follow(self, command, demand, dt, speed):
+        """Move the command as far as the fault lets it."""
+        if self.fault.begun(self.clock(), dt):
+            self.fault.move_torque(self.law, command, demand, dt, speed)
+        else:
+            self.law.follow(command, demand, dt, speed)
+
+    def moment(self, command):
+        """See `GeneratorLaw.moment`."""
+        return self.law.moment(command)
+
+    def torque(self, command, speed):
+        """See `GeneratorLaw.torque`."""
+        return self.law.torque(command, speed)
+
+
+@dataclass(frozen=True)
+class SensorBias:
+    """From a time on sensors read ``factor`` times the truth plus ``offset``: what is read, not what is.
+
+    Controllers beneath an agent's actions and observations see it; rewards, ends of episodes and recorded signals do
+    not.
+
+    Parameters
+    ----------
+    time : float
+        [s].
+    channels : tuple of str
+        Of `wt_gym.simulation.channels.channel_table`; what one sensor gives in several units belongs together, for
+        example ``("rotor_speed", "generator_speed")``.
+    factor : float
+    offset : float
+        In the unit of the channels.
+
+    Raises
+    ------
+    ActionError
+        If a value has no meaning.
+    """
+
+    time: float
+    channels: tuple[str, ...]
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def __post_init__(self):
+        _require("time of a fault", self.time, "s", 0.0)
+        _require("factor of a sensor", self.factor, "")
+        _require("offset of a sensor", self.offset, "in the unit of the channel")
+        if isinstance(self.channels, str) or not self.channels:
+            raise ActionError(f"channels of a sensor must be a tuple of names, got {self.channels!r}")
+
+    def places(self, n_blades: int) -> list[int]:
+        """Where the channels stand in the signals of a turbine.
+
+        Raises
+        ------
+        ActionError
+            If there is no such channel.
+        """
+        index = {channel.name: k for k, channel in enumerate(channel_table(n_blades))}
+        unknown = [name for name in self.channels if name not in index or name == "time"]
+        if unknown:
+            raise ActionError(f"no sensor reads {unknown}; the signals are {', '.join(list(index)[1:])}")
+        return [index[name] for name in self.channels]
+
+    def read(self, signals: Signals) -> Signals:
+        """Give the signals as the sensors do; the given ones stay as they are."""
+        if signals["time"] < self.time - _ROUNDING:
+            return signals
+        values, places = signals.values.copy(), self.places(signals.n_blades)
+        values[places] = self.factor * values[places] + self.offset
+        return Signals(values, signals.n_blades)
+
+
+def checked_faults(faults, n_blades: int) -> tuple[DriveFault | SensorBias, ...]:
+    """Faults of one turbine, as a tuple.
+
+    Raises
+    ------
+    ActionError
+        If one is none, or names what the turbine does not have.
+    """
+    try:
+        given = tuple(faults)
+    except TypeError:
+        given = (faults,)
+    for fault in given:
+        if isinstance(fault, SensorBias):
+            fault.places(n_blades)
+        elif not isinstance(fault, DriveFault):
+            raise ActionError(f"a fault is a StuckPitch, ShutDown, GeneratorLoss or SensorBias, got {fault!r}")
+    return given
+
+
+def _require(name, value, unit, low=-math.inf, open_low=False):
+    """Refuse what is no finite number from a bound on."""
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not (number and math.isfinite(value) and (value > low if open_low else value >= low)):
+        bound = "" if low == -math.inf else f" {'above' if open_low else 'of at least'} {low:g}"
+        raise ActionError(f"the {name} must be a finite number{bound} {unit}".rstrip() + f", got {value!r}")

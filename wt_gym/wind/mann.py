@@ -1,0 +1,335 @@
+"""Turbulence of the uniform shear model of Mann on a grid: tensor, spectra and the synthesis of one realisation.
+
+Isotropic turbulence with the spectrum of von Kármán is sheared by the mean wind for as long as its eddies live
+(Mann, The spatial structure of neutral atmospheric surface-layer turbulence, J. Fluid Mech. 273, 1994; Wind field
+simulation, Prob. Engng. Mech. 13, 1998; IEC 61400-1, edition 4, annex C.1). Unlike the Kaimal model (`kaimal`) it
+couples the three components: it has the shear stress, eddies that lean forward with height, and a coherence of v and w
+of its own.
+
+x points along the wind, y to its left, z up. With the wave vector k = (k₁, k₂, k₃), that before the shearing
+k₀ = (k₁, k₂, k₃ + βk₁), and the life time in units of the shear
+
+    β = Γ (kL)^(-2/3) / √₂F₁(1/3, 17/6; 4/3; −(kL)⁻²),
+
+the amplitude of a wave is D (k₀ × n) √(E(k₀)/4π) / k₀², n being white noise, E the spectrum of energy
+
+    E(k) = αε^(2/3) L^(5/3) (kL)⁴ / (1 + (kL)²)^(17/6),
+
+and D the solution of rapid distortion in a uniform shear (Mann 1994, equations 3.12 to 3.18): it adds ζ₁ and ζ₂ times
+the third component to the first two, and multiplies the third with k₀²/k².
+
+Parameters: L = 0.8 Λ₁ and Γ = 3.9 are the standard's; αε^(2/3) follows from the standard deviation σ_u that is wanted.
+What comes out for v and w follows: σ_v/σ_u and σ_w/σ_u are functions of Γ alone.
+
+The box
+-------
+A grid that samples the field across the wind has the tensor of the field summed over its aliases in k₂ and k₃; of these
+the first on either side are taken. For each k₁ the three components are then scaled to the one-point spectra of the
+model, integrated over all k₂ and k₃: what the grid, the finite box and the other aliases leave out is made up for. The
+field is made wider than the grid, at least by four L and at least eight L, and cut: it would repeat at its edges. Waves
+of k₁ = 0 have no place in the box, so every point has zero mean. Amplitudes are Gaussian: standard deviations scatter
+from seed to seed and from point to point, σ is that of many of them. ``scaling`` as in `kaimal`.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+import scipy.fft
+import scipy.interpolate
+import scipy.special
+
+from wt_gym.wind.iec import length_scale, turbulence_sigma
+from wt_gym.wind.kaimal import KaimalParameters
+from wt_gym.wind.protocol import require_number
+
+__all__ = ["MannParameters", "distortion", "life_time", "one_point_spectra", "spectral_tensor", "synthesise_mann"]
+
+SHEAR = 3.9
+"""Γ of the standard."""
+LENGTH_SHARE = 0.8
+"""L in Λ₁."""
+_ALIASES = 1
+_WAVES_PER_BATCH = 64
+# Wave numbers k₁L at which one-point spectra are tabulated, and of the integration across them.
+_TABLE = np.geomspace(1e-3, 1e3, 121)
+_RADII, _ANGLES = 280, 32
+
+
+@dataclass(frozen=True)
+class MannParameters:
+    """Everything that determines a Mann box; the arguments of :meth:`TurbulenceBox.mann`, resolved.
+
+    ``grid`` is (n_y, n_z), ``width`` the side of the square grid [m], ``n_times`` the number of time steps, ``length``
+    L [m], ``shear`` Γ.
+    """
+
+    model: ClassVar[str] = "mann"
+
+    mean_speed: float
+    hub_height: float
+    rotor_diameter: float
+    turbulence_class: str
+    seed: int
+    n_times: int
+    time_step: float
+    grid: tuple[int, int]
+    width: float
+    turbulence: str
+    turbine_class: str
+    scaling: str
+    length: float
+    shear: float
+
+    @classmethod
+    def resolve(cls, length: float | None, shear: float, **arguments) -> "MannParameters":
+        """Check the arguments and fill in the defaults; those besides L and Γ are `KaimalParameters.resolve`'s."""
+        shared = asdict(KaimalParameters.resolve(**arguments, lateral_coherence=True))
+        del shared["lateral_coherence"]
+        if length is None:
+            length = LENGTH_SHARE * length_scale(shared["hub_height"])
+        length = require_number(length, "length", "m", 0.0, open_minimum=True)
+        return cls(**shared, length=length, shear=require_number(shear, "shear", "", 0.0))
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Distance between grid points along y and z [m]."""
+        return self.width / (self.grid[0] - 1), self.width / (self.grid[1] - 1)
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations of u, v and w [m/s], shape (3,): that of u is the standard's, the others the model's."""
+        target = turbulence_sigma(self.mean_speed, self.turbulence_class, self.turbulence, self.turbine_class)
+        variance = _unit_variance(self.shear)
+        return target * np.sqrt(variance[:3] / variance[0])
+
+    @property
+    def dissipation(self) -> float:
+        """αε^(2/3) [m^(4/3)/s²], with which the model has σ_u."""
+        return self.sigma[0] ** 2 / (_unit_variance(self.shear)[0] * self.length ** (2.0 / 3.0))
+
+    @property
+    def wave_number(self) -> np.ndarray:
+        """k₁ of the harmonics 1/T, 2/T, … below half the sampling frequency [rad/m], shape (n,)."""
+        frequency = np.arange(1, (self.n_times - 1) // 2 + 1) / (self.n_times * self.time_step)
+        return 2.0 * np.pi * frequency / self.mean_speed
+
+    @property
+    def unscaled_variance(self) -> np.ndarray:
+        """Variance of each harmonic by the model [m²/s²], shape (n, 3): 2 F(k₁) Δk₁."""
+        spectra = one_point_spectra(self.wave_number, self.length, self.shear, self.dissipation)
+        return 2.0 * spectra[:, :3] * self.wave_number[0]
+
+    @property
+    def harmonic_variance(self) -> np.ndarray:
+        """Variance of each harmonic [m²/s²], shape (n, 3), after ``scaling``."""
+        variance = self.unscaled_variance
+        total = variance.sum(axis=0)
+        if self.scaling == "low_frequency":
+            variance[0] += self.sigma**2 - total
+        elif self.scaling == "uniform":
+            variance *= self.sigma**2 / total
+        return variance
+
+    @property
+    def description(self) -> str:
+        """One line that tells a person what turbulence this is."""
+        return (
+            f"Mann {self.turbulence} class {self.turbulence_class} at {self.mean_speed:g} m/s "
+            f"(sigma_u {self.sigma[0]:.3g} m/s, L {self.length:.3g} m, shear {self.shear:g}), seed {self.seed}, "
+            f"scaling {self.scaling}"
+        )
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the parameters as plain values that JSON can hold."""
+        return {"model": self.model, **asdict(self), "grid": list(self.grid)}
+
+
+def life_time(wave_number: np.ndarray, shear: float) -> np.ndarray:
+    """Life time β of eddies in units of the mean shear, for kL (Mann 1994, equation 3.6).
+
+    Parameters
+    ----------
+    wave_number
+        kL, positive, any shape.
+    shear
+        Γ.
+    """
+    k = np.asarray(wave_number, dtype=np.float64)
+    if shear == 0.0:
+        return np.zeros_like(k)
+    return shear * k ** (-2.0 / 3.0) / np.sqrt(scipy.special.hyp2f1(1.0 / 3.0, 17.0 / 6.0, 4.0 / 3.0, -(k**-2.0)))
+
+
+@lru_cache(maxsize=8)
+def _life_time_table(shear: float) -> tuple[np.ndarray, np.ndarray]:
+    """Logarithms of kL and β: between them β is a power of k to 1e-5, and the hypergeometric function is slow."""
+    k = np.geomspace(1e-5, 1e5, 4001)
+    return np.log(k), np.log(life_time(k, shear))
+
+
+def _life_time(wave_number: np.ndarray, shear: float) -> np.ndarray:
+    if shear == 0.0:
+        return np.zeros_like(wave_number)
+    return np.exp(np.interp(np.log(wave_number), *_life_time_table(shear)))
+
+
+def distortion(k1, k2, k3, beta) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What shearing has done to a wave: k₃ before it, ζ₁, ζ₂ and the factor k₀²/k² (Mann 1994, equations 3.12 to 3.18).
+
+    Parameters
+    ----------
+    k1, k2, k3
+        Wave vector after the shearing; k₁ is not zero.
+    beta
+        Time of shearing in units of the shear.
+    """
+    k30 = k3 + beta * k1
+    level = k1**2 + k2**2
+    k_squared, k0_squared = level + k3**2, level + k30**2
+    c1 = beta * k1**2 * (k0_squared - 2.0 * k30**2 + beta * k1 * k30) / (k_squared * level)
+    turned = np.arctan2(beta * k1 * np.sqrt(level), k0_squared - k30 * k1 * beta)
+    c2 = k2 * k0_squared / level**1.5 * turned
+    return k30, c1 - k2 / k1 * c2, k2 / k1 * c1 + c2, k0_squared / k_squared
+
+
+def spectral_tensor(k1, k2, k3, shear: float) -> np.ndarray:
+    """Spectral tensor Φ of the model in units of L and αε^(2/3) L^(2/3): Φ_ij(kL) has the unit L³.
+
+    Parameters
+    ----------
+    k1, k2, k3
+        kL, shapes that fit each other; k₁ is not zero.
+    shear
+        Γ.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (..., 6): uu, vv, ww, uv, uw, vw. Real: the model has no helicity.
+    """
+    k1, k2, k3 = np.broadcast_arrays(*(np.asarray(k, dtype=np.float64) for k in (k1, k2, k3)))
+    beta = _life_time(np.sqrt(k1**2 + k2**2 + k3**2), shear)
+    k30, zeta1, zeta2, factor = distortion(k1, k2, k3, beta)
+    level = k1**2 + k2**2
+    k0_squared = level + k30**2
+    scale = (1.0 + k0_squared) ** (-17.0 / 6.0) / (4.0 * np.pi)  # E(k0) / (4π k0⁴)
+    # of isotropic turbulence, k0² δ_ij − k0_i k0_j, then D Φ Dᵀ
+    uw0, vw0 = -k1 * k30, -k2 * k30
+    tensor = np.empty((*k1.shape, 6))
+    tensor[..., 0] = k0_squared - k1**2 + 2.0 * zeta1 * uw0 + zeta1**2 * level
+    tensor[..., 1] = k0_squared - k2**2 + 2.0 * zeta2 * vw0 + zeta2**2 * level
+    tensor[..., 2] = factor**2 * level
+    tensor[..., 3] = -k1 * k2 + zeta2 * uw0 + zeta1 * vw0 + zeta1 * zeta2 * level
+    tensor[..., 4] = factor * (uw0 + zeta1 * level)
+    tensor[..., 5] = factor * (vw0 + zeta2 * level)
+    return scale[..., None] * tensor
+
+
+@lru_cache(maxsize=8)
+def _unit_spectra(shear: float) -> np.ndarray:
+    """∬ Φ dk₂ dk₃ at the wave numbers of the table, in units of L, shape (n, 4): uu, vv, ww, uw.
+
+    In polar coordinates across the wind, by the trapezoidal rule over the angle, where the integrand is periodic, and
+    over the logarithm of the radius; what is the same for k₂ and −k₂ is taken twice.
+    """
+    radius = np.geomspace(1e-4, 1e7, _RADII)
+    angle = np.pi * ((np.arange(_ANGLES) + 0.5) / _ANGLES - 0.5)
+    k2, k3 = np.multiply.outer(radius, np.cos(angle)), np.multiply.outer(radius, np.sin(angle))
+    weight = radius**2 * math.log(radius[1] / radius[0]) * 2.0 * np.pi / _ANGLES
+    spectra = [np.einsum("r,ras->s", weight, spectral_tensor(k1, k2, k3, shear)) for k1 in _TABLE]
+    return np.array(spectra)[:, [0, 1, 2, 4]]
+
+
+def one_point_spectra(k1: np.ndarray, length: float, shear: float, dissipation: float = 1.0) -> np.ndarray:
+    """Spectra of the wind at a point over k₁, two-sided: ∫F dk₁ from −∞ to ∞ is the variance.
+
+    Parameters
+    ----------
+    k1
+        Positive [rad/m], shape (n,).
+    length, shear, dissipation
+        L [m], Γ, αε^(2/3) [m^(4/3)/s²].
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 4): those of u, v and w, and the cospectrum of u and w [m³/s²]. Below and beyond the table they are
+        constant, or go on with the power −5/3 (the cospectrum −7/3).
+    """
+    k, ends = np.log(np.asarray(k1, dtype=np.float64) * length), np.log(_TABLE[[0, -1]])
+    sign, power = np.array([1.0, 1.0, 1.0, -1.0]), np.array([-5.0, -5.0, -5.0, -7.0]) / 3.0
+    values = _log_spectra(float(shear))(np.clip(k, *ends)) + np.maximum(k - ends[1], 0.0)[..., None] * power
+    return dissipation * length ** (5.0 / 3.0) * sign * np.exp(values)
+
+
+@lru_cache(maxsize=8)
+def _log_spectra(shear: float) -> scipy.interpolate.CubicSpline:
+    """Logarithms of the sizes of the spectra over log k₁L, smooth between the points of the table."""
+    size = np.maximum(np.abs(_unit_spectra(shear)), 1e-300)  # isotropic turbulence has no cospectrum
+    return scipy.interpolate.CubicSpline(np.log(_TABLE), np.log(size))
+
+
+@lru_cache(maxsize=8)
+def _unit_variance(shear: float) -> np.ndarray:
+    """Variances of u, v and w and the covariance of u and w, in units of αε^(2/3) L^(2/3), shape (4,)."""
+    k = np.geomspace(1e-4, 1e6, 4001)
+    spectra = one_point_spectra(k, 1.0, shear)
+    return 2.0 * (np.trapezoid(spectra * k[:, None], np.log(k), axis=0) + k[0] * spectra[0])
+
+
+def synthesise_mann(parameters: MannParameters) -> np.ndarray:
+    """Fluctuations of one realisation [m/s], float32, shape (n_times, n_z, n_y, 3).
+
+    Every point has zero mean over the period. The Nyquist frequency carries nothing.
+    """
+    n_times, (n_y, n_z) = parameters.n_times, parameters.grid
+    rng = np.random.default_rng(parameters.seed)
+    wave = parameters.wave_number
+    amplitude = n_times * np.sqrt(0.5 * parameters.harmonic_variance)
+    coefficients = np.zeros((n_times // 2 + 1, n_z, n_y, 3), dtype=np.complex128)
+    for start in range(0, wave.size, _WAVES_PER_BATCH):
+        batch = slice(start, min(start + _WAVES_PER_BATCH, wave.size))
+        # What passes a point at time t has come from x = −V t: the frequency f belongs to k1 = −2πf/V.
+        noise = _plane_noise(rng, -wave[batch] * parameters.length, parameters)
+        coefficients[1 + batch.start : 1 + batch.stop] = noise * amplitude[batch, None, None, :]
+    return scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
+
+
+def _plane_noise(rng: np.random.Generator, k1: np.ndarray, parameters: MannParameters) -> np.ndarray:
+    """Complex noise of unit mean square with the cross-spectra of the model, shape (n, n_z, n_y, 3), for k₁L (n,)."""
+    n_y, n_z = parameters.grid
+    spacing_y, spacing_z = (d / parameters.length for d in parameters.spacing)
+    m_y, m_z = (_wide(n, d) for n, d in ((n_y, spacing_y), (n_z, spacing_z)))
+    k2, k3 = (2.0 * np.pi * scipy.fft.fftfreq(m, d) for m, d in ((m_y, spacing_y), (m_z, spacing_z)))
+    turn_y, turn_z = 2.0 * np.pi / spacing_y, 2.0 * np.pi / spacing_z
+    around = range(-_ALIASES, _ALIASES + 1)
+    tensor = sum(
+        spectral_tensor(k1[:, None, None], k2 + i * turn_y, k3[:, None] + j * turn_z, parameters.shear)
+        for i in around
+        for j in around
+    )
+    white = rng.standard_normal((2, k1.size, m_z, m_y, 3)) * math.sqrt(0.5)
+    waves = _correlated(tensor, white[0] + 1j * white[1])
+    field = scipy.fft.ifft2(waves, axes=(1, 2), norm="forward", overwrite_x=True)[:, :n_z, :n_y]
+    return field / np.sqrt(tensor[..., :3].sum(axis=(1, 2)))[:, None, None, :]
+
+
+def _wide(n_points: int, spacing: float) -> int:
+    """Number of points of a field that may repeat, for a grid of so many, with the spacing in L."""
+    least = max(n_points + math.ceil(4.0 / spacing), math.ceil(8.0 / spacing))
+    return scipy.fft.next_fast_len(least)
+
+
+def _correlated(tensor: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """White noise (..., 3) with the covariance of the tensor (..., 6): the Cholesky factor times it."""
+    uu, vv, ww, uv, uw, vw = np.moveaxis(tensor, -1, 0)
+    a = np.sqrt(uu)
+    b, c = uv / a, uw / a
+    d = np.sqrt(np.maximum(vv - b**2, 0.0))  # a wave has two degrees of freedom: rounding decides on the sign of zero
+    e = np.divide(vw - b * c, d, out=np.zeros_like(d), where=d > 1e-7 * np.sqrt(vv))
+    f = np.sqrt(np.maximum(ww - c**2 - e**2, 0.0))
+    u, v, w = np.moveaxis(white, -1, 0)
+    return np.stack((a * u, b * u + d * v, c * u + e * v + f * w), axis=-1)
