@@ -30,6 +30,7 @@ CLONE = Path(wt_gym.__file__).resolve().parents[1]
 _EXTRAS = {
     "minari": "data",
     "optuna": "tune",
+    "ray": "ray",
     "sb3_contrib": "train",
     "stable_baselines3": "train",
     "torch": "train",
