@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import ray
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
@@ -38,7 +40,7 @@ def connected(address: str | None = None, num_cpus: int | None = None) -> Iterat
     if ray.is_initialized():
         yield
         return
-    address = address or os.environ.get("RAY_ADDRESS")
+    address, handlers = address or os.environ.get("RAY_ADDRESS"), _signal_handlers()
     own = {"num_cpus": num_cpus, "object_store_memory": _OBJECT_STORE, "include_dashboard": False}
     ray.init(
         address=address or "local",
@@ -48,10 +50,19 @@ def connected(address: str | None = None, num_cpus: int | None = None) -> Iterat
         logging_level="warning",
         **({} if address else own),
     )
+    for number, handler in handlers.items():
+        signal.signal(number, handler)  # Ray has put its own in their place
     try:
         yield
     finally:
         ray.shutdown()
+
+
+def _signal_handlers() -> dict[int, Any]:
+    """Handlers of this process by signal; only the main thread can set them."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    return {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
 
 def processors() -> int:
