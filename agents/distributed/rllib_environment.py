@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -10,6 +10,9 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.utils import RunningMeanStd
 
 import wt_gym  # noqa: F401 - registers the environments in the process of the runner
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = ["RunnerEnv", "make_runner_env"]
 
@@ -28,26 +31,26 @@ class RunnerEnv(gym.vector.VectorWrapper):
     ----------
     env : gymnasium.vector.VectorEnv
         With the mode of autoreset that RLlib takes for granted, ``"NextStep"``.
-    seed : sequence of int
-        Tells runners, trainings and sessions apart.
+    mark : sequence of int
+        Tells trainings and sessions apart; RLlib's seed, another for each runner, comes with the first reset.
     gamma : float or None
         Discount of the returns; None: rewards as they are.
     """
 
-    def __init__(self, env: gym.vector.VectorEnv, seed: tuple[int, ...], gamma: float | None):
+    def __init__(self, env: gym.vector.VectorEnv, mark: Sequence[int], gamma: float | None):
         super().__init__(env)
         if env.metadata["autoreset_mode"] != AutoresetMode.NEXT_STEP:
             raise ValueError(f"RLlib takes the autoreset mode NextStep for granted, got {env.metadata}")
-        self._seeds: list[int] | None = np.random.SeedSequence(seed).generate_state(env.num_envs).tolist()
-        self._gamma, self.statistics = gamma, RunningMeanStd(shape=())
+        self._mark, self._gamma, self.statistics = tuple(mark), gamma, RunningMeanStd(shape=())
         self._returns, self._discounted = np.zeros(env.num_envs), np.zeros(env.num_envs)
         self._lengths, self._over = np.zeros(env.num_envs, dtype=np.int64), np.zeros(env.num_envs, dtype=np.bool_)
         self._steps, self._episodes = 0, []
 
     def reset(self, *, seed=None, options=None):
-        """Start episodes; the seeds are those of this runner, and only the first time."""
-        observations, _ = self.env.reset(seed=self._seeds, options=options)
-        self._seeds = None
+        """Start episodes; from a seed of RLlib each turbine gets one that no other has."""
+        if isinstance(seed, int):
+            seed = np.random.SeedSequence((*self._mark, seed)).generate_state(self.num_envs).tolist()
+        observations, _ = self.env.reset(seed=seed, options=options)
         for array in (self._returns, self._discounted, self._lengths, self._over):
             array[:] = 0
         return observations, {}
@@ -91,7 +94,7 @@ def make_runner_env(context: dict[str, Any]) -> gym.vector.VectorEnv | gym.Env:
     Parameters
     ----------
     context : EnvContext
-        ``env_id``, ``env_kwargs``, ``seed`` (a list), ``gamma``, and ``num_envs`` where turbines are wanted that are
+        ``env_id``, ``env_kwargs``, ``mark``, ``gamma``, and ``num_envs`` where turbines are wanted that are
         stepped together.
     """
     if "num_envs" not in context:
@@ -103,4 +106,4 @@ def make_runner_env(context: dict[str, Any]) -> gym.vector.VectorEnv | gym.Env:
         threads=1,  # the processor that the runner has reserved
         **context["env_kwargs"],
     )
-    return RunnerEnv(env, (*context["seed"], context.worker_index), context["gamma"])
+    return RunnerEnv(env, context["mark"], context["gamma"])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.algorithms.sac import SACConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
+from ray.tune.registry import register_env
 
 from wt_gym.agents.distributed.rllib_environment import make_runner_env
 
@@ -21,7 +22,7 @@ SAMPLE_TIMEOUT = 1800.0
 """Time that a runner has for its part of a batch [s]. RLlib's own 60 s are shorter than a first compilation, and it
 throws away what comes later."""
 
-_ALGORITHMS = ("PPO", "SAC")
+_ALGORITHMS, _ENV = ("PPO", "SAC"), "wt_gym"
 _UNKNOWN = {  # and what may be given all the same, because it means nothing
     "PPO": {"use_sde": (False,), "sde_sample_freq": (), "target_kl": ()},
     "SAC": {"use_sde": (False,), "sde_sample_freq": (), "log_std_init": ()},
@@ -78,16 +79,17 @@ def rllib_config(config: TrainingConfig, runners: int, session: int) -> Algorith
     if rest or not envs:
         raise ValueError(f"{config.n_envs} environments cannot be divided among {runners} runners")
     values = _DEFAULTS[config.algorithm] | config.resolved
+    register_env(_ENV, make_runner_env)  # by Ray, in every process that asks for it
     settings, fragment = (_ppo if config.algorithm == "PPO" else _sac)(values, config, runners)
     context = {
         "env_id": config.env_id,
         "env_kwargs": config.env_kwargs,
-        "seed": [config.seed, session],
+        "mark": [config.seed, session],
         "gamma": values["gamma"] if values["normalise_rewards"] else None,
     }
     return (
         settings.environment(
-            make_runner_env,
+            _ENV,
             env_config=context,
             normalize_actions=config.algorithm == "SAC",  # its squashed actions lie in -1 to 1
             clip_actions=True,  # as stable-baselines3: the environment refuses what lies outside

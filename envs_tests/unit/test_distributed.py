@@ -34,9 +34,9 @@ class Countdown(gym.Env):
         return np.full(3, 0.1, np.float32), reward, self._steps == self._length, False, {"ignored": 1}
 
 
-def counted(seed=(0, 0, 1), gamma=None, mode=AutoresetMode.NEXT_STEP) -> RunnerEnv:
+def counted(mark=(0, 0), gamma=None, mode=AutoresetMode.NEXT_STEP) -> RunnerEnv:
     env = gym.vector.SyncVectorEnv([lambda n=n: Countdown(n) for n in (2, 3)], autoreset_mode=mode)
-    return RunnerEnv(env, seed, gamma)
+    return RunnerEnv(env, mark, gamma)
 
 
 def test_episodes_are_reported_once_and_resets_are_no_steps():
@@ -70,11 +70,18 @@ def test_rewards_are_scaled_as_by_stable_baselines3():
     np.testing.assert_allclose(env.take_report()["statistics"][1], theirs.ret_rms.var, rtol=1e-6)
 
 
+def drawn(env: RunnerEnv, seed: int) -> tuple[int, ...]:
+    """Seeds that the environments of a runner get by RLlib's."""
+    env.reset(seed=seed)
+    return env.env.np_random_seed
+
+
 def test_no_two_runners_begin_with_the_same_seeds():
-    seeds = [seed for runner in range(1, 5) for seed in counted((7, 0, runner))._seeds]
-    assert len(set(seeds)) == 8
-    assert counted((7, 0, 1))._seeds == seeds[:2]
-    assert not set(counted((7, 1000, 1))._seeds) & set(seeds)  # a later session
+    first = [seed for runner in range(7, 11) for seed in drawn(counted((7, 0)), runner)]
+    assert len(set(first)) == 8
+    assert drawn(counted((7, 0)), 7) == tuple(first[:2])
+    assert not set(drawn(counted((7, 1000)), 7)) & set(first)  # a later session
+    assert not set(drawn(counted((8, 0)), 8)) & set(first)  # another training
 
 
 def test_another_mode_of_autoreset_is_refused():
@@ -83,9 +90,6 @@ def test_another_mode_of_autoreset_is_refused():
 
 
 def test_a_runner_makes_its_turbines_by_id(monkeypatch):
-    class Context(dict):
-        worker_index = 2
-
     asked = []
 
     def make_vec(*words, **more):
@@ -93,11 +97,11 @@ def test_a_runner_makes_its_turbines_by_id(monkeypatch):
         return counted().env
 
     monkeypatch.setattr(rllib_environment.gym, "make_vec", make_vec)
-    context = Context(env_id="x-v0", env_kwargs={"a": 1}, seed=[3, 0], gamma=0.9, num_envs=2)
+    context = {"env_id": "x-v0", "env_kwargs": {"a": 1}, "mark": [3, 0], "gamma": 0.9, "num_envs": 2}
     env = make_runner_env(context)
     more = {"num_envs": 2, "vectorization_mode": "vector_entry_point", "threads": 1, "a": 1}
     assert asked == [(("x-v0",), more)]
-    assert env._seeds == counted((3, 0, 2))._seeds
+    assert drawn(env, 5) == drawn(counted((3, 0)), 5)
 
 
 @pytest.mark.parametrize("algorithm", [PPO, SAC])
