@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.agents.compilation import compile_kernels
+from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.progress import ProgressLine
-from wt_gym.agents.workers import check_workers, in_processes
+from wt_gym.agents.sweep_record import sweep_recorded
 from wt_gym.benchmark import ResultFolder, play, run_definition
 from wt_gym.benchmark.run import make_env
 
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from wt_gym.agents.entries import Entry
+    from wt_gym.agents.executors import Executor
     from wt_gym.benchmark import BenchmarkTask, BenchmarkWind
 
 __all__ = ["Job", "definition_of", "jobs_of", "results_of", "run_jobs"]
@@ -50,15 +53,20 @@ def _run(job: Job, on_step=None) -> dict[str, Any]:
     return {"definition": definition_of(job), "agent": job.entry.name, **result}
 
 
-def run_jobs(jobs: Sequence[Job], folder: ResultFolder, workers: int = 1, progress: bool = True) -> int:
+def _warm(job: Job) -> None:
+    """Have the kernels of a job in the cache."""
+    compile_kernels(make_env(job.task, job.wind, job.entry.interface))
+
+
+def run_jobs(jobs: Sequence[Job], folder: ResultFolder, executor: Executor | None = None, progress: bool = True) -> int:
     """Make the runs that the folder does not hold yet.
 
     Parameters
     ----------
     jobs : sequence of Job
     folder : ResultFolder
-    workers : int
-        Processes; kernels are compiled before they start.
+    executor : Executor, optional
+        Of `wt_gym.agents.executors`, entered: does the runs, by default one after another.
     progress : bool
         Show progress on standard error.
 
@@ -69,10 +77,10 @@ def run_jobs(jobs: Sequence[Job], folder: ResultFolder, workers: int = 1, progre
 
     Raises
     ------
-    ValueError
-        If there is no worker.
+    ChildProcessError
+        If runs were lost, because the processes or machines that did them ended again and again.
     """
-    check_workers(workers)
+    executor = SerialExecutor() if executor is None else executor
     left = [job for job in jobs if not folder.has(definition_of(job))]
     line, done = ProgressLine(progress), len(jobs) - len(left)
 
@@ -83,14 +91,14 @@ def run_jobs(jobs: Sequence[Job], folder: ResultFolder, workers: int = 1, progre
         ended = "" if result["ending"] == "time" else f", ended after {result['duration']:g} s: {result['ending']}"
         line.show(f"{done} of {len(jobs)}: {job.label} in {result['wall_seconds']:g} s{ended}", final=True)
 
-    if workers == 1 or len(left) < 2:
-        for job in left:
-            finished(job, _run(job, lambda t, job=job: line.show(f"{done} of {len(jobs)}: {job.label}, {t:.0f} s")))
-        return len(left)
-    first = left[0]
-    compile_kernels(make_env(first.task, first.wind, first.entry.interface))
-    for job, result in in_processes(_run, left, workers):
-        finished(job, result)
+    def run_here(job: Job) -> dict[str, Any]:
+        return _run(job, lambda t: line.show(f"{done} of {len(jobs)}: {job.label}, {t:.0f} s"))
+
+    work = _run if executor.beside else run_here
+    warm = partial(_warm, left[0]) if left else None
+    with sweep_recorded(folder.path, executor.tally, len(jobs) - len(left), lambda job: job.label):
+        for job, result in executor.results(work, left, warm=warm):
+            finished(job, result)
     return len(left)
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import gymnasium as gym
 import numpy as np
 
-if TYPE_CHECKING:
-    import gymnasium as gym
+import wt_gym  # noqa: F401 - registers the environments
 
-__all__ = ["compile_kernels"]
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["compile_kernels", "compile_kernels_of"]
 
 
 def compile_kernels(env: gym.Env) -> None:
@@ -17,3 +20,8 @@ def compile_kernels(env: gym.Env) -> None:
     env.reset(seed=0)
     env.step(np.zeros(env.action_space.shape, dtype=np.float32))
     env.close()
+
+
+def compile_kernels_of(env_id: str, env_kwargs: Mapping[str, Any]) -> None:
+    """Make an environment and `compile_kernels` of it: what a machine does once before its processes begin."""
+    compile_kernels(gym.make(env_id, **env_kwargs))

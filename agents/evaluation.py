@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import json
 import math
+import platform
 import time
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.compilation import compile_kernels
+from wt_gym.agents.choices import fingerprint
+from wt_gym.agents.compilation import compile_kernels_of
 from wt_gym.agents.environments import Environments, check_environments, load_agent
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.progress import ProgressLine, clock
-from wt_gym.agents.workers import check_workers, in_processes
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.analysis.results import Evaluation, Run, Wind
+from wt_gym.benchmark.fingerprint import differing
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
@@ -32,6 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from wt_gym.agents.executors import Executor
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.turbines import Turbine
@@ -109,6 +114,14 @@ class EvaluationConfig:
             if name in self.env_kwargs:
                 raise ValueError(f"{name} follows from the duration of the evaluation; leave it out of env_kwargs")
 
+    def seed_in(self, wind: Wind) -> int:
+        """Seed of the environment in a wind: what the wind leaves open is drawn for each, once for all agents."""
+        return FIRST_SEED + self.seed + _SEEDS_A_WIND * self.winds.index(wind)
+
+    def replay_in(self, wind: Wind) -> float:
+        """Length of the replay of a run in a wind [s]."""
+        return self.replay if wind == self.winds[0] else 0.0
+
 
 def evaluate(
     agents: Mapping[str, str | Agent],
@@ -117,7 +130,7 @@ def evaluate(
     folder: str | Path | None = None,
     overwrite: bool = False,
     allow_other_environment: bool = False,
-    workers: int = 1,
+    executor: Executor | None = None,
     progress: bool = True,
 ) -> Evaluation:
     """Run every agent in every wind from the same start.
@@ -135,9 +148,9 @@ def evaluate(
     allow_other_environment : bool
         Take trained models into an environment with other noise, action spans or controller beneath than in their
         training, see `wt_gym.agents.trained_environment`.
-    workers : int
-        Runs beside each other, each in a process of its own; the numbers are the same. More than one needs agents by
-        word or path.
+    executor : Executor, optional
+        Of `wt_gym.agents.executors`, entered: does the runs, by default one after another. The numbers are the same.
+        One that does them in other processes needs agents by word or path.
     progress : bool
         Show progress on standard error.
 
@@ -149,12 +162,14 @@ def evaluate(
     ------
     ValueError
         If the folder holds another evaluation or is in use by another process, an agent that is to be kept there or to
-        run in another process is given as an object, a model does not fit the environment, or there is no worker.
+        run in another process is given as an object, or a model does not fit the environment.
     OSError
         If the folder cannot be written.
+    ChildProcessError
+        If runs were lost, because the processes or machines that did them ended again and again.
     """
-    check_workers(workers)
-    if workers > 1 and (objects := [name for name, agent in agents.items() if not isinstance(agent, str)]):
+    executor = SerialExecutor() if executor is None else executor
+    if executor.beside and (objects := [name for name, agent in agents.items() if not isinstance(agent, str)]):
         raise ValueError(f"agents by word or path can run in other processes; {', '.join(objects)} came as objects")
     store = None if folder is None else EvaluationFolder(folder, agents, config)
     with store or nullcontext(), closing(_Contenders(agents, config)) as contenders:
@@ -163,18 +178,19 @@ def evaluate(
         climate = _climate(layout.turbine, config)
         if not allow_other_environment:
             check_environments(contenders.agents, env)
+        code = code_fingerprint(layout.turbine, env.unwrapped.fidelity)
         if store:
-            # nothing else can be refused any more
-            store.begin(code_fingerprint(layout.turbine, env.unwrapped.fidelity), overwrite)
+            store.begin(code, overwrite)  # nothing else can be refused any more
         jobs = [(name, wind) for wind in config.winds for name in agents]
         runs = {job: run for job in jobs if (run := store.find(*job) if store else None) is not None}
         line, left = ProgressLine(progress), [job for job in jobs if job not in runs]
-        for job, run in _made(left, contenders, workers, line):
-            runs[job] = run
-            if store:
-                store.keep(run)
-            if workers > 1:
-                line.show(f"{len(runs)} of {len(jobs)}: {run.agent} at {run.wind.label}", final=True)
+        with store.session(executor.tally, len(runs)) if store else nullcontext():
+            for job, run in _made(left, contenders, code, executor, line):
+                runs[job] = run
+                if store:
+                    store.keep(run)
+                if executor.beside:
+                    line.show(f"{len(runs)} of {len(jobs)}: {run.agent} at {run.wind.label}", final=True)
         turbine = layout.turbine
         evaluation = Evaluation(
             turbine=turbine.name,
@@ -191,7 +207,7 @@ def evaluate(
             climate=climate,
         )
         if store:
-            evaluation.save_tables(store.path)
+            store.save_tables(evaluation)
     return evaluation
 
 
@@ -222,25 +238,43 @@ class _Contenders:
 
 
 def _made(
-    jobs: Sequence[tuple[str, Wind]], contenders: _Contenders, workers: int, line: ProgressLine
+    jobs: Sequence[tuple[str, Wind]],
+    contenders: _Contenders,
+    code: dict[str, str],
+    executor: Executor,
+    line: ProgressLine,
 ) -> Iterator[tuple[tuple[str, Wind], Run]]:
     """Each job with its run as soon as that is done, here or in other processes."""
-    if workers == 1 or len(jobs) < 2:
-        for job in jobs:
-            yield job, contenders.run(*job, line)
+    if not executor.beside:
+        yield from executor.results(lambda job: contenders.run(*job, line), jobs)
         return
-    compile_kernels(contenders.environments.plain)
-    yield from in_processes(_run_here, jobs, workers, _get_ready, (dict(contenders.given), contenders.config))
+    agents, config = dict(contenders.given), contenders.config
+    expected = code, {name: fingerprint(choice) for name, choice in agents.items()}
+    warm = partial(compile_kernels_of, config.env_id, config.env_kwargs)
+    yield from executor.results(_run_here, jobs, begin=_get_ready, given=(agents, config, *expected), warm=warm)
 
 
 _contenders: _Contenders | None = None
 """Of a worker process, which loads models and makes environments once for all its runs."""
 
 
-def _get_ready(agents: dict[str, str], config: EvaluationConfig) -> None:
-    """Begin as a worker process."""
+def _get_ready(
+    agents: dict[str, str], config: EvaluationConfig, code: dict[str, str], models: dict[str, dict[str, Any]]
+) -> None:
+    """Begin as a worker process.
+
+    Raises
+    ------
+    ValueError
+        If code or models are not those of the process that gives the work, as on another machine.
+    """
     global _contenders
+    if other := [name for name, choice in agents.items() if fingerprint(choice) != models[name]]:
+        raise ValueError(f"the files of {', '.join(other)} differ on {platform.node()}")
     _contenders = _Contenders(agents, config)
+    plain = _contenders.environments.plain
+    if other := differing(code, code_fingerprint(layout_of(plain).turbine, plain.unwrapped.fidelity)):
+        raise ValueError(f"wt_gym on {platform.node()} has other code: {', '.join(other)}")
 
 
 def _run_here(job: tuple[str, Wind]) -> Run:
@@ -263,19 +297,17 @@ def _climate(turbine: Turbine, config: EvaluationConfig) -> WindClimate | None:
 
 def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationConfig, line: ProgressLine) -> Run:
     """One agent in one wind."""
-    # what the wind leaves open (directions, transients, own inflows) is drawn for every wind, once for all agents
-    allowed, number = env.unwrapped.wind.options, config.winds.index(wind)
+    allowed = env.unwrapped.wind.options
     options: dict[str, Any] = {"azimuth": 0.0}
     if "wind_speed" in allowed:
         options["wind_speed"] = wind.speed
     if wind.seed is not None and "wind_seed" in allowed:
         options["wind_seed"] = wind.seed
-    seed = FIRST_SEED + config.seed + _SEEDS_A_WIND * number
-    observation, info = env.reset(seed=seed, options=options)
+    observation, info = env.reset(seed=config.seed_in(wind), options=options)
     turbine_env, started = env.unwrapped, time.monotonic()
     recorder = Recorder(turbine_env.simulator, agent=name, wind_speed=wind.speed, wind_seed=info["wind_seed"])
     recorder.append(turbine_env.signals)
-    kept = config.replay if wind == config.winds[0] else 0.0
+    kept = config.replay_in(wind)
     shapes = ReplayRecorder(round(kept / turbine_env.control_dt))
     total, terms = 0.0, {}
     for step in episode_steps(env, agent, observation):

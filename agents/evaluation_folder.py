@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any
 import wt_gym
 from wt_gym.agents.choices import fingerprint
 from wt_gym.agents.folder_lock import FolderLock
-from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Run, Wind, run_file
+from wt_gym.agents.sweep_record import SWEEP_FILE, sweep_recorded
+from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing, sources_digest
+from wt_gym.benchmark.tasks import digest
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from contextlib import AbstractContextManager
 
     from wt_gym.agents.evaluation import EvaluationConfig
+    from wt_gym.agents.workers import Tally
     from wt_gym.envs.episode import Agent
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
@@ -80,7 +84,7 @@ class EvaluationFolder(FolderLock):
                 "objects: leave the folder out and save the result"
             )
         super().__init__(path, "evaluation")
-        self._numbers = {pair: k for k, pair in enumerate((a, w) for w in config.winds for a in agents)}
+        self._config = config
         configuration = {
             "agents": {name: fingerprint(choice) for name, choice in agents.items()},
             **{name: value for name, value in asdict(config).items() if name not in _ONLY_WEIGH},
@@ -126,8 +130,28 @@ class EvaluationFolder(FolderLock):
         """Write a run."""
         run.save(self._file(run.agent, run.wind))
 
+    def save_tables(self, evaluation: Evaluation) -> None:
+        """Write the tables beside the runs."""
+        evaluation.save_tables(self.path, [self._name(run.agent, run.wind) for run in evaluation.runs])
+
+    def session(self, tally: Tally, found: int) -> AbstractContextManager[None]:
+        """Note in the folder what becomes of the runs that are made in this context."""
+        return sweep_recorded(self.path, tally, found, lambda job: f"{job[0]} at {job[1].label}")
+
     def _file(self, agent: str, wind: Wind) -> Path:
-        return self.path / RUNS_FOLDER / run_file(self._numbers[agent, wind], agent)
+        return self.path / RUNS_FOLDER / self._name(agent, wind)
+
+    def _name(self, agent: str, wind: Wind) -> str:
+        """Name of the file of a run, by all that decides on what is in it."""
+        whole = {name: value for name, value in self._configuration.items() if name not in ("agents", "winds")}
+        definition = whole | {
+            "name": agent,
+            "agent": self._configuration["agents"][agent],
+            "wind": asdict(wind),
+            "seed": self._config.seed_in(wind),
+            "replay": self._config.replay_in(wind),
+        }
+        return run_file(digest(definition), agent)
 
     @property
     def _used(self) -> bool:
@@ -151,7 +175,7 @@ class EvaluationFolder(FolderLock):
 
     def _clear(self) -> None:
         """Remove what an evaluation left here, and nothing else."""
-        for name in (CONFIGURATION_FILE, TABLE_FILE, METRICS_FILE, REPORT_FILE):
+        for name in (CONFIGURATION_FILE, TABLE_FILE, METRICS_FILE, REPORT_FILE, SWEEP_FILE):
             (self.path / name).unlink(missing_ok=True)
         for pattern in ("*.nc", "*_replay.npz"):
             for file in (self.path / RUNS_FOLDER).glob(pattern):

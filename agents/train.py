@@ -1,4 +1,4 @@
-"""Training with stable-baselines3 and sb3-contrib: PPO, SAC and TQC, to be stopped, resumed and repeated."""
+"""Training with stable-baselines3, sb3-contrib or RLlib: PPO, SAC and TQC, to be stopped, resumed and repeated."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import torch
-from stable_baselines3.common.callbacks import CallbackList
-from stable_baselines3.common.logger import configure
+from stable_baselines3.common.logger import Logger, configure
 
 import wt_gym
 from wt_gym.agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALISATION_FILE, RECORD_FILE, TrainedAgent
 from wt_gym.agents.trained_environment import resolved_arguments
-from wt_gym.agents.training.callbacks import Checkpoints, EpisodeFigures, Evaluations, Watch, stop_on_signals
+from wt_gym.agents.training.callbacks import Checkpoints, Evaluations, Watch, stop_on_signals
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.environments import make_training_env
 from wt_gym.agents.training.held_back import FIGURES, HeldBackEvaluation
-from wt_gym.agents.training.models import load_model, make_model, save_model, save_replay_buffer
+from wt_gym.agents.training.learners import LocalLearner
+from wt_gym.agents.training.models import load_model, make_model, save_model
 from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.envs.layout import layout_of
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecNormalize
 
     from wt_gym.agents.training.callbacks import StopRequest
-
+    from wt_gym.agents.training.learners import Learner
 
 __all__ = ["TrainingConfig", "resume", "train"]
 
@@ -47,6 +47,7 @@ def train(
     overwrite: bool = False,
     on_evaluation: Callable[[int, dict], bool] | None = None,
     stop: StopRequest | None = None,
+    learner: Learner | None = None,
 ) -> dict[str, Any]:
     """Train a policy.
 
@@ -66,6 +67,8 @@ def train(
         Called with steps and figures after every evaluation; training stops where it gives False.
     stop : StopRequest, optional
         Looked at after every step; default: one that SIGINT and SIGTERM set.
+    learner : Learner, optional
+        Of `wt_gym.agents.training.learners`; default: stable-baselines3 in this process.
 
     Returns
     -------
@@ -80,12 +83,13 @@ def train(
         If the folder holds a training already or another process trains in it, or environment and hyperparameters
         cannot be had.
     """
-    config = config.with_hyperparameters()
+    config, learner = config.with_hyperparameters(), learner or LocalLearner()
+    learner.check(config)
     with RunFolder(folder) as run:
         run.refuse_used(overwrite)
-        with closing(make_training_env(config)) as venv:
+        with closing(_environments(config, learner)) as venv:
             model = make_model(config, venv)
-            session = _Session(config, run, venv, model, {}, on_evaluation)
+            session = _Session(config, run, venv, model, {}, on_evaluation, learner)
             run.clear()  # nothing can be refused any more
             return session.learn(progress, stop)
 
@@ -97,6 +101,7 @@ def resume(
     max_seconds: float | None = None,
     progress: bool = True,
     stop: StopRequest | None = None,
+    learner: Learner | None = None,
 ) -> dict[str, Any]:
     """Go on with a training that was stopped, or is to have more steps.
 
@@ -110,8 +115,8 @@ def resume(
         Altogether; default: as before.
     max_seconds : float, optional
         From now on; default: as before.
-    progress, stop
-        As of `train`.
+    progress, stop, learner
+        As of `train`; the learner is of the engine that the training began with.
 
     Returns
     -------
@@ -123,14 +128,18 @@ def resume(
     FileNotFoundError
         If the folder holds no training.
     ValueError
-        If the training is finished and has done its steps, or a file is damaged.
+        If the training is finished and has done its steps, began with another engine, or a file is damaged.
     """
+    learner = learner or LocalLearner()
     RunFolder(folder).record()  # before the lock makes a folder
     with RunFolder(folder) as run:
         record = run.record()
         config = TrainingConfig.from_json(record.get("config"))
         changes = {"total_steps": total_steps, "max_seconds": max_seconds}
         config = replace(config, **{name: value for name, value in changes.items() if value is not None})
+        if (engine := record.get("engine", LocalLearner.engine)) != learner.engine:
+            raise ValueError(f"the training in {run.path} began with the engine {engine}: go on with --engine {engine}")
+        learner.check(config)
         arguments = resolved_arguments(config.env_id, config.env_kwargs)
         before = record.get("environment", arguments)
         if differing := [name for name in {**before, **arguments} if before.get(name) != arguments.get(name)]:
@@ -138,14 +147,19 @@ def resume(
                 f"{config.env_id} has other arguments now than when the training in {run.path} began: "
                 f"{', '.join(differing)}; start anew, or give those of then by --env-kwargs"
             )
-        with closing(make_training_env(config)) as venv:
-            model = load_model(config, venv, run)
+        with closing(_environments(config, learner)) as venv:
+            model = load_model(config, venv, run, buffered=learner.samples_here)
             # one that was stopped at its last step still lacks its last evaluation: that is made up for
             if model.num_timesteps >= config.total_steps and record.get("status") == "finished":
                 raise ValueError(
                     f"the training in {run.path} has done its {config.total_steps} steps: give it more to go on"
                 )
-            return _Session(config, run, venv, model, record, None).learn(progress, stop)
+            return _Session(config, run, venv, model, record, None, learner).learn(progress, stop)
+
+
+def _environments(config: TrainingConfig, learner: Learner) -> VecNormalize:
+    """Environments to train on; where others are stepped, one that says what they are like."""
+    return make_training_env(config if learner.samples_here else replace(config, n_envs=1))
 
 
 class _Session:
@@ -159,7 +173,9 @@ class _Session:
         model: BaseAlgorithm,
         before: dict[str, Any],
         on_evaluation: Callable[[int, dict], bool] | None,
+        learner: Learner,
     ):
+        self._learner = learner
         self._config, self._run, self._venv, self._model = config, run, venv, model
         # The networks are small: more threads only take time from the simulations.
         torch.set_num_threads(1)
@@ -187,14 +203,12 @@ class _Session:
         config, model = self._config, self._model
         with stop_on_signals() if stop is None else nullcontext(stop) as self._stop, self._logger():
             self._watch = Watch(config, self._layout.control_dt, self._curve, self._stop, progress)
-            callbacks = [self._watch, EpisodeFigures()]
+            callbacks = [self._watch, *self._learner.figures]
             if self._evaluations is not None:
                 callbacks.append(self._evaluations)
             callbacks.append(Checkpoints(config.checkpoint_steps, config.checkpoint_minutes, self._checkpoint))
             self._run.write_record(self._record("running"))
-            model.learn(
-                config.total_steps - self._first_step, callback=CallbackList(callbacks), reset_num_timesteps=False
-            )
+            self._learner.learn(config, model, self._run, callbacks)
             self._watch.finish()
             status = self._watch.ended
             if status == "finished" and model.num_timesteps < config.total_steps:
@@ -210,6 +224,7 @@ class _Session:
     def _logger(self) -> Iterator[None]:
         """Write to TensorBoard, if it is wanted and there."""
         if self._config.tensorboard is False or importlib.util.find_spec("tensorboard") is None:
+            self._model.set_logger(Logger(None, []))
             yield
             return
         logger = configure(str(self._run.tensorboard), ["tensorboard"])
@@ -221,8 +236,8 @@ class _Session:
 
     def _save(self, record: dict[str, Any]) -> None:
         """Write all that is needed to go on."""
+        self._learner.save(self._model, self._run)
         save_model(self._model, self._run.model, self._run.normalisation)
-        save_replay_buffer(self._model, self._run.buffer)
         self._run.write_record(record)
 
     def _checkpoint(self) -> None:
@@ -243,6 +258,7 @@ class _Session:
         session = {"from_step": self._first_step, "to_step": steps, "seconds": seconds, "status": status}
         return {
             "algorithm": config.algorithm,
+            "engine": self._learner.engine,
             "status": status,
             "stopped_by": self._stop.name if status == "interrupted" else None,
             "steps": steps,
@@ -253,7 +269,7 @@ class _Session:
             "normalised": config.resolved["normalise_observations"],
             "wind_seeds": None if self._wind.seeds is None else list(self._wind.seeds),
             "wt_gym": wt_gym.__version__,
-            "versions": {name: version(name) for name in ("stable-baselines3", "sb3-contrib", "torch", "gymnasium")},
+            "versions": {name: version(name) for name in self._learner.packages},
             "config": config.to_json(),
             "environment": resolved_arguments(config.env_id, config.env_kwargs),
             "curve": self._curve,

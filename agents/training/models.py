@@ -70,7 +70,7 @@ def save_replay_buffer(model: BaseAlgorithm, path: Path) -> None:
         write_whole(path, model.save_replay_buffer)
 
 
-def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder) -> BaseAlgorithm:
+def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, buffered: bool = True) -> BaseAlgorithm:
     """Model as a training left it, with statistics, optimiser and replay buffer, to go on with.
 
     The environments are seeded by training seed and steps, so that they do not repeat their first episodes.
@@ -81,6 +81,8 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder) ->
     venv : VecNormalize
         Gets the statistics of the folder.
     folder : RunFolder
+    buffered : bool
+        Whether the replay buffer belongs to the model.
 
     Raises
     ------
@@ -99,7 +101,7 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder) ->
         model.set_env(venv)
     except (AssertionError, ValueError) as error:
         raise ValueError(f"the model in {folder.path} does not fit the environment: {error}") from error
-    if isinstance(model, OffPolicyAlgorithm):
+    if buffered and isinstance(model, OffPolicyAlgorithm):
         model.replay_buffer = _read_replay_buffer(folder.buffer, venv.num_envs)
     model.set_random_seed(int(np.random.SeedSequence((config.seed, model.num_timesteps)).generate_state(1)[0] >> 1))
     return model

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.agents.folder_lock import FolderLock
@@ -31,6 +32,7 @@ _FILES = (
     MODEL_FILE, NORMALISATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALISATION_FILE, _BUFFER_FILE, SEEDS_FILE,
 )  # fmt: skip
 _CHECKPOINT_FILES = ("*_steps.zip", "*_steps.pkl")
+_RLLIB = "rllib-"  # and the steps
 
 
 def seed_folder(folder: Path, seed: int) -> Path:
@@ -104,6 +106,15 @@ class RunFolder(FolderLock):
         """Folder of the models on the way."""
         return self.path / _CHECKPOINTS
 
+    def rllib(self, steps: int) -> Path:
+        """Folder of RLlib's checkpoint after so many steps."""
+        return self.path / f"{_RLLIB}{steps}"
+
+    def former_checkpoints(self, steps: int) -> list[Path]:
+        """Folders of RLlib's checkpoints but that after so many steps, by their age, the oldest first."""
+        others = [folder for folder in self.path.glob(f"{_RLLIB}*") if folder != self.rllib(steps)]
+        return sorted(others, key=lambda folder: int(folder.name.removeprefix(_RLLIB)))
+
     @property
     def tensorboard(self) -> Path:
         """Folder of the figures for TensorBoard."""
@@ -148,6 +159,8 @@ class RunFolder(FolderLock):
         """Remove what a training left here, and nothing else; folders of single seeds stay."""
         for file in list(self._left()):
             file.unlink()
+        for folder in self.path.glob(f"{_RLLIB}*"):
+            shutil.rmtree(folder)
         for folder in (self.checkpoints, self.tensorboard):
             if folder.is_dir() and not any(folder.iterdir()):
                 folder.rmdir()

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from wt_gym.agents.training.callbacks import StopRequest
     from wt_gym.agents.training.config import TrainingConfig
 
-__all__ = ["BEST_FILE", "SPACES", "Choice", "Range", "search"]
+__all__ = ["BEST_FILE", "SPACES", "Choice", "Range", "check_search", "search", "tried", "write_best"]
 
 BEST_FILE = "best.yml"
 _STORAGE = "search.db"
@@ -98,6 +98,38 @@ class _Interrupted(Exception):
     """Somebody asked to stop in the middle of a trial."""
 
 
+def check_search(config: TrainingConfig, trials: int) -> None:
+    """Refuse a search that has nothing to try or nothing to compare.
+
+    Raises
+    ------
+    ValueError
+    """
+    if not 1 <= trials <= 100_000:
+        raise ValueError(f"the number of trials must lie between 1 and 100000, got {trials}")
+    if not config.eval_every:
+        raise ValueError("a search compares evaluations: eval_every must not be 0")
+
+
+def tried(config: TrainingConfig, hyperparameters: dict[str, Any]) -> TrainingConfig:
+    """Configuration of a trial."""
+    return replace(config, hyperparameters=config.resolved | hyperparameters)
+
+
+def write_best(
+    config: TrainingConfig, folder: Path, hyperparameters: dict[str, Any], value: float, ended: int
+) -> dict[str, Any]:
+    """Write the hyperparameters of the best trial as training takes them, and give them."""
+    whole = config.resolved | hyperparameters
+    values = {name: list(entry) if isinstance(entry, tuple) else entry for name, entry in whole.items()}
+    text = (
+        f"# {config.algorithm}: best of {ended} trials of {config.total_steps} steps, return against the baseline's "
+        f"{value:+.2f}\n" + yaml.safe_dump({config.env_id: values}, sort_keys=False, default_flow_style=None)
+    )
+    write_text_whole(folder / BEST_FILE, text)
+    return values
+
+
 def search(
     config: TrainingConfig, folder: str | Path, trials: int, progress: Callable[[str], None] | None = None
 ) -> dict[str, Any]:
@@ -130,10 +162,7 @@ def search(
     """
     import optuna  # in the extra "tune"
 
-    if not 1 <= trials <= 100_000:
-        raise ValueError(f"the number of trials must lie between 1 and 100000, got {trials}")
-    if not config.eval_every:
-        raise ValueError("a search compares evaluations: eval_every must not be 0")
+    check_search(config, trials)
     space = SPACES[config.algorithm]
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     with RunFolder(folder) as run, stop_on_signals() as stop:
@@ -192,9 +221,9 @@ def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: 
         trial.report(figures["episode_return"], steps)
         return not trial.should_prune()
 
-    tried = replace(config, hyperparameters=config.resolved | _hyperparameters(trial, config.algorithm))
+    its_config = tried(config, _hyperparameters(trial, config.algorithm))
     record = train(
-        tried, folder / f"trial-{trial.number}", on_evaluation=keep, overwrite=True, progress=False, stop=stop
+        its_config, folder / f"trial-{trial.number}", on_evaluation=keep, overwrite=True, progress=False, stop=stop
     )
     if record["status"] == "interrupted":
         raise _Interrupted
@@ -218,11 +247,4 @@ def _write_best(study: optuna.Study, config: TrainingConfig, folder: Path) -> di
     if not any(trial.state.name == "COMPLETE" for trial in study.trials):
         return None
     found = _hyperparameters(study.best_trial, config.algorithm)
-    values = {name: list(v) if isinstance(v, tuple) else v for name, v in (config.resolved | found).items()}
-    text = (
-        f"# {config.algorithm}: best of {_ended(study)} trials of {config.total_steps} steps, trial "
-        f"{study.best_trial.number}, return against the baseline's {study.best_value:+.2f}\n"
-        + yaml.safe_dump({config.env_id: values}, sort_keys=False, default_flow_style=None)
-    )
-    write_text_whole(folder / BEST_FILE, text)
-    return values
+    return write_best(config, folder, found, study.best_value, _ended(study))

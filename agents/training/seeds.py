@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from wt_gym.agents.training.callbacks import StopRequest
+    from wt_gym.agents.training.learners import Learner
 
 __all__ = ["resume_seeds", "seeds_table", "train_seeds"]
 
@@ -27,7 +28,13 @@ _RECENT = 10  # episodes
 
 
 def train_seeds(
-    config: TrainingConfig, folder: str | Path, seeds: Iterable[int], *, overwrite: bool = False, progress: bool = True
+    config: TrainingConfig,
+    folder: str | Path,
+    seeds: Iterable[int],
+    *,
+    overwrite: bool = False,
+    progress: bool = True,
+    learner: Learner | None = None,
 ) -> dict[str, Any]:
     """Train with every seed, each in a folder ``seed-<n>`` of its own.
 
@@ -38,7 +45,7 @@ def train_seeds(
     folder : str or path
         Gets the folders and ``seeds.json``: seeds, configuration and, in the end, the summary.
     seeds : iterable of int
-    overwrite, progress
+    overwrite, progress, learner
         As `wt_gym.agents.train.train`.
 
     Returns
@@ -63,19 +70,25 @@ def train_seeds(
         plan = {"seeds": seeds, "config": config.with_hyperparameters().to_json()}
         _write(folder, plan)
         records = (
-            train(c, seed_folder(folder, c.seed), overwrite=overwrite, progress=progress, stop=stop) for c in configs
+            train(c, seed_folder(folder, c.seed), overwrite=overwrite, progress=progress, stop=stop, learner=learner)
+            for c in configs
         )
         return _collect(folder, plan, seeds, records, stop)
 
 
 def resume_seeds(
-    folder: str | Path, *, total_steps: int | None = None, max_seconds: float | None = None, progress: bool = True
+    folder: str | Path,
+    *,
+    total_steps: int | None = None,
+    max_seconds: float | None = None,
+    progress: bool = True,
+    learner: Learner | None = None,
 ) -> dict[str, Any]:
     """Go on where `train_seeds` was stopped: with the seed it was at, then with those that have not begun.
 
     Parameters
     ----------
-    folder, total_steps, max_seconds, progress
+    folder, total_steps, max_seconds, progress, learner
         As `wt_gym.agents.train.resume`; new limits hold for every seed, from now on.
 
     Raises
@@ -96,11 +109,12 @@ def resume_seeds(
         run = RunFolder(seed_folder(folder, seed))
         record = run.record() if run.model.exists() else None  # none: stopped by force before anything was saved
         if record is None or not _same_training(record.get("config"), plan["config"]):
-            return train(replace(config, seed=seed), run.path, overwrite=True, progress=progress, stop=stop)
+            anew = replace(config, seed=seed)
+            return train(anew, run.path, overwrite=True, progress=progress, stop=stop, learner=learner)
         if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
             return record
         limits = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
-        return resume(run.path, **limits, progress=progress, stop=stop)
+        return resume(run.path, **limits, progress=progress, stop=stop, learner=learner)
 
     with RunFolder(folder), stop_on_signals() as stop:
         _write(folder, plan)  # the next one to resume goes on with these limits, however this ends

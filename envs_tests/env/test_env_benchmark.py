@@ -12,6 +12,7 @@ from stable_baselines3 import PPO
 
 from wt_gym.agents.benchmark_runs import definition_of, jobs_of, results_of, run_jobs
 from wt_gym.agents.entries import entry_of
+from wt_gym.agents.executors import ProcessExecutor
 from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
 from wt_gym.benchmark.run import make_env
 from wt_gym.benchmark.scoring import wind_score
@@ -200,14 +201,9 @@ def test_models_of_another_control_step_are_refused(model):
 def test_two_processes_make_the_runs_of_one(tmp_path):
     task, folder = short(), ResultFolder(tmp_path)
     jobs = jobs_of([task], [entry_of("discon")])[:2]
-    assert run_jobs(jobs, folder, workers=2, progress=False) == 2
+    assert run_jobs(jobs, folder, ProcessExecutor(2), progress=False) == 2
     for k, job in enumerate(jobs):
         assert same_numbers(folder.read(definition_of(job)), played("discon", k))
-
-
-def test_no_worker_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="at least 1 job"):
-        run_jobs([], ResultFolder(tmp_path), workers=0)
 
 
 def test_the_example_of_the_page_runs(capsys):

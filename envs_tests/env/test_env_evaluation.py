@@ -1,6 +1,7 @@
 """Evaluations kept in a folder: stopped and gone on with, refused, overwritten; controllers as agents."""
 
 import json
+import re
 from dataclasses import replace
 
 import gymnasium as gym
@@ -11,6 +12,8 @@ from wt_gym.agents import evaluation as module
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.agents.executors import ProcessExecutor
+from wt_gym.agents.sweep_record import SWEEP_FILE
 from wt_gym.agents.trained_environment import check_environment, resolved_arguments
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.analysis.results import Evaluation, Wind
@@ -67,7 +70,9 @@ def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, count_runs):
 
 
 def test_two_processes_make_the_runs_of_one(tmp_path):
-    two = evaluate(AGENTS, CONFIG, folder=tmp_path, workers=2, progress=False)
+    with ProcessExecutor(2) as executor:
+        two = evaluate(AGENTS, CONFIG, folder=tmp_path, executor=executor, progress=False)
+    assert json.loads((tmp_path / SWEEP_FILE).read_text()) == [{"found": 0, "made": 4, "retried": 0, "lost": []}]
     one = evaluate(AGENTS, CONFIG, progress=False)
     assert two.to_json() == one.to_json()
     for theirs, mine in zip(two.runs, one.runs, strict=True):
@@ -77,9 +82,7 @@ def test_two_processes_make_the_runs_of_one(tmp_path):
 
 def test_objects_stay_in_their_process(tmp_path):
     with pytest.raises(ValueError, match="Mine came as objects"):
-        evaluate({"Baseline": "baseline", "Mine": object()}, CONFIG, workers=2)
-    with pytest.raises(ValueError, match="at least 1 job"):
-        evaluate(AGENTS, CONFIG, workers=0)
+        evaluate({"Baseline": "baseline", "Mine": object()}, CONFIG, executor=ProcessExecutor(2))
 
 
 def test_another_evaluation_in_the_folder_is_refused_unless_overwritten(tmp_path, count_runs):
@@ -102,7 +105,8 @@ def test_another_evaluation_in_the_folder_is_refused_unless_overwritten(tmp_path
 
     evaluate({"Constant": "constant"}, first, folder=tmp_path, overwrite=True, progress=False)
     assert done == [("Constant", 9.0)]
-    assert [file.name for file in sorted((tmp_path / "runs").glob("*.nc"))] == ["000_constant.nc"]
+    (file,) = (tmp_path / "runs").glob("*.nc")
+    assert re.fullmatch(r"constant_[0-9a-f]{16}\.nc", file.name)
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 

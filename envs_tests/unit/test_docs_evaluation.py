@@ -10,6 +10,7 @@ import pytest
 from wt_gym.agents.choices import controller_of, is_controller_name
 from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
 from wt_gym.agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
+from wt_gym.agents.sweep_record import SWEEP_FILE
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
 from wt_gym.commands import evaluate as command
@@ -46,7 +47,8 @@ def test_commands_are_found():
 def test_what_the_page_says_is_so():
     for name in (CONFIGURATION_FILE, REPORT_FILE, METRICS_FILE, TABLE_FILE):
         assert f"| `{name}` |" in TEXT
-    assert f"| `{RUNS_FOLDER}/{run_file(0, '<agent>').replace('000', 'NNN').replace('_agent_', '<agent>')}` |" in TEXT
+    assert f"| `{RUNS_FOLDER}/{run_file('HASH', '<agent>').replace('_agent_', '<agent>')}` |" in TEXT
+    assert f"| `{SWEEP_FILE}` |" in TEXT
     assert f"{N_RESAMPLES:,} bootstrap".replace(",", " ") in TEXT
     assert (LEAST_PER_STRATUM, len(DEFAULT_WIND_SEEDS)) == (3, 6)
     assert EvaluationConfig().skip == 30.0

@@ -1,6 +1,7 @@
 """Jobs in several processes."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -8,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.agents.workers import check_workers, in_processes
+from wt_gym.agents.executors import ProcessExecutor, executor_for
+from wt_gym.agents.workers import ATTEMPTS, Tally, check_workers, in_processes
 
 PROGRAM = """
 import time
@@ -30,6 +32,31 @@ def test_a_job_that_fails_ends_all():
         list(in_processes(time.sleep, (-1, 0), 1))
 
 
+def _end_once(mark: str) -> int:
+    """Kill this process, unless that has been done as often as the name of the file says."""
+    path = Path(mark)
+    times = len(path.read_text()) if path.exists() else 0
+    if times < int(path.name):
+        path.write_text("x" * (times + 1))
+        os.kill(os.getpid(), signal.SIGKILL)
+    return times
+
+
+def test_jobs_of_killed_processes_are_begun_again_and_counted(tmp_path):
+    marks, executor = [str(tmp_path / str(times)) for times in range(3)], ProcessExecutor(2)
+    assert dict(executor.results(_end_once, marks)) == {mark: times for times, mark in enumerate(marks)}
+    assert executor.tally == Tally(done=3, retried=1 + 2, lost=[])
+
+
+def test_a_job_whose_process_always_ends_is_lost_and_the_others_are_not(tmp_path):
+    marks, executor = [str(tmp_path / str(times)) for times in (ATTEMPTS, 0, 1)], ProcessExecutor(1)
+    done = []
+    with pytest.raises(ChildProcessError, match=r"1 of 3 jobs were lost: 3 times the process"):
+        done.extend(job for job, _ in executor.results(_end_once, marks))
+    assert done == marks[1:]
+    assert executor.tally == Tally(done=2, retried=ATTEMPTS - 1 + 1, lost=marks[:1])
+
+
 def test_workers_end_with_a_process_that_is_killed(tmp_path):
     """They hold its output open: that ends when the last of them has."""
     program = tmp_path / "program.py"
@@ -42,6 +69,19 @@ def test_workers_end_with_a_process_that_is_killed(tmp_path):
     assert rest == b""
 
 
-def test_no_worker_is_refused():
+@pytest.mark.parametrize("refuse", [check_workers, lambda workers: executor_for(workers=workers), ProcessExecutor])
+def test_no_worker_is_refused(refuse):
     with pytest.raises(ValueError, match="at least 1 job must run at a time, got 0"):
-        check_workers(0)
+        refuse(0)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"engine": "dask"}, "the engine must be one of local, ray, got 'dask'"),
+        ({"address": "auto"}, "an address is that of a Ray cluster: ask for the engine ray, got 'auto' without"),
+    ],
+)
+def test_executors_that_are_none_are_refused(asked, message):
+    with pytest.raises(ValueError, match=message):
+        executor_for(**asked)

@@ -118,10 +118,10 @@ def _replay_file(path: Path) -> Path:
     return path.with_name(f"{path.stem}_replay.npz")
 
 
-def run_file(number: int, agent: str) -> str:
-    """Name of the file of a run: its number in the order of running, and the agent."""
+def run_file(mark: str, agent: str) -> str:
+    """Name of the file of a run: the agent, and a mark that tells the run from all others of the folder."""
     safe = "".join(c if c.isalnum() or c == "-" else "_" for c in agent).lower()
-    return f"{number:03d}_{safe}.nc"
+    return f"{safe}_{mark}.nc"
 
 
 @dataclass(frozen=True)
@@ -226,15 +226,16 @@ class Evaluation:
         """
         folder = Path(folder)
         (folder / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
-        for number, run in enumerate(self.runs):
-            run.save(folder / RUNS_FOLDER / run_file(number, run.agent))
-        return self.save_tables(folder)
+        files = [run_file(f"{number:03d}", run.agent) for number, run in enumerate(self.runs)]
+        for file, run in zip(files, self.runs, strict=True):
+            run.save(folder / RUNS_FOLDER / file)
+        return self.save_tables(folder, files)
 
-    def save_tables(self, folder: Path) -> Path:
-        """Write ``evaluation.json`` and ``metrics.csv``, a row a run, beside runs that are written already."""
+    def save_tables(self, folder: Path, files: list[str]) -> Path:
+        """Write ``evaluation.json`` and ``metrics.csv``, a row a run, beside runs that are in these files already."""
         table = self.to_json()
-        for number, row in enumerate(table["runs"]):
-            row["file"] = f"{RUNS_FOLDER}/{run_file(number, row['agent'])}"
+        for file, row in zip(files, table["runs"], strict=True):
+            row["file"] = f"{RUNS_FOLDER}/{file}"
         with whole_file(folder / METRICS_FILE) as partial, partial.open("w", newline="", encoding="utf-8") as file:
             rows = csv.writer(file)
             rows.writerow(["agent", "wind_speed", "wind_seed", "ending", "duration", *METRICS])

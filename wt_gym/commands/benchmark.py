@@ -16,6 +16,7 @@ import argparse
 import json
 from pathlib import Path
 
+from wt_gym.commands.engine_options import add_engine_options, executor_of
 from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, as_called, stoppable, user_errors
 
 KEPT = "runs/benchmark"
@@ -46,7 +47,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
             "--task", nargs="+", default=[tasks], metavar="NAME", help="tasks, or the beginning of their names, or all"
         )
         command.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
-        command.add_argument("--jobs", type=int, default=1, metavar="N", help="runs at a time (default: %(default)s)")
+        add_engine_options(command, "runs")
     pages = CLONE / "docs" / "data"
     front.add_argument("--data", type=Path, default=pages if pages.is_dir() else Path("runs/front"), metavar="DIR",
         help="folder of table and figure (default: docs/data of a clone, else runs/front)")  # fmt: skip
@@ -84,7 +85,8 @@ def run(arguments: argparse.Namespace) -> dict:
     from wt_gym.benchmark import ResultFolder
 
     jobs = jobs_of(chosen(arguments.task), entries_of(arguments.agents))
-    made = run_jobs(jobs, ResultFolder(arguments.out), arguments.jobs)
+    with executor_of(arguments) as executor:
+        made = run_jobs(jobs, ResultFolder(arguments.out), executor)
     print(f"{made} runs made, {len(jobs) - made} were there")
     print(f"scores: {as_called('wt-gym benchmark')} table {arguments.out}")
     return {"runs": len(jobs), "made": made, "folder": str(arguments.out)}
@@ -126,7 +128,8 @@ def reference(arguments: argparse.Namespace) -> dict:
         return confirmed(arguments, folder)
     for task in chosen(arguments.task):
         entries = entries_of([BASELINE, *task.candidates])
-        run_jobs(jobs_of([task], entries), folder, arguments.jobs)
+        with executor_of(arguments) as executor:
+            run_jobs(jobs_of([task], entries), folder, executor)
         base, *others = (results_of(task, entry, folder) for entry in entries)
         made = make_reference(task, base, dict(zip((entry.name for entry in entries[1:]), others, strict=True)))
         path = write_reference(task, made)
@@ -148,7 +151,8 @@ def confirmed(arguments: argparse.Namespace, folder) -> dict:
             continue
         known = reference_of(task)
         entries = entries_of([BASELINE, known.best_agent])
-        run_jobs(jobs_of([task], entries), folder, arguments.jobs)
+        with executor_of(arguments) as executor:
+            run_jobs(jobs_of([task], entries), folder, executor)
         base, best = (results_of(task, entry, folder) for entry in entries)
         fingerprint = next(iter(base.values()))["definition"]["fingerprint"]
         path = write_reference(task, confirm_reference(task, known, base, best, fingerprint))
@@ -169,7 +173,8 @@ def front(arguments: argparse.Namespace) -> list:
     if taken := {entry.name for entry in entries} & {entry.name for entry in others}:
         raise ValueError(f"{', '.join(sorted(taken))} belongs to the front itself: give the agent another name")
     for task in chosen(arguments.task):
-        run_jobs(jobs_of([task], [*entries, *others]), folder, arguments.jobs)
+        with executor_of(arguments) as executor:
+            run_jobs(jobs_of([task], [*entries, *others]), folder, executor)
         results = {entry.name: results_of(task, entry, folder) for entry in [*entries, *others]}
         rows += front_rows(task, results)
         distances += [front_distance(task, results, entry.name) for entry in others]

@@ -2,6 +2,7 @@
 
     wt-gym evaluate baseline runs/ppo
     wt-gym evaluate baseline first=runs/a second=runs/b ipc --wind-speed 12 15 18 --duration 600
+    wt-gym evaluate baseline runs/ppo --engine ray --address ray-head:6379
     wt-gym evaluate discon ipc constrained_ipc:level=0.15 sparing=ipc+tower_dampers:ipc__limit=0.05
 
 An agent is one of these words or paths, with NAME= in front if you like:
@@ -23,6 +24,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wt_gym.commands.engine_options import add_engine_options, executor_of
 from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, stoppable, user_errors
 
 if TYPE_CHECKING:
@@ -51,9 +53,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
         "controllers beneath than those of their training",
     )  # fmt: skip
-    parser.add_argument(
-        "--jobs", type=int, default=1, help="runs beside each other, in processes (default: %(default)s)"
-    )
+    add_engine_options(parser, "runs")
     climate = parser.add_argument_group("wind climate, for loads over a life")
     one = climate.add_mutually_exclusive_group()
     one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
@@ -102,7 +102,8 @@ def main(words: list[str] | None = None) -> None:
 
     out = Path(arguments.out)
     without = " without --overwrite" if arguments.overwrite else ""
-    with user_errors(), stoppable(f"the same command{without} goes on with what is in {out}"):
+    hint = f"the same command{without} goes on with what is in {out}"
+    with user_errors(), stoppable(hint), executor_of(arguments) as executor:
         from wt_gym.agents.choices import named_choices
         from wt_gym.agents.evaluation import evaluate
         from wt_gym.agents.evaluation_folder import REPORT_FILE
@@ -111,7 +112,7 @@ def main(words: list[str] | None = None) -> None:
 
         evaluation = evaluate(
             named_choices(arguments.agents), configuration(arguments), folder=out, overwrite=arguments.overwrite,
-            allow_other_environment=arguments.allow_other_environment, workers=arguments.jobs,
+            allow_other_environment=arguments.allow_other_environment, executor=executor,
         )  # fmt: skip
         if not arguments.no_report:
             write_report(evaluation, out / REPORT_FILE, arguments.title)

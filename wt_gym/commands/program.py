@@ -32,6 +32,7 @@ IN_CLONE = (CLONE / "validation").is_dir()
 _EXTRAS = {
     "minari": "data",
     "optuna": "tune",
+    "ray": "ray",
     "sb3_contrib": "train",
     "stable_baselines3": "train",
     "torch": "train",

@@ -1,6 +1,7 @@
-"""Search hyperparameters for a training; needs the extra "tune".
+"""Search hyperparameters for a training; needs the extra "tune", or with --engine ray the extra "ray".
 
     wt-gym search --trials 50 --steps 60000 --wind-speed 15 --out runs/search
+    wt-gym search --engine ray --address ray-head:6379 --trials 200 --steps 60000 --out runs/wide
     wt-gym train --hyperparameters runs/search/best.yml --wind-speed 15
 
 Every trial is a training, judged against the baseline controller in winds held back from it. The study lives in the
@@ -13,7 +14,9 @@ import argparse
 import json
 import signal
 import sys
+from functools import partial
 
+from wt_gym.commands.engine_options import add_address_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
 from wt_gym.commands.training_options import add_training_options, config_from
 
@@ -27,6 +30,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--out", default="runs/search", help="folder for the results (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the result as JSON at the end")
     add_training_options(parser)
+    add_address_options(parser)
     return parser.parse_args(words)
 
 
@@ -40,6 +44,12 @@ def main(words: list[str] | None = None) -> None:
     with user_errors():
         from wt_gym.agents.training.search import BEST_FILE, search
 
+        if arguments.engine == "ray":
+            from wt_gym.agents.distributed.tune_search import tune_search
+
+            search = partial(tune_search, address=arguments.address)
+        elif arguments.address is not None:
+            raise ValueError("--address belongs to a Ray cluster: give --engine ray too")
         config = config_from(arguments, total_steps=arguments.steps, seed=arguments.seed, tensorboard=False)
         result = search(config, arguments.out, arguments.trials, progress)
     if result["best"] is not None:

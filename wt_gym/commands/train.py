@@ -3,6 +3,7 @@
     wt-gym train --wind-speed 15 --max-seconds 600 --out runs/ppo
     wt-gym train --algo sac --hyper learning_rate=1e-3 net_arch=[128,128] --out runs/sac
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
+    wt-gym train --engine ray --address ray-head:6379 --n-envs 64 --out runs/rllib
     wt-gym train --resume runs/ppo --steps 500000
 
 Writes the model, the statistics of its rewards, checkpoints, the best model by evaluations in other winds, figures for
@@ -18,6 +19,7 @@ import signal
 import sys
 from pathlib import Path
 
+from wt_gym.commands.engine_options import add_address_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
 from wt_gym.commands.training_options import add_training_options, config_from
 
@@ -46,15 +48,33 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     )
     options.add_argument("--tensorboard", action=argparse.BooleanOptionalAction, help="write figures for TensorBoard "
         "(default: if it is installed)")  # fmt: skip
+    where = parser.add_argument_group("where")
+    add_address_options(where)
+    where.add_argument(
+        "--runners", type=int, metavar="N", help="with Ray, processes that step the environments, a processor each "
+        "(default: the processors of the cluster, at most --n-envs)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the record of the training as JSON at the end")
     arguments = parser.parse_args(words)
     if arguments.resume is not None:
-        kept = {"resume", "steps", "max_seconds", "json", "overwrite"}
+        kept = {"resume", "steps", "max_seconds", "json", "overwrite", "engine", "address", "runners"}
         fixed = [f"--{name.replace('_', '-')}" for name in vars(arguments) if name not in kept]
         fixed += ["--overwrite"] * arguments.overwrite
         if fixed:
             parser.error(f"--resume goes on with the configuration of the folder: leave out {', '.join(fixed)}")
     return arguments
+
+
+def learner_of(arguments: argparse.Namespace):
+    """Who learns; None for stable-baselines3 in this process."""
+    if arguments.engine == "ray":
+        from wt_gym.agents.distributed.rllib_learner import RllibLearner
+
+        return RllibLearner(arguments.address, arguments.runners)
+    for name in ("address", "runners"):
+        if getattr(arguments, name) is not None:
+            raise ValueError(f"--{name} belongs to a Ray cluster: give --engine ray too")
+    return None
 
 
 def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
@@ -69,8 +89,9 @@ def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
     config = config_from(arguments, **{field: given[name] for name, field in names.items() if name in given})
     folder = Path(given.get("out", f"runs/{config.algorithm.lower()}"))
     if "seeds" in given:
-        return folder, train_seeds(config, folder, arguments.seeds, overwrite=arguments.overwrite)
-    return folder, train(config, folder, overwrite=arguments.overwrite)
+        seeds, learner = arguments.seeds, learner_of(arguments)
+        return folder, train_seeds(config, folder, seeds, overwrite=arguments.overwrite, learner=learner)
+    return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner_of(arguments))
 
 
 def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
@@ -82,7 +103,7 @@ def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
     folder = Path(arguments.resume)
     go = resume_seeds if (folder / SEEDS_FILE).exists() else resume
     limits = {"total_steps": getattr(arguments, "steps", None), "max_seconds": getattr(arguments, "max_seconds", None)}
-    return folder, go(folder, **limits)
+    return folder, go(folder, **limits, learner=learner_of(arguments))
 
 
 def report(folder: Path, record: dict) -> None:

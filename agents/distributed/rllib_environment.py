@@ -1,0 +1,109 @@
+"""The turbines of an RLlib environment runner."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.utils import RunningMeanStd
+
+import wt_gym  # noqa: F401 - registers the environments in the process of the runner
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["RunnerEnv", "make_runner_env"]
+
+# As stable-baselines3's VecNormalize, so that the same hyperparameters mean the same.
+_CLIP, _EPSILON = 10.0, 1e-8
+
+
+class RunnerEnv(gym.vector.VectorWrapper):
+    """Turbines with rewards scaled by the running deviation of discounted returns, and a list of finished episodes.
+
+    Runners get seeds that no other one has: RLlib numbers them by runner, and a vector environment counts on from its
+    number, so that the second turbine of one runner would meet the winds of the first turbine of the next. Infos stay
+    here: RLlib would keep and send those of every step.
+
+    Parameters
+    ----------
+    env : gymnasium.vector.VectorEnv
+        With the mode of autoreset that RLlib takes for granted, ``"NextStep"``.
+    mark : sequence of int
+        Tells trainings and sessions apart; RLlib's seed, another for each runner, comes with the first reset.
+    gamma : float or None
+        Discount of the returns; None: rewards as they are.
+    """
+
+    def __init__(self, env: gym.vector.VectorEnv, mark: Sequence[int], gamma: float | None):
+        super().__init__(env)
+        if env.metadata["autoreset_mode"] != AutoresetMode.NEXT_STEP:
+            raise ValueError(f"RLlib takes the autoreset mode NextStep for granted, got {env.metadata}")
+        self._mark, self._gamma, self.statistics = tuple(mark), gamma, RunningMeanStd(shape=())
+        self._returns, self._discounted = np.zeros(env.num_envs), np.zeros(env.num_envs)
+        self._lengths, self._over = np.zeros(env.num_envs, dtype=np.int64), np.zeros(env.num_envs, dtype=np.bool_)
+        self._steps, self._episodes = 0, []
+
+    def reset(self, *, seed=None, options=None):
+        """Start episodes; from a seed of RLlib each turbine gets one that no other has."""
+        if isinstance(seed, int):
+            seed = np.random.SeedSequence((*self._mark, seed)).generate_state(self.num_envs).tolist()
+        observations, _ = self.env.reset(seed=seed, options=options)
+        for array in (self._returns, self._discounted, self._lengths, self._over):
+            array[:] = 0
+        return observations, {}
+
+    def step(self, actions):
+        """Advance every turbine; those whose episode is over begin the next one."""
+        observations, rewards, terminated, truncated, _ = self.env.step(actions)
+        going = ~self._over
+        self._returns = np.where(going, self._returns + rewards, 0.0)
+        self._lengths = np.where(going, self._lengths + 1, 0)
+        self._steps += int(going.sum())
+        if self._gamma is not None:
+            self._discounted = np.where(going, self._discounted * self._gamma + rewards, 0.0)
+            if going.any():
+                self.statistics.update(self._discounted[going])
+            rewards = np.clip(rewards / np.sqrt(self.statistics.var + _EPSILON), -_CLIP, _CLIP)
+        self._over = terminated | truncated
+        for k in np.flatnonzero(self._over):
+            self._episodes.append({"r": float(self._returns[k]), "l": int(self._lengths[k])})
+        return observations, rewards, terminated, truncated, {}
+
+    def take_report(self) -> dict[str, Any]:
+        """Steps and episodes since the last report, and the statistics of the rewards."""
+        rms = self.statistics
+        report = {
+            "steps": self._steps,
+            "episodes": self._episodes,
+            "statistics": (float(rms.mean), float(rms.var), float(rms.count)),
+        }
+        self._steps, self._episodes = 0, []
+        return report
+
+    def set_statistics(self, mean: float, var: float, count: float) -> None:
+        """Go on from the statistics of an earlier session."""
+        self.statistics.mean, self.statistics.var, self.statistics.count = np.float64(mean), np.float64(var), count
+
+
+def make_runner_env(context: dict[str, Any]) -> gym.vector.VectorEnv | gym.Env:
+    """Give the environment of a runner; RLlib calls this in its process.
+
+    Parameters
+    ----------
+    context : EnvContext
+        ``env_id``, ``env_kwargs``, ``mark``, ``gamma``, and ``num_envs`` where turbines are wanted that are
+        stepped together.
+    """
+    if "num_envs" not in context:
+        return gym.make(context["env_id"], **context["env_kwargs"])
+    env = gym.make_vec(
+        context["env_id"],
+        num_envs=context["num_envs"],
+        vectorization_mode="vector_entry_point",
+        threads=1,  # the processor that the runner has reserved
+        **context["env_kwargs"],
+    )
+    return RunnerEnv(env, context["mark"], context["gamma"])

@@ -1,0 +1,182 @@
+"""RLlib learns: PPO and SAC of its new API stack, with the files and records of every other training."""
+
+from __future__ import annotations
+
+import pickle
+import shutil
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from ray.rllib.core import DEFAULT_MODULE_ID
+from stable_baselines3.common.callbacks import CallbackList
+
+from wt_gym.agents.compilation import compile_kernels_of
+from wt_gym.agents.distributed.connection import connected, processors, warm_nodes
+from wt_gym.agents.distributed.rllib_environment import RunnerEnv
+from wt_gym.agents.distributed.rllib_settings import check_settings, rllib_config
+from wt_gym.agents.distributed.rllib_weights import first_weights, take_weights
+from wt_gym.files import write_whole
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from ray.rllib.algorithms.algorithm import Algorithm
+    from ray.rllib.env.env_runner import EnvRunner
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+    from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.agents.training.run_folder import RunFolder
+
+__all__ = ["RllibLearner"]
+
+
+class RllibLearner:
+    """RLlib on a Ray cluster; see `wt_gym.agents.training.learners.Learner`.
+
+    A model of stable-baselines3 mirrors RLlib's policy: it is what is evaluated and written.
+
+    Parameters
+    ----------
+    address : str, optional
+        As of `wt_gym.agents.executors.executor_for`.
+    runners : int, optional
+        Processes that step the environments, a processor each; 0: the one that learns. Default: as many as there are
+        processors, and at most one an environment, such that the environments can be divided.
+    """
+
+    engine = "ray"
+    packages = ("ray", "stable-baselines3", "torch", "gymnasium")
+    figures = ()
+    samples_here = False
+
+    def __init__(self, address: str | None = None, runners: int | None = None):
+        if runners is not None and runners < 0:
+            raise ValueError(f"the number of runners must be 0 or more, got {runners}")
+        self._address, self._runners = address, runners
+        self._algorithm: Algorithm | None = None
+
+    def check(self, config: TrainingConfig) -> None:
+        """As `wt_gym.agents.training.learners.Learner.check`."""
+        check_settings(config)
+        if self._runners and config.n_envs % self._runners:
+            raise ValueError(f"{config.n_envs} environments cannot be divided among {self._runners} runners")
+
+    def learn(self, config: TrainingConfig, model: BaseAlgorithm, run: RunFolder, callbacks) -> None:
+        """As `wt_gym.agents.training.learners.Learner.learn`."""
+        with connected(self._address):
+            warm_nodes(partial(compile_kernels_of, config.env_id, config.env_kwargs))
+            runners = self._runners_for(config)
+            self._algorithm = rllib_config(config, runners, model.num_timesteps).build_algo()
+            try:
+                self._begin(model, run)
+                self._loop(config, model, CallbackList(list(callbacks)))
+                self.save(model, run)  # while RLlib is there
+            finally:
+                self._algorithm.stop()
+                self._algorithm = None
+
+    def save(self, model: BaseAlgorithm, run: RunFolder) -> None:
+        """As `wt_gym.agents.training.learners.Learner.save`.
+
+        Two checkpoints stay: the model beside them may still be that of the former.
+        """
+        if self._algorithm is None:
+            return  # saved when it ended
+        for old in run.former_checkpoints(model.num_timesteps)[:-1]:
+            shutil.rmtree(old)
+        folder = run.rllib(model.num_timesteps)
+        partial_folder = folder.with_name(f".{folder.name}.partial")
+        for left in (partial_folder, folder):
+            if left.exists():
+                shutil.rmtree(left)
+        self._algorithm.save_to_path(str(partial_folder.absolute()))
+        buffer = self._algorithm.local_replay_buffer
+        if buffer is not None:
+            write_whole(partial_folder / "replay_buffer.pkl", partial(pickle.dump, buffer.get_state()))
+        partial_folder.rename(folder)
+
+    def _runners_for(self, config: TrainingConfig) -> int:
+        """Processes that step the environments."""
+        if self._runners is not None:
+            return self._runners
+        most = min(processors(), config.n_envs)
+        return max(n for n in range(1, most + 1) if config.n_envs % n == 0)
+
+    def _begin(self, model: BaseAlgorithm, run: RunFolder) -> None:
+        """Start from the networks of a fresh model, or go on from a checkpoint."""
+        algorithm, venv = self._algorithm, model.get_vec_normalize_env()
+        if model.num_timesteps == 0:
+            weights = algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
+            weights = {**weights, **first_weights(model)}
+            algorithm.learner_group.set_weights({DEFAULT_MODULE_ID: weights})
+            algorithm.env_runner_group.sync_weights(from_worker_or_learner_group=algorithm.learner_group)
+            return
+        folder = run.rllib(model.num_timesteps)
+        if not folder.is_dir():
+            raise FileNotFoundError(f"{folder} is missing: training cannot go on without RLlib's checkpoint")
+        algorithm.restore_from_path(str(folder.absolute()))
+        for other in run.former_checkpoints(model.num_timesteps):
+            shutil.rmtree(other)  # of a session that was killed before its model was written
+        if algorithm.local_replay_buffer is not None:
+            algorithm.local_replay_buffer.set_state(_read_buffer(folder / "replay_buffer.pkl"))
+        rms = venv.ret_rms
+        share = float(rms.count) / max(1, algorithm.config.num_env_runners)
+        _each_runner(algorithm, partial(_set_statistics, mean=float(rms.mean), var=float(rms.var), count=share))
+
+    def _loop(self, config: TrainingConfig, model: BaseAlgorithm, callback: CallbackList) -> None:
+        """Learn batch by batch."""
+        callback.init_callback(model)
+        callback.on_training_start({}, {})
+        going = True
+        while going and model.num_timesteps < config.total_steps:
+            self._algorithm.train()
+            reports = [report for report in _each_runner(self._algorithm, _take_report) if report is not None]
+            model.num_timesteps += sum(report["steps"] for report in reports)
+            weights = self._algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
+            take_weights(model, weights)
+            _merge(model.get_vec_normalize_env().ret_rms, [report["statistics"] for report in reports])
+            episodes = [{"episode": episode} for report in reports for episode in report["episodes"]]
+            callback.update_locals({"infos": episodes})
+            going = callback.on_step()
+        callback.on_training_end()
+
+
+def _each_runner(algorithm: Algorithm, ask) -> list[Any]:
+    """Ask every runner that steps environments."""
+    remote = algorithm.config.num_env_runners > 0
+    return algorithm.env_runner_group.foreach_env_runner(ask, local_env_runner=not remote)
+
+
+def _turbines(runner: EnvRunner) -> RunnerEnv | None:
+    """Turbines of a runner, below RLlib's own wrappers."""
+    env = runner.env
+    while env is not None and not isinstance(env, RunnerEnv):
+        env = getattr(env, "env", None)
+    return env
+
+
+def _take_report(runner: EnvRunner) -> dict[str, Any] | None:
+    env = _turbines(runner)
+    return None if env is None else env.take_report()
+
+
+def _set_statistics(runner: EnvRunner, mean: float, var: float, count: float) -> None:
+    env = _turbines(runner)
+    if env is not None:
+        env.set_statistics(mean, var, count)
+
+
+def _merge(whole, statistics: list[tuple[float, float, float]]) -> None:
+    """Put the statistics of the runners together (Chan et al. 1979)."""
+    count = sum(n for _, _, n in statistics)
+    mean = sum(m * n for m, _, n in statistics) / count
+    whole.var = sum((v + (m - mean) ** 2) * n for m, v, n in statistics) / count
+    whole.mean, whole.count = mean, count
+
+
+def _read_buffer(path: Path) -> dict[str, Any]:
+    """Replay buffer of an earlier session; pickled, as every model here."""
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is missing: training cannot go on without its replay buffer")
+    with path.open("rb") as file:
+        return pickle.load(file)
