@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 WIDTH, HEIGHT, DPI = 880, 440, 100
 INK, STEEL, BLADES = "#1c2733", "#9aa7b3", ("#0b6aa2", "#d95f02", "#1b9e77")
 WINDOW = 10.0  # of the strips [s]
+PIECES, FAINTEST = 3, 0.22  # curves of a filament's segment; weakest filaments that are drawn, of the strongest
 
 
 def parse_arguments(words=None):
@@ -25,10 +26,10 @@ def parse_arguments(words=None):
         "--out", type=Path, default=ROOT / "docs" / "data" / "turbine.gif", help="(default: %(default)s)"
     )
     parser.add_argument("--frames", type=int, default=50, help="of 0.2 s each; 50 are two turns (default: %(default)s)")
-    parser.add_argument("--wind-speed", type=float, default=15.0, help="mean [m/s] (default: %(default)s)")
+    parser.add_argument("--wind-speed", type=float, default=17.0, help="mean [m/s] (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1001, help="of the turbulence (default: %(default)s)")
     parser.add_argument("--start", type=float, default=40.0, help="time of the first frame [s] (default: %(default)s)")
-    parser.add_argument("--colours", type=int, default=40, help="of the picture (default: %(default)s)")
+    parser.add_argument("--colours", type=int, default=32, help="of the picture (default: %(default)s)")
     arguments = parser.parse_args(words)
     if arguments.frames < 1 or not 2 <= arguments.colours <= 256 or arguments.start < 0.0:
         parser.error("at least one frame, 2 to 256 colours and a start at 0 s or later are needed")
@@ -59,6 +60,16 @@ def simulate(wind_speed, seed, start, n_frames):
     return shapes, rows
 
 
+def smooth(lines, strength):
+    """Curves through the nodes of the wake's filaments, each segment in `PIECES`, with the strength of the segments."""
+    import numpy as np
+    from scipy.interpolate import CubicSpline
+
+    rows = np.arange(len(lines))
+    fine = np.linspace(0.0, rows[-1], PIECES * rows[-1] + 1)
+    return CubicSpline(rows, lines)(fine), np.repeat(strength[: rows[-1]], PIECES, axis=0)
+
+
 class Picture:
     """Scene at the left, the course of wind, pitch and deflection at the right."""
 
@@ -80,7 +91,7 @@ class Picture:
         half = 0.5 * 0.64 * WIDTH / HEIGHT * (bottom_to_top := 1.95 * height)
         self._scene.set_xlim(-0.36 * 2 * half, 0.64 * 2 * half)
         self._scene.set_ylim(-0.09 * height, -0.09 * height + bottom_to_top)
-        self._wake = LineCollection([], cmap="GnBu", clim=(-0.25, 1.0), antialiaseds=True)
+        self._wake = LineCollection([], cmap="Blues", clim=(-0.15, 1.1))
         self._steel = PolyCollection([], facecolors=STEEL, edgecolors="none", zorder=2)
         self._blades = PolyCollection([], facecolors=BLADES, edgecolors="none", zorder=3)
         for collection in (self._wake, self._steel, self._blades):
@@ -115,12 +126,14 @@ class Picture:
 
         from wt_gym.analysis.replay import trailing_strength
 
-        wake, strength = self._project(shapes["wake"]), trailing_strength(shapes["wake_circulation"])
-        segments = np.stack([wake[:-1], wake[1:]], axis=-2)[: len(strength)]
-        share = np.clip(strength[: len(segments)] / np.quantile(strength, 0.99), 0.0, 1.0).ravel()
-        self._wake.set_segments(segments.reshape(-1, 2, 2))
-        self._wake.set_array(share)
-        self._wake.set_linewidths(0.25 + 1.3 * share)
+        lines, strength = smooth(self._project(shapes["wake"]), trailing_strength(shapes["wake_circulation"]))
+        age = np.linspace(0.0, 1.0, len(strength))[:, None, None]
+        shade = np.clip(strength / np.quantile(strength, 0.99), 0.0, 1.0) * np.clip(1.3 * (1.0 - age), 0.0, 1.0)
+        segments, shade = np.stack([lines[:-1], lines[1:]], axis=-2).reshape(-1, 2, 2), shade.ravel()
+        shown = shade > FAINTEST
+        self._wake.set_segments(segments[shown])
+        self._wake.set_array(shade[shown])
+        self._wake.set_linewidths(0.3 + 1.7 * shade[shown])
         outlines = [np.concatenate([b[0], b[-1][::-1]]) for b in self._project(shapes["blades"])]
         self._blades.set_verts(outlines)
         axis, radius = self._project(shapes["tower"]), shapes["tower_radius"]
@@ -147,9 +160,11 @@ def save(frames, path, n_colours):
     from PIL import Image
 
     images = [Image.fromarray(frame) for frame in frames]
-    sheet = Image.new("RGB", (WIDTH, HEIGHT * 3))
+    sheet = Image.new("RGB", (WIDTH, HEIGHT * 3 + 40 * 5), "white")
     for row, image in enumerate((images[0], images[len(images) // 2], images[-1])):
         sheet.paste(image, (0, HEIGHT * row))
+    for row, colour in enumerate((*BLADES, STEEL, INK)):  # thin things that must keep their colours
+        sheet.paste(colour, (0, 3 * HEIGHT + 40 * row, WIDTH, 3 * HEIGHT + 40 * (row + 1)))
     palette = sheet.quantize(n_colours, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     path.parent.mkdir(parents=True, exist_ok=True)
