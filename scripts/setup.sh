@@ -1,4 +1,4 @@
-# Sourced by scripts/demo and scripts/test: a virtual environment with everything installed, made once.
+# Sourced by scripts/demo, scripts/docs and scripts/test: a virtual environment with everything installed, made once.
 # Needs python3 >= 3.11 with venv and pip. PYTHON names another interpreter.
 #
 # .venv/.set-up says what the environment was made for, and where: a clone that was moved or copied, or has other
@@ -34,7 +34,7 @@ set_up() {
     "$python" -m venv .venv
     # the build runs in the environment itself: one of its own would be fetched anew each time
     install 'setuptools>=77'
-    install --no-build-isolation --editable '.[train,test,tune]'
+    install --no-build-isolation --editable '.[train,test,tune,docs]'
     echo "$want" >"$stamp"
     echo "set up in ${SECONDS} s"
 }

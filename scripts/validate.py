@@ -4,6 +4,7 @@
     python scripts/validate.py run southwell spin-up
     python scripts/validate.py run all --report report/
     python scripts/validate.py run all --fast --json
+    python scripts/validate.py run all --record docs/data/validation.json     # the tables of the documentation
 
 Prints, per case, the quantity, the expected and the obtained value, the error, the tolerance and whether it passes. The
 exit status is 1 if a check fails.
@@ -21,6 +22,7 @@ from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the cases are no part of the installed package
 from validation.case import CaseResult, Check, all_cases, load_cases, run_case
+from validation.record import as_dict, update_record
 
 
 def parse(arguments=None):
@@ -35,6 +37,9 @@ def parse(arguments=None):
     run.add_argument("cases", nargs="+", metavar="CASE", help="names of cases, or 'all'")
     run.add_argument("--fast", action="store_true", help="leave out the slow cases")
     run.add_argument("--report", type=Path, metavar="DIR", help="write DIR/validation.html with all numbers and plots")
+    run.add_argument(
+        "--record", type=Path, metavar="FILE", help="keep the numbers of these cases in a JSON file, case by case"
+    )
     run.add_argument("--json", action="store_true", help="print one JSON object last")
     return parser, parser.parse_args(arguments)
 
@@ -91,20 +96,6 @@ def columns(check):
     return check.quantity, expected + unit, f"{check.obtained:.6g}{unit}", error, tolerance
 
 
-def as_dict(case, result):
-    """Plain data of one case, for JSON."""
-    return {
-        "name": case.name,
-        "title": case.title,
-        "source": case.source,
-        "slow": case.slow,
-        "passed": result.passed,
-        "wall_time_s": result.wall_time if math.isfinite(result.wall_time) else None,
-        "notes": result.notes,
-        "checks": [check.as_dict() for check in result.checks],
-    }
-
-
 def main(arguments=None):
     """Run the command line; returns the exit status."""
     parser, options = parse(arguments)
@@ -126,6 +117,8 @@ def main(arguments=None):
         console.print(f"[{number}/{len(cases)}] {case.name} …", style="cyan", highlight=False, markup=False)
         results.append(run_safely(case))
         show(console, case, results[-1])
+        if options.record:
+            update_record(options.record, [(case, results[-1])])
     failed = [case.name for case, result in zip(cases, results, strict=True) if not result.passed]
     n_checks = sum(len(result.checks) for result in results)
     n_failed = sum(not check.passed for result in results for check in result.checks)

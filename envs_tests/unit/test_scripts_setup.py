@@ -43,7 +43,7 @@ def calls(clone, status=0):
 def test_it_is_done_once(clone):
     venv, *installs = calls(clone)
     assert venv == "-m venv .venv"
-    assert [line.split()[-1] for line in installs] == ["setuptools>=77", ".[train,test,tune]"]
+    assert [line.split()[-1] for line in installs] == ["setuptools>=77", ".[train,test,tune,docs]"]
     assert calls(clone) == []
 
 

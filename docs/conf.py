@@ -1,0 +1,95 @@
+"""How the site is built: ``scripts/docs``, or ``python -m sphinx -W docs build/site`` where the extra is installed."""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
+# the notebooks' kernels are processes of their own, in folders of their own
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
+for _name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import wt_gym  # noqa: E402 - found by the path above
+
+project = "wt_gym"
+author = "the wt_gym authors"
+copyright = "the wt_gym authors, MIT licence"
+version = release = wt_gym.__version__
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "site_parts",  # tables made from the code
+]
+exclude_patterns = ["site_parts"]
+nitpicky = False
+default_role = "py:obj"  # `name` in docstrings; one that has no page of its own stays as it is
+# short names in types, as `Channel`, of which there are two: the reader sees by the module which is meant
+suppress_warnings = ["config.cache", "ref.python"]
+
+# Markdown: anchors of headings, so that pages can point at them
+myst_enable_extensions = ["colon_fence", "deflist", "attrs_inline", "attrs_block"]
+myst_heading_anchors = 3
+
+# Notebooks are text without outputs, and run whole at each build; -D nb_execution_mode=off leaves them unrun
+nb_execution_mode = "force"
+nb_execution_timeout = 600
+nb_execution_raise_on_error = True
+nb_execution_show_tb = True
+nb_execution_in_temp = True
+nb_merge_streams = True
+
+autodoc_typehints = "none"  # the docstrings say it, with shapes and units
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "show-inheritance": False}
+autodoc_preserve_defaults = True
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+napoleon_custom_sections = [("Methods", "notes")]
+
+html_theme = "furo"
+html_title = f"wt_gym {version}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_theme_options = {
+    "light_css_variables": {"color-brand-primary": "#0b6aa2", "color-brand-content": "#0b6aa2"},
+    "dark_css_variables": {"color-brand-primary": "#6cb8e6", "color-brand-content": "#6cb8e6"},
+    "navigation_with_keys": True,
+}
+pygments_style = "default"
+pygments_dark_style = "monokai"
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
+
+# Pages are read in a clone too, where their links go to files; on the site the same files are pages
+_PAGES = {"../CHANGELOG.md": "changelog.md", "../CONTRIBUTING.md": "contributing.md"}
+
+
+def _links(app, docname, source):
+    """Turn links to files of the clone into links to the pages that show them."""
+    source[0] = re.sub(r"\]\(([^)\s]+)\)", lambda found: f"]({_PAGES.get(found[1], found[1])})", source[0])
+
+
+def _docstrings(app, what, name, obj, options, lines):
+    """Bars are magnitudes, not substitutions. A docstring in Markdown has a page of its own: its head is enough."""
+    for k, line in enumerate(lines):
+        parts = line.split("``")  # every second one is literal
+        lines[k] = "``".join(part if place % 2 else part.replace("|", "\\|") for place, part in enumerate(parts))
+    if name in ("wt_gym.envs.WindTurbineEnv", "wt_gym.envs.turbine_env.WindTurbineEnv"):
+        first = lines.index("")
+        lines[:] = [*lines[:first], "", "Arguments, spaces and reward: :doc:`/reference/environment`.", ""]
+
+
+def setup(app):
+    """Connect what is above to Sphinx."""
+    app.connect("source-read", _links)
+    app.connect("autodoc-process-docstring", _docstrings, priority=100)  # before napoleon

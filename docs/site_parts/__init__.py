@@ -1,0 +1,61 @@
+"""Parts of pages that are made from the code when the site is built.
+
+A page says where: ``<!-- generated: channels -->`` on a line of its own becomes what the function of that name in
+`PARTS` returns, Markdown. Words after a name are its arguments.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from site_parts import command_line, environment, options, validation_record
+
+_ROOT = Path(__file__).resolve().parents[2]
+
+
+def _file(name):
+    """A page of the clone outside the site's folder, with its links as they are from the top of the site."""
+    text = (_ROOT / name).read_text(encoding="utf-8")
+    text = re.sub(r"\]\(docs/", "](", text)
+    return re.sub(r"\]\((CHANGELOG|CONTRIBUTING)\.md\)", lambda found: f"]({found[1].lower()}.md)", text)
+
+
+PARTS = {
+    "file": _file,
+    "ids": environment.ids,
+    "environment": environment.manual,
+    "observation": environment.observation,
+    "action": environment.action,
+    "rewards": environment.rewards,
+    "channels": options.channels,
+    "turbines": options.turbines,
+    "controllers": options.controllers,
+    "fidelities": options.fidelities,
+    "lattices": options.lattices,
+    "cli": command_line.commands,
+    "validation": validation_record.summary,
+    "checks": validation_record.checks,
+}
+_MARK = re.compile(r"^<!-- generated: ([\w ./-]+?) -->$", re.MULTILINE)
+
+
+def _fill(app, docname, source):
+    def made(found):
+        name, *words = found[1].split()
+        return PARTS[name](*words)
+
+    source[0] = _MARK.sub(made, source[0])
+
+
+def _outdated(app, env, added, changed, removed):
+    """Pages with generated parts: nothing in their files tells when the code has changed."""
+    paths = ((name, env.doc2path(name)) for name in env.found_docs)
+    return [name for name, path in paths if _MARK.search(open(path, encoding="utf-8").read())]
+
+
+def setup(app):
+    """Connect the parts to Sphinx."""
+    app.connect("source-read", _fill)
+    app.connect("env-get-outdated", _outdated)
+    return {"parallel_read_safe": True}

@@ -1,0 +1,92 @@
+"""Commands and their options, from the parsers themselves."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import re
+from importlib import import_module
+from pathlib import Path
+
+from site_parts.markdown import table
+from wt_gym.commands import COMMANDS
+from wt_gym.commands.program import OneLineParser
+
+_SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+
+
+class _Found(Exception):
+    """A parser is complete."""
+
+
+def _caught(parser, words=None, namespace=None):
+    raise _Found(parser)
+
+
+def parser_of(read, kind):
+    """Parser that a function builds and then lets read the command line."""
+    original = kind.parse_args
+    kind.parse_args = _caught
+    try:
+        read([])
+    except _Found as found:
+        return found.args[0]
+    finally:
+        kind.parse_args = original
+    raise ValueError(f"{read.__module__}.{read.__name__} reads no command line")
+
+
+def commands():
+    """Every command with its description and options."""
+    sections = []
+    for name, text in COMMANDS.items():
+        module = import_module(f"wt_gym.commands.{name.replace('-', '_')}")
+        reader = getattr(module, "parse_arguments", None) or module.main
+        parser = parser_of(reader, OneLineParser)
+        sections.append(f"## {name}\n\n{text[0].upper()}{text[1:]}.\n\n{_described(parser)}\n\n{_options(parser)}")
+    sections.append(f"## validate.py (in a clone)\n\n{_validate()}")
+    return "\n".join(sections)
+
+
+def _validate():
+    spec = importlib.util.spec_from_file_location("validate_script", _SCRIPTS / "validate.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    parser = parser_of(module.parse, argparse.ArgumentParser)
+    return f"```text\n{module.__doc__.strip()}\n```\n\n{_options(parser)}"
+
+
+def _described(parser):
+    """The description as it is written: commands in it stand in columns."""
+    text = re.sub(r"^.*?\n\n", "", parser.description.strip(), count=1, flags=re.DOTALL)
+    return f"```text\n{text}\n```"
+
+
+def _options(parser, level="###"):
+    rows, below = [], []
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name, sub in action.choices.items():
+                below.append(f"{level} {name}\n\n{sub.description or ''}\n\n{_options(sub, level + '#')}")
+            continue
+        if action.help == argparse.SUPPRESS or isinstance(action, argparse._HelpAction):
+            continue
+        rows.append((_name(action), _help(parser, action)))
+    return (table(("option", "what it does"), rows, "options") if rows else "") + "\n" + "\n".join(below)
+
+
+def _name(action):
+    if not action.option_strings:
+        return f"`{action.metavar or action.dest.upper()}`"
+    word = ""
+    if action.nargs != 0 and not isinstance(action, argparse.BooleanOptionalAction):
+        word = action.metavar or (
+            "{" + ",".join(map(str, action.choices)) + "}" if action.choices else action.dest.upper()
+        )
+        word = f" {word}" + (" …" if action.nargs in ("+", "*") else "")
+    return f"`{', '.join(action.option_strings)}{word}`"
+
+
+def _help(parser, action):
+    text = (action.help or "") % {**vars(action), "prog": parser.prog}
+    return re.sub(r"[*<]", r"\\\g<0>", text)

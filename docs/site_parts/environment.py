@@ -1,0 +1,87 @@
+"""Ids and the manual of the environment, from its registration, its docstring and its layout."""
+
+from __future__ import annotations
+
+import inspect
+
+import gymnasium as gym
+import numpy as np
+
+import wt_gym  # noqa: F401 - registers the ids
+from site_parts.markdown import attributes_of, definitions, table
+from wt_gym.envs import rewards as terms
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.tasks import TASKS
+
+_WIND = {"steady": "steady, sheared", "turbulent": "Kaimal turbulence", "gusts": "IEC transients"}
+
+
+def ids():
+    """Every registered id with its sizes."""
+    rows = []
+    for name in sorted(gym.registry):
+        if not name.startswith("wt_gym/"):
+            continue
+        spec = gym.spec(name)
+        env = gym.make(name).unwrapped
+        low, high = np.broadcast_to(spec.kwargs.get("wind_speed", (6.0, 18.0)), 2)
+        length = (spec.max_episode_steps or env._max_steps) * env.control_dt
+        rows.append(
+            (f"`{name}`", f"`{spec.kwargs['turbine']}`", f"{_WIND[spec.kwargs['inflow']]}, {low:g}–{high:g} m/s",
+             env.action_space.shape[0], env.observation_space.shape[0], f"{env.control_dt:g} s", f"{length:g} s")
+        )  # fmt: skip
+    headings = ("id", "turbine", "wind", "actions", "observations", "control step", "episode")
+    goals = table(
+        ("task", "goal", "score"), [(f"`wt_gym/{t.name}-v0`", t.goal, t.score) for t in TASKS.values()], "options"
+    )
+    return table(headings, rows, "options") + "\n## Goals of the tasks\n\n" + goals
+
+
+def manual():
+    """The class documentation, arguments as a list of definitions."""
+    text = inspect.getdoc(WindTurbineEnv)
+    head, _, rest = text.partition("Parameters\n----------\n")
+    _, _, notes = rest.partition("Notes\n-----\n")
+    entries = attributes_of(text, "Parameters")
+    defaults = inspect.signature(WindTurbineEnv).parameters
+    listed = [
+        (f"`{name}` : {kind}", f"{say} Default `{_short(defaults[name].default)}`.") for name, kind, say in entries
+    ]
+    head = head.replace("``docs/rewards.md``", "[Rewards](../rewards.md)")
+    return f"{head}\n{definitions(listed)}\n## Notes\n\n{notes}\n"
+
+
+def _short(default):
+    text = repr(default)
+    return text if len(text) < 40 else f"{text[:20]} … {text[-8:]}"
+
+
+def observation(name):
+    """What an id observes."""
+    layout = gym.make(name).unwrapped.layout.observation
+    rows = [
+        (k, f"`{row['name']}`", row["description"], f"{row['offset']:.4g}", f"{row['scale']:.4g}", f"{row['min']:.4g}",
+         f"{row['max']:.4g}", row["unit"])
+        for k, row in enumerate(layout.table())
+    ]  # fmt: skip
+    return table(("", "channel", "what", "offset", "scale", "min", "max", "unit"), rows, "channels")
+
+
+def action(name):
+    """What the actions of an id mean."""
+    rows = gym.make(name).unwrapped.layout.action.table()
+    headings = list(rows[0])
+    cells = [[f"{v:.4g}" if isinstance(v, float) else v for v in row.values()] for row in rows]
+    return table([heading.replace("_", " ") for heading in headings], cells, "channels")
+
+
+def rewards():
+    """Named terms with their default weights."""
+    found = [cls for cls in vars(terms).values() if inspect.isclass(cls) and hasattr(cls, "weight")]
+    made = sorted((cls() for cls in found), key=lambda t: -t.weight)
+    rows = [(f"`{t.name}`", f"`{type(t).__name__}`", f"{t.weight:g}", _sentence(t)) for t in made]
+    return table(("name", "class", "weight", "what it is"), rows, "options")
+
+
+def _sentence(term):
+    return " ".join(inspect.getdoc(type(term)).split("\n\n")[0].split()).replace("``", "`")

@@ -1,0 +1,55 @@
+"""Pieces of Markdown."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+__all__ = ["attributes_of", "definitions", "first_sentence", "table", "value"]
+
+
+def table(headings, rows, kind=""):
+    """Table with one row of headings; ``kind`` is its class in the page."""
+    lines = [headings, ["---"] * len(headings), *rows]
+    body = "\n".join("| " + " | ".join(_cell(text) for text in line) + " |" for line in lines)
+    return f"{{.{kind}}}\n{body}\n" if kind else f"{body}\n"
+
+
+def _cell(text):
+    return str(text).replace("\n", " ").replace("|", "\\|")
+
+
+def value(thing):
+    """A default as code; numbers short."""
+    if isinstance(thing, float):
+        return f"`{thing:.6g}`"
+    if isinstance(thing, str):
+        return f'`"{thing}"`'
+    return f"`{thing!r}`"
+
+
+def definitions(entries):
+    """Names with what is said of them."""
+    return "\n".join(f"{name}\n: {' '.join(text.split())}\n" for name, text in entries)
+
+
+def first_sentence(thing):
+    """Of a docstring."""
+    text = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+    return re.split(r"(?<=\.)\s", text)[0].replace("``", "`")
+
+
+def attributes_of(docstring, section="Attributes"):
+    """Name, type and text of the entries in a section of a docstring in NumPy's style."""
+    lines = inspect.cleandoc(docstring).splitlines()
+    start = lines.index(section) + 2
+    entries = []
+    for k, line in enumerate(lines[start:], start):
+        if k + 1 < len(lines) and lines[k + 1].startswith("---"):
+            break  # the next section
+        if line and not line.startswith(" "):
+            name, _, kind = line.partition(" : ")
+            entries.append((name, kind, []))
+        elif line.strip():
+            entries[-1][2].append(line.strip())
+    return [(name, kind, " ".join(text).replace("``", "`")) for name, kind, text in entries]

@@ -1,0 +1,87 @@
+"""Channels, turbines, controllers, fidelities and options of the lattice."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import fields
+
+from site_parts.markdown import attributes_of, first_sentence, table, value
+from wt_gym.aerodynamics import AeroOptions
+from wt_gym.control.controllers import ADDITIONS, BASES, controller_parameters
+from wt_gym.simulation import FIDELITIES, Fidelity, channel_table
+from wt_gym.turbines import catalogue, load_turbine
+
+_RPM = 9.549296585513721
+
+
+def channels():
+    """Signals of a turbine with three blades; those of the blades once."""
+    rows, seen = [], set()
+    for channel in channel_table(3):
+        if channel.group in seen:
+            continue
+        seen.add(channel.group)
+        of_blade = channel.name != channel.group
+        name = f"`{channel.group}`" + (" `_1` `_2` `_3`" if of_blade else "")
+        fast = f"`{channel.openfast}`" if channel.openfast else ""
+        rows.append((name, channel.unit, fast, channel.description.removesuffix(", blade 1")))
+    return table(("channel", "unit", "OpenFAST", "what"), rows, "channels")
+
+
+def turbines():
+    """The catalogue."""
+    rows = []
+    for name in catalogue():
+        t = load_turbine(name)
+        speed = t.drivetrain.rated_rotor_speed * _RPM
+        rows.append(
+            (f"`{name}`", t.name, _power(t.drivetrain.rated_power), f"{t.rotor_diameter:.4g} m",
+             f"{t.hub_height:.4g} m", f"{speed:.4g} rpm", f"{t.cut_in:g}–{t.cut_out:g} m/s")
+        )  # fmt: skip
+    headings = ("name", "turbine", "rated power", "rotor", "hub height", "rated speed", "wind")
+    return table(headings, rows, "options")
+
+
+def _power(watts):
+    return f"{watts / 1e6:.3g} MW" if watts >= 1e5 else f"{watts:.3g} W"
+
+
+def controllers():
+    """Names for ``controller=`` and the command line, with their parameters."""
+    rows = []
+    for name, maker in {**BASES, **ADDITIONS}.items():
+        parameters = ", ".join(f"`{key}`" for key in controller_parameters(name))
+        rows.append((f"`{name}`", "base" if name in BASES else "addition", first_sentence(maker), parameters))
+    return table(("name", "kind", "what it is", "parameters"), rows, "options")
+
+
+def fidelities():
+    """Presets of the whole simulation."""
+    return _presets(Fidelity, FIDELITIES, skip=("name", "aero"))
+
+
+def lattices():
+    """Presets of the air."""
+    return _presets(AeroOptions, {name: preset.aero for name, preset in FIDELITIES.items()}, section="Parameters")
+
+
+def _presets(cls, presets, skip=(), section="Attributes"):
+    """Fields with their defaults and the presets' values where they differ, then what each means."""
+    said = {}
+    for names, kind, text in attributes_of(inspect.getdoc(cls), section):
+        for name in names.split(", "):
+            said[name] = (kind, text)
+    chosen = [field for field in fields(cls) if field.name not in skip]
+    default = {field.name: field.default for field in chosen}
+    rows = []
+    for field in chosen:
+        values = [getattr(preset, field.name) for preset in presets.values()]
+        if any(v != default[field.name] for v in values):
+            cells = ["" if v == default[field.name] else value(v) for v in values]
+            rows.append((f"`{field.name}`", value(default[field.name]), *cells))
+    differing = table(("option", "default", *(f"`{name}`" for name in presets)), rows, "options")
+    listed = [
+        (f"`{field.name}`", said[field.name][0].replace(" : ", ""), value(default[field.name]), said[field.name][1])
+        for field in chosen
+    ]
+    return f"{differing}\n{table(('option', 'type', 'default', 'what it is'), listed, 'options')}"

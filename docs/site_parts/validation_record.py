@@ -1,0 +1,79 @@
+"""Tables of the validation cases, from the record of their last runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from site_parts.markdown import table
+from validation.case import load_cases
+from validation.record import read_record
+
+RECORD = Path(__file__).resolve().parents[1] / "data" / "validation.json"
+_NAME = "docs/data/validation.json"
+
+
+def _recorded():
+    return read_record(RECORD) if RECORD.exists() else {}
+
+
+def summary():
+    """When the record was made, of what, and how the cases did; those that are not in it by name."""
+    found, known = _recorded(), load_cases()
+    if not found:
+        return f"There is no record: `scripts/validate.py run all --record {_NAME}` makes it.\n"
+    dates = sorted(case["date"] for case in found.values())
+    versions = ", ".join(sorted({case["version"] for case in found.values()}))
+    n_checks = sum(len(case["checks"]) for case in found.values())
+    n_passed = sum(check["passed"] for case in found.values() for check in case["checks"])
+    missing = [name for name in known if name not in found]
+    text = (
+        f"From `{_NAME}`, runs of {dates[0]} to {dates[-1]}, version {versions}: {len(found)} of {len(known)} cases, "
+        f"{sum(case['passed'] for case in found.values())} of them pass whole; {n_passed} of {n_checks} checks "
+        "pass.\n\n"
+    )
+    rows = [
+        (f"[`{name}`](#{_anchor(name)})", case["title"],
+         f"{sum(check['passed'] for check in case['checks'])} / {len(case['checks'])}", _verdict(case["passed"]),
+         case["date"][:10])
+        for name, case in found.items()
+    ]  # fmt: skip
+    text += table(("case", "title", "checks passed", "", "run"), rows, "options")
+    if missing:
+        text += (
+            "\nNot in this record (most take from minutes to hours): " + ", ".join(f"`{n}`" for n in missing) + ".\n"
+        )
+    return text
+
+
+def checks():
+    """Every check of every recorded case."""
+    return "\n".join(_section(name, case) for name, case in _recorded().items())
+
+
+def _section(name, case):
+    rows = [
+        (check["quantity"], *(f"{_number(check[key])} {check['unit']}" for key in ("expected", "obtained")),
+         _share(check["error"], check), _share(check["tolerance"], check), _verdict(check["passed"]))
+        for check in case["checks"]
+    ]  # fmt: skip
+    title = case["title"][0].upper() + case["title"][1:]
+    head = f"({_anchor(name)})=\n\n## {title}\n\n`{name}` · {case['source']} · run {case['date']}\n\n"
+    return head + table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows, "checks")
+
+
+def _anchor(name):
+    return f"case-{name}"
+
+
+def _verdict(passed):
+    return "pass" if passed else "**FAIL**"
+
+
+def _number(number):
+    return number if isinstance(number, str) else f"{number:.6g}"
+
+
+def _share(number, check):
+    if isinstance(number, str):
+        return number
+    return f"{100 * number:.3g} %" if check["relative"] else f"{number:.3g}"

@@ -1,0 +1,134 @@
+"""The site builds, warnings being errors, and what is made from the code is on its pages."""
+
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+import wt_gym
+from validation.record import read_record
+from wt_gym.commands import COMMANDS
+from wt_gym.simulation import FIDELITIES, channel_table
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULES = ("sphinx", "furo", "myst_nb", "ipykernel", "sphinx_design", "sphinx_copybutton")
+MISSING = [name for name in MODULES if importlib.util.find_spec(name) is None]
+TUTORIALS = sorted(path for path in (ROOT / "docs" / "tutorials").glob("*.md") if path.stem != "index")
+needs_docs = pytest.mark.skipif(
+    bool(MISSING), reason=f"{', '.join(MISSING)} not installed: pip install 'wt_gym[docs]', or run scripts/test"
+)
+
+
+def build(folder, *options):
+    """Build the site as scripts/docs does; the folder with its pages."""
+    command = [sys.executable, "-m", "sphinx", "--fail-on-warning", "--keep-going", "--quiet", *options]
+    done = subprocess.run(
+        [*command, "-d", folder / "doctrees", "docs", folder / "site"],
+        cwd=ROOT, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-4000:]
+    return folder / "site"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("docs"), "-D", "nb_execution_mode=off")
+
+
+def text_of(page):
+    """What a page says, without tags."""
+    return re.sub(r"<[^>]+>", "", page.read_text(encoding="utf-8"))
+
+
+@needs_docs
+class TestSite:
+    def test_pages_are_there(self, site):
+        for page in ("index", "quickstart", "tutorials/first_agent", "theory", "validation", "changelog"):
+            assert (site / f"{page}.html").stat().st_size > 5000
+        assert wt_gym.__version__ in (site / "index.html").read_text(encoding="utf-8")
+
+    def test_every_page_of_the_clone_is_in_the_site(self, site):
+        for page in (ROOT / "docs").glob("*.md"):
+            assert (site / f"{page.stem}.html").exists(), page.name
+
+    def test_the_reference_is_that_of_the_code(self, site):
+        channels, ids = text_of(site / "reference" / "channels.html"), text_of(site / "reference" / "ids.html")
+        assert all(channel.group in channels for channel in channel_table(3))
+        assert all(name in ids for name in gym.registry if name.startswith("wt_gym/"))
+        options = text_of(site / "reference" / "options.html")
+        assert all(name in options for name in (*FIDELITIES, "max_substep", "wake_rows", "tower_side_side_fatigue"))
+        commands = text_of(site / "reference" / "cli.html")
+        assert all(name in commands for name in (*COMMANDS, "--max-seconds", "--confirm", "--record"))
+        assert "overspeed_limit" in text_of(site / "reference" / "environment.html")
+
+    def test_public_modules_are_documented_whole(self, site):
+        for page, module in (("simulation", "wt_gym.simulation"), ("envs", "wt_gym.envs"), ("wind", "wt_gym.wind")):
+            html = (site / "reference" / "api" / f"{page}.html").read_text(encoding="utf-8")
+            names = importlib.import_module(module).__all__
+            assert not [name for name in names if f'id="{module}.{name}"' not in html]
+
+    def test_the_validation_tables_name_their_record(self, site):
+        text = text_of(site / "validation.html")
+        found = read_record(ROOT / "docs" / "data" / "validation.json")
+        assert "docs/data/validation.json" in text
+        assert all(case["date"] in text_of(site / "validation_checks.html") for case in found.values())
+        assert all(name in text for name in found)
+
+    def test_nothing_is_fetched_from_elsewhere(self, site):
+        for page in site.rglob("*.html"):
+            html = page.read_text(encoding="utf-8")
+            fetched = re.findall(r'<(?:script|img|link)[^>]+(?:src|href)="(https?://[^"]+)"', html)
+            assert not fetched, page
+
+
+def test_notebooks_hold_no_outputs():
+    assert len(TUTORIALS) == 8
+    for path in TUTORIALS:
+        text = path.read_text(encoding="utf-8")
+        assert text.startswith("---\nfile_format: mystnb\n")
+        assert "{code-cell}" in text
+        assert "base64" not in text
+
+
+def test_the_record_of_the_validation_can_be_read():
+    found = read_record(ROOT / "docs" / "data" / "validation.json")
+    assert len(found) > 30
+    for case in found.values():
+        assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\dZ", case["date"])
+        assert case["passed"] == all(check["passed"] for check in case["checks"])
+
+
+def test_a_record_keeps_what_was_not_run_again(tmp_path):
+    from validation.case import Case, CaseResult, Check
+    from validation.record import update_record
+
+    path = tmp_path / "sub" / "record.json"
+    first, second = (Case(name, "a title", "a source", lambda: []) for name in ("b", "a"))
+    update_record(
+        path, [(first, CaseResult([Check("x", 1.0, 1.5, 0.1)])), (second, CaseResult([Check("y", 0.0, 0.0, 0.1)]))]
+    )
+    kept = read_record(path)
+    update_record(path, [(first, CaseResult([Check("x", 1.0, float("nan"), 0.1)]))])
+    assert list(read_record(path)) == ["a", "b"]
+    assert read_record(path)["a"] == kept["a"]
+    assert read_record(path)["b"]["checks"][0]["obtained"] == "nan"
+    path.write_text(json.dumps([1]))
+    with pytest.raises(ValueError, match="no record"):
+        read_record(path)
+
+
+@pytest.mark.slow
+@needs_docs
+def test_every_notebook_runs(tmp_path):
+    """The whole site as scripts/docs builds it: an exception in a cell is an error of the build."""
+    site = build(tmp_path)
+    for path in TUTORIALS:
+        html = (site / "tutorials" / f"{path.stem}.html").read_text(encoding="utf-8")
+        assert html.count("cell_output") >= 3, path.stem
+        assert "<img" in html, path.stem

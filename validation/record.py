@@ -1,0 +1,76 @@
+"""The record of the cases' last runs, one file: what was checked, when, and of which sources.
+
+Cases that are run again replace their own entries; the others stay, each with the date of its own run.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import wt_gym
+from wt_gym.files import write_text_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from validation.case import Case, CaseResult
+
+__all__ = ["as_dict", "read_record", "update_record"]
+
+
+def as_dict(case: Case, result: CaseResult) -> dict[str, Any]:
+    """Plain data of one case, for JSON."""
+    return {
+        "name": case.name,
+        "title": case.title,
+        "source": case.source,
+        "slow": case.slow,
+        "passed": result.passed,
+        "wall_time_s": result.wall_time if math.isfinite(result.wall_time) else None,
+        "notes": result.notes,
+        "checks": [check.as_dict() for check in result.checks],
+    }
+
+
+def read_record(path: Path) -> dict[str, dict[str, Any]]:
+    """Entries by the names of the cases, in alphabetical order.
+
+    Raises
+    ------
+    ValueError
+        If the file is no record.
+    """
+    try:
+        cases = json.loads(path.read_text(encoding="utf-8"))["cases"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is no record of validation cases: {error!r}") from error
+    return {name: cases[name] for name in sorted(cases)}
+
+
+def update_record(path: Path, results: Iterable[tuple[Case, CaseResult]]) -> Path:
+    """Put results into a record, which is begun if there is none, with the time (UTC) and the package's version.
+
+    Raises
+    ------
+    ValueError
+        If the file is there and is no record.
+    """
+    cases = read_record(path) if path.exists() else {}
+    now = datetime.now(UTC).isoformat(timespec="minutes").removesuffix("+00:00") + "Z"
+    for case, result in results:
+        cases[case.name] = {"date": now, "version": wt_gym.__version__, **as_dict(case, result)}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # one check a line: a later run shows in the history which numbers it moved
+    text = ",\n".join(f"{json.dumps(name)}: {_entry(cases[name])}" for name in sorted(cases))
+    write_text_whole(path, f'{{"cases": {{\n{text}\n}}}}\n')
+    return path
+
+
+def _entry(case):
+    head = json.dumps({key: value for key, value in case.items() if key != "checks"}, ensure_ascii=False)
+    checks = ",\n  ".join(json.dumps(check, ensure_ascii=False) for check in case["checks"])
+    return f'{head[:-1]}, "checks": [\n  {checks}]}}'
