@@ -15,7 +15,8 @@ import numpy as np
 from validation.case import CaseResult, Check, case
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.errors import SimulationError
-from wt_gym.simulation import FIDELITIES, Recorder
+from wt_gym.simulation import FIDELITIES, Recorder, Simulator
+from wt_gym.wind import SteadyInflow
 
 __all__ = ["COMBINATIONS", "Combination", "measure"]
 
@@ -126,13 +127,14 @@ def measure(combination):
         metrics = run_metrics(data, raw.turbine, SKIP)
         found |= {"power": metrics["mean_power"] / 1e3, "flap_DEL": metrics["blade_flap_del"] / 1e6,
                   "tip": float(data.tip_out_of_plane_1.values[data.time.values > SKIP].mean())}  # fmt: skip
-    found["frequencies"] = parked_frequencies(raw.simulator)
+    found["frequencies"] = parked_frequencies(raw.turbine, combination.fidelity)
     env.close()
     return found
 
 
-def parked_frequencies(simulator):
+def parked_frequencies(turbine, fidelity):
     """Lowest natural frequencies of the parked turbine [Hz], None for structures that have no linear model."""
+    simulator = Simulator(turbine, SteadyInflow(8.0), fidelity)
     try:
         model = simulator.linearize(rotor_speed=0.0, aerodynamics="none", generator="locked", outputs=("rotor_speed",))
     except SimulationError:
