@@ -1,6 +1,7 @@
 """Linear models of the turbine: exact properties, forecast of the simulation, modes, doors."""
 
 import csv
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +17,7 @@ from validation.linearization import (
 )
 from validation.tree_tools import mass_matrix, rate_jacobian
 from wt_gym.errors import SimulationError
-from wt_gym.simulation import Simulator
+from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.campbell import campbell
 from wt_gym.simulation.linear_model import LinearModel, coleman, multiblade_model, multiblade_transform
 from wt_gym.simulation.linearization import linearize
@@ -41,6 +42,17 @@ def weightless():
 def operating(simulator):
     """Linear model at 18 m/s in multi-blade coordinates."""
     return linearize(simulator, rotor_speed=RATED, pitch=np.radians(14.92), multiblade=True)
+
+
+def test_nodal_tower_has_the_modes_of_a_modal_one():
+    """Its inner nodes move no point of the blades; the model was not finite for that."""
+    parked = {"rotor_speed": 0.0, "aerodynamics": "none", "generator": "locked", "outputs": ("rotor_speed",)}
+    found = []
+    for changes in ({}, {"tower_coordinates": "nodal", "tower_elements": 6, "integrator": "generalised_alpha"}):
+        fidelity = replace(FIDELITIES["training"], **changes)
+        modes = Simulator("nrel_5mw", SteadyInflow(8.0), fidelity).linearize(**parked).modes()
+        found.append(sorted(mode.frequency for mode in modes if mode.frequency > 0.0)[:8])
+    np.testing.assert_allclose(found[1], found[0], rtol=5e-3)
 
 
 def test_coleman_transformation_and_its_derivatives():

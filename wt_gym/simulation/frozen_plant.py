@@ -16,6 +16,8 @@ from wt_gym.simulation.turbine_bodies import place_nacelle
 __all__ = ["AERODYNAMICS", "FrozenPlant", "Wake"]
 
 AERODYNAMICS = ("quasi_steady", "frozen_wake", "none")
+ROUNDING = 1e-9
+"""Speed of a lattice point that is none [m/s]."""
 NEAR_WAKE = 0.5
 """Age up to which the wake follows the circulation of the blades in quasi-steady aerodynamics [s].
 
@@ -139,10 +141,12 @@ class FrozenPlant:
         )  # fmt: skip
 
     def _reach_of(self, i):
+        """Largest speed of lattice points [m/s] at a unit rate i; one where none moves, as by inner tower nodes."""
         y = self.system.initial_state()
         y[i] = 1.0
         self._move(y)
-        return float(np.linalg.norm(self._velocities, axis=-1).max())
+        speed = float(np.linalg.norm(self._velocities, axis=-1).max())
+        return speed if speed > ROUNDING else 1.0
 
     # ---- inputs ------------------------------------------------------------------------------------------------------
 
