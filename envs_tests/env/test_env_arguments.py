@@ -34,9 +34,10 @@ NOTHING_IS_ALLOWED = {
 }  # fmt: skip
 ALLOWED = {
     **{name: {"number"} for name in (
-        "overspeed_limit", "termination_penalty", "sensor_noise", "wind_direction", "reference_height",
+        "overspeed_limit", "termination_penalty", "control_dt", "sensor_noise", "reference_height",
         "residual_washout", "roughness_length",
     )},
+    "wind_direction": {"number", "list"},
     "residual_fade": {"truth"},
     "relative_reward": {"truth"},
     "vector_reward": {"truth"},

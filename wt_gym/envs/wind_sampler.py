@@ -290,6 +290,8 @@ class WindSampler:
         """Speed at the hub over that at the reference height [-]."""
         if reference_height is None:
             return 1.0
+        if real_number(reference_height) is None:
+            raise InflowError(f"reference_height must be a number in m, got {shown(reference_height)}")
         if not isinstance(self._kind, str) or self._kind in EXTREME:
             raise InflowError("reference_height belongs to the inflows 'steady', 'turbulent' and 'gusts'")
         hub = np.array([[0.0, 0.0, self._turbine.hub_height]])

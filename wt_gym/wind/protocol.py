@@ -120,8 +120,8 @@ def require_number(
         if isinstance(value, bool | str):  # which float would take
             raise TypeError(f"{value!r} is no number")
         number = float(value)
-    except (TypeError, ValueError) as error:
-        raise InflowError(f"{name} must be a number [{unit}]; got {value!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InflowError(f"{name} must be a number [{unit}]; got {value!r:.100}") from error
     below = number <= minimum if open_minimum else number < minimum
     if not math.isfinite(number) or below or number > maximum:
         bracket = "(" if open_minimum or minimum == -math.inf else "["
