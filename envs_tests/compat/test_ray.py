@@ -10,7 +10,6 @@ import subprocess
 import sys
 import threading
 import time
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +27,7 @@ from wt_gym.agents.trained_agent import TrainedAgent  # noqa: E402
 from wt_gym.agents.workers import ATTEMPTS  # noqa: E402
 from wt_gym.analysis.results import Wind  # noqa: E402
 
+ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers do not find the modules of tests
 CLONE = Path(__file__).parents[2]
 STEADY = "wt_gym/NREL5MW-Steady-v0"
 SPEEDS = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0)
@@ -88,7 +88,6 @@ def once_at_work(folder: Path, what) -> threading.Thread:
     return thread
 
 
-@cache
 def simulated(speed: float) -> bytes:
     """Signals of a short run."""
     import gymnasium as gym
