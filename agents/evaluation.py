@@ -16,7 +16,7 @@ import numpy as np
 
 import wt_gym
 from wt_gym.agents.choices import fingerprint
-from wt_gym.agents.compilation import compile_kernels_of
+from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.environments import Environments, check_environments, load_agent
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.executors import SerialExecutor
@@ -249,32 +249,36 @@ def _made(
         yield from executor.results(lambda job: contenders.run(*job, line), jobs)
         return
     agents, config = dict(contenders.given), contenders.config
-    expected = code, {name: fingerprint(choice) for name, choice in agents.items()}
-    warm = partial(compile_kernels_of, config.env_id, config.env_kwargs)
-    yield from executor.results(_run_here, jobs, begin=_get_ready, given=(agents, config, *expected), warm=warm)
+    models = {name: fingerprint(choice) for name, choice in agents.items()}
+    warm = partial(_warm, agents, config, code, models)
+    yield from executor.results(_run_here, jobs, begin=_get_ready, given=(agents, config), warm=warm)
+
+
+def _warm(agents: dict[str, str], config: EvaluationConfig, code: dict[str, str], models: dict[str, Any]) -> None:
+    """Have the kernels of the evaluation in the cache of a machine.
+
+    Raises
+    ------
+    ValueError
+        If code or models are not those of the process that gives the work.
+    """
+    if other := [name for name, choice in agents.items() if fingerprint(choice) != models[name]]:
+        raise ValueError(f"the files of {', '.join(other)} differ on {platform.node()}")
+    with closing(_Environments(config)) as environments:
+        env = environments.plain
+        if other := differing(code, code_fingerprint(layout_of(env).turbine, env.unwrapped.fidelity)):
+            raise ValueError(f"wt_gym on {platform.node()} has other code: {', '.join(other)}")
+        compile_kernels(env)
 
 
 _contenders: _Contenders | None = None
 """Of a worker process, which loads models and makes environments once for all its runs."""
 
 
-def _get_ready(
-    agents: dict[str, str], config: EvaluationConfig, code: dict[str, str], models: dict[str, dict[str, Any]]
-) -> None:
-    """Begin as a worker process.
-
-    Raises
-    ------
-    ValueError
-        If code or models are not those of the process that gives the work, as on another machine.
-    """
+def _get_ready(agents: dict[str, str], config: EvaluationConfig) -> None:
+    """Begin as a worker process."""
     global _contenders
-    if other := [name for name, choice in agents.items() if fingerprint(choice) != models[name]]:
-        raise ValueError(f"the files of {', '.join(other)} differ on {platform.node()}")
     _contenders = _Contenders(agents, config)
-    plain = _contenders.environments.plain
-    if other := differing(code, code_fingerprint(layout_of(plain).turbine, plain.unwrapped.fidelity)):
-        raise ValueError(f"wt_gym on {platform.node()} has other code: {', '.join(other)}")
 
 
 def _run_here(job: tuple[str, Wind]) -> Run:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import ray
+from ray.exceptions import RayTaskError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from wt_gym.agents.workers import ONE_THREAD
@@ -86,7 +87,10 @@ def warm_nodes(warm: Callable[[], None]) -> None:
     ]
     # a node that goes meanwhile is no loss: soft affinity warms another one twice
     tasks = [_call.options(scheduling_strategy=NodeAffinitySchedulingStrategy(node, soft=True)) for node in nodes]
-    ray.get([task.remote(warm) for task in tasks])
+    try:
+        ray.get([task.remote(warm) for task in tasks])
+    except RayTaskError as error:
+        raise error.cause from None  # as it would have been raised here
 
 
 @ray.remote(num_cpus=1)

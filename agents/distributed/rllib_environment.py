@@ -14,7 +14,9 @@ import wt_gym  # noqa: F401 - registers the environments in the process of the r
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["RunnerEnv", "make_runner_env"]
+    from ray.rllib.env.env_runner import EnvRunner
+
+__all__ = ["RunnerEnv", "make_runner_env", "runner_report", "set_runner_statistics"]
 
 # As stable-baselines3's VecNormalize, so that the same hyperparameters mean the same.
 _CLIP, _EPSILON = 10.0, 1e-8
@@ -107,3 +109,24 @@ def make_runner_env(context: dict[str, Any]) -> gym.vector.VectorEnv | gym.Env:
         **context["env_kwargs"],
     )
     return RunnerEnv(env, context["mark"], context["gamma"])
+
+
+def runner_report(runner: EnvRunner) -> dict[str, Any] | None:
+    """Report of the turbines of a runner, asked for in its process; None where it has none."""
+    env = _turbines(runner)
+    return None if env is None else env.take_report()
+
+
+def set_runner_statistics(runner: EnvRunner, mean: float, var: float, count: float) -> None:
+    """Have the turbines of a runner go on from the statistics of an earlier session."""
+    env = _turbines(runner)
+    if env is not None:
+        env.set_statistics(mean, var, count)
+
+
+def _turbines(runner: EnvRunner) -> RunnerEnv | None:
+    """Turbines of a runner, below RLlib's own wrappers."""
+    env = runner.env
+    while env is not None and not isinstance(env, RunnerEnv):
+        env = getattr(env, "env", None)
+    return env

@@ -12,7 +12,7 @@ from stable_baselines3.common.callbacks import CallbackList
 
 from wt_gym.agents.compilation import compile_kernels_of
 from wt_gym.agents.distributed.connection import connected, processors, warm_nodes
-from wt_gym.agents.distributed.rllib_environment import RunnerEnv
+from wt_gym.agents.distributed.rllib_environment import runner_report, set_runner_statistics
 from wt_gym.agents.distributed.rllib_settings import check_settings, rllib_config
 from wt_gym.agents.distributed.rllib_weights import first_weights, take_weights
 from wt_gym.files import write_whole
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ray.rllib.algorithms.algorithm import Algorithm
-    from ray.rllib.env.env_runner import EnvRunner
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     from wt_gym.agents.training.config import TrainingConfig
@@ -121,7 +120,7 @@ class RllibLearner:
             algorithm.local_replay_buffer.set_state(_read_buffer(folder / "replay_buffer.pkl"))
         rms = venv.ret_rms
         share = float(rms.count) / max(1, algorithm.config.num_env_runners)
-        _each_runner(algorithm, partial(_set_statistics, mean=float(rms.mean), var=float(rms.var), count=share))
+        _each_runner(algorithm, partial(set_runner_statistics, mean=float(rms.mean), var=float(rms.var), count=share))
 
     def _loop(self, config: TrainingConfig, model: BaseAlgorithm, callback: CallbackList) -> None:
         """Learn batch by batch."""
@@ -130,7 +129,7 @@ class RllibLearner:
         going = True
         while going and model.num_timesteps < config.total_steps:
             self._algorithm.train()
-            reports = [report for report in _each_runner(self._algorithm, _take_report) if report is not None]
+            reports = [report for report in _each_runner(self._algorithm, runner_report) if report is not None]
             model.num_timesteps += sum(report["steps"] for report in reports)
             weights = self._algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
             take_weights(model, weights)
@@ -145,25 +144,6 @@ def _each_runner(algorithm: Algorithm, ask) -> list[Any]:
     """Ask every runner that steps environments."""
     remote = algorithm.config.num_env_runners > 0
     return algorithm.env_runner_group.foreach_env_runner(ask, local_env_runner=not remote)
-
-
-def _turbines(runner: EnvRunner) -> RunnerEnv | None:
-    """Turbines of a runner, below RLlib's own wrappers."""
-    env = runner.env
-    while env is not None and not isinstance(env, RunnerEnv):
-        env = getattr(env, "env", None)
-    return env
-
-
-def _take_report(runner: EnvRunner) -> dict[str, Any] | None:
-    env = _turbines(runner)
-    return None if env is None else env.take_report()
-
-
-def _set_statistics(runner: EnvRunner, mean: float, var: float, count: float) -> None:
-    env = _turbines(runner)
-    if env is not None:
-        env.set_statistics(mean, var, count)
 
 
 def _merge(whole, statistics: list[tuple[float, float, float]]) -> None:

@@ -95,7 +95,11 @@ def _claim(file: Path, config: TrainingConfig, trials: int) -> None:
 
 def _tuner(config: TrainingConfig, folder: Path, trials: int) -> tune.Tuner:
     """Tuner of a new search, or of one to go on with."""
-    trainable = tune.with_resources(partial(_trial, config), {"cpu": 1})
+
+    def trial(hyperparameters: dict[str, Any]) -> None:
+        _trial(config, hyperparameters)
+
+    trainable = tune.with_resources(trial, {"cpu": 1})
     path = folder.absolute() / _TRIALS
     if tune.Tuner.can_restore(str(path)):
         return tune.Tuner.restore(str(path), trainable, resume_unfinished=True, resume_errored=True)
@@ -132,7 +136,7 @@ def _domain(part) -> Any:
 
 
 def _trial(config: TrainingConfig, hyperparameters: dict[str, Any]) -> None:
-    """Train on a machine of the cluster, and report each evaluation."""
+    """Train on a machine of the cluster, in the folder that Tune has given the trial, and report each evaluation."""
     from wt_gym.agents.train import train
 
     def report(steps: int, figures: dict) -> bool:
