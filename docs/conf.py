@@ -29,6 +29,7 @@ extensions = [
 ]
 exclude_patterns = ["site_parts"]
 nitpicky = False
+smartquotes = False  # options begin with two hyphens
 default_role = "py:obj"  # `name` in docstrings; one that has no page of its own stays as it is
 # short names in types, as `Channel`, of which there are two: the reader sees by the module which is meant
 suppress_warnings = ["config.cache", "ref.python"]

@@ -77,9 +77,9 @@ def action(name):
 
 def rewards():
     """Named terms with their default weights."""
-    found = [cls for cls in vars(terms).values() if inspect.isclass(cls) and hasattr(cls, "weight")]
-    made = sorted((cls() for cls in found), key=lambda t: -t.weight)
-    rows = [(f"`{t.name}`", f"`{type(t).__name__}`", f"{t.weight:g}", _sentence(t)) for t in made]
+    weights = terms.DEFAULT_WEIGHTS
+    made = sorted(terms.compose(dict.fromkeys(weights, 1.0)), key=lambda term: -weights[term.name])
+    rows = [(f"`{t.name}`", f"`{type(t).__name__}`", f"{weights[t.name]:g}", _sentence(t)) for t in made]
     return table(("name", "class", "weight", "what it is"), rows, "options")
 
 
