@@ -70,7 +70,8 @@ def _blocks(text):
 
 
 def _plain(text):
-    return re.sub(r"[*<]", r"\\\g<0>", text)
+    """Text whose options are code, so that their hyphens stay."""
+    return re.sub(r"(?<![\w-])--[a-z][\w-]*", r"`\g<0>`", re.sub(r"[*<]", r"\\\g<0>", text))
 
 
 def _options(parser, level="###"):
