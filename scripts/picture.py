@@ -166,10 +166,6 @@ def save(frames, path, n_colours):
     for row, colour in enumerate((*BLADES, STEEL, INK)):  # thin things that must keep their colours
         sheet.paste(colour, (0, 3 * HEIGHT + 40 * row, WIDTH, 3 * HEIGHT + 40 * (row + 1)))
     palette = sheet.quantize(n_colours, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    colours = palette.getpalette()
-    lightest = max(range(0, 3 * n_colours, 3), key=lambda place: sum(colours[place : place + 3]))
-    colours[lightest : lightest + 3] = [255, 255, 255]  # the paper, which the few colours have made a shade darker
-    palette.putpalette(colours)
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     path.parent.mkdir(parents=True, exist_ok=True)
     images[0].save(path, save_all=True, append_images=images[1:], duration=100, loop=0, optimize=False, disposal=1)
