@@ -29,6 +29,7 @@ extensions = [
 ]
 exclude_patterns = ["site_parts"]
 nitpicky = False
+smartquotes_action = "De"  # dashes and ellipses; quotes are as they are typed
 default_role = "py:obj"  # `name` in docstrings; one that has no page of its own stays as it is
 # short names in types, as `Channel`, of which there are two: the reader sees by the module which is meant
 suppress_warnings = ["config.cache", "ref.python"]
@@ -39,7 +40,7 @@ myst_heading_anchors = 3
 
 # Notebooks are text without outputs, and run whole at each build; -D nb_execution_mode=off leaves them unrun
 nb_execution_mode = "force"
-nb_execution_timeout = 600
+nb_execution_timeout = 1800  # wall time of a cell, also on a busy machine
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_execution_in_temp = True
@@ -47,7 +48,7 @@ nb_merge_streams = True
 
 autodoc_typehints = "none"  # the docstrings say it, with shapes and units
 autodoc_member_order = "bysource"
-autodoc_default_options = {"members": True, "show-inheritance": False}
+autodoc_default_options = {"members": True}
 autodoc_preserve_defaults = True
 napoleon_google_docstring = False
 napoleon_use_ivar = True
@@ -79,8 +80,28 @@ def _links(app, docname, source):
     source[0] = re.sub(r"\]\(([^)\s]+)\)", lambda found: f"]({_PAGES.get(found[1], found[1])})", source[0])
 
 
+_SEVERAL = re.compile(r"(\w+(?:, \w+)+) : (.+)")
+
+
+def _one_by_one(lines):
+    """Attributes that share an entry ("a, b : int") as entries of their own, which napoleon wants."""
+    if "Attributes" not in lines:
+        return lines
+    kept, rest = lines[: lines.index("Attributes")], lines[lines.index("Attributes") :]
+    while rest:
+        entry = [rest.pop(0)]
+        while rest and rest[0].startswith(" "):
+            entry.append(rest.pop(0))
+        found = _SEVERAL.fullmatch(entry[0])
+        for name in found[1].split(", ") if found else ():
+            kept += [f"{name} : {found[2]}", *entry[1:]]
+        kept += [] if found else entry
+    return kept
+
+
 def _docstrings(app, what, name, obj, options, lines):
     """Bars are magnitudes, not substitutions. A docstring in Markdown has a page of its own: its head is enough."""
+    lines[:] = _one_by_one(lines)
     for k, line in enumerate(lines):
         parts = line.split("``")  # every second one is literal
         lines[k] = "``".join(part if place % 2 else part.replace("|", "\\|") for place, part in enumerate(parts))

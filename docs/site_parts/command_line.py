@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import re
+import textwrap
 from importlib import import_module
 from pathlib import Path
 
@@ -53,13 +54,24 @@ def _validate():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     parser = parser_of(module.parse, argparse.ArgumentParser)
-    return f"```text\n{module.__doc__.strip()}\n```\n\n{_options(parser)}"
+    return f"{_blocks(module.__doc__)}\n\n{_options(parser)}"
 
 
 def _described(parser):
-    """The description as it is written: commands in it stand in columns."""
-    text = re.sub(r"^.*?\n\n", "", parser.description.strip(), count=1, flags=re.DOTALL)
-    return f"```text\n{text}\n```"
+    """The description without its first sentence: what is indented stands in columns, the rest is text."""
+    return _blocks(parser.description.strip().partition("\n\n")[2])
+
+
+def _blocks(text):
+    blocks = re.split(r"\n\s*\n", text.strip("\n"))
+    return "\n\n".join(
+        f"```text\n{textwrap.dedent(block)}\n```" if block.startswith(" ") else _plain(block) for block in blocks
+    )
+
+
+def _plain(text):
+    """Text whose options are code, so that their hyphens stay."""
+    return re.sub(r"(?<![\w-])--[a-z][\w-]*", r"`\g<0>`", re.sub(r"[*<]", r"\\\g<0>", text))
 
 
 def _options(parser, level="###"):
@@ -88,5 +100,4 @@ def _name(action):
 
 
 def _help(parser, action):
-    text = (action.help or "") % {**vars(action), "prog": parser.prog}
-    return re.sub(r"[*<]", r"\\\g<0>", text)
+    return _plain((action.help or "") % {**vars(action), "prog": parser.prog})

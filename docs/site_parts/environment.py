@@ -18,19 +18,20 @@ _WIND = {"steady": "steady, sheared", "turbulent": "Kaimal turbulence", "gusts":
 
 def ids():
     """Every registered id with its sizes."""
-    rows = []
+    rows, speeds = [], inspect.signature(WindTurbineEnv).parameters["wind_speed"].default
     for name in sorted(gym.registry):
         if not name.startswith("wt_gym/"):
             continue
         spec = gym.spec(name)
         env = gym.make(name).unwrapped
-        low, high = np.broadcast_to(spec.kwargs.get("wind_speed", (6.0, 18.0)), 2)
+        low, high = np.broadcast_to(spec.kwargs.get("wind_speed", speeds), 2)
         length = (spec.max_episode_steps or env._max_steps) * env.control_dt
         rows.append(
-            (f"`{name}`", f"`{spec.kwargs['turbine']}`", f"{_WIND[spec.kwargs['inflow']]}, {low:g}–{high:g} m/s",
-             env.action_space.shape[0], env.observation_space.shape[0], f"{env.control_dt:g} s", f"{length:g} s")
+            (f"`{name}`", f"`{spec.kwargs['turbine']}`", f"{_WIND[spec.kwargs['inflow']]}, {low:g}–{high:g}\u00a0m/s",
+             f"{env.action_space.shape[0]} / {env.observation_space.shape[0]}",
+             f"{length:g}\u00a0s by {env.control_dt:g}\u00a0s")
         )  # fmt: skip
-    headings = ("id", "turbine", "wind", "actions", "observations", "control step", "episode")
+    headings = ("id", "turbine", "wind", "actions / observations", "episode by control step")
     goals = table(
         ("task", "goal", "score"), [(f"`wt_gym/{t.name}-v0`", t.goal, t.score) for t in TASKS.values()], "options"
     )
@@ -77,9 +78,9 @@ def action(name):
 
 def rewards():
     """Named terms with their default weights."""
-    found = [cls for cls in vars(terms).values() if inspect.isclass(cls) and hasattr(cls, "weight")]
-    made = sorted((cls() for cls in found), key=lambda t: -t.weight)
-    rows = [(f"`{t.name}`", f"`{type(t).__name__}`", f"{t.weight:g}", _sentence(t)) for t in made]
+    weights = terms.DEFAULT_WEIGHTS
+    made = sorted(terms.compose(dict.fromkeys(weights, 1.0)), key=lambda term: -weights[term.name])
+    rows = [(f"`{t.name}`", f"`{type(t).__name__}`", f"{weights[t.name]:g}", _sentence(t)) for t in made]
     return table(("name", "class", "weight", "what it is"), rows, "options")
 
 

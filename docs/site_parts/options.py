@@ -34,10 +34,11 @@ def turbines():
     for name in catalogue():
         t = load_turbine(name)
         speed = t.drivetrain.rated_rotor_speed * _RPM
-        rows.append(
-            (f"`{name}`", t.name, _power(t.drivetrain.rated_power), f"{t.rotor_diameter:.4g} m",
-             f"{t.hub_height:.4g} m", f"{speed:.4g} rpm", f"{t.cut_in:g}–{t.cut_out:g} m/s")
+        sizes = (
+            _power(t.drivetrain.rated_power), f"{t.rotor_diameter:.4g} m", f"{t.hub_height:.4g} m", f"{speed:.4g} rpm",
+            f"{t.cut_in:g}–{t.cut_out:g} m/s",
         )  # fmt: skip
+        rows.append((f"`{name}`", t.name, *(size.replace(" ", "\u00a0") for size in sizes)))
     headings = ("name", "turbine", "rated power", "rotor", "hub height", "rated speed", "wind")
     return table(headings, rows, "options")
 

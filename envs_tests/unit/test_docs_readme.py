@@ -69,3 +69,15 @@ def test_the_picture_moves_and_is_small():
 @pytest.mark.parametrize("name", re.findall(r"agents/\w+/\w+", README))
 def test_files_are_there(name):
     assert (ROOT / name).exists()
+
+
+def test_messages_on_the_page_about_refusals_are_those_of_the_code():
+    sources = "".join(
+        p.read_text(encoding="utf-8") for room in ("wt_gym", "agents") for p in (ROOT / room).rglob("*.py")
+    )
+    page = (ROOT / "docs" / "howto" / "trouble.md").read_text(encoding="utf-8")
+    messages = re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE)
+    assert len(messages) > 6
+    for message in messages:
+        for part in filter(None, (part.strip() for part in message.split("…"))):
+            assert part in sources, message

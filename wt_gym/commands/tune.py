@@ -1,7 +1,9 @@
-"""Tune the parameters of a controller on training winds; needs the extra "tune".
+"""Tune the parameters of a controller on training winds.
 
-wt-gym tune constrained_ipc --trials 40 --output tuned.json
-wt-gym tune retuned --winds 8 --seeds 1 2 3 --weights mean_power=-1 --trials 15
+    wt-gym tune constrained_ipc --trials 40 --output tuned.json
+    wt-gym tune retuned --winds 8 --seeds 1 2 3 --weights mean_power=-1 --trials 15
+
+Needs the extra "tune".
 """
 
 import json
