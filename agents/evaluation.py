@@ -264,7 +264,7 @@ def _warm(agents: dict[str, str], config: EvaluationConfig, code: dict[str, str]
     """
     if other := [name for name, choice in agents.items() if fingerprint(choice) != models[name]]:
         raise ValueError(f"the files of {', '.join(other)} differ on {platform.node()}")
-    with closing(_Environments(config)) as environments:
+    with closing(Environments(config.env_id, config.env_kwargs, config.duration)) as environments:
         env = environments.plain
         if other := differing(code, code_fingerprint(layout_of(env).turbine, env.unwrapped.fidelity)):
             raise ValueError(f"wt_gym on {platform.node()} has other code: {', '.join(other)}")
