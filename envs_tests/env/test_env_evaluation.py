@@ -48,7 +48,7 @@ def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, count_runs):
         evaluate(AGENTS, CONFIG, folder=tmp_path, progress=False)
     assert len(list((tmp_path / "runs").glob("*.nc"))) == 3
     assert not (tmp_path / "evaluation.json").exists()
-    (tmp_path / "runs" / ".003_constant.nc.1.partial").write_bytes(b"half of a run")
+    (tmp_path / "runs" / ".003_constant.nc.99999999999.partial").write_bytes(b"half of a run")
 
     done.clear()
     run.stop_after = None
