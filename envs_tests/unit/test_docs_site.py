@@ -98,7 +98,7 @@ def test_notebooks_hold_no_outputs():
 
 def test_the_record_of_the_validation_can_be_read():
     found = read_record(ROOT / "docs" / "data" / "validation.json")
-    assert len(found) > 30
+    assert len(found) > 10
     for case in found.values():
         assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\dZ", case["date"])
         assert case["passed"] == all(check["passed"] for check in case["checks"])
