@@ -174,9 +174,7 @@ def held_back_env(config):
 def test_a_policy_that_stops_the_rotor_has_a_return_and_no_loads():
     config = TrainingConfig(env_id=STEADY, env_kwargs={"wind_speed": 12.0}, eval_seconds=30.0)
     env = held_back_env(config)
-    figures = HeldBackEvaluation(config, env.unwrapped.wind)(
-        ConstantAgent(env.unwrapped.layout, [1.0, 0.0, 1.0])
-    )
+    figures = HeldBackEvaluation(config, env.unwrapped.wind)(ConstantAgent(env.unwrapped.layout, [1.0, 0.0, 1.0]))
     assert figures["episode_return"] < -100.0
     assert figures["blade_flap_del"] is None
 
