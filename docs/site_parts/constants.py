@@ -14,7 +14,7 @@ _LONGEST = 70
 
 
 def constants(module):
-    """Names in ``__all__`` of a module that are neither classes nor functions, with what is said where they are made."""
+    """Names in ``__all__`` that are neither classes nor functions, with what is said where they are made."""
     public = import_module(module)
     rows = []
     for name in public.__all__:
