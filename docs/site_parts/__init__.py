@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from site_parts import command_line, environment, options, validation_record
+from site_parts import command_line, constants, environment, options, validation_record
 
 _ROOT = Path(__file__).resolve().parents[2]
 
@@ -23,6 +23,7 @@ def _file(name):
 
 PARTS = {
     "file": _file,
+    "constants": constants.constants,
     "ids": environment.ids,
     "environment": environment.manual,
     "observation": environment.observation,
