@@ -66,7 +66,7 @@ def tune_search(
         warm_nodes(partial(compile_kernels_of, config.env_id, config.env_kwargs))
         results = _tuner(config, run.path, trials).fit()
         ended = [result for result in results if result.error is None and result.metrics and result.metrics.get("done")]
-        rows = [(result.config, result.metrics["episode_return"]) for result in ended]
+        rows = [(_hyperparameters(config, result.config), result.metrics["episode_return"]) for result in ended]
         if progress is not None:
             for found, value in rows:
                 progress(f"return {value:+.2f} with {found}")
@@ -96,17 +96,16 @@ def _claim(file: Path, config: TrainingConfig, trials: int) -> None:
 def _tuner(config: TrainingConfig, folder: Path, trials: int) -> tune.Tuner:
     """Tuner of a new search, or of one to go on with."""
 
-    def trial(hyperparameters: dict[str, Any]) -> None:
-        _trial(config, hyperparameters)
+    def trial(found: dict[str, Any]) -> None:
+        _trial(config, _hyperparameters(config, found))
 
     trainable = tune.with_resources(trial, {"cpu": 1})
     path = folder.absolute() / _TRIALS
     if tune.Tuner.can_restore(str(path)):
         return tune.Tuner.restore(str(path), trainable, resume_unfinished=True, resume_errored=True)
     space = SPACES[config.algorithm]
-    present = {
-        name: config.resolved[name] for name, part in space.items() if part.key(config.resolved.get(name)) is not None
-    }
+    keys = {name: part.key(config.resolved.get(name)) for name, part in space.items()}
+    present = {name: key for name, key in keys.items() if key is not None}
     generator = BasicVariantGenerator(points_to_evaluate=[present], random_state=np.random.RandomState(config.seed))
     scheduler = ASHAScheduler(
         time_attr="steps", max_t=2 * config.total_steps, grace_period=max(1, config.total_steps // 3)
@@ -129,10 +128,16 @@ def _tuner(config: TrainingConfig, folder: Path, trials: int) -> tune.Tuner:
 def _domain(part) -> Any:
     """Ray's domain of a part of the search space."""
     if not isinstance(part, Range):
-        return tune.choice(list(part.values))
+        return tune.choice([part.key(value) for value in part.values])  # Ray would take a list apart
     if isinstance(part.low, int):
         return tune.randint(part.low, part.high + 1)
     return (tune.loguniform if part.log else tune.uniform)(part.low, part.high)
+
+
+def _hyperparameters(config: TrainingConfig, found: dict[str, Any]) -> dict[str, Any]:
+    """Hyperparameters of the keys by which Ray knows them."""
+    space = SPACES[config.algorithm]
+    return {name: key if isinstance(space[name], Range) else json.loads(key) for name, key in found.items()}
 
 
 def _trial(config: TrainingConfig, hyperparameters: dict[str, Any]) -> None:
