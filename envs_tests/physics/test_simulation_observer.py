@@ -283,6 +283,7 @@ def test_energy_balance_holds_and_finds_a_drive_from_nowhere():
         sim.advance(20.0, pitch=0.0, generator_torque=28e3)
 
 
+@pytest.mark.slow
 def test_environment():
     env = gymnasium.make("wt_gym/NREL5MW-Turbulent-v0", fidelity=OBSERVER)
     check_env(env.unwrapped, skip_render_check=True)
