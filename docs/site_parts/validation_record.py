@@ -34,7 +34,7 @@ def summary():
     rows = [
         (f"[`{name}`](#{_anchor(name)})", case["title"],
          f"{sum(check['passed'] for check in case['checks'])} / {len(case['checks'])}", _verdict(case["passed"]),
-         case["date"][:10])
+         case["date"][:10].replace("-", "\u2011"))
         for name, case in found.items()
     ]  # fmt: skip
     text += table(("case", "title", "checks passed", "", "run"), rows, "options")
