@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
 from wt_gym.agents.loadcases.cases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
@@ -19,9 +18,8 @@ from wt_gym.agents.loadcases.results import CLEARANCE, PARKED, SPEED
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS
 from wt_gym.analysis.plots import agent_styles, style, titles_at_left
-from wt_gym.analysis.report_page import SHELL, figure_element, section
+from wt_gym.analysis.report_page import SHELL, figure_element, section, write_page
 from wt_gym.analysis.summary import format_value
-from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from wt_gym.agents.loadcases.results import CaseRun, LoadCaseResults, Value
@@ -139,20 +137,14 @@ def write_load_case_report(results: LoadCaseResults, path: str | Path, title: st
     -------
     pathlib.Path
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    page = SHELL
-    for name, text in {
+    parts = {
         "title": escape(title or f"{results.turbine}: design load cases"),
         "headline": escape(_headline(results)),
         "facts": _facts(results),
         "body": _body(results),
         "replayjs": "",
-        "plotlyjs": get_plotlyjs(),
-    }.items():
-        page = page.replace(f"<!--{name}-->", text)
-    write_text_whole(path, page)
-    return path
+    }
+    return write_page(path, SHELL, parts)
 
 
 def _headline(results: LoadCaseResults) -> str:

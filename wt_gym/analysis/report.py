@@ -8,8 +8,6 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plotly.offline import get_plotlyjs
-
 from wt_gym.analysis.comparison_plots import pareto_figure, verdict_figure
 from wt_gym.analysis.learning_plots import learning_figure, trainings
 from wt_gym.analysis.lifetime import wind_weights
@@ -17,7 +15,7 @@ from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
 from wt_gym.analysis.plots import agent_styles, spectra_figure, time_series_figure
 from wt_gym.analysis.replay_section import replay_script, replay_section
-from wt_gym.analysis.report_page import PAGE, figure_element, section
+from wt_gym.analysis.report_page import PAGE, figure_element, section, write_page
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
 from wt_gym.analysis.summary import (
     JUDGED,
@@ -30,7 +28,6 @@ from wt_gym.analysis.summary import (
     unseen,
     verdict,
 )
-from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
     from wt_gym.analysis.paired import Estimate
@@ -57,10 +54,7 @@ def write_report(evaluation: Evaluation, path: str | Path, title: str | None = N
     pathlib.Path
         The file, 6 to 10 MB: plotly.js, some time series and the replay are inside.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    page = PAGE
-    for name, text in {
+    parts = {
         "title": escape(title or f"{evaluation.turbine}: evaluation of controllers"),
         "headline": escape(headline(evaluation)),
         "facts": _facts(evaluation),
@@ -72,11 +66,8 @@ def write_report(evaluation: Evaluation, path: str | Path, title: str | None = N
         "sections": _sections(evaluation),
         "method": _method(evaluation),
         "replayjs": replay_script(),
-        "plotlyjs": get_plotlyjs(),
-    }.items():
-        page = page.replace(f"<!--{name}-->", text)
-    write_text_whole(path, page)
-    return path
+    }
+    return write_page(path, PAGE, parts)
 
 
 def _facts(evaluation: Evaluation) -> str:

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plotly.offline import get_plotlyjs
+
+from wt_gym.files import write_text_whole
+
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import plotly.graph_objects as go
 
-__all__ = ["PAGE", "SHELL", "figure_element", "section"]
+__all__ = ["PAGE", "SHELL", "figure_element", "section", "write_page"]
 
 _STYLE = """
 :root { --ink: #1c2733; --muted: #465462; --line: #d5dce4; --paper: #ffffff; --ground: #f3f6f9; --accent: #0b4f79; }
@@ -151,3 +158,27 @@ def figure_element(name: str, figure: go.Figure) -> str:
         f"<div class='plot' style='height:{height}px' data-figure='{name}-data'></div>"
         f"<script type='application/json' id='{name}-data'>{data}</script>"
     )
+
+
+def write_page(path: str | Path, skeleton: str, parts: Mapping[str, str]) -> Path:
+    """Write a page whole: a skeleton with its comments replaced by parts of their names, and plotly.js inside.
+
+    Parameters
+    ----------
+    path : str or path
+        HTML file; its folder is created if missing.
+    skeleton : str
+        `PAGE` or `SHELL`.
+    parts : mapping
+
+    Returns
+    -------
+    pathlib.Path
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    page = skeleton
+    for name, text in {**parts, "plotlyjs": get_plotlyjs()}.items():
+        page = page.replace(f"<!--{name}-->", text)
+    write_text_whole(path, page)
+    return path
