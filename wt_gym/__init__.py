@@ -8,8 +8,8 @@ id                                   turbine and wind
 ===================================  ==============================================================
 ``wt_gym/NREL5MW-Steady-v0``         NREL 5-MW, steady sheared wind
 ``wt_gym/NREL5MW-Turbulent-v0``      NREL 5-MW, IEC Kaimal turbulence
-``wt_gym/IEA15MW-Steady-v0``         IEA 15-MW (240 m rotor), steady sheared wind
-``wt_gym/IEA15MW-Turbulent-v0``      IEA 15-MW, IEC Kaimal turbulence
+``wt_gym/IEA15MW-Steady-v1``         IEA 15-MW (240 m rotor), steady sheared wind
+``wt_gym/IEA15MW-Turbulent-v1``      IEA 15-MW, IEC Kaimal turbulence
 ``wt_gym/Gebhardt45m-Steady-v0``     45-m blades, 68-m tower (Gebhardt et al. 2012), steady sheared wind
 ``wt_gym/Gebhardt45m-Turbulent-v0``  the same, IEC Kaimal turbulence
 ``wt_gym/NadaSmall-Steady-v0``       0.5-m rotor on a copper rod (Nada & Al-Shahrani 2019), steady sheared wind
@@ -17,7 +17,8 @@ id                                   turbine and wind
 ===================================  ==============================================================
 
 and the tasks of `wt_gym.tasks`: ``wt_gym/LoadReduction-v0``, ``wt_gym/FullRange-v0``, ``wt_gym/MaxPower-v0``,
-``wt_gym/Yaw-v0``, ``wt_gym/Gusts-v0`` and ``wt_gym/IEA15MW-LoadReduction-v0``.
+``wt_gym/Yaw-v0``, ``wt_gym/Gusts-v0`` and ``wt_gym/IEA15MW-LoadReduction-v1``. The blades of the 15-MW turbine twist in
+the ids of version 1; those of version 0, which stay for a while, have blades that only bend.
 
 Examples
 --------
@@ -37,20 +38,26 @@ _OWN = {"nada_small": {"wind_speed": (6.0, 10.0), "control_dt": 0.02, "episode_l
 """Arguments of turbines for which the defaults do not fit: four seconds are a hundred turns of the small rotor."""
 _INFLOWS = {"Steady": "steady", "Turbulent": "turbulent"}
 
-for _turbine_label, _turbine_name in _TURBINES.items():
-    for _inflow_label, _inflow_kind in _INFLOWS.items():
+_TWISTING = {"iea_15mw": {"fidelity": "training-torsion"}}
+"""What version 1 of the ids of a turbine adds. Blades that long twist by degrees, which takes a tenth of the thrust."""
+
+
+def _register(name, turbine, arguments, **limits):
+    """Register an id in all its versions; ``arguments`` go to the environment."""
+    for version, more in enumerate([{}, _TWISTING[turbine]] if turbine in _TWISTING else [{}]):
         register(
-            id=f"wt_gym/{_turbine_label}-{_inflow_label}-v0",
+            id=f"wt_gym/{name}-v{version}",
             entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
             vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
-            kwargs={"turbine": _turbine_name, "inflow": _inflow_kind, **_OWN.get(_turbine_name, {})},
+            kwargs={**arguments, **more},
+            **limits,
         )
 
+
+for _label, _turbine in _TURBINES.items():
+    for _inflow_label, _inflow in _INFLOWS.items():
+        _arguments = {"turbine": _turbine, "inflow": _inflow, **_OWN.get(_turbine, {})}
+        _register(f"{_label}-{_inflow_label}", _turbine, _arguments)
+
 for _task in TASKS.values():
-    register(
-        id=f"wt_gym/{_task.name}-v0",
-        entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
-        vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
-        kwargs=_task.arguments,
-        max_episode_steps=_task.max_episode_steps,
-    )
+    _register(_task.name, _task.arguments["turbine"], _task.arguments, max_episode_steps=_task.max_episode_steps)

@@ -14,7 +14,7 @@ from wt_gym.agents.benchmark_runs import definition_of, jobs_of, results_of, run
 from wt_gym.agents.entries import entry_of
 from wt_gym.agents.executors import ProcessExecutor
 from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
-from wt_gym.benchmark.run import make_env
+from wt_gym.benchmark.run import delivered_power, make_env
 from wt_gym.benchmark.scoring import wind_score
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.errors import BenchmarkError
@@ -76,6 +76,22 @@ def test_power_is_corrected_for_what_the_rotor_stores():
     assert brake["mean_power"] > 1.01 * base["mean_power"]
     gained = brake["mean_power"] - base["mean_power"]
     assert brake["captured_power"] - base["captured_power"] < 0.25 * gained
+
+
+def test_overrating_in_gusts_does_not_make_up_for_lulls():
+    time, rated = np.arange(0.0, 80.0, 0.2), 5.0e6
+    gusts = time % 40.0 < 20.0
+    wind = np.where(gusts, rated, 0.6 * rated)
+    assert delivered_power(wind, time, rated) == pytest.approx(0.8 * rated, rel=1e-12)
+    assert delivered_power(np.where(gusts, 1.1 * rated, wind), time, rated) == pytest.approx(0.8 * rated, rel=1e-12)
+    # what a damper by torque passes on to the power costs nothing: four whole swings in ten seconds
+    swings = np.where(gusts, rated * (1.0 + 0.1 * np.sin(2.0 * np.pi * time / 2.5)), wind)
+    assert delivered_power(swings, time, rated) == pytest.approx(0.8 * rated, rel=1e-12)
+    assert delivered_power(0.9 * wind, time, rated) == pytest.approx(0.72 * rated, rel=1e-12)
+    # three samples are left after ten seconds, all above rated
+    assert delivered_power(np.linspace(0.0, 2.0, 53) * rated, time[:53], rated) == pytest.approx(
+        (np.linspace(0.0, 2.0, 53)[:50].sum() + 3.0) / 53 * rated, rel=1e-12
+    )
 
 
 def test_an_agent_that_feathers_cannot_score():

@@ -2,14 +2,17 @@
 
 from dataclasses import replace
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
+from wt_gym.control import torque_curve
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.substructure import add_chain, cut_beam
+from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 TRAINING = FIDELITIES["training"]
@@ -71,6 +74,21 @@ def test_implicit_steps_converge_to_the_explicit_ones(integrator):
         errors.append((np.abs(found - expected).max(axis=0) / scale).max())
     assert errors[0] < 0.015
     assert 4.5 < errors[0] / errors[1] < 10.0
+
+
+def test_the_blades_of_version_one_twist():
+    """IEA 15-MW at 9 m/s: HAWC2, with torsion, has 1591 kN (IEA-15-240-RWT); blades that bend only carry more."""
+    curve, thrust = torque_curve(load_turbine("iea_15mw")), {}
+    for version in (0, 1):
+        fidelity = gym.spec(f"wt_gym/IEA15MW-Steady-v{version}").kwargs.get("fidelity", "training")
+        simulator = Simulator("iea_15mw", SteadyInflow(9.0, hub_height=150.0), fidelity)
+        signals, found = simulator.reset(rotor_speed=0.67), []
+        for _ in range(100):
+            signals = simulator.advance(0.2, pitch=0.0, generator_torque=curve.torque(signals.generator_speed))
+            found.append(signals.rotor_thrust)
+        thrust[version] = np.mean(found[50:])
+    assert 0.86 < thrust[1] / thrust[0] < 0.94
+    assert 1591e3 < thrust[1] < thrust[0]
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.control import Demand, LowPass
+from wt_gym.control import Demand, LowPass, Notch
 from wt_gym.control.controllers import (
     BASES,
     CONTROLLERS,
     NREL_5MW,
     AboveRated,
     BaselineController,
+    BaselineParameters,
     Combined,
     Controller,
     DisconController,
@@ -34,6 +35,7 @@ from wt_gym.control.controllers import (
     rotor_table,
     to_harmonic,
 )
+from wt_gym.control.controllers.drive_mode import drive_mode
 from wt_gym.control.controllers.filters import BandLimitedIntegrator
 from wt_gym.control.controllers.retuned import gain_of_table
 from wt_gym.control.controllers.rosco_like import pitch_schedule
@@ -83,6 +85,51 @@ def varied(k):
 
 
 # ---- filters and transforms ----
+
+
+def response(notch, frequency, dt=0.02, seconds=80.0):
+    """Amplitude of the notch's answer to a sine after the transient, by its correlation with sine and cosine."""
+    notch.reset(0.0)
+    time = np.arange(0.0, seconds, dt)
+    output = np.array([notch.update(math.sin(frequency * t), dt) for t in time])
+    late = time >= seconds / 2
+    wave = np.exp(-1j * frequency * time[late])
+    return 2.0 * abs((output[late] * wave).mean())
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.5, 0.9, 1.0, 1.3])
+def test_notch_is_the_published_filter(ratio):
+    """|N| = |1 - x^2| / |1 - x^2 + 2 i zeta x|, x over the frequency axis of the bilinear transform."""
+    w, dt, zeta = 8.0 * math.pi, 0.02, 0.5  # whole periods of every tenth of w in the 40 s that count
+    x = math.tan(0.5 * ratio * w * dt) / math.tan(0.5 * w * dt)
+    expected = abs(1.0 - x**2) / abs(1.0 - x**2 + 2j * zeta * x)
+    assert response(Notch(w, zeta), ratio * w, dt) == pytest.approx(expected, abs=2e-3)
+
+
+def test_notch_rests_and_passes_what_samples_cannot_show():
+    notch = Notch(10.0)
+    assert notch.reset(3.0) == 3.0
+    assert [notch.update(3.0, 0.05) for _ in range(5)] == [pytest.approx(3.0, rel=1e-12)] * 5
+    assert notch.update(7.0, 0.4) == 7.0  # 4 rad a sample
+    assert Notch(0.0).update(7.0, 0.05) == 7.0
+    for values in ((-1.0, 0.5), (1.0, 0.0), (math.nan, 0.5)):
+        with pytest.raises(ValueError, match="a notch needs"):
+            Notch(*values)
+
+
+def test_drive_mode_of_the_nrel_5mw():
+    """Clamped: the first edgewise frequency, 1.079 Hz by FAST, 1.090 Hz by ADAMS (NREL/TP-500-38060, Table 9-1)."""
+    mode = drive_mode(load_turbine("nrel_5mw"))
+    assert mode.clamped_frequency / (2 * math.pi) == pytest.approx(1.08, rel=0.02)
+    assert mode.frequency > mode.clamped_frequency
+
+
+def test_notches_stand_where_the_pitch_loop_would_feed_the_drive():
+    frequency = {name: BaselineParameters.by_rule(load_turbine(name)).notch_frequency for name in
+                 ("nrel_5mw", "iea_15mw", "gebhardt_45m")}  # fmt: skip
+    assert (frequency["nrel_5mw"], frequency["iea_15mw"]) == (0.0, 0.0)
+    # the swing at 4 Hz that it ends
+    assert frequency["gebhardt_45m"] / (2 * math.pi) == pytest.approx(4.2, rel=0.03)
 
 
 def test_band_limited_integrator_is_exact_for_any_step():

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind
     from wt_gym.turbines import Turbine
 
-__all__ = ["INTERFACE", "benchmark_metrics", "make_env", "play", "run_definition"]
+__all__ = ["INTERFACE", "benchmark_metrics", "delivered_power", "make_env", "play", "run_definition"]
 
 INTERFACE = (
     "action_mode", "pitch", "action_components", "action_spans", "residual_fade", "residual_washout", "controller",
@@ -37,6 +37,7 @@ INTERFACE = (
 """Arguments of the environment that an agent may choose: what it sees, what its actions mean, what runs beneath."""
 
 _ENDLESS = 10**9  # control steps
+_SPELL = 10.0  # s, over which power beyond the rated one may make up for power below it
 
 
 def run_definition(
@@ -159,10 +160,12 @@ def play(
 def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[str, float]:
     """Metrics of a run beside those of `wt_gym.analysis.metrics.run_metrics`.
 
-    ``captured_power`` is the mean power plus the gain of the rotor's kinetic energy over the measured time, at most the
-    rated power [W]: emptying the rotor at the end earns nothing, nor does overloading the generator, nor what was
-    stored beyond rated speed before the measured time begins. The energy counts times the efficiency of the drivetrain,
-    at the end up to that of rated speed. ``rotor_speed_ratio_max`` is the largest rotor speed of the whole run, its
+    ``captured_power`` is the mean of the power, of which every 10 s count at most as rated, plus the gain of the
+    rotor's kinetic energy over the measured time, at most the rated power [W]: emptying the rotor at the end earns
+    nothing, nor does overloading the generator in the gusts of a wind that has lulls, nor what was stored beyond rated
+    speed before the measured time begins. Ten seconds are longer than the swings of tower and blades, which a damper by torque
+    passes on to the power, and shorter than gust and lull. The energy counts times the efficiency of the drivetrain, at
+    the end up to that of rated speed. ``rotor_speed_ratio_max`` is the largest rotor speed of the whole run, its
     unmeasured start included, over the rated one [-].
     """
     metrics = run_metrics(data, turbine, skip)
@@ -173,10 +176,33 @@ def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[s
     last = min(last, drivetrain.rated_rotor_speed)
     efficiency = drivetrain.gearbox_efficiency * drivetrain.generator_efficiency
     gained = 0.5 * efficiency * rotor_inertia(turbine) * (last**2 - first**2)
-    captured = metrics["mean_power"] + gained / (time[measured][-1] - time[measured][0])
+    delivered = delivered_power(data["generator_power"].values[measured], time[measured], drivetrain.rated_power)
+    captured = delivered + gained / (time[measured][-1] - time[measured][0])
     metrics["captured_power"] = float(min(captured, drivetrain.rated_power))
     metrics["rotor_speed_ratio_max"] = float(data["rotor_speed_max"].max()) / drivetrain.rated_rotor_speed
     return metrics
+
+
+def delivered_power(power: np.ndarray, time: np.ndarray, rated: float) -> float:
+    """Mean of a power of which every ten seconds count at most as rated.
+
+    Parameters
+    ----------
+    power : numpy.ndarray, shape (n,)
+        [W].
+    time : numpy.ndarray, shape (n,)
+        Evenly spaced [s].
+    rated : float
+        [W].
+
+    Returns
+    -------
+    float
+        [W]; what is left after the last whole ten seconds is a spell of its own.
+    """
+    begins = np.arange(0, power.size, max(1, round(_SPELL / (time[1] - time[0]))))
+    counts = np.diff(begins, append=power.size)
+    return float(np.minimum(np.add.reduceat(power.astype(np.float64), begins), counts * rated).sum() / power.size)
 
 
 def _argument(task: BenchmarkTask, name: str) -> Any:

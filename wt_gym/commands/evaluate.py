@@ -46,7 +46,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--skip", type=float, default=30.0, help="start left out of the metrics [s] (default: %(default)s)"
     )
-    parser.add_argument("--fidelity", help="training, engineering or reference")
+    parser.add_argument("--fidelity", help="training, engineering (with -torsion: blades that twist) or reference")
     kwargs_help = 'more arguments of the environment, e.g. \'{"pitch": "individual"}\''
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
     parser.add_argument(

@@ -34,7 +34,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     )
     parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/loadcases", help="folder for the results (default: %(default)s)")
-    parser.add_argument("--fidelity", help="training, engineering or reference")
+    parser.add_argument("--fidelity", help="training, engineering (with -torsion: blades that twist) or reference")
     kwargs_help = "more arguments of the environment, e.g. '{\"overspeed_limit\": 1.5}'; winds are the cases'"
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
     parser.add_argument(

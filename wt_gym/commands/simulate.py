@@ -38,7 +38,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--wind-speed", type=float, nargs="+", default=[8.0, 15.0], metavar="M_S", help="at the hub")
     parser.add_argument("--duration", type=float, default=300.0, help="simulated time [s] (default: %(default)s)")
     parser.add_argument("--average", type=float, default=60.0, help="last part averaged [s] (default: %(default)s)")
-    parser.add_argument("--fidelity", default="training", help="training, engineering or reference")
+    parser.add_argument(
+        "--fidelity", default="training", help="training, engineering (with -torsion: blades that twist) or reference"
+    )
     parser.add_argument("--shear", type=float, default=0.0, help="power-law exponent (default: %(default)s)")
     parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
     parser.add_argument("--turbulent", action="store_true", help="Kaimal turbulence of the turbine's class")

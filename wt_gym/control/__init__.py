@@ -9,7 +9,7 @@ from wt_gym.control.operating_point import (
     operating_point,
     torque_curve,
 )
-from wt_gym.control.sensors import Channel, Lidar, LowPass, NacelleAnemometer
+from wt_gym.control.sensors import Channel, Lidar, LowPass, NacelleAnemometer, Notch
 
 __all__ = [
     "ACTION_MODES",
@@ -23,6 +23,7 @@ __all__ = [
     "Lidar",
     "LowPass",
     "NacelleAnemometer",
+    "Notch",
     "OperatingPoint",
     "TorqueCurve",
     "design_point",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Channel", "Lidar", "LowPass", "NacelleAnemometer"]
+__all__ = ["Channel", "Lidar", "LowPass", "NacelleAnemometer", "Notch"]
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,47 @@ class LowPass:
         memory = math.exp(-dt / self.time_constant) if self.time_constant > 0 else 0.0
         self.value = memory * self.value + (1.0 - memory) * float(value)
         return self.value
+
+
+class Notch:
+    """Second-order notch ``(s^2 + w^2) / (s^2 + 2 zeta w s + w^2)``, by the bilinear transform that is exact at w.
+
+    Parameters
+    ----------
+    frequency : float
+        Angular frequency w that does not pass [rad/s]; 0 passes everything.
+    damping_ratio : float
+        zeta [-]; from about ``(1 - zeta) w`` to ``(1 + zeta) w`` less than 0.7 passes.
+    """
+
+    def __init__(self, frequency: float, damping_ratio: float = 0.5):
+        if not (frequency >= 0 and damping_ratio > 0):
+            raise ValueError(
+                f"a notch needs a frequency >= 0 and a damping ratio > 0, got {frequency!r} rad/s and {damping_ratio!r}"
+            )
+        self.frequency, self.damping_ratio = frequency, damping_ratio
+        self._inputs, self._outputs = (math.nan, math.nan), (math.nan, math.nan)
+
+    def reset(self, value: float) -> float:
+        """Start in steady state at a value."""
+        value = float(value)
+        self._inputs = self._outputs = (value, value)
+        return value
+
+    def update(self, value: float, dt: float) -> float:
+        """Take the value of a step of length ``dt`` [s] and return the filtered one.
+
+        What samples at this distance cannot show (``w dt >= pi``) is passed: it would alias.
+        """
+        value, angle = float(value), self.frequency * dt
+        if not 0.0 < angle < math.pi:
+            return value
+        (last_in, earlier_in), (last_out, earlier_out) = self._inputs, self._outputs
+        width, middle = self.damping_ratio * math.sin(angle), 2.0 * math.cos(angle)
+        output = value + earlier_in - (1.0 - width) * earlier_out + middle * (last_out - last_in)
+        output /= 1.0 + width
+        self._inputs, self._outputs = (value, last_in), (output, last_out)
+        return output
 
 
 class NacelleAnemometer:

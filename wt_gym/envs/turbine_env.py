@@ -251,7 +251,8 @@ class WindTurbineEnv(gym.Env):
     return_period : {50, 1}
         Of extreme winds, in years.
     fidelity : str or Fidelity
-        Of the simulator: ``"training"``, ``"engineering"``, ``"reference"`` or one's own.
+        Of the simulator: ``"training"``, ``"engineering"``, either with ``"-torsion"`` behind it for blades that twist,
+        ``"reference"`` or one's own.
     control_dt : float
         Control step [s], a multiple of the simulator's step.
     episode_length : float or None

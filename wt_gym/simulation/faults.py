@@ -10,6 +10,7 @@ Times count from the reset. A fault acts in the first step that begins at its ti
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -205,6 +206,16 @@ class _FailingGenerator:
         return self.law.torque(command, speed)
 
 
+@cache
+def _places(names: tuple[str, ...], n_blades: int) -> list[int]:
+    """See `SensorBias.places`: sensors are read in every step of the simulator."""
+    index = {channel.name: k for k, channel in enumerate(channel_table(n_blades))}
+    unknown = [name for name in names if name not in index or name == "time"]
+    if unknown:
+        raise ActionError(f"no sensor reads {unknown}; the signals are {', '.join(list(index)[1:])}")
+    return [index[name] for name in names]
+
+
 @dataclass(frozen=True)
 class SensorBias:
     """From a time on sensors read ``factor`` times the truth plus ``offset``: what is read, not what is.
@@ -249,11 +260,7 @@ class SensorBias:
         ActionError
             If there is no such channel.
         """
-        index = {channel.name: k for k, channel in enumerate(channel_table(n_blades))}
-        unknown = [name for name in self.channels if name not in index or name == "time"]
-        if unknown:
-            raise ActionError(f"no sensor reads {unknown}; the signals are {', '.join(list(index)[1:])}")
-        return [index[name] for name in self.channels]
+        return _places(tuple(self.channels), n_blades)
 
     def read(self, signals: Signals) -> Signals:
         """Give the signals as the sensors do; the given ones stay as they are."""

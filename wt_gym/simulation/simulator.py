@@ -32,7 +32,7 @@ class Simulator:
     inflow : Inflow
         Undisturbed wind.
     fidelity : str or Fidelity
-        "training", "engineering", "reference" or one of your own.
+        "training", "engineering", "reference" or another of `FIDELITIES`, or one of your own.
     threads : int
         Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
     generator : "torque", "damper" or GeneratorLaw, optional

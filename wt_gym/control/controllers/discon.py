@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.drive_mode import drive_mode
 from wt_gym.control.operating_point import (
     NREL_5MW_TORQUE_CURVE,
     TorqueCurve,
@@ -23,6 +24,7 @@ from wt_gym.control.operating_point import (
     rotor_inertia,
     torque_curve,
 )
+from wt_gym.control.sensors import Notch
 from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = ["NREL_5MW", "BaselineController", "BaselineParameters", "BaselineState", "DisconController"]
+
+_LARGEST_LOOP_GAIN = 0.5  # of the pitch loop at the collective edgewise mode
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,8 @@ class BaselineParameters:
     region_3_min_pitch : float
         Pitch from which on the torque controller holds constant power [rad] (VS_Rgn3MP).
     n_blades : int
+    notch_frequency : float
+        Of a notch before the filter on the generator speed [rad/s]; 0 for none, as in the published controller.
     """
 
     corner_frequency: float
@@ -70,6 +76,7 @@ class BaselineParameters:
     max_torque_rate: float
     region_3_min_pitch: float
     n_blades: int = 3
+    notch_frequency: float = 0.0
 
     @classmethod
     def from_turbine(cls, turbine: Turbine) -> BaselineParameters:
@@ -84,6 +91,10 @@ class BaselineParameters:
         ``KP = 2 I Omega zeta omega_n / (N |dP/dtheta|)``, ``KI = I Omega omega_n^2 / (N |dP/dtheta|)``. The corner
         frequency of the speed filter scales with the rated rotor speed. Fine pitch is zero; under a damper, against
         which a rotor at zero pitch stalls, it is that of the operating point in rated wind.
+
+        A notch takes the collective edgewise mode out of the measured speed where the pitch loop, by the amplification
+        of a rotor that only its material damps, has a gain of more than one half there (a margin of less than two):
+        the light hub of ``gebhardt_45m``, whose blades have no material damping.
 
         Parameters
         ----------
@@ -102,8 +113,12 @@ class BaselineParameters:
         fine_pitch = max(pitch.min_pitch, 0.0)
         if not drivetrain.takes_torque:
             fine_pitch = operating_point(turbine, turbine.rated_wind_speed).pitch
+        corner_frequency = NREL_5MW.corner_frequency * drivetrain.rated_rotor_speed / (12.1 * math.pi / 30)
+        mode = drive_mode(turbine)
+        rigid_gain = 2 * design.damping_ratio * design.natural_frequency / mode.frequency
+        loop_gain = rigid_gain * mode.amplification() / math.hypot(1.0, mode.frequency / corner_frequency)
         return cls(
-            corner_frequency=NREL_5MW.corner_frequency * drivetrain.rated_rotor_speed / (12.1 * math.pi / 30),
+            corner_frequency=corner_frequency,
             proportional_gain=2 * gain * design.damping_ratio * design.natural_frequency,
             integral_gain=gain * design.natural_frequency**2,
             gain_doubling_pitch=design.gain_doubling_pitch,
@@ -116,6 +131,7 @@ class BaselineParameters:
             max_torque_rate=drivetrain.max_torque_rate,
             region_3_min_pitch=fine_pitch + NREL_5MW.region_3_min_pitch,
             n_blades=turbine.n_blades,
+            notch_frequency=mode.frequency if loop_gain > _LARGEST_LOOP_GAIN else 0.0,
         )
 
 
@@ -180,6 +196,7 @@ class BaselineController:
     def __init__(self, parameters: BaselineParameters = NREL_5MW):
         self.parameters = parameters
         self.state: BaselineState | None = None
+        self._notch = Notch(parameters.notch_frequency)
 
     def start(self, generator_speed: float, pitch, torque: float = math.nan) -> None:
         """Start bumplessly: the first command continues from the present pitch.
@@ -205,6 +222,7 @@ class BaselineController:
             )
         pitch = np.broadcast_to(pitch, p.n_blades).copy()
         integral = pitch[0] / (self._gain_factor(float(pitch[0])) * p.integral_gain)
+        self._notch.reset(generator_speed)
         self.state = BaselineState(float(generator_speed), float(integral), pitch, float(torque))
 
     def step(self, generator_speed: float, dt: float) -> tuple[np.ndarray, float]:
@@ -232,7 +250,7 @@ class BaselineController:
         if self.state is None:
             raise RuntimeError("BaselineController.step was called before start")
         memory = math.exp(-dt * self.parameters.corner_frequency)
-        filtered = (1.0 - memory) * generator_speed + memory * self.state.filtered_speed
+        filtered = (1.0 - memory) * self._notch.update(generator_speed, dt) + memory * self.state.filtered_speed
         before = self.state.pitch.tolist()  # arrays of three are slow
         torque = self._torque(filtered, before[0], dt)
         commands, integral = self._pitch(filtered, before, dt)

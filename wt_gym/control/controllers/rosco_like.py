@@ -20,7 +20,7 @@ from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.control.sensors import LowPass
+from wt_gym.control.sensors import LowPass, Notch
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
@@ -196,6 +196,7 @@ class RoscoLikeController:
     def __init__(self, parameters: RoscoLikeParameters, estimator: WindEstimator):
         self.parameters, self.estimator = parameters, estimator
         self.channels = tuple(dict.fromkeys(("generator_speed", *estimator.channels)))
+        self._notch = Notch(parameters.baseline.notch_frequency)
         self._speed = LowPass(1.0 / parameters.baseline.corner_frequency)
         self._wind = LowPass(parameters.wind_time_constant)
         self._shift = LowPass(parameters.smoothing_time_constant)
@@ -215,7 +216,7 @@ class RoscoLikeController:
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start bumplessly from the mean of the pitch demands and the torque demand."""
         p = self.parameters
-        self._speed.reset(signals["generator_speed"])
+        self._speed.reset(self._notch.reset(signals["generator_speed"]))
         self._wind.reset(self.estimator.start(signals))
         self._pitch, self._torque = float(np.mean(demand.pitch)), float(demand.generator_torque)
         self._shift.reset(self._wanted_shift(self._least_pitch()))
@@ -227,7 +228,7 @@ class RoscoLikeController:
     def step(self, signals: Readings, dt: float) -> Demand:
         """Demand for the next ``dt`` [s]."""
         p, b = self.parameters, self.parameters.baseline
-        speed = self._speed.update(signals["generator_speed"], dt)
+        speed = self._speed.update(self._notch.update(signals["generator_speed"], dt), dt)
         self._wind.update(self.estimator.update(signals, dt), dt)
         least = self._least_pitch()
         self._shift.update(self._wanted_shift(least), dt)
