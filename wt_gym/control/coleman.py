@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-__all__ = ["FIXED_FRAME", "from_harmonic", "to_blades", "to_fixed_frame", "to_harmonic"]
+__all__ = ["FIXED_FRAME", "from_harmonic", "to_blades", "to_fixed_frame", "to_harmonic", "to_single_coordinates"]
 
 FIXED_FRAME = ("mean", "tilt", "yaw")
 
@@ -33,6 +33,29 @@ def to_fixed_frame(values, azimuth: float) -> np.ndarray:
     values = np.asarray(values, dtype=np.float64)
     n_blades = values.shape[-1]
     return (values[..., None, :] * _directions(azimuth, n_blades)).sum(axis=-1) * (np.array([1.0, 2.0, 2.0]) / n_blades)
+
+
+def to_single_coordinates(values: np.ndarray, parts, azimuth: float) -> list[float]:
+    """One coordinate each of several quantities of the blades, as `to_fixed_frame` gives it.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (n, n_blades)
+    parts : sequence of int, length n
+        Which of `FIXED_FRAME`.
+    azimuth : float
+        Of blade 1 [rad].
+    """
+    # numbers one by one: arrays of three are slow
+    n_blades = values.shape[1]
+    directions, factors = _directions(azimuth, n_blades).tolist(), (1.0 / n_blades, 2.0 / n_blades, 2.0 / n_blades)
+    coordinates = []
+    for of_blades, part in zip(values.tolist(), parts, strict=True):
+        total = 0.0
+        for value, direction in zip(of_blades, directions[part], strict=True):
+            total += value * direction
+        coordinates.append(total * factors[part])
+    return coordinates
 
 
 def to_blades(coordinates, azimuth: float, n_blades: int) -> np.ndarray:
