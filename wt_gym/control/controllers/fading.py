@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from wt_gym.control.sensors import LowPass
 
 __all__ = ["AboveRated", "FadeParameters"]
@@ -75,5 +73,5 @@ class AboveRated:
     def update(self, pitch, rotor_speed: float, dt: float) -> float:
         """Factor after a step of ``dt`` [s] with these pitch demands [rad] at a rotor speed [rad/s]."""
         p = self.parameters
-        filtered = self._pitch.update(float(np.add.reduce(pitch)) / len(pitch), dt)
+        filtered = self._pitch.update(sum(pitch) / len(pitch), dt)
         return _ramp(filtered - self.fine_pitch, *p.pitch) * _ramp(rotor_speed / self.rated_speed, *p.speed)
