@@ -2,9 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from wt_gym.control import Channel, LowPass, NacelleAnemometer
+from wt_gym.control.coleman import to_fixed_frame, to_single_coordinates
+from wt_gym.envs.layout import ObservationLayout
 
 
 def test_low_pass_step_response_is_exact():
@@ -34,3 +37,25 @@ def test_impossible_sensors_are_refused():
         LowPass(-1.0)
     with pytest.raises(ValueError, match="scale > 0"):
         Channel("speed", "m/s", 0.0, 0.0, 0.0, 1.0, 0.0, "")
+
+
+def test_single_coordinates_of_the_blades_are_those_of_the_fixed_frame():
+    random = np.random.default_rng(4)
+    values, parts = random.normal(size=(6, 3)) * 1e6, [0, 1, 2, 2, 0, 1]
+    for azimuth in random.uniform(0.0, 7.0, 50):
+        whole = to_fixed_frame(values, azimuth)
+        assert to_single_coordinates(values, parts, azimuth) == [whole[k, part] for k, part in enumerate(parts)]
+
+
+def test_an_observation_stays_within_its_bounds_after_rounding():
+    random = np.random.default_rng(5)
+    for _ in range(300):
+        offset, scale, middle = random.normal(size=3) * 10.0 ** random.uniform(-6, 6, 3)
+        reach = abs(random.normal()) * 10.0 ** random.uniform(-6, 6)
+        low, high = middle - reach, middle + reach
+        layout = ObservationLayout([Channel("x", "-", offset, abs(scale), low, high, 0.0, "")])
+        for value in (low, high, np.nextafter(low, high), np.nextafter(high, low), -np.inf, np.inf, 2 * high + 1.0):
+            observation, saturated = layout.normalise(np.array([value]))
+            assert observation.dtype == np.float32
+            assert layout.low <= observation <= layout.high
+            assert bool(saturated) == (not low <= value <= high)

@@ -65,8 +65,8 @@ class Costs:
     def of(self, signals: Signals) -> dict[str, float]:
         """Costs by name, each from 0 to 1, of the step that led to these signals."""
         speed = (signals["rotor_speed_max"] - self._speed_limit) / self._speed_margin
-        clearance = 1.0 - min(signals.tip_clearance_min.tolist()) / self._clearance
-        rate = 1.0 + (max(signals.pitch_travel.tolist()) / self._travel - 1.0) / PITCH_RATE_MARGIN
+        clearance = 1.0 - min(signals["tip_clearance_min"].tolist()) / self._clearance
+        rate = 1.0 + (max(signals["pitch_travel"].tolist()) / self._travel - 1.0) / PITCH_RATE_MARGIN
         return dict(zip(COST_NAMES, (min(max(x, 0.0), 1.0) for x in (speed, clearance, rate)), strict=True))
 
     @staticmethod

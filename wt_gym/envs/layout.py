@@ -95,9 +95,8 @@ class ObservationLayout:
         """
         kept = np.minimum(np.maximum(values, self._low), self._high)
         outside = () if (kept == values).all() else np.flatnonzero((values < self._low) | (values > self._high))
-        normalised = ((kept - self._offset) / self._scale).astype(np.float32)
-        # Rounding to float32 must not leave the bounds, which were rounded too.
-        observation = np.minimum(np.maximum(normalised, self.low), self.high)
+        # It stays within the bounds: they were made by the same steps, each of which keeps the order of two values.
+        observation = ((kept - self._offset) / self._scale).astype(np.float32)
         return observation, tuple(self.names[i] for i in outside)
 
     def table(self) -> list[dict]:

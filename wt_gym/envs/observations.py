@@ -12,7 +12,7 @@ import numpy as np
 
 from wt_gym.constants import GRAVITY
 from wt_gym.control import ActionMap, Aim, Channel, Demand, Lidar, NacelleAnemometer, torque_curve
-from wt_gym.control.coleman import FIXED_FRAME, to_fixed_frame
+from wt_gym.control.coleman import FIXED_FRAME, to_single_coordinates
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs.arguments import shown
@@ -183,9 +183,8 @@ class Observer:
         self._from = np.array([index[name] for name in own], dtype=np.int64)
         cyclic = [(k, *part) for k, name in enumerate(names) if (part := self._fixed_frame_part(name))]
         self._cyclic_at = np.array([k for k, _, _ in cyclic], dtype=np.int64)
-        self._cyclic_part = np.array([part for _, _, part in cyclic], dtype=np.int64)
+        self._cyclic_part = [part for _, _, part in cyclic]
         first = np.array([index[f"{signal}_1"] for _, signal, _ in cyclic], dtype=np.int64)
-        self._cyclic_row = np.arange(len(cyclic))
         self._cyclic_from = first[:, None] + np.arange(self._turbine.n_blades)
         functions = [(k, f) for k, name in enumerate(names) if callable(f := self._special(name))]
         self._functions = [f for _, f in functions]
@@ -252,8 +251,8 @@ class Observer:
         values, signals = np.empty(self._size), situation.signals
         values[self._at] = signals.values[self._from]
         if len(self._cyclic_at):
-            fixed = to_fixed_frame(signals.values[self._cyclic_from], signals["azimuth"])
-            values[self._cyclic_at] = fixed[self._cyclic_row, self._cyclic_part]
+            of_blades = signals.values[self._cyclic_from]
+            values[self._cyclic_at] = to_single_coordinates(of_blades, self._cyclic_part, signals["azimuth"])
         if self._sees_lidar:
             self._lidar_reading = self._lidar.read(
                 situation.inflow, signals["time"], signals["yaw"], self._turbine.hub_height

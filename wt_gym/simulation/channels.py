@@ -138,8 +138,9 @@ class Signals:
         place = index.get(name)
         if place is not None:
             return self.values.item(place)
-        if name in groups:
-            return self.values[groups[name]]
+        place = groups.get(name)
+        if place is not None:
+            return self.values[place]
         try:
             return getattr(self, name)
         except AttributeError as error:

@@ -1,6 +1,7 @@
 """Structure and air marched together: what passes between them, and one aerodynamic step."""
 
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -204,6 +205,8 @@ class Coupling:
         # the nodes of the lattice, then the points of the tower, which stay
         self._wind_points = np.concatenate([self.exchange.nodes.reshape(-1, 3), self.exchange.tower.position])
         self._blade_wind = np.zeros(models.lattice.nodes_shape)
+        moving = self.exchange.nodes, self.exchange.velocities, self._earlier_velocities
+        self._moving_points = tuple(array.reshape(-1, 3) for array in moving)  # views
         first_pitch = system.n_q + system.n_u + 1  # behind the yaw drive
         self._pitches = slice(first_pitch, first_pitch + models.turbine.n_blades)
         self._step, self._bundles = None, None  # compiled for the types of this turbine, and its arguments
@@ -223,7 +226,7 @@ class Coupling:
     @property
     def generator_speed(self):
         """Speed of the generator, low-speed shaft [rad/s]."""
-        return self.integrator.state[self._monitor.generator_u]
+        return self.integrator.state.item(self._monitor.generator_u)
 
     @property
     def pitch(self):
@@ -235,8 +238,9 @@ class Coupling:
         """Largest and smallest values over the structural steps."""
         return self._monitor.extremes
 
+    @cached_property
     def instant(self):
-        """What can be measured now."""
+        """What can be measured now: views of the present state, whenever they are read."""
         i = self.integrator
         return Instant(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
 
@@ -339,8 +343,7 @@ class Coupling:
         elif self.moving is not None:  # bodies are placed by the same kinematics as after a snapshot
             self.move_lattice(self.integrator.state)
         self.models.lattice.take_wind(self.aero, inflow, time)
-        nodes, velocities, earlier = (a.reshape(-1, 3) for a in (x.nodes, x.velocities, self._earlier_velocities))
-        points_ahead(nodes, velocities, earlier, dt, self._wind_points)
+        points_ahead(*self._moving_points, dt, self._wind_points)
         blade_wind = self._take_wind(inflow, time + dt)
         code = self._advance(blade_wind)
         if code != tree_kernels.OK:

@@ -48,7 +48,7 @@ def check_finite(**values):
         Naming the value.
     """
     for name, value in values.items():
-        if not isinstance(value, numbers.Real) or not math.isfinite(value):
+        if not isinstance(value, (float, numbers.Real)) or not math.isfinite(value):
             raise ActionError(f"{name} is {value!r}; a finite number is needed")
 
 
@@ -227,16 +227,16 @@ class TorqueCommand:
 
     def follow(self, command, demand, dt, speed):
         """Move the command (1,) towards the demanded torque [N m], from 0 to what is available at this speed."""
-        now, reach = command[0], self.drivetrain.max_torque_rate * dt
+        now, reach = command.item(0), self.drivetrain.max_torque_rate * dt
         command[0] = min(max(demand, now - reach, 0.0), now + reach, available_torque(self.drivetrain, speed))
 
     def moment(self, command):
         """Moment on the rotor [N m]; what the gearbox loses brakes it too."""
-        return command[0] * self.drivetrain.gear_ratio / self.drivetrain.gearbox_efficiency
+        return command.item(0) * self.drivetrain.gear_ratio / self.drivetrain.gearbox_efficiency
 
     def torque(self, command, speed):
         """Torque of the generator [N m, high-speed shaft]."""
-        return command[0]
+        return command.item(0)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """The coupled simulator: flexible multibody turbine and free-wake vortex lattice marched together in time."""
 
-import numpy as np
-
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody.checks import check_state
@@ -189,7 +187,8 @@ class Simulator:
         if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
             raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
         coupling.extremes.restart()
-        travel, before = np.zeros(self.turbine.n_blades), coupling.pitch.copy()
+        before = coupling.pitch.tolist()  # numbers one by one: arrays of three are slow
+        travel = [0.0] * len(before)
         for _ in range(n):
             drives.follow(pitch, yaw_rate, generator_torque, self.time_step, coupling.generator_speed)
             drives.act(coupling.integrator.inputs, self.structure.azimuth_u, 1)
@@ -199,8 +198,9 @@ class Simulator:
                 self._started = False
                 raise SimulationError(f"simulation failed at {self.time:.3f} s: {error}") from error
             self._n_steps += 1
-            travel += np.abs(coupling.pitch - before)
-            before[:] = coupling.pitch
+            now = coupling.pitch.tolist()
+            travel = [way + abs(new - old) for way, new, old in zip(travel, now, before, strict=True)]
+            before = now
         self._measure(coupling.extremes, travel)
         return self.signals
 
@@ -312,5 +312,5 @@ class Simulator:
         """Fill the channel values from the current state and what was seen since the last sample."""
         coupling, drives = self.coupling, self.drives
         torque = drives.torque(coupling.generator_speed)
-        self._measurement.take(self.time, coupling.instant(), torque, drives.command, self.inflow, extremes)
+        self._measurement.take(self.time, coupling.instant, torque, drives.command, self.inflow, extremes)
         self._measurement.set_travel(travel)
