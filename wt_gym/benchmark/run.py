@@ -163,10 +163,10 @@ def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[s
     ``captured_power`` is the mean of the power, of which every 10 s count at most as rated, plus the gain of the
     rotor's kinetic energy over the measured time, at most the rated power [W]: emptying the rotor at the end earns
     nothing, nor does overloading the generator in the gusts of a wind that has lulls, nor what was stored beyond rated
-    speed before the measured time begins. Ten seconds are longer than the swings of tower and blades, which a damper by torque
-    passes on to the power, and shorter than gust and lull. The energy counts times the efficiency of the drivetrain, at
-    the end up to that of rated speed. ``rotor_speed_ratio_max`` is the largest rotor speed of the whole run, its
-    unmeasured start included, over the rated one [-].
+    speed before the measured time begins. Ten seconds are longer than the swings of tower and blades, which a damper by
+    torque passes on to the power, and shorter than gust and lull. The energy counts times the efficiency of the
+    drivetrain, at the end up to that of rated speed. ``rotor_speed_ratio_max`` is the largest rotor speed of the whole
+    run, its unmeasured start included, over the rated one [-].
     """
     metrics = run_metrics(data, turbine, skip)
     drivetrain = turbine.drivetrain
