@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.commands import COMMANDS, main, simulate
+from wt_gym.commands import COMMANDS, evaluate, loadcases, main, simulate
 from wt_gym.commands.program import OneLineParser, as_called, json_value, stoppable, user_errors
 
 
@@ -101,6 +101,16 @@ def test_options_that_are_no_json_are_refused_in_one_line(text, capsys):
     assert "is not valid JSON" in error
     assert error.count("\n") == 1
     assert len(error) < 300
+
+
+@pytest.mark.parametrize("command", [evaluate, loadcases])
+def test_fidelity_is_an_argument_of_the_environment_and_counts_before_the_others(command):
+    given = ["--fidelity", "engineering", "--env-kwargs", '{"fidelity": "reference", "overspeed_limit": 1.4}']
+    chosen = command.configuration(command.parse_arguments(given)).env_kwargs
+    assert chosen == {"fidelity": "engineering", "overspeed_limit": 1.4}
+    assert command.configuration(command.parse_arguments([])).env_kwargs == {}
+    with pytest.raises(ValueError, match="must be a JSON object"):
+        command.configuration(command.parse_arguments(["--fidelity", "engineering", "--env-kwargs", "[1]"]))
 
 
 class ScriptedSimulator:

@@ -60,17 +60,13 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
     """Configuration of the options."""
-    from wt_gym.agents.command_line import environment_arguments
+    from wt_gym.agents.command_line import chosen_arguments
     from wt_gym.agents.loadcases.cases import CASES
     from wt_gym.agents.loadcases.study import LoadCaseConfig
 
-    environment_arguments(arguments.env, arguments.env_kwargs)  # refuses environments of others and unknown arguments
-    kwargs = dict(arguments.env_kwargs)
-    if arguments.fidelity:
-        kwargs["fidelity"] = arguments.fidelity
     return LoadCaseConfig(
         env_id=arguments.env,
-        env_kwargs=kwargs,
+        env_kwargs=chosen_arguments(arguments.env, arguments.env_kwargs, arguments.fidelity),
         cases=tuple(arguments.case or CASES),
         quick=arguments.quick,
         turbulence=arguments.turbulence,
