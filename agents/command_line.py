@@ -10,7 +10,7 @@ import gymnasium as gym
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
-__all__ = ["environment_arguments"]
+__all__ = ["chosen_arguments", "environment_arguments"]
 
 _ENTRY_POINT = f"{WindTurbineEnv.__module__}:{WindTurbineEnv.__name__}"
 
@@ -44,3 +44,21 @@ def environment_arguments(env_id: str, kwargs: dict[str, Any]) -> dict[str, Any]
     if unknown:
         raise ValueError(f"the environment has no arguments {unknown}")
     return {**spec.kwargs, **kwargs}
+
+
+def chosen_arguments(env_id: str, kwargs: dict[str, Any], fidelity: str | None) -> dict[str, Any]:
+    """Arguments of the options ``--env-kwargs`` and ``--fidelity`` together; the latter counts where both name one.
+
+    Parameters
+    ----------
+    env_id : str
+    kwargs : dict
+    fidelity : str or None
+
+    Raises
+    ------
+    ValueError, gymnasium.error.Error
+        As `environment_arguments`.
+    """
+    environment_arguments(env_id, kwargs)
+    return kwargs | ({"fidelity": fidelity} if fidelity else {})

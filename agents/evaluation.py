@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import platform
 import time
-from contextlib import closing, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,9 +14,8 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.choices import fingerprint
-from wt_gym.agents.compilation import compile_kernels
-from wt_gym.agents.environments import Environments, check_environments, load_agent
+from wt_gym.agents.contenders import Contenders
+from wt_gym.agents.environments import check_environments
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.progress import ProgressLine, clock
@@ -25,7 +23,6 @@ from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.benchmark.fingerprint import differing
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
@@ -33,7 +30,7 @@ from wt_gym.simulation import Recorder
 from wt_gym.wind.iec import REFERENCE_SPEED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping
     from pathlib import Path
 
     from wt_gym.agents.executors import Executor
@@ -172,20 +169,21 @@ def evaluate(
     if executor.beside and (objects := [name for name, agent in agents.items() if not isinstance(agent, str)]):
         raise ValueError(f"agents by word or path can run in other processes; {', '.join(objects)} came as objects")
     store = None if folder is None else EvaluationFolder(folder, agents, config)
-    with store or nullcontext(), closing(_Contenders(agents, config)) as contenders:
-        env = contenders.environments.plain
+    where = config.env_id, config.env_kwargs, config.duration
+    with store or nullcontext(), Contenders(agents, *where) as contenders:
+        env = contenders.env
         layout = layout_of(env)
         climate = _climate(layout.turbine, config)
         if not allow_other_environment:
             check_environments(contenders.agents, env)
-        code = code_fingerprint(layout.turbine, env.unwrapped.fidelity)
-        if store:
-            store.begin(code, overwrite)  # nothing else can be refused any more
+        if store:  # nothing else can be refused any more
+            store.begin(code_fingerprint(layout.turbine, env.unwrapped.fidelity), overwrite)
         jobs = [(name, wind) for wind in config.winds for name in agents]
         runs = {job: run for job in jobs if (run := store.find(*job) if store else None) is not None}
         line, left = ProgressLine(progress), [job for job in jobs if job not in runs]
+        play = partial(_run, config=config, line=ProgressLine(progress and not executor.beside))
         with store.session(executor.tally, len(runs)) if store else nullcontext():
-            for job, run in _made(left, contenders, code, executor, line):
+            for job, run in contenders.results(play, left, executor, code_fingerprint):
                 runs[job] = run
                 if store:
                     store.keep(run)
@@ -211,81 +209,6 @@ def evaluate(
     return evaluation
 
 
-class _Contenders:
-    """Agents, each with the environment it runs in.
-
-    Parameters
-    ----------
-    agents : mapping
-        Name to agent, word or path.
-    config : EvaluationConfig
-    """
-
-    def __init__(self, agents: Mapping[str, str | Agent], config: EvaluationConfig):
-        self.given, self.config = agents, config
-        self.environments = Environments(config.env_id, config.env_kwargs, config.duration)
-        layout = layout_of(self.environments.plain)
-        self.agents = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
-        self._beneath = {name: self.environments.beneath(agent) for name, agent in agents.items()}
-
-    def run(self, name: str, wind: Wind, line: ProgressLine) -> Run:
-        """Make a run."""
-        return _run(self._beneath[name], name, self.agents[name], wind, self.config, line)
-
-    def close(self) -> None:
-        """Close the environments."""
-        self.environments.close()
-
-
-def _made(
-    jobs: Sequence[tuple[str, Wind]],
-    contenders: _Contenders,
-    code: dict[str, str],
-    executor: Executor,
-    line: ProgressLine,
-) -> Iterator[tuple[tuple[str, Wind], Run]]:
-    """Each job with its run as soon as that is done, here or in other processes."""
-    if not executor.beside:
-        yield from executor.results(lambda job: contenders.run(*job, line), jobs)
-        return
-    agents, config = dict(contenders.given), contenders.config
-    models = {name: fingerprint(choice) for name, choice in agents.items()}
-    warm = partial(_warm, agents, config, code, models)
-    yield from executor.results(_run_here, jobs, begin=_get_ready, given=(agents, config), warm=warm)
-
-
-def _warm(agents: dict[str, str], config: EvaluationConfig, code: dict[str, str], models: dict[str, Any]) -> None:
-    """Have the kernels of the evaluation in the cache of a machine.
-
-    Raises
-    ------
-    ValueError
-        If code or models are not those of the process that gives the work.
-    """
-    if other := [name for name, choice in agents.items() if fingerprint(choice) != models[name]]:
-        raise ValueError(f"the files of {', '.join(other)} differ on {platform.node()}")
-    with closing(Environments(config.env_id, config.env_kwargs, config.duration)) as environments:
-        env = environments.plain
-        if other := differing(code, code_fingerprint(layout_of(env).turbine, env.unwrapped.fidelity)):
-            raise ValueError(f"wt_gym on {platform.node()} has other code: {', '.join(other)}")
-        compile_kernels(env)
-
-
-_contenders: _Contenders | None = None
-"""Of a worker process, which loads models and makes environments once for all its runs."""
-
-
-def _get_ready(agents: dict[str, str], config: EvaluationConfig) -> None:
-    """Begin as a worker process."""
-    global _contenders
-    _contenders = _Contenders(agents, config)
-
-
-def _run_here(job: tuple[str, Wind]) -> Run:
-    """Make a run in a worker process."""
-    return _contenders.run(*job, ProgressLine(shown=False))
-
-
 def _climate(turbine: Turbine, config: EvaluationConfig) -> WindClimate | None:
     """Wind climate of the evaluation; None where a wind lies beyond operation, or the turbine's class has none."""
     limits = {"shape": config.weibull_shape, "cut_in": turbine.cut_in, "cut_out": turbine.cut_out}
@@ -299,8 +222,9 @@ def _climate(turbine: Turbine, config: EvaluationConfig) -> WindClimate | None:
     return climate if all(turbine.cut_in <= wind.speed <= turbine.cut_out for wind in config.winds) else None
 
 
-def _run(env: gym.Env, name: str, agent: Agent, wind: Wind, config: EvaluationConfig, line: ProgressLine) -> Run:
+def _run(contenders: Contenders, job: tuple[str, Wind], config: EvaluationConfig, line: ProgressLine) -> Run:
     """One agent in one wind."""
+    (name, wind), (env, agent) = job, contenders[job[0]]
     allowed = env.unwrapped.wind.options
     options: dict[str, Any] = {"azimuth": 0.0}
     if "wind_speed" in allowed:

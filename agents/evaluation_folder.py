@@ -30,7 +30,9 @@ __all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder", "code_finger
 
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
 _AGENTS, _ENVS = Path(wt_gym.agents.__file__).parent, Path(wt_gym.__file__).parent / "envs"
-_SOURCES = ("constant.py", "controller_agent.py", "environments.py", "evaluation.py", "trained_agent.py")
+_SOURCES = (
+    "constant.py", "contenders.py", "controller_agent.py", "environments.py", "evaluation.py", "trained_agent.py",
+)  # fmt: skip
 # These weigh what the runs gave, and change no run.
 _ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,18 +13,18 @@ import numpy as np
 
 import wt_gym
 from wt_gym.agents.choices import fingerprint
-from wt_gym.agents.compilation import compile_kernels
-from wt_gym.agents.environments import Environments, check_environments, load_agent
+from wt_gym.agents.contenders import Contenders
+from wt_gym.agents.environments import check_environments
 from wt_gym.agents.evaluation_folder import code_fingerprint
+from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.folder_lock import FolderLock
 from wt_gym.agents.loadcases.cases import CASES, Plan, digest, plan_of
 from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
 from wt_gym.agents.loadcases.run import run_agent, run_parked
 from wt_gym.agents.progress import ProgressLine, clock
-from wt_gym.agents.workers import check_workers, in_processes
+from wt_gym.agents.sweep_record import sweep_recorded
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.benchmark.fingerprint import sources_digest
-from wt_gym.envs.layout import layout_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.files import require_writable, write_text_whole
 from wt_gym.wind.iec import REFERENCE_SPEED
@@ -33,7 +32,10 @@ from wt_gym.wind.iec import REFERENCE_SPEED
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from wt_gym.agents.executors import Executor
     from wt_gym.agents.loadcases.cases import Condition
+    from wt_gym.simulation import Fidelity
+    from wt_gym.turbines import Turbine
 
 __all__ = ["REPORT_FILE", "RUNS_FOLDER", "TABLE_FILE", "LoadCaseConfig", "run_load_cases"]
 
@@ -139,34 +141,13 @@ class _LoadCaseFolder(FolderLock):
         return self.path / RUNS_FOLDER / f"{digest(definition)}.json"
 
 
-class _Contenders:
-    """Agents with their environments; what a process needs to make any run."""
-
-    def __init__(self, agents: Mapping[str, str], config: LoadCaseConfig):
-        self.environments = Environments(config.env_id, config.env_kwargs)
-        layout = layout_of(self.environments.plain)
-        self.agents = {name: load_agent(choice, layout) for name, choice in agents.items()}
-        self._env = {name: self.environments.beneath(choice) for name, choice in agents.items()}
-
-    def run(self, name: str, condition: Condition) -> dict[str, Any]:
-        """Make a run."""
-        if name == PARKED:
-            env = self.environments.plain.unwrapped
-            return run_parked(env.turbine, env.fidelity, condition)
-        return run_agent(self._env[name], self.agents[name], condition)
-
-    def close(self) -> None:
-        """Close the environments."""
-        self.environments.close()
-
-
 def run_load_cases(
     agents: Mapping[str, str],
     config: LoadCaseConfig,
     folder: str | Path,
     *,
-    workers: int = 1,
     allow_other_environment: bool = False,
+    executor: Executor | None = None,
     progress: bool = True,
 ) -> LoadCaseResults:
     """Run all agents in all cases.
@@ -179,10 +160,9 @@ def run_load_cases(
     folder : str or path
         Keeps each run as soon as it is made, under the hash of all it depends on: agent (a model by its SHA-256 sums),
         condition, environment and code. What is there is not made again; what belongs to others stays.
-    workers : int
-        Runs beside each other, each in a process of its own; the files are the same.
     allow_other_environment : bool
-        As of `wt_gym.agents.evaluation.evaluate`.
+    executor : Executor, optional
+        Both as of `wt_gym.agents.evaluation.evaluate`; the files are the same.
     progress : bool
         Show progress on standard error.
 
@@ -193,18 +173,20 @@ def run_load_cases(
     Raises
     ------
     ValueError
-        If the folder is in use, a file in it is damaged, a model does not fit the environment, there is no worker or
-        no agent, or an agent has the name `PARKED`.
+        If the folder is in use, a file in it is damaged, a model does not fit the environment, there is no agent, or an
+        agent has the name `PARKED`.
     OSError
         If the folder cannot be written.
+    ChildProcessError
+        If runs were lost, because the processes or machines that did them ended again and again.
     wt_gym.errors.InflowError
         If the turbine has no class of IEC 61400-1.
     """
-    check_workers(workers)
+    executor = SerialExecutor() if executor is None else executor
     if not agents or PARKED in agents:
         raise ValueError(f"load cases need at least one agent, of a name other than {PARKED!r}")
-    with _LoadCaseFolder(folder) as store, closing(_Contenders(agents, config)) as contenders:
-        plain = contenders.environments.plain
+    with _LoadCaseFolder(folder) as store, Contenders(agents, config.env_id, config.env_kwargs) as contenders:
+        plain = contenders.env
         turbine = plain.unwrapped.turbine
         if not allow_other_environment:
             check_environments(contenders.agents, plain)
@@ -214,18 +196,19 @@ def run_load_cases(
         define = _definitions(agents, config, plain)
         # runs of several cases are the same: they stand once, by what they are
         jobs = {
-            digest(definition): (name, condition, definition)
+            digest(definition): (job, definition)
             for case in cases
-            for name, condition in _jobs(agents, conditions[case])
-            for definition in [define(name, condition)]
+            for job in _jobs(agents, conditions[case])
+            for definition in [define(*job)]
         }
-        results = {key: store.find(definition) for key, (_, _, definition) in jobs.items()}
-        left = [key for key, result in results.items() if result is None]
+        results = {key: store.find(definition) for key, (_, definition) in jobs.items()}
+        left = {jobs[key][0]: key for key, result in results.items() if result is None}
         shown = _Progress(len(jobs), len(left), progress)
-        for key, result in _made({key: jobs[key][:2] for key in left}, contenders, agents, config, workers):
-            store.keep(jobs[key][2], result)
-            results[key] = json.loads(json.dumps(result))  # as it would be read
-            shown.done(*jobs[key][:2], result)
+        with sweep_recorded(store.path, executor.tally, len(jobs) - len(left), _label):
+            for job, result in contenders.results(_play, list(left), executor, _code):
+                store.keep(jobs[left[job]][1], result)
+                results[left[job]] = json.loads(json.dumps(result))  # as it would be read
+                shown.done(job, result)
         runs: dict[tuple[str, str], list[CaseRun]] = {}
         for case in cases:
             for name, condition in _jobs(agents, conditions[case]):
@@ -251,12 +234,16 @@ def _jobs(agents: Mapping[str, str], conditions: Sequence[Condition]) -> Iterato
             yield name, condition
 
 
+def _code(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, str]:
+    """Digests of the code that a run depends on, by part."""
+    own = sources_digest({_HERE / name for name in _SOURCES}, _HERE)
+    return code_fingerprint(turbine, fidelity) | {"loadcases": own}
+
+
 def _definitions(agents: Mapping[str, str], config: LoadCaseConfig, env: gym.Env):
     """Give the function that says what a run depends on."""
     turbine, fidelity = env.unwrapped.turbine, env.unwrapped.fidelity
-    code = code_fingerprint(turbine, fidelity) | {
-        "loadcases": sources_digest({_HERE / name for name in _SOURCES}, _HERE)
-    }
+    code = _code(turbine, fidelity)
     where = {"env_id": config.env_id, "env_kwargs": config.env_kwargs}
     known = {name: fingerprint(choice) for name, choice in agents.items()}
     for print_ in known.values():
@@ -271,37 +258,18 @@ def _definitions(agents: Mapping[str, str], config: LoadCaseConfig, env: gym.Env
     return definition
 
 
-def _made(
-    jobs: dict[str, tuple[str, Condition]],
-    contenders: _Contenders,
-    agents: Mapping[str, str],
-    config: LoadCaseConfig,
-    workers: int,
-) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Each run as soon as it is made, here or in other processes."""
-    if workers == 1 or len(jobs) < 2:
-        for key, job in jobs.items():
-            yield key, contenders.run(*job)
-        return
-    compile_kernels(contenders.environments.plain)
-    given = [(key, *job) for key, job in jobs.items()]
-    for (key, *_), result in in_processes(_run_here, given, workers, _get_ready, (dict(agents), config)):
-        yield key, result
+def _play(contenders: Contenders, job: tuple[str, Condition]) -> dict[str, Any]:
+    """Make a run."""
+    name, condition = job
+    if name == PARKED:
+        env = contenders.env.unwrapped
+        return run_parked(env.turbine, env.fidelity, condition)
+    return run_agent(*contenders[name], condition)
 
 
-_contenders: _Contenders | None = None
-"""Of a worker process."""
-
-
-def _get_ready(agents: dict[str, str], config: LoadCaseConfig) -> None:
-    """Begin as a worker process."""
-    global _contenders
-    _contenders = _Contenders(agents, config)
-
-
-def _run_here(job: tuple[str, str, Condition]) -> dict[str, Any]:
-    """Make a run in a worker process."""
-    return _contenders.run(*job[1:])
+def _label(job: tuple[str, Condition]) -> str:
+    """Name of a run."""
+    return f"{job[0]} in {job[1].name}"
 
 
 class _Progress:
@@ -313,12 +281,12 @@ class _Progress:
         if total > left:
             self._line.show(f"{total - left} of {total} runs are there already", final=True)
 
-    def done(self, name: str, condition: Condition, result: dict[str, Any]) -> None:
+    def done(self, job: tuple[str, Condition], result: dict[str, Any]) -> None:
         """Count a run."""
         self._made, self._simulated = self._made + 1, self._simulated + result["time"]
         elapsed = time.monotonic() - self._start
         text = (
-            f"{self._total - self._left + self._made} of {self._total} runs, {name} in {condition.name}: "
+            f"{self._total - self._left + self._made} of {self._total} runs, {_label(job)}: "
             f"{result['ending']}; {self._simulated:.0f} s simulated in {clock(elapsed)} min"
         )
         self._line.show(text, final=self._made == self._left)

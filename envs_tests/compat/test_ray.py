@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +23,13 @@ from ray.cluster_utils import Cluster  # noqa: E402
 
 from wt_gym.agents.distributed.ray_executor import RayExecutor  # noqa: E402
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate  # noqa: E402
+from wt_gym.agents.loadcases.cases import plan_of  # noqa: E402
+from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases  # noqa: E402
 from wt_gym.agents.sweep_record import SWEEP_FILE  # noqa: E402
 from wt_gym.agents.trained_agent import TrainedAgent  # noqa: E402
 from wt_gym.agents.workers import ATTEMPTS  # noqa: E402
 from wt_gym.analysis.results import Wind  # noqa: E402
+from wt_gym.turbines import load_turbine  # noqa: E402
 
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers do not find the modules of tests
 CLONE = Path(__file__).parents[2]
@@ -163,6 +167,17 @@ def test_a_sweep_whose_driver_is_killed_goes_on(serial, tmp_path):
     (row,) = json.loads((tmp_path / SWEEP_FILE).read_text())  # the killed one could write none
     assert row == {"found": len(left), "made": 6 - len(left), "retried": 0, "lost": []}
     assert files_of(tmp_path) == serial
+
+
+def test_load_cases_are_the_same_files(tmp_path):
+    plan = replace(plan_of(load_turbine("nrel_5mw"), quick=True), length=10.0, speeds=(12.0,), seeds=2)
+    config = LoadCaseConfig(cases=("1.3", "6.1"), plan=plan)
+    with RayExecutor(workers=2) as executor:
+        there = run_load_cases({"ipc": "ipc"}, config, tmp_path / "there", executor=executor, progress=False)
+    here = run_load_cases({"ipc": "ipc"}, config, tmp_path / "here", progress=False)
+    assert len(files_of(tmp_path / "here")) == 2 + 2
+    assert files_of(tmp_path / "there") == files_of(tmp_path / "here")
+    assert there.to_json() == here.to_json()
 
 
 @pytest.mark.parametrize(

@@ -30,11 +30,11 @@ def count_runs(monkeypatch):
     """Agents and winds that are run; stops with Ctrl-C where told."""
     done, original = [], module._run
 
-    def run(env, name, agent, wind, config, line):
+    def run(contenders, job, **more):
         if len(done) == run.stop_after:
             raise KeyboardInterrupt
-        done.append((name, wind.speed))
-        return original(env, name, agent, wind, config, line)
+        done.append((job[0], job[1].speed))
+        return original(contenders, job, **more)
 
     run.stop_after = None
     monkeypatch.setattr(module, "_run", run)

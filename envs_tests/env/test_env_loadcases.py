@@ -6,6 +6,7 @@ import gymnasium as gym
 import pytest
 
 from wt_gym.agents.environments import load_agent
+from wt_gym.agents.executors import executor_for
 from wt_gym.agents.loadcases.cases import CASES, Condition, plan_of
 from wt_gym.agents.loadcases.run import EXTREMES, run_agent, run_parked
 from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases
@@ -69,7 +70,8 @@ def test_processes_write_the_same_files(tmp_path):
     runs = 2 * (2 + len(CASES["4.2"].conditions(load_turbine("nrel_5mw"), plan))) + 2
     files = []
     for workers in (1, 2):
-        run_load_cases(agents, config, tmp_path / str(workers), workers=workers, progress=False)
+        with executor_for(workers=workers) as executor:
+            run_load_cases(agents, config, tmp_path / str(workers), executor=executor, progress=False)
         files.append({path.name: path.read_bytes() for path in (tmp_path / str(workers) / "runs").iterdir()})
     assert len(files[0]) == runs
     assert files[0] == files[1]

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wt_gym.agents import benchmark_runs
+from wt_gym.agents.benchmark_runs import definition_of
 from wt_gym.agents.choices import controller_of
 from wt_gym.agents.entries import LEVELS, entries_of, entry_of
 from wt_gym.agents.front import (
@@ -38,6 +40,7 @@ from wt_gym.benchmark import (
 )
 from wt_gym.benchmark.fingerprint import code_of, differing
 from wt_gym.benchmark.tasks import task_file
+from wt_gym.commands import benchmark as command
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.errors import BenchmarkError
 
@@ -404,6 +407,51 @@ def test_the_front_is_a_table_and_a_figure(tmp_path):
     runs[strongest] = results(TASK, ending="overspeed")
     with pytest.raises(ValueError, match="did not last in 15 m/s, seed 1007"):
         front_rows(TASK, runs)
+
+
+@pytest.fixture
+def sweeps(monkeypatch):
+    """The jobs of each sweep; nothing is simulated: whatever is not the baseline lowers the flap DEL by a tenth."""
+    asked, run_jobs = [], benchmark_runs.run_jobs
+
+    def run(job, on_step=None):
+        found = results(job.task, {} if job.entry.name == "discon" else {"blade_flap_del": 0.9})[job.wind.label]
+        return found | {"definition": definition_of(job), "agent": job.entry.name, "wall_seconds": 0.1}
+
+    def note(jobs, *more):
+        asked.append(jobs)
+        return run_jobs(jobs, *more)
+
+    monkeypatch.setattr(benchmark_runs, "_run", run)
+    monkeypatch.setattr(benchmark_runs, "run_jobs", note)
+    return asked
+
+
+@pytest.mark.parametrize("words", [["front"], ["reference"], ["reference", "--confirm"]])
+def test_all_tasks_of_a_command_are_one_sweep(words, sweeps, monkeypatch, tmp_path, capsys):
+    tasks, written = [load_task(f"load-reduction-{speed}") for speed in (12, 15)], {}
+    better = {"blade_flap_del": 0.9}
+    known = [make_reference(task, results(task), {"ipc": results(task, better)}) for task in tasks]
+    tasks = [dataclasses.replace(t, reference=dataclasses.asdict(k)) for t, k in zip(tasks, known, strict=True)]
+    monkeypatch.setattr(command, "chosen", lambda names: tasks)
+    monkeypatch.setattr("wt_gym.benchmark.write_reference", lambda task, made: written.update({task.name: made}))
+    more = ["--data", str(tmp_path / "front")] if words == ["front"] else []
+    command.main([*words, *more, "--out", str(tmp_path / "runs"), "--json"])
+    found = json.loads(capsys.readouterr().out.splitlines()[-1])
+    (jobs,) = sweeps
+    assert {job.task.name for job in jobs} == {"load-reduction-12", "load-reduction-15"}
+    if words == ["front"]:
+        changes = {(row["task"], row["agent"]): row["blade_flap_del"] for row in found}
+        assert len(changes) == 2 * len(front_entries())
+        assert changes["load-reduction-12-v1", "discon"] == 0.0
+        assert changes["load-reduction-15-v1", "ipc:bandwidth=0.1"] == pytest.approx(-0.1)
+        return
+    for task, before in zip(tasks, known, strict=True):
+        made = written[task.name]
+        assert made.baseline == baseline_of(task)
+        assert made.best_improvement == pytest.approx(before.best_improvement)
+        assert set(made.improvements) == ({"ipc"} if "--confirm" in words else set(task.candidates))
+        assert made.fingerprint != PRINT
 
 
 def front_of(**more):

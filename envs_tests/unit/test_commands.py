@@ -2,8 +2,11 @@
 
 import argparse
 import json
+import os
 import resource
+import select
 import signal
+import subprocess
 import sys
 from contextlib import contextmanager
 from importlib import import_module
@@ -12,7 +15,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.commands import COMMANDS, main, simulate
+from wt_gym.commands import COMMANDS, bench, evaluate, loadcases, main, simulate
 from wt_gym.commands.program import OneLineParser, as_called, json_value, stoppable, user_errors
 
 
@@ -101,6 +104,16 @@ def test_options_that_are_no_json_are_refused_in_one_line(text, capsys):
     assert "is not valid JSON" in error
     assert error.count("\n") == 1
     assert len(error) < 300
+
+
+@pytest.mark.parametrize("command", [evaluate, loadcases])
+def test_fidelity_is_an_argument_of_the_environment_and_counts_before_the_others(command):
+    given = ["--fidelity", "engineering", "--env-kwargs", '{"fidelity": "reference", "overspeed_limit": 1.4}']
+    chosen = command.configuration(command.parse_arguments(given)).env_kwargs
+    assert chosen == {"fidelity": "engineering", "overspeed_limit": 1.4}
+    assert command.configuration(command.parse_arguments([])).env_kwargs == {}
+    with pytest.raises(ValueError, match="must be a JSON object"):
+        command.configuration(command.parse_arguments(["--fidelity", "engineering", "--env-kwargs", "[1]"]))
 
 
 class ScriptedSimulator:
@@ -230,6 +243,40 @@ def test_a_stopped_diagram_leaves_no_files(monkeypatch, tmp_path, capsys):
     assert not list((tmp_path / "new").iterdir())
     (tmp_path / "file").write_text("")
     assert "File exists" in ended(main, ["campbell", "--csv", str(tmp_path / "file" / "table.csv")])
+
+
+BREAKS_OFF = """
+import os, signal, subprocess, sys
+if len(sys.argv) > 1:  # what the measurement has begun
+    os.kill(int(sys.argv[1]), signal.SIGINT)
+else:
+    subprocess.Popen([sys.executable, "-c", {program!r}, str(os.getppid())])
+signal.pause()
+"""
+"""A measurement that begins another program, by which Ctrl-C comes; both wait for ever and hold the output open."""
+
+
+def test_stopped_measurements_end_with_all_they_have_begun(monkeypatch, capsys):
+    program, outputs, popen = BREAKS_OFF.format(program=BREAKS_OFF.format(program="")), [], subprocess.Popen
+
+    def start(*words, **options):
+        process = popen(*words, **options)
+        outputs.append(os.dup(process.stdout.fileno()))
+        return process
+
+    monkeypatch.setattr(subprocess, "Popen", start)
+    monkeypatch.setattr(bench, "in_process", lambda *_, **__: bench.output_of([sys.executable, "-c", program]))
+    out, before = stopped_in_one_line(["bench", "--no-cold"], capsys)
+    assert "cores, load" in out
+    assert not before
+    assert select.select(outputs, [], [], 60.0)[0] == outputs
+    assert os.read(outputs[0], 1) == b""  # at its end, because nobody holds it open any more
+    os.close(outputs[0])
+
+
+def test_a_measurement_that_fails_ends_in_one_line(monkeypatch):
+    monkeypatch.setattr(bench, "in_process", lambda *_, **__: bench.output_of([sys.executable, "-c", "exit(3)"]))
+    assert "a measurement failed with status 3" in ended(main, ["bench", "--no-cold"])
 
 
 def test_a_full_disk_ends_in_one_line_and_what_was_written_stays(monkeypatch, tmp_path):

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 from wt_gym.compiled import kernel
 
+ROOT = Path(__file__).parents[2]
 LEAF = """
 from wt_gym.compiled import kernel
 
@@ -56,11 +58,15 @@ def modules(tmp_path):
 
 def run(modules, code=RUN):
     """What the kernels in a folder give in a process of their own."""
-    root = Path(__file__).parents[2]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(root), str(modules)))}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    done = process(code, [ROOT, modules])
     assert done.returncode == 0, done.stderr
     return [float(word) for word in done.stdout.split()]
+
+
+def process(code, folders, **more):
+    """Run a program that finds its modules in these folders."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))} | more
+    return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, cwd=folders[0])
 
 
 def test_the_cache_brings_separate_kernels_along_and_notices_their_changes(modules):
@@ -114,3 +120,39 @@ def test_a_separate_kernel_is_found_by_its_name():
         @kernel(separate=True)
         def hidden(x):
             return x
+
+
+@pytest.fixture
+def nowhere(tmp_path):
+    """Environment of a process whose user has no cache: a file is in its way, which stops root too."""
+    (tmp_path / "file").touch()
+    taken = str(tmp_path / "file" / "folder")
+    return {"HOME": taken, "XDG_CACHE_HOME": taken, "NUMBA_CACHE_DIR": ""}
+
+
+def no_place(done):
+    """File of the kernel for which a process found no place, as its last line names it."""
+    said = r"RuntimeError: there is no place .* the folder of (\S+) nor .* set NUMBA_CACHE_DIR to a folder that can"
+    assert done.returncode == 1
+    return re.fullmatch(said, done.stderr.splitlines()[-1])[1]
+
+
+def test_kernels_without_a_place_to_be_kept_are_refused_with_the_way_out(modules, nowhere):
+    (modules / "__pycache__").touch()
+    code = "import numpy as np\nfrom leaf_module import leaf\nprint(leaf(np.ones(3), 2.0))"
+    for cache in ("", nowhere["HOME"]):
+        done = process(code, [ROOT, modules], **nowhere | {"NUMBA_CACHE_DIR": cache})
+        assert no_place(done) == str(modules / "leaf_module.py")
+    done = process(code, [ROOT, modules], **nowhere | {"NUMBA_CACHE_DIR": str(modules / "cache")})
+    assert (done.stdout, done.stderr) == ("6.0\n", "")
+    assert list((modules / "cache").rglob("leaf_module.leaf-*.nbc"))
+
+
+def test_an_environment_without_a_place_for_its_kernels_says_so(tmp_path, nowhere):
+    package = tmp_path / "installed" / "wt_gym"
+    shutil.copytree(ROOT / "wt_gym", package, ignore=shutil.ignore_patterns("__pycache__", "agents"))
+    for folder in (package, *(path for path in package.rglob("*") if path.is_dir())):
+        (folder / "__pycache__").touch()
+    code = "import gymnasium, wt_gym\ngymnasium.make('wt_gym/NREL5MW-Steady-v0')"
+    done = process(code, [package.parent], **nowhere)
+    assert Path(no_place(done)).is_relative_to(package)

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.commands import benchmark, evaluate, search, train
+from wt_gym.commands import benchmark, evaluate, loadcases, search, train
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "ray.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 COMMANDS = re.findall(r"scripts/(train|evaluate|search)\.py ([^#\n]*)", TEXT)
-MODULES = {"train": train, "evaluate": evaluate, "search": search, "benchmark": benchmark}
+OTHERS = [("benchmark", "run ipc --engine ray --address auto"), ("loadcases", "ipc --engine ray --address auto")]
+MODULES = {"train": train, "evaluate": evaluate, "search": search, "benchmark": benchmark, "loadcases": loadcases}
 
 
 def test_examples_run():
@@ -24,7 +25,7 @@ def test_examples_run():
     assert (result.attempted, result.failed) == (6, 0)
 
 
-@pytest.mark.parametrize(("command", "words"), [*COMMANDS, ("benchmark", "run ipc --engine ray --address auto")])
+@pytest.mark.parametrize(("command", "words"), [*COMMANDS, *OTHERS])
 def test_commands_are_accepted(command, words):
     assert MODULES[command].parse_arguments(shlex.split(words)).engine == "ray"
 

@@ -1,17 +1,22 @@
 """Load cases: which runs there are, what they come to, and how a study keeps and resumes them."""
 
 import json
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from wt_gym.agents import contenders
+from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.loadcases import study
 from wt_gym.agents.loadcases.cases import CASES, Condition, digest, inflow_of, plan_of
 from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
 from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
 from wt_gym.agents.loadcases.run import EXTREMES, unloaded_clearance
 from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases
+from wt_gym.agents.sweep_record import SWEEP_FILE
+from wt_gym.agents.workers import Tally
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
 from wt_gym.commands.loadcases import main
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
@@ -239,6 +244,63 @@ def test_other_agents_arguments_and_turbulence_are_other_runs(tmp_path, counted)
     assert len(counted.made) == len(files(tmp_path)) == 4 * 6
 
 
+class Elsewhere:
+    """Does jobs as other processes would, to which everything is sent; the last one first."""
+
+    beside = True
+
+    def __init__(self):
+        self.tally = Tally()
+
+    def results(self, work, jobs, *, begin=None, given=(), warm=None):
+        begin, given, warm = sent((begin, given, warm))
+        warm()
+        begin(*given)
+        for job in reversed(jobs):
+            result = sent(sent(work)(sent(job)))
+            self.tally.done += 1
+            yield job, result
+
+
+def sent(value):
+    return pickle.loads(pickle.dumps(value))
+
+
+@pytest.fixture
+def elsewhere(monkeypatch):
+    """An executor for which no kernels are compiled: the environments that would be are in its ``compiled``."""
+    compiled = []
+    monkeypatch.setattr(contenders, "compile_kernels", compiled.append)
+    monkeypatch.setattr(contenders, "_play", None)  # of worker processes, which this one stands for
+    executor = Elsewhere()
+    executor.compiled = compiled
+    return executor
+
+
+def test_an_executor_makes_the_same_files(tmp_path, monkeypatch, elsewhere):
+    monkeypatch.setattr(study, "run_agent", lambda env, agent, condition: result(condition.speed + condition.seed))
+    monkeypatch.setattr(study, "run_parked", lambda turbine, fidelity, condition: result(condition.seed))
+    agents, config, found = {"A": "baseline", "B": "ipc"}, quick("1.1", "6.1"), {}
+    for executor in (elsewhere, SerialExecutor()):
+        folder = tmp_path / str(executor.beside)
+        table = run_load_cases(agents, config, folder, executor=executor, progress=False)
+        found[executor.beside] = table.to_json(), files(folder)
+        counts = json.loads((folder / SWEEP_FILE).read_text())
+        assert counts == [{"found": 0, "made": 2 * 6 + 2, "retried": 0, "lost": []}]
+        assert len(files(folder)) == 2 * 6 + 2
+        assert len(elsewhere.compiled) == 1
+    assert found[True] == found[False]
+
+
+def test_a_machine_with_other_code_is_refused(tmp_path, monkeypatch, elsewhere, counted):
+    codes = iter([{"kernels": "a"}, {"kernels": "a"}, {"kernels": "b"}])  # of definitions, of the work, elsewhere
+    monkeypatch.setattr(study, "code_fingerprint", lambda turbine, fidelity: next(codes))
+    with pytest.raises(ValueError, match="has other code: kernels"):
+        run_load_cases({"A": "baseline"}, quick("2.3"), tmp_path, executor=elsewhere, progress=False)
+    assert not elsewhere.compiled
+    assert not files(tmp_path)
+
+
 def test_a_damaged_file_is_named(tmp_path, counted):
     run_load_cases({"A": "baseline"}, quick("2.3"), tmp_path, progress=False)
     file = next((tmp_path / "runs").iterdir())
@@ -252,6 +314,7 @@ def test_a_damaged_file_is_named(tmp_path, counted):
     [
         (["--case", "9.9"], "load cases must be some of 1.1, 1.2, 1.3, 1.4, 1.5, 2.1, 2.2, 2.3, 4.2, 6.1, got 9.9"),
         (["--jobs", "0"], "at least 1 job"),
+        (["--address", "auto"], "ask for the engine ray"),
         (["nobody"], "'nobody' is no agent"),
         (["--env-kwargs", '{"wind_speed": 9}'], "wind_speed follows from the load cases"),
         (["--env-kwargs", '{"colour": 9}'], "the environment has no arguments"),

@@ -17,13 +17,15 @@ import math
 import os
 import platform
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import replace
 
-from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser
+from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser, stoppable, user_errors
 
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
@@ -268,11 +270,31 @@ WORKERS = {
 def in_process(what: str, fidelity: str, wall: float, **environment) -> dict:
     """Run one measurement in a fresh interpreter."""
     command = [sys.executable, "-m", "wt_gym", "bench", "--worker", what, fidelity, "--seconds", str(wall)]
-    done = subprocess.run(
-        command, env=os.environ | SINGLE_THREAD | {"PYTHONPATH": package_path(), "PYTHONSAFEPATH": "1"} | environment,
-        stdout=subprocess.PIPE, text=True, check=True,
-    )  # fmt: skip
-    return json.loads(done.stdout.splitlines()[-1])
+    own = {"PYTHONPATH": package_path(), "PYTHONSAFEPATH": "1"}
+    return json.loads(output_of(command, own | environment)[-1])
+
+
+def output_of(command: list[str], environment: dict[str, str] | None = None) -> list[str]:
+    """Lines that a program of one thread prints; where this is broken off, the program ends with all it has begun.
+
+    Raises
+    ------
+    ChildProcessError
+        If the program fails, which it has then explained itself.
+    """
+    with subprocess.Popen(
+        command, env=os.environ | SINGLE_THREAD | (environment or {}), stdout=subprocess.PIPE, text=True,
+        process_group=0,  # which Ctrl-C in a terminal does not reach: each would end in a traceback of its own
+    ) as process:  # fmt: skip
+        try:
+            lines = process.communicate()[0].splitlines()
+        except BaseException:
+            with suppress(ProcessLookupError):  # all have ended meanwhile
+                os.killpg(process.pid, signal.SIGKILL)
+            raise
+    if process.returncode:
+        raise ChildProcessError(f"a measurement failed with status {process.returncode}: {' '.join(command)}")
+    return lines
 
 
 def package_path() -> str:
@@ -283,8 +305,7 @@ def package_path() -> str:
 def beside(script: str, *options: str) -> dict:
     """Run another benchmark script, show what it prints and return its figures."""
     command = [sys.executable, str(CLONE / "scripts" / script), *options, "--json"]
-    done = subprocess.run(command, env=os.environ | SINGLE_THREAD, stdout=subprocess.PIPE, text=True, check=True)
-    *lines, figures = done.stdout.splitlines()
+    *lines, figures = output_of(command)
     print("\n".join(lines))
     return json.loads(figures)
 
@@ -300,11 +321,17 @@ def processor() -> str:
 
 def main(words: list[str] | None = None) -> None:
     """Measure and print."""
-    arguments = parse_arguments(words)
-    if arguments.worker:
-        what, fidelity = arguments.worker
-        print(json.dumps(WORKERS[what](fidelity, arguments.seconds)))
-        return
+    with user_errors(), stoppable("what was measured is printed above"):
+        arguments = parse_arguments(words)
+        if not arguments.worker:
+            measure(arguments)
+            return
+    what, fidelity = arguments.worker
+    print(json.dumps(WORKERS[what](fidelity, arguments.seconds)))
+
+
+def measure(arguments: argparse.Namespace) -> None:
+    """Measure everything that is asked for, and print it as it comes."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     figures = {"processor": processor(), "python": platform.python_version(), "load_at_start": load}
     print(f"{figures['processor']}, {os.cpu_count()} cores, load {load:.2f}, Python {figures['python']}, one thread")

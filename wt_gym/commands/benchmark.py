@@ -111,11 +111,27 @@ def table(arguments: argparse.Namespace) -> dict:
     return board
 
 
+def results(arguments: argparse.Namespace, asked: list[tuple]) -> list[dict[str, dict]]:
+    """Run entries in their tasks, all beside each other; give the results of each task by the name of the entry.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+    asked : list of (BenchmarkTask, list of Entry)
+    """
+    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
+    from wt_gym.benchmark import ResultFolder
+
+    folder = ResultFolder(arguments.out)
+    with executor_of(arguments) as executor:
+        run_jobs([job for task, entries in asked for job in jobs_of([task], entries)], folder, executor)
+    return [{entry.name: results_of(task, entry, folder) for entry in entries} for task, entries in asked]
+
+
 def reference(arguments: argparse.Namespace) -> dict:
     """Renew reference numbers."""
-    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
     from wt_gym.agents.entries import BASELINE, entries_of
-    from wt_gym.benchmark import ResultFolder, make_reference, write_reference
+    from wt_gym.benchmark import make_reference, write_reference
     from wt_gym.errors import BenchmarkError
 
     if not IN_CLONE:
@@ -123,37 +139,30 @@ def reference(arguments: argparse.Namespace) -> dict:
             "reference numbers stand in the files of the package: a clone of the project makes them, not what is "
             f"installed in {CLONE}"
         )
-    folder, best = ResultFolder(arguments.out), {}
     if arguments.confirm:
-        return confirmed(arguments, folder)
-    for task in chosen(arguments.task):
-        entries = entries_of([BASELINE, *task.candidates])
-        with executor_of(arguments) as executor:
-            run_jobs(jobs_of([task], entries), folder, executor)
-        base, *others = (results_of(task, entry, folder) for entry in entries)
-        made = make_reference(task, base, dict(zip((entry.name for entry in entries[1:]), others, strict=True)))
+        return confirmed(arguments)
+    asked, best = [(task, entries_of([BASELINE, *task.candidates])) for task in chosen(arguments.task)], {}
+    for (task, _), found in zip(asked, results(arguments, asked), strict=True):
+        made = make_reference(task, found.pop(BASELINE), found)
         path = write_reference(task, made)
         best[task.name] = made.improvements
         print(f"{task.id}: 100 is {made.best_agent}, an improvement of {100 * made.best_improvement:.2f} % ({path})")
     return best
 
 
-def confirmed(arguments: argparse.Namespace, folder) -> dict:
+def confirmed(arguments: argparse.Namespace) -> dict:
     """Reference numbers that a change of the sources has left as they are."""
-    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
     from wt_gym.agents.entries import BASELINE, entries_of
     from wt_gym.benchmark import confirm_reference, reference_of, write_reference
 
-    kept = {}
+    kept, asked = {}, []
     for task in chosen(arguments.task):
         if task.reference is None:
             print(f"{task.id}: no reference numbers yet")
-            continue
-        known = reference_of(task)
-        entries = entries_of([BASELINE, known.best_agent])
-        with executor_of(arguments) as executor:
-            run_jobs(jobs_of([task], entries), folder, executor)
-        base, best = (results_of(task, entry, folder) for entry in entries)
+        else:
+            asked.append((task, entries_of([BASELINE, reference_of(task).best_agent])))
+    for (task, _), found in zip(asked, results(arguments, asked), strict=True):
+        known, (base, best) = reference_of(task), found.values()
         fingerprint = next(iter(base.values()))["definition"]["fingerprint"]
         path = write_reference(task, confirm_reference(task, known, base, best, fingerprint))
         kept[task.name] = fingerprint
@@ -163,21 +172,17 @@ def confirmed(arguments: argparse.Namespace, folder) -> dict:
 
 def front(arguments: argparse.Namespace) -> list:
     """Make the front of load against travel."""
-    from wt_gym.agents.benchmark_runs import jobs_of, results_of, run_jobs
     from wt_gym.agents.entries import entries_of
     from wt_gym.agents.front import distance_table, draw_front, front_distance, front_entries, front_rows, write_csv
-    from wt_gym.benchmark import ResultFolder
 
-    folder, entries, rows, distances = ResultFolder(arguments.out), front_entries(), [], []
+    entries, rows, distances = front_entries(), [], []
     others = [entry for entry in entries_of(arguments.agents) if entry not in entries]
     if taken := {entry.name for entry in entries} & {entry.name for entry in others}:
         raise ValueError(f"{', '.join(sorted(taken))} belongs to the front itself: give the agent another name")
-    for task in chosen(arguments.task):
-        with executor_of(arguments) as executor:
-            run_jobs(jobs_of([task], [*entries, *others]), folder, executor)
-        results = {entry.name: results_of(task, entry, folder) for entry in [*entries, *others]}
-        rows += front_rows(task, results)
-        distances += [front_distance(task, results, entry.name) for entry in others]
+    asked = [(task, [*entries, *others]) for task in chosen(arguments.task)]
+    for (task, _), found in zip(asked, results(arguments, asked), strict=True):
+        rows += front_rows(task, found)
+        distances += [front_distance(task, found, entry.name) for entry in others]
     table = write_csv(rows, arguments.data / "load_travel_front.csv")
     print(f"table: {table}\nfigure: {draw_front(rows, arguments.data / 'load_travel_front.svg')}")
     if distances:

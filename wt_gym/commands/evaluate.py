@@ -74,15 +74,13 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     """Configuration of the options."""
-    from wt_gym.agents.command_line import environment_arguments
+    from wt_gym.agents.command_line import chosen_arguments, environment_arguments
     from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
     from wt_gym.analysis.results import Wind
 
-    turbulent = environment_arguments(arguments.env, arguments.env_kwargs)["inflow"] == "turbulent"
+    kwargs = chosen_arguments(arguments.env, arguments.env_kwargs, arguments.fidelity)
+    turbulent = environment_arguments(arguments.env, kwargs)["inflow"] == "turbulent"
     seeds = [None] if not turbulent else arguments.wind_seeds or DEFAULT_WIND_SEEDS
-    kwargs = dict(arguments.env_kwargs)
-    if arguments.fidelity:
-        kwargs["fidelity"] = arguments.fidelity
     return EvaluationConfig(
         env_id=arguments.env,
         env_kwargs=kwargs,

@@ -3,6 +3,7 @@
     wt-gym loadcases --quick
     wt-gym loadcases baseline ipc runs/ppo --jobs 2
     wt-gym loadcases baseline runs/ppo --case 1.3 1.4 2.3 --quick
+    wt-gym loadcases baseline runs/ppo --engine ray --address ray-head:6379
 
 Agents are those of wt-gym evaluate: words, controllers, folders or files of trained models, with NAME= in front if you
 like. What fails, a turbine that runs away or a blade that strikes the tower, is a result. Every run is kept in the
@@ -17,6 +18,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wt_gym.commands.engine_options import add_engine_options, executor_of
 from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, stoppable, user_errors
 
 if TYPE_CHECKING:
@@ -41,9 +43,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
         "controllers beneath than those of their training",
     )  # fmt: skip
-    parser.add_argument(
-        "--jobs", type=int, default=1, help="runs beside each other, in processes (default: %(default)s)"
-    )
+    add_engine_options(parser, "runs")
     climate = parser.add_argument_group("wind climate, for loads over a life")
     one = climate.add_mutually_exclusive_group()
     one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
@@ -60,17 +60,13 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
     """Configuration of the options."""
-    from wt_gym.agents.command_line import environment_arguments
+    from wt_gym.agents.command_line import chosen_arguments
     from wt_gym.agents.loadcases.cases import CASES
     from wt_gym.agents.loadcases.study import LoadCaseConfig
 
-    environment_arguments(arguments.env, arguments.env_kwargs)  # refuses environments of others and unknown arguments
-    kwargs = dict(arguments.env_kwargs)
-    if arguments.fidelity:
-        kwargs["fidelity"] = arguments.fidelity
     return LoadCaseConfig(
         env_id=arguments.env,
-        env_kwargs=kwargs,
+        env_kwargs=chosen_arguments(arguments.env, arguments.env_kwargs, arguments.fidelity),
         cases=tuple(arguments.case or CASES),
         quick=arguments.quick,
         turbulence=arguments.turbulence,
@@ -85,14 +81,15 @@ def main(words: list[str] | None = None) -> None:
     arguments = parse_arguments(words)
 
     out = Path(arguments.out)
-    with user_errors(), stoppable(f"the same command goes on with what is in {out}"):
+    hint = f"the same command goes on with what is in {out}"
+    with user_errors(), stoppable(hint), executor_of(arguments) as executor:
         from wt_gym.agents.choices import named_choices
         from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
         from wt_gym.agents.loadcases.study import REPORT_FILE, run_load_cases
 
         results = run_load_cases(
-            named_choices(arguments.agents), configuration(arguments), out, workers=arguments.jobs,
-            allow_other_environment=arguments.allow_other_environment,
+            named_choices(arguments.agents), configuration(arguments), out,
+            allow_other_environment=arguments.allow_other_environment, executor=executor,
         )  # fmt: skip
         if not arguments.no_report:
             write_load_case_report(results, out / REPORT_FILE, arguments.title)

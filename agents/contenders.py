@@ -1,0 +1,133 @@
+"""Agents that are compared: each with the environment it runs in, in this process and in those of an executor."""
+
+from __future__ import annotations
+
+import platform
+from contextlib import closing
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.agents.choices import fingerprint
+from wt_gym.agents.compilation import compile_kernels
+from wt_gym.agents.environments import Environments, load_agent
+from wt_gym.benchmark.fingerprint import differing
+from wt_gym.envs.layout import layout_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    import gymnasium as gym
+
+    from wt_gym.agents.executors import Executor
+    from wt_gym.envs.episode import Agent
+
+__all__ = ["Contenders"]
+
+
+class Contenders:
+    """Agents, each with the environment it runs in; a context, which closes these.
+
+    Parameters
+    ----------
+    agents : mapping
+        Name to agent, or to a word or path for `wt_gym.agents.environments.load_agent`.
+    env_id, env_kwargs, episode_length
+        As of `wt_gym.agents.environments.Environments`.
+
+    Attributes
+    ----------
+    env : gymnasium.Env
+        With the controller that the environment has anyway.
+    agents : dict
+        Name to agent.
+    """
+
+    def __init__(
+        self,
+        agents: Mapping[str, str | Agent],
+        env_id: str,
+        env_kwargs: Mapping[str, Any],
+        episode_length: float | None = None,
+    ):
+        self._given, self._where = dict(agents), (env_id, dict(env_kwargs), episode_length)
+        self._environments = Environments(*self._where)
+        self.env = self._environments.plain
+        layout = layout_of(self.env)
+        self.agents = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
+        self._beneath = {name: self._environments.beneath(agent) for name, agent in agents.items()}
+
+    def __getitem__(self, name: str) -> tuple[gym.Env, Agent]:
+        """Environment and agent of a name."""
+        return self._beneath[name], self.agents[name]
+
+    def results(
+        self,
+        play: Callable[[Contenders, Any], Any],
+        jobs: Sequence[Any],
+        executor: Executor,
+        code_of: Callable[..., dict[str, str]],
+    ) -> Iterator[tuple[Any, Any]]:
+        """Do jobs; give each with its result as soon as it is done.
+
+        Parameters
+        ----------
+        play : callable
+            Does a job with contenders; a function of a module, or a `functools.partial` of one.
+        jobs : sequence
+        executor : Executor
+            Other processes load the agents and make the environments once for all their jobs; these agents must have
+            come by word or path.
+        code_of : callable
+            Gives digests of the code for turbine and fidelity, which must be the same on all machines; as ``play``.
+
+        Raises
+        ------
+        ValueError
+            If code or models are others on another machine.
+        """
+        if not executor.beside:
+            return executor.results(partial(play, self), jobs)
+        env = self.env.unwrapped
+        models = {name: fingerprint(choice) for name, choice in self._given.items()}
+        warm = partial(_warm, self._where, models, code_of, code_of(env.turbine, env.fidelity))
+        given = (play, self._given, *self._where)
+        return executor.results(_play_here, jobs, begin=_get_ready, given=given, warm=warm)
+
+    def __enter__(self) -> Contenders:
+        return self
+
+    def __exit__(self, *exception) -> None:
+        """Close the environments."""
+        self._environments.close()
+
+
+def _warm(where: tuple, models: dict[str, dict[str, Any]], code_of, code: dict[str, str]) -> None:
+    """Have the kernels in the cache of a machine.
+
+    Raises
+    ------
+    ValueError
+        If code or models are not those of the process that gives the work.
+    """
+    if other := [name for name, known in models.items() if fingerprint(known["choice"]) != known]:
+        raise ValueError(f"the files of {', '.join(other)} differ on {platform.node()}")
+    with closing(Environments(*where)) as environments:
+        env = environments.plain.unwrapped
+        if other := differing(code, code_of(env.turbine, env.fidelity)):
+            raise ValueError(f"wt_gym on {platform.node()} has other code: {', '.join(other)}")
+        compile_kernels(environments.plain)
+
+
+_play: Callable[[Any], Any] | None = None
+"""What a worker process does with a job."""
+
+
+def _get_ready(play: Callable[[Contenders, Any], Any], *given: Any) -> None:
+    """Begin as a worker process."""
+    global _play
+    _play = partial(play, Contenders(*given))
+
+
+def _play_here(job: Any) -> Any:
+    """Do a job in a worker process."""
+    return _play(job)
