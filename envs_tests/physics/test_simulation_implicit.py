@@ -77,7 +77,10 @@ def test_implicit_steps_converge_to_the_explicit_ones(integrator):
 
 
 def test_the_blades_of_version_one_twist():
-    """IEA 15-MW at 9 m/s: HAWC2, with torsion, has 1591 kN (IEA-15-240-RWT); blades that bend only carry more."""
+    """IEA 15-MW at 9 m/s: blades that twist carry 200 kN less, two thirds of what blades that only bend are above HAWC2.
+
+    The axial force of the shaft has the rotor's weight in it, which is the same for both.
+    """
     curve, thrust = torque_curve(load_turbine("iea_15mw")), {}
     for version in (0, 1):
         fidelity = gym.spec(f"wt_gym/IEA15MW-Steady-v{version}").kwargs.get("fidelity", "training")
@@ -87,8 +90,7 @@ def test_the_blades_of_version_one_twist():
             signals = simulator.advance(0.2, pitch=0.0, generator_torque=curve.torque(signals.generator_speed))
             found.append(signals.rotor_thrust)
         thrust[version] = np.mean(found[50:])
-    assert 0.86 < thrust[1] / thrust[0] < 0.94
-    assert 1591e3 < thrust[1] < thrust[0]
+    assert 150e3 < thrust[0] - thrust[1] < 250e3
 
 
 @pytest.fixture(scope="module")
