@@ -77,7 +77,7 @@ def test_implicit_steps_converge_to_the_explicit_ones(integrator):
 
 
 def test_the_blades_of_version_one_twist():
-    """IEA 15-MW at 9 m/s: blades that twist carry 200 kN less, two thirds of what blades that only bend are above HAWC2.
+    """IEA 15-MW at 9 m/s: blades that twist carry 200 kN less, two thirds of what those that bend are above HAWC2.
 
     The axial force of the shaft has the rotor's weight in it, which is the same for both.
     """
