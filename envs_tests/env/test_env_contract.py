@@ -12,6 +12,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 from stable_baselines3.common.vec_env import DummyVecEnv
+from turbine_contract import both_checkers_are_content, random_episode, snapshot_repeats
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.errors import ActionError, InflowError, SimulationError
@@ -55,11 +56,19 @@ def test_stable_baselines_checker_has_nothing_to_say(env_id, kwargs):
         sb3_check_env(gym.make(env_id, **kwargs))
 
 
-def test_iea_15mw_steps():
-    env = gym.make("wt_gym/IEA15MW-Steady-v0", wind_speed=9.0)
+@pytest.mark.parametrize("version", [0, 1])
+def test_iea_15mw_steps(version):
+    env = gym.make(f"wt_gym/IEA15MW-Steady-v{version}", wind_speed=9.0)
     observations, rewards, _ = rollout(env, np.zeros((5, 3), dtype=np.float32), seed=0)
     assert np.isfinite(observations).all()
     assert np.all(rewards > 0)
+
+
+def test_blades_that_twist_keep_the_contract():
+    both_checkers_are_content("wt_gym/IEA15MW-LoadReduction-v1")
+    env = gym.make("wt_gym/IEA15MW-LoadReduction-v1", max_episode_steps=100)
+    snapshot_repeats(env.unwrapped)
+    assert random_episode(env)
 
 
 def test_bounds_are_finite_and_kept(env):
