@@ -65,8 +65,8 @@ def test_iea_15mw_steps(version):
 
 
 def test_blades_that_twist_keep_the_contract():
-    both_checkers_are_content("wt_gym/IEA15MW-LoadReduction-v1")
-    env = gym.make("wt_gym/IEA15MW-LoadReduction-v1", max_episode_steps=100)
+    both_checkers_are_content("wt_gym/IEA15MW-Steady-v1")
+    env = gym.make("wt_gym/IEA15MW-Steady-v1", max_episode_steps=100)
     snapshot_repeats(env.unwrapped)
     assert random_episode(env)
 
