@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from wt_gym.agents.choices import fingerprint
 from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.environments import Environments, load_agent
+from wt_gym.agents.trained_environment import check_environment
 from wt_gym.benchmark.fingerprint import differing
 from wt_gym.envs.layout import layout_of
 
@@ -33,6 +34,13 @@ class Contenders:
         Name to agent, or to a word or path for `wt_gym.agents.environments.load_agent`.
     env_id, env_kwargs, episode_length
         As of `wt_gym.agents.environments.Environments`.
+    as_given : bool
+        Run trained models in the environment as it is, on top of its controller, whatever they were trained in.
+
+    Raises
+    ------
+    ValueError
+        If a model was trained in another environment, with its name and what differs.
 
     Attributes
     ----------
@@ -48,13 +56,27 @@ class Contenders:
         env_id: str,
         env_kwargs: Mapping[str, Any],
         episode_length: float | None = None,
+        as_given: bool = False,
     ):
         self._given, self._where = dict(agents), (env_id, dict(env_kwargs), episode_length)
-        self._environments = Environments(*self._where)
+        self._as_given, self._environments = as_given, Environments(*self._where)
         self.env = self._environments.plain
         layout = layout_of(self.env)
         self.agents = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
-        self._beneath = {name: self._environments.beneath(agent) for name, agent in agents.items()}
+        self._beneath = {name: self._place(name) for name in agents}
+
+    def _place(self, name: str) -> gym.Env:
+        """Environment that an agent runs in."""
+        given, agent = self._given[name], self.agents[name]
+        record = getattr(agent, "record", None) or {}
+        if self._as_given and record:
+            return self.env
+        env = self._environments.beneath(given, agent)
+        try:
+            check_environment(record, env)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from error
+        return env
 
     def __getitem__(self, name: str) -> tuple[gym.Env, Agent]:
         """Environment and agent of a name."""
@@ -90,7 +112,7 @@ class Contenders:
         env = self.env.unwrapped
         models = {name: fingerprint(choice) for name, choice in self._given.items()}
         warm = partial(_warm, self._where, models, code_of, code_of(env.turbine, env.fidelity))
-        given = (play, self._given, *self._where)
+        given = (play, self._given, *self._where, self._as_given)
         return executor.results(_play_here, jobs, begin=_get_ready, given=given, warm=warm)
 
     def __enter__(self) -> Contenders:

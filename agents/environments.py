@@ -9,7 +9,7 @@ import gymnasium as gym
 from wt_gym.agents.choices import controller_of, is_controller_name
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.trained_environment import check_environment
+from wt_gym.agents.trained_environment import controller_of_training
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs.layout import layout_of
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
 
-__all__ = ["Environments", "check_environments", "load_agent"]
+__all__ = ["Environments", "load_agent"]
 
 _ENDLESS = 10**9  # control steps
 
@@ -54,27 +54,6 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
     return agent
 
 
-def check_environments(agents: Mapping[str, Agent], env: gym.Env) -> None:
-    """Refuse models that were trained in another environment.
-
-    Parameters
-    ----------
-    agents : mapping
-        Name to agent.
-    env : gymnasium.Env
-
-    Raises
-    ------
-    ValueError
-        With the name of the agent and what differs.
-    """
-    for name, agent in agents.items():
-        try:
-            check_environment(getattr(agent, "record", None) or {}, env)
-        except ValueError as error:
-            raise ValueError(f"{name}: {error}") from error
-
-
 class Environments:
     """An environment, and one like it for each controller that runs beneath residual actions.
 
@@ -97,17 +76,28 @@ class Environments:
         self._made: dict[str | None, gym.Env] = {}
         self.plain = self._make(None)
 
-    def beneath(self, agent: str | Agent) -> gym.Env:
-        """Environment for an agent: the plain one, except for a controller that has to run beneath the actions."""
+    def beneath(self, given: str | Agent, agent: Agent) -> gym.Env:
+        """Environment for an agent: the plain one, except for a controller that has to run beneath the actions.
+
+        Parameters
+        ----------
+        given : str or Agent
+            Word, path or agent.
+        agent : Agent
+            What it means: a controller by name runs beneath itself, a trained model on that of its training.
+        """
+        own = controller_of_training(getattr(agent, "record", None) or {}, self.plain)
         residual = layout_of(self.plain).action.mode == "residual"
-        return self._make(agent if residual and isinstance(agent, str) and is_controller_name(agent) else None)
+        return self._make(given if residual and isinstance(given, str) and is_controller_name(given) else own)
 
     def _make(self, choice: str | None) -> gym.Env:
         if choice not in self._made:
             more = {}
             if choice is not None:
                 name, parameters = controller_of(choice)
-                more = {"controller": lambda turbine: make_controller(name, turbine, **parameters)}
+                more = {"controller": name}
+                if parameters:
+                    more["controller"] = lambda turbine: make_controller(name, turbine, **parameters)
             self._made[choice] = gym.make(
                 self._id, **self._kwargs | more, episode_length=self._length, max_episode_steps=_ENDLESS
             )

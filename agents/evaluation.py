@@ -15,7 +15,6 @@ import numpy as np
 
 import wt_gym
 from wt_gym.agents.contenders import Contenders
-from wt_gym.agents.environments import check_environments
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.progress import ProgressLine, clock
@@ -170,12 +169,10 @@ def evaluate(
         raise ValueError(f"agents by word or path can run in other processes; {', '.join(objects)} came as objects")
     store = None if folder is None else EvaluationFolder(folder, agents, config)
     where = config.env_id, config.env_kwargs, config.duration
-    with store or nullcontext(), Contenders(agents, *where) as contenders:
+    with store or nullcontext(), Contenders(agents, *where, allow_other_environment) as contenders:
         env = contenders.env
         layout = layout_of(env)
         climate = _climate(layout.turbine, config)
-        if not allow_other_environment:
-            check_environments(contenders.agents, env)
         if store:  # nothing else can be refused any more
             store.begin(code_fingerprint(layout.turbine, env.unwrapped.fidelity), overwrite)
         jobs = [(name, wind) for wind in config.winds for name in agents]

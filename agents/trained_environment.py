@@ -8,13 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
+from wt_gym.agents.choices import is_controller_name
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["KEPT", "check_environment", "environment_of_training", "resolved_arguments", "trained_arguments"]
+__all__ = [
+    "KEPT",
+    "check_environment",
+    "controller_of_training",
+    "environment_of_training",
+    "resolved_arguments",
+    "trained_arguments",
+]
 
 KEPT = ("action_spans", "residual_fade", "residual_washout", "controller", "sensor_noise", "sensor_delay")
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
@@ -77,6 +85,29 @@ def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> 
     """
     arguments = trained_arguments(record)
     return _with_defaults(arguments, names) if arguments else {}
+
+
+def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | None:
+    """Controller by name on top of which a model was trained, where another one runs in an environment.
+
+    Beneath residual actions it belongs to the agent: the model without it is not what was trained.
+
+    Parameters
+    ----------
+    record : mapping
+        As of `trained_arguments`.
+    env : gymnasium.Env
+        Made by `gymnasium.make`.
+
+    Returns
+    -------
+    str or None
+        None where nothing runs beneath the actions, the controllers are the same, or the record has no name for it.
+    """
+    if not (record.get("config") and layout_of(env).action.needs_controller):
+        return None
+    trained, here = (_kept(arguments)["controller"] for arguments in (trained_arguments(record), env.spec.kwargs))
+    return trained if trained != here and isinstance(trained, str) and is_controller_name(trained) else None
 
 
 def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:

@@ -14,7 +14,6 @@ import numpy as np
 import wt_gym
 from wt_gym.agents.choices import fingerprint
 from wt_gym.agents.contenders import Contenders
-from wt_gym.agents.environments import check_environments
 from wt_gym.agents.evaluation_folder import code_fingerprint
 from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.folder_lock import FolderLock
@@ -185,11 +184,13 @@ def run_load_cases(
     executor = SerialExecutor() if executor is None else executor
     if not agents or PARKED in agents:
         raise ValueError(f"load cases need at least one agent, of a name other than {PARKED!r}")
-    with _LoadCaseFolder(folder) as store, Contenders(agents, config.env_id, config.env_kwargs) as contenders:
+    where = config.env_id, config.env_kwargs
+    with (
+        _LoadCaseFolder(folder) as store,
+        Contenders(agents, *where, as_given=allow_other_environment) as contenders,
+    ):
         plain = contenders.env
         turbine = plain.unwrapped.turbine
-        if not allow_other_environment:
-            check_environments(contenders.agents, plain)
         plan = config.plan or plan_of(turbine, config.quick)
         cases = tuple(case for case in CASES if case in config.cases)
         conditions = {case: _conditions(case, turbine, plan, config) for case in cases}

@@ -147,7 +147,7 @@ class Trained(ConstantAgent):
         ({"sensor_noise": 1.0}, {}, r"mine: .* sensor_noise 1.0, here 0.0; give"),
         ({}, {"sensor_delay": 0.2}, r"sensor_delay 0.0, here 0.2;"),
         ({"action_spans": {"pitch_rate": 0.02}}, {}, r"action_spans \{'pitch_rate': 0.02\}, here \{\};"),
-        ({"controller": "ipc"}, {"sensor_noise": 0.5}, r"controller 'ipc', here 'discon'; sensor_noise 0.0, here 0.5;"),
+        ({"controller": "ipc"}, {"sensor_noise": 0.5}, r"another environment: with sensor_noise 0.0, here 0.5;"),
     ],
 )
 def test_models_are_not_taken_into_another_environment_unasked(trained, here, message, count_runs):
@@ -160,6 +160,17 @@ def test_models_are_not_taken_into_another_environment_unasked(trained, here, me
     assert count_runs[0] == []
     evaluate(agents, config, allow_other_environment=True, progress=False)
     assert count_runs[0] == [("mine", 9.0)]
+
+
+def test_a_model_brings_the_controller_it_was_trained_on():
+    config = replace(CONFIG, env_kwargs={"action_mode": "residual"}, winds=(Wind(14.0),), duration=4.0, skip=0.0)
+    layout = gym.make(STEADY, **config.env_kwargs).unwrapped.layout
+    mine = Trained(layout, STEADY, action_mode="residual", controller="ipc")
+    agents = {"baseline": "baseline", "ipc": "ipc", "mine": mine}  # all rest: what differs runs beneath
+    found = {run.agent: run.metrics for run in evaluate(agents, config, progress=False).runs}
+    assert found["mine"] == found["ipc"] != found["baseline"]
+    found = evaluate({"baseline": "baseline", "mine": mine}, config, allow_other_environment=True, progress=False).runs
+    assert found[0].metrics == found[1].metrics
 
 
 def test_fidelity_inflow_and_an_idle_controller_are_free():
