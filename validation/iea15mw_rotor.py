@@ -1,4 +1,4 @@
-"""The rigid IEA 15-MW rotor in light winds, where its least speed of 5 rpm holds it at tip-speed ratios of 11 to 16.
+"""The rigid IEA 15-MW rotor up to light winds, where its least speed of 5 rpm is tip-speed ratios of 11 to 16.
 
 Such a rotor is heavily loaded (thrust coefficients from 0.9 to 1.3): the annuli outboard are beyond the induction of
 one half, where momentum theory is an empirical thrust, and wakes roll up within a diameter. So this compares what two

@@ -8,16 +8,18 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+import xarray as xr
 from stable_baselines3 import PPO
 
 from wt_gym.agents.benchmark_runs import definition_of, jobs_of, results_of, run_jobs
 from wt_gym.agents.entries import entry_of
 from wt_gym.agents.executors import ProcessExecutor
 from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
-from wt_gym.benchmark.run import delivered_power, make_env
+from wt_gym.benchmark.run import benchmark_metrics, delivered_power, make_env
 from wt_gym.benchmark.scoring import wind_score
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.errors import BenchmarkError
+from wt_gym.turbines import load_turbine
 
 
 @cache
@@ -84,14 +86,28 @@ def test_overrating_in_gusts_does_not_make_up_for_lulls():
     wind = np.where(gusts, rated, 0.6 * rated)
     assert delivered_power(wind, time, rated) == pytest.approx(0.8 * rated, rel=1e-12)
     assert delivered_power(np.where(gusts, 1.1 * rated, wind), time, rated) == pytest.approx(0.8 * rated, rel=1e-12)
-    # what a damper by torque passes on to the power costs nothing: four whole swings in ten seconds
-    swings = np.where(gusts, rated * (1.0 + 0.1 * np.sin(2.0 * np.pi * time / 2.5)), wind)
-    assert delivered_power(swings, time, rated) == pytest.approx(0.8 * rated, rel=1e-12)
+    # what a damper by torque passes on to the power, 2 % at the frequency of the tower, costs nothing
+    swings = np.where(gusts, rated * (1.0 + 0.02 * np.sin(2.0 * np.pi * time / 3.1)), wind)
+    assert delivered_power(swings, time, rated) == pytest.approx(0.8 * rated, rel=1e-3)
     assert delivered_power(0.9 * wind, time, rated) == pytest.approx(0.72 * rated, rel=1e-12)
     # three samples are left after ten seconds, all above rated
     assert delivered_power(np.linspace(0.0, 2.0, 53) * rated, time[:53], rated) == pytest.approx(
         (np.linspace(0.0, 2.0, 53)[:50].sum() + 3.0) / 53 * rated, rel=1e-12
     )
+
+
+def test_captured_power_counts_what_is_delivered(monkeypatch):
+    """At rated speed nothing is stored: a gust at 1.1 times rated counts as rated, beside a lull at 0.6."""
+    turbine, time = load_turbine("nrel_5mw"), np.arange(0.0, 100.2, 0.2)
+    rated, speed = turbine.drivetrain.rated_power, np.full(time.size, turbine.drivetrain.rated_rotor_speed)
+    power = np.where(time % 40.0 < 20.0, 1.1, 0.6) * rated
+    monkeypatch.setattr("wt_gym.benchmark.run.run_metrics", lambda data, turbine, skip: {"mean_power": power.mean()})
+    channels = {"generator_power": power, "rotor_speed": speed, "rotor_speed_max": 1.02 * speed}
+    data = xr.Dataset({name: ("time", values) for name, values in channels.items()}, {"time": time})
+    found = benchmark_metrics(data, turbine, 20.0)
+    assert found["captured_power"] == pytest.approx(delivered_power(power[100:], time[100:], rated), rel=1e-12)
+    assert found["captured_power"] == pytest.approx(0.8 * rated, rel=2e-3)  # 401 samples
+    assert found["rotor_speed_ratio_max"] == pytest.approx(1.02)
 
 
 def test_an_agent_that_feathers_cannot_score():

@@ -30,7 +30,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
     parser.add_argument(
         "--fidelity", default="training",
-        help="training, engineering or reference; not gebhardt, whose constrained form has no linear model",
+        help="training, engineering (with -torsion: blades that twist) or reference; "
+        "not gebhardt, whose constrained form has no linear model",
     )  # fmt: skip
     parser.add_argument("--rotor-speed", type=float, nargs="+", metavar="RPM", help="rotor speeds [rpm]")
     parser.add_argument("--wind-speed", type=float, nargs="+", metavar="M_S", help="wind speeds [m/s]")

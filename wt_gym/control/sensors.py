@@ -75,7 +75,7 @@ class Notch:
     frequency : float
         Angular frequency w that does not pass [rad/s]; 0 passes everything.
     damping_ratio : float
-        zeta [-]; from about ``(1 - zeta) w`` to ``(1 + zeta) w`` less than 0.7 passes.
+        zeta [-]; between ``(sqrt(1 + zeta^2) - zeta) w`` and ``(sqrt(1 + zeta^2) + zeta) w`` less than 0.7 passes.
     """
 
     def __init__(self, frequency: float, damping_ratio: float = 0.5):
