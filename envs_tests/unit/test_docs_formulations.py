@@ -44,7 +44,7 @@ def missing(span):
     if re.fullmatch(r"[\w/]+\.(py|json)", span):
         return [] if any(p.as_posix().endswith(f"/{span}") for room in ROOMS for p in room.rglob("*.*")) else [span]
     if re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)+", span):
-        return [] if span in load_cases() else [span]
+        return [] if span in load_cases() or span in FIDELITIES else [span]
     head = re.match(r"(\w+)(?:\.(\w+))?", span)
     if head is None or span.startswith('"'):
         return [] if span.strip('"') in FIDELITIES else [span]
