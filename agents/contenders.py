@@ -67,11 +67,10 @@ class Contenders:
 
     def _place(self, name: str) -> gym.Env:
         """Environment that an agent runs in."""
-        given, agent = self._given[name], self.agents[name]
-        record = getattr(agent, "record", None) or {}
+        record = getattr(self.agents[name], "record", None) or {}
         if self._as_given and record:
             return self.env
-        env = self._environments.beneath(given, agent)
+        env = self._environments.beneath(self._given[name], record)
         try:
             check_environment(record, env)
         except ValueError as error:

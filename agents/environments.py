@@ -76,17 +76,18 @@ class Environments:
         self._made: dict[str | None, gym.Env] = {}
         self.plain = self._make(None)
 
-    def beneath(self, given: str | Agent, agent: Agent) -> gym.Env:
+    def beneath(self, given: str | Agent, record: Mapping[str, Any]) -> gym.Env:
         """Environment for an agent: the plain one, except for a controller that has to run beneath the actions.
 
         Parameters
         ----------
         given : str or Agent
             Word, path or agent.
-        agent : Agent
-            What it means: a controller by name runs beneath itself, a trained model on that of its training.
+        record : mapping
+            Of the agent's training, empty without one: a trained model runs on the controller of its training, a
+            controller by name beneath actions that rest.
         """
-        own = controller_of_training(getattr(agent, "record", None) or {}, self.plain)
+        own = controller_of_training(record, self.plain)
         residual = layout_of(self.plain).action.mode == "residual"
         return self._make(given if residual and isinstance(given, str) and is_controller_name(given) else own)
 

@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
 from wt_gym.files import require_writable, whole_file
 
 if TYPE_CHECKING:
@@ -30,8 +30,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
     parser.add_argument(
         "--fidelity", default="training",
-        help="training, engineering (with -torsion: blades that twist) or reference; "
-        "not gebhardt, whose constrained form has no linear model",
+        help=f"{FIDELITIES_HELP}; not gebhardt, whose constrained form has no linear model",
     )  # fmt: skip
     parser.add_argument("--rotor-speed", type=float, nargs="+", metavar="RPM", help="rotor speeds [rpm]")
     parser.add_argument("--wind-speed", type=float, nargs="+", metavar="M_S", help="wind speeds [m/s]")

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, executor_of
-from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
 
 if TYPE_CHECKING:
     from wt_gym.agents.evaluation import EvaluationConfig
@@ -46,7 +46,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--skip", type=float, default=30.0, help="start left out of the metrics [s] (default: %(default)s)"
     )
-    parser.add_argument("--fidelity", help="training, engineering (with -torsion: blades that twist) or reference")
+    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     kwargs_help = 'more arguments of the environment, e.g. \'{"pitch": "individual"}\''
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
     parser.add_argument(

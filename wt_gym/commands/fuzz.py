@@ -21,7 +21,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import OneLineParser, as_called, stoppable, user_errors
+from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, as_called, stoppable, user_errors
 from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
@@ -37,9 +37,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, metavar="N", help="first case (default: %(default)s)")
     parser.add_argument("--case", type=int, metavar="N", help="this case only")
     parser.add_argument("--turbine", nargs="+", default=TURBINES, help="to draw from (default: %(default)s)")
-    parser.add_argument(
-        "--fidelity", default="training", help="training, engineering (with -torsion: blades that twist) or reference"
-    )
+    parser.add_argument("--fidelity", default="training", help=FIDELITIES_HELP)
     parser.add_argument("--out", type=Path, metavar="FILE", help="text file that findings are added to")
     parser.add_argument("--memory", action="store_true", help="measure memory instead")
     parser.add_argument("--json", action="store_true", help="print the counts as JSON at the end")

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, executor_of
-from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
 
 if TYPE_CHECKING:
     from wt_gym.agents.loadcases.study import LoadCaseConfig
@@ -36,7 +36,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     )
     parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/loadcases", help="folder for the results (default: %(default)s)")
-    parser.add_argument("--fidelity", help="training, engineering (with -torsion: blades that twist) or reference")
+    parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     kwargs_help = "more arguments of the environment, e.g. '{\"overspeed_limit\": 1.5}'; winds are the cases'"
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
     parser.add_argument(

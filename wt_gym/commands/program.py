@@ -19,10 +19,23 @@ from wt_gym.errors import WtGymError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["CLONE", "IN_CLONE", "UNSAFE", "OneLineParser", "as_called", "json_value", "stoppable", "user_errors"]
+__all__ = [
+    "CLONE",
+    "FIDELITIES_HELP",
+    "IN_CLONE",
+    "UNSAFE",
+    "OneLineParser",
+    "as_called",
+    "json_value",
+    "stoppable",
+    "user_errors",
+]
 
 UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
 they are loaded: take none from strangers."""
+
+FIDELITIES_HELP = "training, engineering (with -torsion: blades that twist) or reference"
+"""What options called ``--fidelity`` take."""
 
 CLONE = Path(wt_gym.__file__).resolve().parents[1]
 """Folder that holds the package; of a clone, the one with ``docs`` and ``validation``."""

@@ -20,7 +20,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
 from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
@@ -38,9 +38,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--wind-speed", type=float, nargs="+", default=[8.0, 15.0], metavar="M_S", help="at the hub")
     parser.add_argument("--duration", type=float, default=300.0, help="simulated time [s] (default: %(default)s)")
     parser.add_argument("--average", type=float, default=60.0, help="last part averaged [s] (default: %(default)s)")
-    parser.add_argument(
-        "--fidelity", default="training", help="training, engineering (with -torsion: blades that twist) or reference"
-    )
+    parser.add_argument("--fidelity", default="training", help=FIDELITIES_HELP)
     parser.add_argument("--shear", type=float, default=0.0, help="power-law exponent (default: %(default)s)")
     parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
     parser.add_argument("--turbulent", action="store_true", help="Kaimal turbulence of the turbine's class")

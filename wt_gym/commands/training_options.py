@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.program import json_value
+from wt_gym.commands.program import FIDELITIES_HELP, json_value
 
 if TYPE_CHECKING:
     from wt_gym.agents.training.config import TrainingConfig
@@ -21,7 +21,7 @@ def add_training_options(parser: argparse.ArgumentParser) -> None:
         "--wind-speed", type=float, nargs="+", metavar="M_S", help="mean wind speed, or the range to draw it from [m/s]"
     )
     options.add_argument("--episode-length", type=float, metavar="S", help="length of an episode [s]")
-    options.add_argument("--fidelity", help="training, engineering (with -torsion: blades that twist) or reference")
+    options.add_argument("--fidelity", help=FIDELITIES_HELP)
     options.add_argument(
         "--env-kwargs", type=json_value, metavar="JSON",
         help='more arguments of the environment, e.g. \'{"pitch": "individual"}\'',
