@@ -45,8 +45,9 @@ def ramp_run(options, rung, wind):
 def pitch_ramp():
     """Largest difference at any instant from the ramp on, over the change that the first ramp makes."""
     checks, figures, lines = [], {}, []
+    rated_speed = load_turbine("nrel_5mw").drivetrain.rated_rotor_speed
     for rung in RUNGS:
-        options = FIDELITIES[rung].aero
+        options = FIDELITIES[rung].aero_for(rated_speed)
         every = replace(options, fresh_rows=options.wake_rows, refresh_stride=1)
         for wind in WINDS:
             time, *found = ramp_run(options, rung, wind)

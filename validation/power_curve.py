@@ -129,8 +129,9 @@ def converged_rotor():
 
 def settled(rung, ratio, steps_per_turn=None):
     """Cp and Ct of the rigid rotor with the lattice and wake of a fidelity, settled."""
-    options = FIDELITIES[rung].aero
-    rotor = RigidRotor.of_turbine(load_turbine("nrel_5mw"), options)
+    turbine = load_turbine("nrel_5mw")
+    options = FIDELITIES[rung].aero_for(turbine.drivetrain.rated_rotor_speed)
+    rotor = RigidRotor.of_turbine(turbine, options)
     speed = ratio * WIND / rotor.radius
     return means(rotor.run(options, WIND, speed, 0.0, SETTLE * speed / (2.0 * np.pi), steps_per_turn=steps_per_turn))
 

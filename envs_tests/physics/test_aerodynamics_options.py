@@ -368,6 +368,19 @@ def test_refused_numbers(name, values, allowed):
             AeroOptions(**{name: value})
 
 
+def test_strides_follow_the_step():
+    """Rows lie no further apart than at the recommended step, and no nearer than a step allows."""
+    thinned = AeroOptions(full_rows=8, coarse_stride=3, sparse_from=12, sparse_stride=6, azimuth_step_deg=8.0)
+    for step, coarse, sparse in ((8.0, 3, 6), (7.26, 3, 6), (4.54, 5, 10), (3.9, 6, 12), (2.0, 12, 24), (16.0, 1, 3)):
+        options = thinned.for_step(step)
+        assert (options.coarse_stride, options.sparse_stride) == (coarse, sparse)
+        assert sparse * step <= 6 * 8.0 + 1e-9
+    assert thinned.for_step(8.0) == thinned
+    assert AeroOptions(azimuth_step_deg=8.0).for_step(2.0) == AeroOptions(azimuth_step_deg=8.0)  # nothing is thinned
+    alone = AeroOptions(coarse_stride=2, azimuth_step_deg=7.5).for_step(4.5)
+    assert (alone.coarse_stride, alone.sparse_stride, alone.sparse_from) == (3, 1, None)
+
+
 def test_numbers_of_numpy_are_taken():
     options = AeroOptions(n_span=np.int64(12), azimuth_step_deg=np.float32(5.0), ground_height=np.float64(0.0))
     assert options.n_span == 12

@@ -155,3 +155,14 @@ def test_fidelities_without_meaning_are_refused(change, message):
 def test_more_modes_than_the_elements_have(change, message):
     with pytest.raises(SimulationError, match=message):
         Simulator("nrel_5mw", SteadyInflow(9.0), Fidelity(**change))
+
+
+@pytest.mark.parametrize("rung", ["training", "engineering", "training-torsion"])
+@pytest.mark.parametrize("name", ["nrel_5mw", "iea_15mw", "gebhardt_45m", "nada_small"])
+def test_wakes_reach_as_many_turns_on_every_turbine(name, rung):
+    """At rated speed, with rows no further apart than 24 degrees: a large rotor has more steps in a turn."""
+    speed, fidelity = load_turbine(name).drivetrain.rated_rotor_speed, FIDELITIES[rung]
+    rows = fidelity.aero_for(speed).row_numbers() * np.degrees(fidelity.step_for(speed) * speed)
+    least = {"training": 2.7, "engineering": 3.0}[rung.removesuffix("-torsion")]
+    assert rows[-1] / 360.0 > least
+    assert np.diff(rows).max() < 24.0 + 1e-6

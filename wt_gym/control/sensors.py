@@ -95,11 +95,12 @@ class Notch:
     def update(self, value: float, dt: float) -> float:
         """Take the value of a step of length ``dt`` [s] and return the filtered one.
 
-        What samples at this distance cannot show (``w dt >= pi``) is passed: it would alias.
+        What samples at this distance cannot show (``w dt >= pi``) is passed: it would alias. The filter then goes on
+        from the value that passed.
         """
         value, angle = float(value), self.frequency * dt
         if not 0.0 < angle < math.pi:
-            return value
+            return self.reset(value)
         (last_in, earlier_in), (last_out, earlier_out) = self._inputs, self._outputs
         width, middle = self.damping_ratio * math.sin(angle), 2.0 * math.cos(angle)
         output = value + earlier_in - (1.0 - width) * earlier_out + middle * (last_out - last_in)

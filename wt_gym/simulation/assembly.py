@@ -70,11 +70,13 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     SimulationError
         For fidelities that the turbine does not bear.
     """
-    planform = blade_planform(turbine, fidelity.aero)
+    rated_speed = turbine.drivetrain.rated_rotor_speed
+    aero = fidelity.aero_for(rated_speed)
+    planform = blade_planform(turbine, aero)
     structure = build_structure(turbine, fidelity, planform.nodes, generator_damping)
     tower, base = turbine.tower, np.array([0.0, 0.0, turbine.tower.base_height])
     bodies = turbine_bodies(turbine, fidelity, planform.nodes)
-    time_step, embedded = fidelity.step_for(turbine.drivetrain.rated_rotor_speed), None
+    time_step, embedded = fidelity.step_for(rated_speed), None
     if fidelity.formulation == "embedded":
         explicit = fidelity.integrator == "hamming"
         n_substeps = fidelity.substeps_for(time_step, highest_frequency(structure.system) if explicit else None)
@@ -87,7 +89,7 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
         turbine=turbine,
         fidelity=fidelity,
         structure=structure,
-        lattice=VortexLattice(planform, turbine.n_blades, fidelity.aero, turbine.air_density, bodies, threads),
+        lattice=VortexLattice(planform, turbine.n_blades, aero, turbine.air_density, bodies, threads),
         tower_flow=TowerFlow(base, tower.diameter_station, tower.diameter),
         time_step=time_step,
         n_substeps=n_substeps,

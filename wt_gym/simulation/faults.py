@@ -207,13 +207,13 @@ class _FailingGenerator:
 
 
 @cache
-def _places(names: tuple[str, ...], n_blades: int) -> list[int]:
+def _places(names: tuple[str, ...], n_blades: int) -> tuple[int, ...]:
     """See `SensorBias.places`: sensors are read in every step of the simulator."""
     index = {channel.name: k for k, channel in enumerate(channel_table(n_blades))}
     unknown = [name for name in names if name not in index or name == "time"]
     if unknown:
         raise ActionError(f"no sensor reads {unknown}; the signals are {', '.join(list(index)[1:])}")
-    return [index[name] for name in names]
+    return tuple(index[name] for name in names)
 
 
 @dataclass(frozen=True)
@@ -260,7 +260,7 @@ class SensorBias:
         ActionError
             If there is no such channel.
         """
-        return _places(tuple(self.channels), n_blades)
+        return list(_places(tuple(self.channels), n_blades))
 
     def read(self, signals: Signals) -> Signals:
         """Give the signals as the sensors do; the given ones stay as they are."""

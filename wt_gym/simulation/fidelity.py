@@ -36,7 +36,8 @@ class Fidelity:
     ----------
     name : str
     aero : AeroOptions
-        Lattice and wake.
+        Lattice and wake. Where the step turns the rotor at rated speed by less than ``aero.azimuth_step_deg``, the
+        strides of thinned rows grow in proportion.
     time_step : float or None
         Aerodynamic step [s]. None: the largest step that divides ``step_base`` and turns the rotor at rated speed by no
         more than ``aero.azimuth_step_deg``.
@@ -265,6 +266,10 @@ class Fidelity:
             return self.time_step
         longest = math.radians(self.aero.azimuth_step_deg) / rated_speed
         return self.step_base / math.ceil(self.step_base / longest - 1e-9)
+
+    def aero_for(self, rated_speed):
+        """Lattice and wake for a rotor with this rated speed [rad/s], see :meth:`AeroOptions.for_step`."""
+        return self.aero.for_step(math.degrees(self.step_for(rated_speed) * rated_speed))
 
     def substeps_for(self, time_step, highest):
         """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: no limit.

@@ -27,16 +27,17 @@ __all__ = ["measure_rotor"]
 PITCH_DEG = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 10.0, 12.5, 15.0, 18.0, 21.0, 24.0)
 """Pitch above fine pitch [deg]."""
 TIP_SPEED_RATIO = (2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 8.0, 8.5, 9.0, 9.5, 10.0, 11.0, 12.0, 13.0)
-SETTLING = 12.0
-"""Time at each point before the mean [s], at rated speed; longer in proportion at lower speeds."""
+SETTLING_TURNS = 2.5
+"""Turns of the rotor at each point before the mean."""
 LOWEST_COEFFICIENT = -0.15
 """Power coefficient at which a row ends: no controller takes a rotor that far; the row goes on with its last slopes."""
 
-_INERTIAS_PER_SECOND = 0.3
-"""Feedback on the speed with which the machine holds it, in inertias of the rotor a second: a damper of the structure,
-since a torque held over a step would shake a light hub between heavy blades."""
-_FEEDFORWARD_LAG = 1.0
-"""Time constant of the moment of the air that the machine takes up [s]: not so fast as to drive the shaft's torsion."""
+_INERTIAS_PER_TURN = 1.5
+"""Feedback on the speed with which the machine holds it, in inertias of the rotor a turn at rated speed: a damper of
+the structure, since a torque held over a step would shake a light hub between heavy blades."""
+_FEEDFORWARD_TURNS = 0.2
+"""Time constant of the moment of the air that the machine takes up, in turns at rated speed: not so fast as to drive
+the shaft's torsion. All times go with the turn: a small rotor takes as many steps as a large one."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def measure_rotor(
         turbine,
         SteadyInflow(turbine.rated_wind_speed, turbine.hub_height),
         fidelity,
-        generator=_Machine(turbine.drivetrain, _INERTIAS_PER_SECOND * rotor_inertia(turbine)),
+        generator=_Machine(turbine.drivetrain, _INERTIAS_PER_TURN * rotor_inertia(turbine) * rated / (2 * math.pi)),
     )
     power, thrust = (np.zeros((len(TIP_SPEED_RATIO), len(pitches))) for _ in range(2))
     for j, pitch in enumerate(pitches):
@@ -102,7 +103,7 @@ def measure_rotor(
             simulator.inflow = SteadyInflow(wind, turbine.hub_height)
             if not running:
                 simulator.reset(rotor_speed=speed, pitch=pitch)
-            power[i, j], thrust[i, j] = _settled(simulator, speed, pitch, SETTLING * rated / speed)
+            power[i, j], thrust[i, j] = _settled(simulator, speed, pitch)
             running = True
         if progress is not None:
             progress(j + 1, len(pitches))
@@ -118,15 +119,16 @@ def measure_rotor(
     )
 
 
-def _settled(simulator, speed: float, pitch: float, settling: float) -> tuple[float, float]:
+def _settled(simulator, speed: float, pitch: float) -> tuple[float, float]:
     """Power and thrust coefficient, with the rotor held at a speed [rad/s] and pitch [rad]."""
     turbine, dt = simulator.turbine, simulator.time_step
     radius, gear = turbine.rotor_diameter / 2, turbine.drivetrain.gear_ratio
     driven = simulator.drives.generator.damping * speed  # the damper holds the commanded speed, not rest
     signals = simulator.signals
-    moment = LowPass(_FEEDFORWARD_LAG)
+    moment = LowPass(_FEEDFORWARD_TURNS * 2 * math.pi / turbine.drivetrain.rated_rotor_speed)
     moment.reset(signals["aero_torque"])
-    settle, average = round(settling / dt), round(2 * math.pi / speed / dt)
+    turn = 2 * math.pi / speed
+    settle, average = round(SETTLING_TURNS * turn / dt), round(turn / dt)
     rows = []
     for _ in range(settle + average):
         held = moment.update(signals["aero_torque"], dt) - driven
