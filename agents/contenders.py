@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from contextlib import closing
+from contextlib import ExitStack, closing
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -60,10 +60,13 @@ class Contenders:
     ):
         self._given, self._where = dict(agents), (env_id, dict(env_kwargs), episode_length)
         self._as_given, self._environments = as_given, Environments(*self._where)
-        self.env = self._environments.plain
-        layout = layout_of(self.env)
-        self.agents = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
-        self._beneath = {name: self._place(name) for name in agents}
+        with ExitStack() as refused:
+            refused.callback(self._environments.close)
+            self.env = self._environments.plain
+            layout = layout_of(self.env)
+            self.agents = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
+            self._beneath = {name: self._place(name) for name in agents}
+            refused.pop_all()  # nothing is: the context closes them
 
     def _place(self, name: str) -> gym.Env:
         """Environment that an agent runs in."""

@@ -10,6 +10,7 @@ import pytest
 
 from wt_gym.agents import evaluation as module
 from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.contenders import Contenders
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.executors import ProcessExecutor
@@ -262,3 +263,11 @@ def test_configurations_without_meaning_are_refused(changes, message, count_runs
     with pytest.raises(ValueError, match=message):
         evaluate(AGENTS, replace(CONFIG, **changes), progress=False)
     assert count_runs[0] == []
+
+
+def test_refused_agents_leave_no_environment_open(monkeypatch):
+    closed = []
+    monkeypatch.setattr(WindTurbineEnv, "close", lambda self: closed.append(self))
+    with pytest.raises(FileNotFoundError, match="nobody"):
+        Contenders({"Nobody": "nobody"}, "wt_gym/LoadReduction-v0", {})
+    assert len(closed) == 1
