@@ -374,7 +374,7 @@ def test_strides_follow_the_step():
     for step, coarse, sparse in ((8.0, 3, 6), (7.26, 3, 6), (4.54, 5, 10), (3.9, 6, 12), (2.0, 12, 24), (16.0, 1, 3)):
         options = thinned.for_step(step)
         assert (options.coarse_stride, options.sparse_stride) == (coarse, sparse)
-        assert sparse * step <= 6 * 8.0 + 1e-9
+        assert options.sparse_stride * step <= thinned.sparse_stride * thinned.azimuth_step_deg + 1e-9
     assert thinned.for_step(8.0) == thinned
     assert AeroOptions(azimuth_step_deg=8.0).for_step(2.0) == AeroOptions(azimuth_step_deg=8.0)  # nothing is thinned
     alone = AeroOptions(coarse_stride=2, azimuth_step_deg=7.5).for_step(4.5)

@@ -36,8 +36,8 @@ class Fidelity:
     ----------
     name : str
     aero : AeroOptions
-        Lattice and wake. Where the step turns the rotor at rated speed by less than ``aero.azimuth_step_deg``, the
-        strides of thinned rows grow in proportion.
+        Lattice and wake. The strides of thinned rows belong to ``aero.azimuth_step_deg``; where the step turns the
+        rotor at rated speed by another angle they follow it, rounded down, see :meth:`aero_for`.
     time_step : float or None
         Aerodynamic step [s]. None: the largest step that divides ``step_base`` and turns the rotor at rated speed by no
         more than ``aero.azimuth_step_deg``.
