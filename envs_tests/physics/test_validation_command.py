@@ -74,6 +74,7 @@ class TestRegistry:
 @pytest.fixture
 def two_cases(monkeypatch):
     """Registry of one passing and one failing, slow case."""
+    load_cases()  # a module first imported under this fixture would lose its cases with it
 
     def good():
         figure = Figure((Curve([0, 1], [0, 1], "line"),), "x", "y")
