@@ -381,6 +381,24 @@ def test_strides_follow_the_step():
     assert (alone.coarse_stride, alone.sparse_stride, alone.sparse_from) == (3, 1, None)
 
 
+def test_rows_take_even_turns_at_the_wind_after_their_strides_changed():
+    """Five steps between rows and ten between turns would let every other fifth of the steps ask for all rows."""
+    thinned = AeroOptions(
+        wake_rows=60,
+        full_rows=8,
+        coarse_stride=3,
+        sparse_from=12,
+        sparse_stride=3,
+        azimuth_step_deg=8.0,
+        wind_stride=10,
+    )
+    assert thinned.for_step(7.26).wind_stride == 10
+    options = thinned.for_step(4.54)
+    asking = np.bincount(options.row_numbers() % options.wind_stride, minlength=options.wind_stride)
+    assert (options.coarse_stride, options.wind_stride) == (5, 11)
+    assert np.ptp(asking) <= 2
+
+
 def test_numbers_of_numpy_are_taken():
     options = AeroOptions(n_span=np.int64(12), azimuth_step_deg=np.float32(5.0), ground_height=np.float64(0.0))
     assert options.n_span == 12

@@ -23,7 +23,8 @@ def iea() -> Turbine:
 
 
 def test_catalogue_loads_and_caches():
-    assert catalogue() == ("nrel_5mw", "iea_15mw", "gebhardt_45m", "nada_small")
+    on_land = ("nrel_5mw", "iea_15mw", "gebhardt_45m", "nada_small")
+    assert catalogue() == (*on_land, "iea_15mw_monopile", "nrel_5mw_monopile")
     for name in catalogue():
         assert load_turbine(name) is load_turbine(name)
 

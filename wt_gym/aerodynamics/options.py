@@ -228,7 +228,14 @@ class AeroOptions:
         steps = self.azimuth_step_deg / step_deg
         coarse = max(math.floor(self.coarse_stride * steps + 1e-9), 1) if self.coarse_stride > 1 else 1
         apart = max(math.floor(self.sparse_stride * steps / coarse + 1e-9), 1) if self.sparse_stride > 1 else 1
-        return replace(self, coarse_stride=coarse, sparse_stride=apart * coarse if self.sparse_stride > 1 else 1)
+        thinned = replace(self, coarse_stride=coarse, sparse_stride=apart * coarse if self.sparse_stride > 1 else 1)
+        if thinned == self:
+            return self
+        # rows take turns at asking for their wind: with a common divisor of the strides many would ask together
+        turns = self.wind_stride
+        while turns > 1 and math.gcd(turns, coarse * apart) > 1:
+            turns += 1
+        return replace(thinned, wind_stride=turns)
 
     def row_numbers(self):
         """Steps since each row of a full wake was shed, newest first, given the thinning of old rows.

@@ -27,7 +27,7 @@ from wt_gym.files import require_writable
 if TYPE_CHECKING:
     from wt_gym.agents.fuzzing import CaseResult, Finding
 
-TURBINES = ["nrel_5mw", "iea_15mw", "gebhardt_45m", "nada_small"]
+TURBINES = ["nrel_5mw", "iea_15mw", "gebhardt_45m", "nada_small", "nrel_5mw_monopile", "iea_15mw_monopile"]
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:

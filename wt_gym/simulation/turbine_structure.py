@@ -6,6 +6,7 @@ pitch turns the blade about its z axis by minus the angle.
 """
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -24,6 +25,8 @@ IDEAL_PITCH_SERVO = 4.0 * np.pi
 prescribed (`wt_gym.simulation.drives.PitchDrives`)."""
 DRAG_POINTS = 7
 """Points of the tower that bear its drag, an odd number: Simpson's rule is exact for a cone in a uniform wind."""
+_GAP = 1e-9
+"""Over which the sections of a support change into those of its tower, over the length of the support."""
 YAW_SERVO = 2.0 * np.pi
 """Natural frequency of the yaw drive, critically damped [rad/s]."""
 
@@ -317,15 +320,38 @@ def rotor_nacelle_inertia(turbine, blade_inertia):
 
 
 def tower_beam(tower, elements):
-    """Finite-element model of a tower in that many elements."""
-    table = tower.structure
-    axis = np.zeros((len(table.station), 3))
-    axis[:, 2] = table.station
-    return Beam(BeamSections(table.station, table.stiffness, table.inertia, axis), elements)
+    """Finite-element model of a tower in that many elements, and in as short ones of the support it may stand on.
+
+    The frame lies at the base of the tower; a support reaches below it.
+    """
+    table, support = tower.structure, tower.support
+    if support is None:
+        return Beam(_upright(table.station, table, 0.0), elements)
+    below = support.length
+    n_below = max(round(elements * below / tower.length), 2)
+    nodes = np.concatenate(
+        [np.linspace(0.0, below, n_below + 1)[:-1], below + np.linspace(0.0, tower.length, elements + 1)]
+    )
+    station = np.concatenate([support.structure.station, below + table.station])
+    station[len(support.structure.station)] += _GAP * below
+    whole = SimpleNamespace(
+        stiffness=np.concatenate([support.structure.stiffness, table.stiffness]),
+        inertia=np.concatenate([support.structure.inertia, table.inertia]),
+    )
+    lumps = [(n_below, support.top_mass)] if support.top_mass > 0.0 else []
+    return Beam(_upright(station, whole, below), nodes, support.foundation, support.added_mass_at, lumps)
+
+
+def _upright(station, table, below):
+    """Sections of a straight beam along z that begins below the origin [m]."""
+    axis = np.zeros((len(station), 3))
+    axis[:, 2] = station - below
+    return BeamSections(station, table.stiffness, table.inertia, axis)
 
 
 def _tower(turbine, fidelity, blade_body):
-    """Tower body in plane bending and torsion modes shaped by the tower-top mass."""
+    """Tower body in plane bending and torsion modes shaped by the tower-top mass, with the support beneath."""
+    _check_support(turbine, fidelity)
     tower, beam = turbine.tower, tower_beam(turbine.tower, fidelity.tower_elements)
     top = rotor_nacelle_inertia(turbine, blade_body.inertia)
     if fidelity.tower_coordinates == "modal":
@@ -337,9 +363,34 @@ def _tower(turbine, fidelity, blade_body):
         body = body_from_beam("tower", beam, "nodal", dofs=dofs, tip_mass=top, damping_ratio=ratio)
     if fidelity.formulation == "observer":
         body = without_second_order(body, beam, basis)
-    height = np.linspace(0.0, tower.length, 13)
+    height, radius = _axis_points(tower)
     points, for_drag = (body_points(beam, basis, z[:, None] * [0.0, 0.0, 1.0]) for z in (height, drag_heights(tower)))
-    return body, points, 0.5 * np.asarray(tower.diameter_at(height)), for_drag, (beam, basis)
+    return body, points, radius, for_drag, (beam, basis)
+
+
+def _check_support(turbine, fidelity):
+    """Refuse what takes the base of the tower as clamped."""
+    if turbine.tower.support is None:
+        return
+    for name, given in (("formulation", fidelity.formulation == "observer"), ("tower_shapes", fidelity.tower_shapes)):
+        if given:
+            raise SimulationError(
+                f"turbine {turbine.name!r} stands on a support; Fidelity.{name} = {getattr(fidelity, name)!r} needs a "
+                "tower that is clamped at its base: choose another, or a turbine whose tower.support is None"
+            )
+
+
+def _axis_points(tower):
+    """Heights above the base [m] of points of the axis, with those of a support, and the radii there [m]."""
+    height = np.linspace(0.0, tower.length, 13)
+    radius = 0.5 * np.asarray(tower.diameter_at(height))
+    if tower.support is None:
+        return height, radius
+    below = np.linspace(0.0, tower.support.length, 5)[:-1]
+    return (
+        np.concatenate([below - tower.support.length, height]),
+        np.concatenate([0.5 * tower.support.diameter_at(below), radius]),
+    )
 
 
 def drag_heights(tower):

@@ -155,11 +155,23 @@ class Beam:
         Property tables.
     nodes : array (n_nodes,) or int
         Arc lengths of the nodes [m], or the number of equal elements.
+    foundation : array (6, 6), optional
+        Stiffness that the ground has against the motion of node 0, body-frame axes; without, modes and nodal bases
+        are those of a beam that is clamped there.
+    added_mass : callable, optional
+        Mass per length [kg/m] at arc lengths (n,) of a fluid around the beam that moves along with it across the z
+        axis: inertia without weight, for a beam whose body frame stands still.
+    lumps : sequence of (int, float)
+        Nodes with point masses [kg].
 
     Attributes
     ----------
     stiffness, mass : array (6 n_nodes, 6 n_nodes)
         Assembled matrices; node i owns the rows 6 i … 6 i + 5 (displacements, then rotations, body-frame axes).
+    first_free : int
+        The first node that moves: 1 for a clamped beam, 0 on a foundation.
+    fluid_mass : array (6 n_nodes, 6 n_nodes) or None
+        What of the mass matrix belongs to the fluid.
     node_position : array (n_nodes, 3)
     particle_mass : array (n_p,)
         Equivalent mass points: four for each Gauss point, which carry mass, offset and rotary inertia of the section.
@@ -168,8 +180,9 @@ class Beam:
         Linear displacement of the mass points.
     """
 
-    def __init__(self, sections, nodes):
+    def __init__(self, sections, nodes, foundation=None, added_mass=None, lumps=()):
         self.sections = sections
+        self._lumps = lumps
         if np.isscalar(nodes):
             nodes = np.linspace(sections.station[0], sections.station[-1], int(nodes) + 1)
         self.nodes = np.asarray(nodes, dtype=float)
@@ -186,6 +199,13 @@ class Beam:
         self._build_elements()
         self._assemble_stiffness()
         self._build_particles()
+        self.first_free, self.fluid_mass = 1, None
+        if foundation is not None:
+            self.first_free = 0
+            self.stiffness[:6, :6] += foundation
+        if added_mass is not None:
+            self.fluid_mass = self._assemble_fluid(added_mass)
+            self.mass += self.fluid_mass
 
     @property
     def n_dof(self):
@@ -259,6 +279,20 @@ class Beam:
             i = slice(6 * e, 6 * e + 12)
             self.stiffness[i, i] += r @ local[e] @ r.T
 
+    def _assemble_fluid(self, added_mass):
+        """∫ m (Sₓᵀ Sₓ + S_yᵀ S_y) ds over the displacements across the axis, in panels much finer than an element."""
+        total, n_panel = np.zeros((self.n_dof, self.n_dof)), 20
+        xi = np.concatenate([(panel + self._xi) / n_panel for panel in range(n_panel)])
+        weight = np.tile(self._weight, n_panel) / n_panel
+        for e in range(self.n_elements):
+            density = added_mass(self.nodes[e] + xi * (self.nodes[e + 1] - self.nodes[e]))
+            if not np.any(density):
+                continue
+            across = self.shape(np.full(len(xi), e), xi)[:, :2]
+            i = slice(6 * e, 6 * e + 12)
+            total[i, i] += np.einsum("g,gka,gkb->ab", density * weight * self._length[e], across, across, optimize=True)
+        return total
+
     def _build_particles(self):
         """Replace each Gauss point's section by four mass points with the same mass, centre and inertia."""
         n_e, n_g = self.n_elements, N_GAUSS
@@ -296,6 +330,13 @@ class Beam:
                     row[:, 6 * e[g] : 6 * e[g] + 12] = gauss_shape[g, :3] - skew(offset) @ gauss_shape[g, 3:]
                     shape.append(row)
                     gauss.append(g)
+        for node, lump in self._lumps:
+            row = np.zeros((3, self.n_dof))
+            row[:, 6 * node : 6 * node + 3] = np.eye(3)
+            mass.append(lump)
+            position.append(self.node_position[node])
+            shape.append(row)
+            gauss.append(max(node * n_g - 1, 0))  # carried by the last section below
         self.particle_mass = np.array(mass)
         self.particle_position = np.array(position)
         self.particle_shape = np.array(shape)

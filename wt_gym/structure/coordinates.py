@@ -94,18 +94,18 @@ def body_from_beam(
 
 
 def nodal_basis(beam, dofs=ALL_DOFS):
-    """Unit displacements (n_dof, n) of all nodes of a beam but the first, in the given degrees of freedom of a node."""
+    """Unit displacements (n_dof, n) of all nodes of a beam that move, in the given degrees of freedom of a node."""
     return np.eye(beam.n_dof)[:, _moving(beam, dofs)]
 
 
 def node_names(beam, dofs=ALL_DOFS):
     """Names of the coordinates of `nodal_basis`."""
-    return [f"node_{node}_{DOF_NAMES[dof]}" for node in range(1, len(beam.nodes)) for dof in dofs]
+    return [f"node_{node}_{DOF_NAMES[dof]}" for node in range(beam.first_free, len(beam.nodes)) for dof in dofs]
 
 
 def _moving(beam, dofs):
     """Rows of the moving degrees of freedom among all of a beam."""
-    return [6 * node + dof for node in range(1, len(beam.nodes)) for dof in dofs]
+    return [6 * node + dof for node in range(beam.first_free, len(beam.nodes)) for dof in dofs]
 
 
 def _nodal_damping(beam, dofs, damping_ratio, tip_mass):

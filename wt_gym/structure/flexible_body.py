@@ -285,6 +285,8 @@ class FlexibleBody:
             u, theta = beam.linear_field(s, basis)
             points[key] = Marker(beam.sections.axis_at(s), u, second.at(s), theta)
         inertia = BodyInertia.from_particles(beam.particle_mass, particle_fields(beam, basis), complete)
+        if beam.fluid_mass is not None:
+            inertia = replace(inertia, m0=inertia.m0 + basis.T @ beam.fluid_mass @ basis)
         names = tuple(coordinate_names or (f"{name}_{i + 1}" for i in range(basis.shape[1])))
         return cls(name, inertia, stiffness, shape_damping(stiffness, inertia.m0, damping_ratio), points, names)
 

@@ -30,7 +30,7 @@ class Modes:
 
 
 def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None, node_dofs=(0, 1, 2, 3, 4, 5)):
-    """Modes of a beam clamped at node 0, optionally spinning with a constant angular velocity.
+    """Modes of a beam, clamped at node 0 or on its foundation, optionally spinning with a constant angular velocity.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None, node_dofs=(0
     omega = np.array([spin, 0.0, 0.0]) if np.isscalar(spin) else np.asarray(spin, dtype=float)
     if np.any(omega != 0.0):
         stiffness += spin_stiffness(beam, omega, centre)
-    free = np.array([6 * node + k for node in range(1, beam.n_dof // 6) for k in node_dofs])
+    free = np.array([6 * node + k for node in range(beam.first_free, beam.n_dof // 6) for k in node_dofs])
     n = min(n, len(free))
     block = np.ix_(free, free)
     value, vector = lowest_modes(stiffness[block], mass[block], n)

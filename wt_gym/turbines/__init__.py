@@ -14,6 +14,7 @@ from wt_gym.turbines.model import (
     Nacelle,
     PitchSystem,
     Polar,
+    Support,
     Tower,
     Turbine,
 )
@@ -29,6 +30,7 @@ __all__ = [
     "PitchSystem",
     "Polar",
     "RotationalAugmentation",
+    "Support",
     "Tower",
     "Turbine",
     "catalogue",

@@ -3,9 +3,12 @@
 import hashlib
 import importlib.util
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import fail
@@ -13,12 +16,15 @@ from wt_gym.turbines.model import Turbine
 from wt_gym.turbines.source import Node, read_windio
 from wt_gym.turbines.windio_blade import read_blade
 from wt_gym.turbines.windio_nacelle import read_drivetrain, read_hub, read_nacelle, read_pitch
-from wt_gym.turbines.windio_tower import read_tower
+from wt_gym.turbines.windio_tower import read_support, read_tower
 
 __all__ = ["AIR_DENSITY", "catalogue", "load_turbine", "turbine_file"]
 
 AIR_DENSITY = 1.225
 """At sea level in the standard atmosphere [kg/m^3]; windIO's turbine files carry none."""
+
+IEA_15MW_WATER_DEPTH = 30.0
+"""For which the monopile of that turbine was designed [m] (NREL/TP-5000-75698)."""
 
 _CLASS_NUMBERS = {"1": "I", "2": "II", "3": "III", "4": "IV"}
 
@@ -55,8 +61,24 @@ def _nada() -> Turbine:
     return nada_turbine()
 
 
-_BUILT: dict[str, Callable[[], Turbine]] = {"gebhardt_45m": _gebhardt, "nada_small": _nada}
-"""Turbines that no windIO file describes."""
+@cache
+def _iea_15mw_monopile() -> Turbine:
+    return load_turbine("iea_15mw", water_depth=IEA_15MW_WATER_DEPTH)
+
+
+def _nrel_5mw_monopile() -> Turbine:
+    from wt_gym.turbines.oc3_monopile import oc3_turbine
+
+    return oc3_turbine()
+
+
+_BUILT: dict[str, Callable[[], Turbine]] = {
+    "gebhardt_45m": _gebhardt,
+    "nada_small": _nada,
+    "iea_15mw_monopile": _iea_15mw_monopile,
+    "nrel_5mw_monopile": _nrel_5mw_monopile,
+}
+"""Turbines that no windIO file describes, or none alone."""
 
 
 def catalogue() -> tuple[str, ...]:
@@ -64,13 +86,20 @@ def catalogue() -> tuple[str, ...]:
     return (*_FILES, *_BUILT)
 
 
-def load_turbine(name_or_path: str | Path) -> Turbine:
+def load_turbine(
+    name_or_path: str | Path, water_depth: float | None = None, foundation: NDArray[np.float64] | None = None
+) -> Turbine:
     """Load a turbine of the catalogue or any windIO v2 file.
 
     Parameters
     ----------
     name_or_path : str or Path
         A name of ``catalogue()`` or the path of a YAML file.
+    water_depth : float, optional
+        Puts the tower on the monopile of the file, in water of this depth [m]. By default a tower is clamped at its
+        base.
+    foundation : ndarray (6, 6), optional
+        Stiffness of the ground under that monopile (see `Support`), by default rigid.
 
     Returns
     -------
@@ -89,6 +118,10 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     >>> load_turbine("nrel_5mw").rotor_diameter
     126.0
     """
+    if foundation is not None and water_depth is None:
+        raise fail("foundation", "a stiffness", "None without a water_depth")
+    if isinstance(name_or_path, str) and name_or_path in _BUILT and water_depth is not None:
+        raise fail("water_depth", water_depth, f"None for {name_or_path!r}, which no windIO file describes")
     if isinstance(name_or_path, str) and name_or_path in _BUILT:
         return _BUILT[name_or_path]()
     path = turbine_file(name_or_path)
@@ -97,10 +130,11 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
     except OSError as error:
         raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
     # Included files are not part of the content, so such a file is read anew each time.
-    key = "" if b"!include" in content else hashlib.sha256(content).hexdigest()
+    alone = b"!include" not in content and water_depth is None
+    key = hashlib.sha256(content).hexdigest() if alone else ""
     if key not in _loaded:
         try:
-            turbine = _build(read_windio(path))
+            turbine = _build(read_windio(path), water_depth, foundation)
         except TurbineDefinitionError as error:
             raise TurbineDefinitionError(f"{path}: {error}") from error
         if not key:
@@ -148,8 +182,8 @@ _FILE_KEYS = {
 """Keys of the ``assembly`` section behind the fields of a turbine."""
 
 
-def _build(root: Node) -> Turbine:
-    """Turn a validated file into a turbine."""
+def _build(root: Node, water_depth: float | None, foundation: NDArray[np.float64] | None) -> Turbine:
+    """Turn a validated file into a turbine, on its monopile if the depth of the water is given."""
     notes: list[str] = []
     assembly = root.at("assembly")
     control = root.at("control", "a mapping with rated_rotor_speed, max_gen_torque and the limits of the actuators")
@@ -160,6 +194,9 @@ def _build(root: Node) -> Turbine:
     drivetrain = read_drivetrain(root, rated_power, notes)
     blade = read_blade(root, hub.radius, drivetrain.rated_rotor_speed, notes)
     tower = read_tower(root, notes)
+    if water_depth is not None:
+        notes[:] = [note for note in notes if not note.startswith("components.monopile:")]
+        tower = replace(tower, support=read_support(root, tower, water_depth, foundation, notes))
     nacelle = read_nacelle(root, blade, hub, n_blades, notes)
     diameter = 2.0 * (hub.radius + blade.length) * float(np.cos(hub.cone))
     height = tower.height + root.at("components.drivetrain.outer_shape").number("distance_tt_hub", 0.0, 20.0)

@@ -28,6 +28,7 @@ from wt_gym.turbines.checks import (
     fail,
 )
 from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
+from wt_gym.turbines.support import Support
 
 __all__ = [
     "Airfoil",
@@ -38,6 +39,7 @@ __all__ = [
     "Nacelle",
     "PitchSystem",
     "Polar",
+    "Support",
     "Tower",
     "Turbine",
 ]
@@ -50,7 +52,7 @@ _LEAST_EFFICIENCY = 0.3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tower(ArrayRecord):
-    """Tower, clamped at its base.
+    """Tower, clamped at its base or standing on a support.
 
     Attributes
     ----------
@@ -66,6 +68,8 @@ class Tower(ArrayRecord):
         Structural damping of every tower mode, fraction of critical (TwrFADmp / 100).
     drag_coefficient : float
         Of the cross-section, based on the diameter (TwrCd).
+    support : Support or None
+        Monopile under the base.
     """
 
     base_height: float
@@ -75,6 +79,7 @@ class Tower(ArrayRecord):
     structure: BeamStations
     damping_ratio: float
     drag_coefficient: float
+    support: Support | None = later_field(None)
 
     def __post_init__(self) -> None:
         """Check the fields and make the arrays read-only."""
@@ -94,6 +99,19 @@ class Tower(ArrayRecord):
             damping_ratio=check_number("Tower.damping_ratio", self.damping_ratio, 0.0, 0.5),
             drag_coefficient=check_number("Tower.drag_coefficient", self.drag_coefficient, 0.0, 5.0),
         )
+        if self.support is not None:
+            self._check_support(self.support)
+
+    def _check_support(self, support: Support) -> None:
+        if not isinstance(support, Support):
+            raise fail("Tower.support", support, "Support or None")
+        top = support.base_height + support.length
+        if abs(top - self.base_height) > 1e-3:
+            raise fail(
+                "Tower.support", f"a top {top:g} m up", f"one at the base of the tower, {self.base_height:g} m up"
+            )
+        if support.structure.shear_rigid != self.structure.shear_rigid:
+            raise fail("Tower.support.structure", "sections of another kind", "sections that shear as the tower's do")
 
     @property
     def length(self) -> float:

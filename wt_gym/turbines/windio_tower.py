@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wt_gym.turbines.beam import BeamStations, inertia_matrix
-from wt_gym.turbines.checks import fail
-from wt_gym.turbines.model import Tower
+from wt_gym.turbines.checks import check_number, fail
+from wt_gym.turbines.model import Support, Tower
 from wt_gym.turbines.source import Node, within
 from wt_gym.turbines.windio_blade import beam_tables, damping_ratio, require_straight
 
-__all__ = ["DEFAULT_TOWER_DAMPING", "read_tower", "shell_sections"]
+__all__ = ["DEFAULT_TOWER_DAMPING", "read_support", "read_tower", "shell_sections"]
 
 DEFAULT_TOWER_DAMPING = 0.01
 """Modal damping of the NREL 5-MW and IEA 15-MW towers."""
@@ -52,7 +52,8 @@ def read_tower(root: Node, notes: list[str]) -> Tower:
         notes.append(f"{shape.where('cd')}: varies along the tower, its mean {cd.mean():g} is used")
     for support in ("monopile", "jacket", "floating_platform"):
         if support in root.at("components"):
-            notes.append(f"components.{support}: not modelled, the tower is clamped at its base, {base:g} m up")
+            how = "left out (load_turbine takes a water_depth)" if support == "monopile" else "not modelled"
+            notes.append(f"components.{support}: {how}, the tower is clamped at its base, {base:g} m up")
     length = height - base
     structure = node.at("structure", "a mapping with elastic_properties or layers")
     if "elastic_properties" in structure:
@@ -66,6 +67,72 @@ def read_tower(root: Node, notes: list[str]) -> Tower:
         notes.append(f"{structure.path}: no structural_damping, {100 * damping:g} % of critical assumed")
     with within(node.path):
         return Tower(base, height, grid * length, diameter, sections, damping, float(cd.mean()))
+
+
+def read_support(
+    root: Node, tower: Tower, water_depth: float, foundation: NDArray[np.float64] | None, notes: list[str]
+) -> Support:
+    """Build the monopile under a tower, from the sea bed up.
+
+    Its sections are those of its walls where the file gives them, else of its table. What lies below the sea bed is
+    left out: the ground holds the pile there, rigidly or by a foundation's stiffness.
+
+    Parameters
+    ----------
+    root : Node
+        Top level of the file.
+    tower : Tower
+    water_depth : float
+        [m]; files of turbines do not say where the sea bed lies.
+    foundation : ndarray (6, 6) or None
+        See `Support`.
+    notes : list of str
+        Receives a sentence for every assumption.
+
+    Returns
+    -------
+    Support
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the file has no monopile, the tower does not stand on it, or the sea bed lies outside of it.
+    """
+    if "monopile" not in root.at("components"):
+        raise fail("water_depth", water_depth, "None for a turbine whose file has no components.monopile")
+    node = root.at("components.monopile")
+    start, top = _heights(node.at("reference_axis"))
+    if abs(top - tower.base_height) > 1e-3:
+        allowed = f"a monopile that ends at the base of the tower, {tower.base_height:g} m up"
+        raise fail(node.where("reference_axis.z"), top, allowed)
+    allowed = f"depths from 0 to the {-start:g} m where the monopile begins"
+    if not 0.0 <= check_number("water_depth", water_depth, 0.0, 500.0) <= -start:
+        raise fail("water_depth", water_depth, allowed)
+    length = top - start
+    grid, diameter = node.at("outer_shape").distribution("outer_diameter")
+    structure = node.at("structure", "a mapping with layers or elastic_properties")
+    if "layers" in structure:
+        whole = shell_sections(root, structure, length, (grid, diameter))
+    else:
+        elastic = structure.at("elastic_properties")
+        with within(elastic.path):
+            whole = _from_table(elastic, length, (grid, diameter), notes)
+    buried = -water_depth - start
+    station = np.concatenate([[0.0], whole.station[whole.station > buried + 1e-6] - buried])
+    wall = np.concatenate([[0.0], grid[grid * length > buried + 1e-6] * length - buried])
+    mass = node.number("transition_piece_mass", 0.0, 1e8) if "transition_piece_mass" in node else 0.0
+    notes.append(
+        f"components.monopile: stands on the sea bed {water_depth:g} m deep; its {buried:g} m below are left out"
+    )
+    with within(node.path):
+        return Support(
+            -water_depth,
+            wall,
+            np.interp(wall + buried, grid * length, diameter),
+            BeamStations(station, whole.stiffness_at(station + buried), whole.inertia_at(station + buried)),
+            foundation,
+            mass,
+        )
 
 
 def _heights(axis: Node) -> tuple[float, float]:

@@ -27,6 +27,8 @@ __all__ = ["RotorTable", "rotor_table"]
 
 _DATA = Path(__file__).parent / "data"
 _known: dict[str, RotorTable] = {}
+_MEASUREMENT = 2
+"""Of tables in the cache; one more when `measure_rotor` or what it runs on measures anything else."""
 _log = logging.getLogger(__name__)
 
 
@@ -178,7 +180,7 @@ def _cached(turbine: Turbine, key: str) -> RotorTable:
     from wt_gym.wind.box_cache import cache_directory
 
     folder = cache_directory()
-    path = folder.parent / "rotor" / f"{key[:20]}.json" if folder is not None else None
+    path = folder.parent / "rotor" / f"{key[:20]}-{_MEASUREMENT}.json" if folder is not None else None
     if path is not None and path.is_file():
         return RotorTable.load(path)
     from wt_gym.control.controllers.rotor_measurement import measure_rotor  # brings the simulator
