@@ -202,6 +202,28 @@ def test_rigid_towers_stay_rigid_on_springs():
     assert simulator.structure.system.bodies[simulator.structure.tower].n_elastic == 0
 
 
+def test_ground_loads_carry_the_weight_and_the_moment_to_the_sea_bed():
+    """Weight of all that stands there; the moment grows by the shear times the depth; asking changes nothing."""
+    simulator = Simulator("nrel_5mw_monopile", SteadyInflow(10.0))
+    simulator.reset(1.2)
+    for _ in range(50):
+        signals = simulator.advance(0.2, np.radians(2.0), generator_torque=30e3)
+    kept, before = simulator.state(), signals.values.copy()
+    loads = simulator.ground_loads()
+    assert np.array_equal(simulator.signals.values, before)
+    tower, blade = simulator.turbine.tower, simulator.structure.blade_inertia.mass
+    steel = tower_beam(tower, 10).particle_mass.sum()
+    nacelle, hub = simulator.turbine.nacelle, simulator.turbine.hub
+    mass = steel + 3 * blade + hub.mass + nacelle.mass + nacelle.yaw_bearing_mass
+    assert loads[2] == pytest.approx(-9.81 * mass, rel=0.02)
+    assert loads[4] == pytest.approx(signals.tower_base_fore_aft_moment + 30.0 * loads[0], rel=1e-12)
+    assert loads[3] == pytest.approx(signals.tower_base_side_side_moment - 30.0 * loads[1], rel=1e-12)
+    assert loads[0] == pytest.approx(signals.rotor_thrust, rel=0.2)
+    simulator.advance(0.2, 0.0)
+    simulator.restore(kept)
+    assert np.array_equal(simulator.ground_loads(), loads)
+
+
 def test_environment_on_a_monopile():
     """The tower base feels the thrust on the lever above it, the picture reaches the sea bed, snapshots hold."""
     environment = gym.make("wt_gym/NREL5MW-Steady-v0", turbine="nrel_5mw_monopile", wind_speed=10.0).unwrapped

@@ -253,6 +253,27 @@ class Simulator:
         self._require_start()
         return self.coupling.root_multipliers()
 
+    def ground_loads(self):
+        """Force and moment with which the turbine rests on the ground: at the sea bed on a monopile.
+
+        Returns
+        -------
+        array (6,)
+            Force [N] and moment [N m] about the undeflected foot of the tower or of its support, global axes. On a
+            monopile it holds what the water bears (see `Support`); without one, the moments are the channels
+            tower_base_fore_aft_moment about y and tower_base_side_side_moment about x.
+        """
+        self._require_start()
+        values = self._measurement.values.copy()
+        self._measure()  # which knows no extremes since the last sample: those stay
+        self._measurement.values[:] = values
+        loads = -self._measurement.gauges.wrench[self.structure.tower]
+        if self.turbine.tower.support is not None:
+            force, depth = loads[:3], self.turbine.tower.support.length
+            loads[3] -= depth * force[1]
+            loads[4] += depth * force[0]
+        return loads
+
     def constraint_drift(self, restart=True):
         """How far steps have drifted off the constraint equations before they were put back onto them.
 
