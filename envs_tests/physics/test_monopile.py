@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from wt_gym.envs.rendering import _cut_at_sea_level
 from wt_gym.errors import SimulationError, TurbineDefinitionError
 from wt_gym.simulation import Fidelity, Simulator
 from wt_gym.simulation.turbine_structure import tower_beam
@@ -242,3 +243,12 @@ def test_environment_on_a_monopile():
     assert shapes["tower"][0, 2] == pytest.approx(-20.0, abs=0.02)
     assert shapes["tower"][-1, 2] == pytest.approx(simulator.turbine.tower.height, abs=0.1)
     assert 0.7 < signals.tower_base_fore_aft_moment / (80.0 * signals.rotor_thrust) < 1.3
+
+
+def test_pictures_show_what_stands_in_the_water():
+    column = np.array([[0.0, 0.0, -20.0, 3.0], [0.0, 0.0, 10.0, 3.0], [1.0, 0.0, 80.0, 2.0]])
+    below, above = _cut_at_sea_level(column)
+    assert below[:, 2] == pytest.approx([-20.0, 0.0])
+    assert above[:, 2] == pytest.approx([0.0, 10.0, 80.0])
+    below, above = _cut_at_sea_level(column[1:])
+    assert (len(below), len(above)) == (0, 2)

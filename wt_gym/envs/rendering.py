@@ -111,7 +111,10 @@ class Renderer:
         axes.set_ylim(bottom, top)
         angle = np.linspace(0.0, 2 * np.pi, 80)
         ground = 0.45 * size * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(80)])
-        axes.add_collection(PolyCollection([self._project(ground)], facecolors="#e6ece4", edgecolors="none"))
+        self._submerged = PolyCollection([], facecolors=_STEEL, edgecolors="none", alpha=0.5)
+        axes.add_collection(self._submerged)
+        colour = "#e6ece4" if self._arguments[0].tower.support is None else "#cfe3f1cc"  # land, or a sea one looks into
+        axes.add_collection(PolyCollection([self._project(ground)], facecolors=colour, edgecolors="none"))
         self._wake = LineCollection([], cmap=_WAKE_COLOURS)
         self._steel = PolyCollection([], facecolors=_STEEL, edgecolors="none")
         self._panels = PolyCollection([], facecolors="#f4f7fa", edgecolors="#1c2733", linewidths=0.8)
@@ -147,10 +150,10 @@ class Renderer:
         self._panels.set_verts(np.stack(corners, axis=-2).reshape(-1, 4, 2))
 
         tower, radius, hub = geometry["tower"], geometry["tower_radius"], geometry["hub"]
-        axis = self._project(np.asarray(tower))
-        sides = np.column_stack([radius, np.zeros(len(radius))])
-        outline = np.concatenate([axis - sides, (axis + sides)[::-1]])
-        self._steel.set_verts([outline, self._nacelle(np.asarray(tower)[-1], np.asarray(hub), float(radius[-1]))])
+        nacelle = self._nacelle(np.asarray(tower)[-1], np.asarray(hub), float(radius[-1]))
+        below, above = _cut_at_sea_level(np.column_stack([tower, radius]))
+        self._submerged.set_verts([self._outline(below)] if len(below) else [])
+        self._steel.set_verts([self._outline(above), nacelle])
 
         segments = np.stack([wake[:-1], wake[1:]], axis=-2)
         strength = trailing_strength(geometry["wake_circulation"])[: len(segments)]
@@ -159,6 +162,12 @@ class Renderer:
         self._wake.set_segments(segments.reshape(-1, 2, 2))
         self._wake.set_array(np.clip(share, 0.0, 1.0).ravel())
         self._wake.set_linewidths(0.3 + 1.3 * np.clip(share, 0.0, 1.0).ravel())
+
+    def _outline(self, column: np.ndarray) -> np.ndarray:
+        """Outline of a column (n, 4): points of its axis and its radii there."""
+        axis = self._project(column[:, :3])
+        sides = np.column_stack([column[:, 3], np.zeros(len(column))])
+        return np.concatenate([axis - sides, (axis + sides)[::-1]])
 
     def _nacelle(self, top: np.ndarray, hub: np.ndarray, half_height: float) -> np.ndarray:
         """Outline of the nacelle, from the hub to as far behind the tower."""
@@ -185,3 +194,13 @@ class Renderer:
         """Parallel projection of points (..., 3) onto the picture (..., 2)."""
         points = np.asarray(points, dtype=np.float64)
         return np.stack([points @ self._right, points @ self._up], axis=-1)
+
+
+def _cut_at_sea_level(column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What of a column (n, 4) that ascends stands below sea level and what above."""
+    n = int(np.searchsorted(column[:, 2], 0.0))
+    if n == 0:
+        return column[:0], column
+    lower, upper = column[n - 1], column[n]
+    edge = lower + (upper - lower) * lower[2] / (lower[2] - upper[2])
+    return np.vstack([column[:n], edge]), np.vstack([edge, column[n:]])
