@@ -5,14 +5,14 @@ from __future__ import annotations
 import platform
 from contextlib import ExitStack, closing
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.agents.choices import fingerprint
 from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.environments import Environments, load_agent
 from wt_gym.agents.trained_environment import check_environment
 from wt_gym.benchmark.fingerprint import differing
-from wt_gym.envs.layout import layout_of
+from wt_gym.envs.layout import layout_of, turbine_env_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -111,8 +111,8 @@ class Contenders:
         """
         if not executor.beside:
             return executor.results(partial(play, self), jobs)
-        env = self.env.unwrapped
-        models = {name: fingerprint(choice) for name, choice in self._given.items()}
+        env = turbine_env_of(self.env)
+        models = {name: fingerprint(cast(str, choice)) for name, choice in self._given.items()}
         warm = partial(_warm, self._where, models, code_of, code_of(env.turbine, env.fidelity))
         given = (play, self._given, *self._where, self._as_given)
         return executor.results(_play_here, jobs, begin=_get_ready, given=given, warm=warm)
@@ -136,7 +136,7 @@ def _warm(where: tuple, models: dict[str, dict[str, Any]], code_of, code: dict[s
     if other := [name for name, known in models.items() if fingerprint(known["choice"]) != known]:
         raise ValueError(f"the files of {', '.join(other)} differ on {platform.node()}")
     with closing(Environments(*where)) as environments:
-        env = environments.plain.unwrapped
+        env = turbine_env_of(environments.plain)
         if other := differing(code, code_of(env.turbine, env.fidelity)):
             raise ValueError(f"wt_gym on {platform.node()} has other code: {', '.join(other)}")
         compile_kernels(environments.plain)
@@ -154,4 +154,4 @@ def _get_ready(play: Callable[[Contenders, Any], Any], *given: Any) -> None:
 
 def _play_here(job: Any) -> Any:
     """Do a job in a worker process."""
-    return _play(job)
+    return cast("Callable[[Any], Any]", _play)(job)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class ObservedSignals:
     """
 
     def __init__(self, layout: EnvLayout, observation: np.ndarray | None = None):
-        self.layout, self.observation = layout, observation
+        self.layout, self.observation = layout, cast(np.ndarray, observation)
 
     def source(self, name: str) -> tuple[str, ...]:
         """Channels of the observation from which a signal is read.
@@ -44,6 +44,7 @@ class ObservedSignals:
             If the observation does not have them; the message says what it has.
         """
         names = self.layout.observation.names
+        candidates: list[tuple[str, ...]]
         if name == "azimuth":
             candidates = [("azimuth_sin", "azimuth_cos")]
         else:
@@ -149,8 +150,8 @@ class ControllerAgent:
             self._controllers = [copy.deepcopy(self.controller) for _ in batch]
             self._asked = [deque(maxlen=self.layout.delay + 1) for _ in batch]
         starts = np.zeros(len(batch), dtype=bool) if episode_start is None else np.atleast_1d(episode_start)
-        actions = [self._act(k, row, bool(start)) for k, (row, start) in enumerate(zip(batch, starts, strict=True))]
-        actions = np.array(actions)
+        rows = enumerate(zip(batch, starts, strict=True))
+        actions = np.array([self._act(k, row, bool(start)) for k, (row, start) in rows])
         return (actions if observation.ndim == 2 else actions[0]), state
 
     def _act(self, k: int, observation: np.ndarray, start: bool) -> np.ndarray:

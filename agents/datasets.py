@@ -6,10 +6,11 @@ import os
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 
 import wt_gym
 from wt_gym.agents.choices import controller_of, kind_of
@@ -130,6 +131,7 @@ def _write(config: DatasetConfig, folder: Path, env: gym.Env, played: list, lowe
     import minari
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
+    spec = cast(EnvSpec, env.spec)  # of an environment that gymnasium.make has made
     with _datasets_in(folder):
         return minari.create_dataset_from_buffers(
             config.dataset_id,
@@ -139,7 +141,7 @@ def _write(config: DatasetConfig, folder: Path, env: gym.Env, played: list, lowe
             ref_min_score=_mean_return(lowest),
             ref_max_score=_mean_return(played),
             requirements=[f"wt_gym=={wt_gym.__version__}"],
-            description=f"{config.agent} in {env.spec.id}, {len(played)} episodes, noise {config.noise:g} on actions",
+            description=f"{config.agent} in {spec.id}, {len(played)} episodes, noise {config.noise:g} on actions",
         )
 
 

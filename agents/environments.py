@@ -93,7 +93,7 @@ class Environments:
 
     def _make(self, choice: str | None) -> gym.Env:
         if choice not in self._made:
-            more = {}
+            more: dict[str, Any] = {}
             if choice is not None:
                 name, parameters = controller_of(choice)
                 more = {"controller": name}

@@ -23,7 +23,7 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.envs.episode import episode_steps
-from wt_gym.envs.layout import layout_of
+from wt_gym.envs.layout import layout_of, turbine_env_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.simulation import Recorder
 from wt_gym.wind.iec import REFERENCE_SPEED
@@ -174,7 +174,7 @@ def evaluate(
         layout = layout_of(env)
         climate = _climate(layout.turbine, config)
         if store:  # nothing else can be refused any more
-            store.begin(code_fingerprint(layout.turbine, env.unwrapped.fidelity), overwrite)
+            store.begin(code_fingerprint(layout.turbine, turbine_env_of(env).fidelity), overwrite)
         jobs = [(name, wind) for wind in config.winds for name in agents]
         runs = {job: run for job in jobs if (run := store.find(*job) if store else None) is not None}
         line, left = ProgressLine(progress), [job for job in jobs if job not in runs]
@@ -197,7 +197,7 @@ def evaluate(
                 "rated_rotor_speed": turbine.drivetrain.rated_rotor_speed,
             },
             training={
-                name: agent.record for name, agent in contenders.agents.items() if getattr(agent, "record", None)
+                name: record for name, agent in contenders.agents.items() if (record := getattr(agent, "record", None))
             },
             climate=climate,
         )
@@ -222,19 +222,20 @@ def _climate(turbine: Turbine, config: EvaluationConfig) -> WindClimate | None:
 def _run(contenders: Contenders, job: tuple[str, Wind], config: EvaluationConfig, line: ProgressLine) -> Run:
     """One agent in one wind."""
     (name, wind), (env, agent) = job, contenders[job[0]]
-    allowed = env.unwrapped.wind.options
+    allowed = turbine_env_of(env).wind.options
     options: dict[str, Any] = {"azimuth": 0.0}
     if "wind_speed" in allowed:
         options["wind_speed"] = wind.speed
     if wind.seed is not None and "wind_seed" in allowed:
         options["wind_seed"] = wind.seed
     observation, info = env.reset(seed=config.seed_in(wind), options=options)
-    turbine_env, started = env.unwrapped, time.monotonic()
+    turbine_env, started = turbine_env_of(env), time.monotonic()
     recorder = Recorder(turbine_env.simulator, agent=name, wind_speed=wind.speed, wind_seed=info["wind_seed"])
     recorder.append(turbine_env.signals)
     kept = config.replay_in(wind)
     shapes = ReplayRecorder(round(kept / turbine_env.control_dt))
-    total, terms = 0.0, {}
+    total = 0.0
+    terms: dict[str, float] = {}
     for step in episode_steps(env, agent, observation):
         info = step.info
         total += float(np.sum(step.reward))  # one number, or its terms with vector_reward
@@ -276,7 +277,7 @@ def _metrics(data, turbine: Turbine, skip: float, duration: float) -> dict[str, 
 
 def _settings(config: EvaluationConfig, layout: EnvLayout, env: gym.Env) -> dict[str, Any]:
     """How the evaluation was made, as JSON values."""
-    fidelity = env.unwrapped.fidelity
+    fidelity = turbine_env_of(env).fidelity
     settings = {
         "env_id": config.env_id,
         "env_kwargs": config.env_kwargs,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-import wt_gym
+import wt_gym.agents
 from wt_gym.agents.choices import fingerprint
 from wt_gym.agents.folder_lock import FolderLock
 from wt_gym.agents.sweep_record import SWEEP_FILE, sweep_recorded
@@ -88,7 +88,7 @@ class EvaluationFolder(FolderLock):
         super().__init__(path, "evaluation")
         self._config = config
         configuration = {
-            "agents": {name: fingerprint(choice) for name, choice in agents.items()},
+            "agents": {name: fingerprint(cast(str, choice)) for name, choice in agents.items()},
             **{name: value for name, value in asdict(config).items() if name not in _ONLY_WEIGH},
         }
         # through JSON, so that it can be compared with what a file says

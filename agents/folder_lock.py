@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 from pathlib import Path
+from typing import cast
 
 from wt_gym.files import remove_partial
 
@@ -56,24 +57,24 @@ class FolderLock:
 
     def _taken(self) -> int | None:
         """Descriptor of the locked file; None where it was removed in between and has to be tried again."""
-        descriptor = os.open(self._lock_file, os.O_RDWR | os.O_CREAT, 0o644)
+        descriptor, kept = os.open(self._lock_file, os.O_RDWR | os.O_CREAT, 0o644), False
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             # between opening and locking the file may have been removed by the one who held it
             if self._lock_file.exists() and os.path.samestat(os.fstat(descriptor), self._lock_file.stat()):
-                taken, descriptor = descriptor, None
-                return taken
+                kept = True
+                return descriptor
             return None
         except BlockingIOError:
             holder = os.read(descriptor, 100).decode(errors="replace").strip() or "unknown"
             raise ValueError(f"{self.path} is in use by another {self._work} (process {holder})") from None
         finally:
-            if descriptor is not None:
+            if not kept:
                 os.close(descriptor)
 
     def __exit__(self, *_exception) -> None:
         self._lock_file.unlink(missing_ok=True)
-        os.close(self._lock)
+        os.close(cast(int, self._lock))
         self._lock = None
         if self._made and not any(self.path.iterdir()):  # refused before anything was written
             self.path.rmdir()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -165,7 +166,7 @@ def front_distance(
         for mean in means:  # nobody has to take more travel and more load
             mean[:, 1] = np.minimum.accumulate(mean[:, 1])
         load = flap - min(np.interp(duty, *mean.T) for mean in means)
-        return load, duty / min(_least_duty(*mean.T, flap) for mean in means) - 1.0
+        return load, duty / min(_least_duty(mean[:, 0], mean[:, 1], flap) for mean in means) - 1.0
 
     load, travel = figures(np.arange(winds))
     samples: dict[bytes, tuple[float, float]] = {}
@@ -176,9 +177,7 @@ def front_distance(
                 samples[row.tobytes()] = figures(row)
         return np.array([samples[row.tobytes()][figure] for row in indices])
 
-    load_interval, travel_interval = (
-        bootstrap_interval(lambda indices, k=k: resampled(indices, k), [0] * winds) for k in range(2)
-    )
+    load_interval, travel_interval = (bootstrap_interval(partial(resampled, figure=k), [0] * winds) for k in range(2))
     duty, flap = mine.mean(axis=1)
     return FrontDistance(
         task.id, task.winds[0].speed, agent, float(flap), float(duty), float(load), load_interval, float(travel),

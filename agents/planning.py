@@ -6,9 +6,11 @@ controller of a real turbine does. What it reaches is a bound for those that do 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
+
+from wt_gym.envs.layout import turbine_env_of
 
 if TYPE_CHECKING:
     import gymnasium as gym
@@ -62,7 +64,7 @@ class ShootingPlanner:
         spread: float = 0.5,
         seed: int = 0,
     ):
-        self._env = env.unwrapped
+        self._env = turbine_env_of(env)
         if not 0.0 < hold <= horizon:
             raise ValueError(f"hold must be positive and at most the horizon of {horizon!r} s, got {hold!r} s")
         if not (1 <= elites <= samples and rounds >= 1):
@@ -126,7 +128,7 @@ class ShootingPlanner:
                 centre, spread = elites.mean(axis=0), np.maximum(elites.std(axis=0), _LEAST_SPREAD)
         finally:
             self._env.restore(here)
-        return best
+        return cast(np.ndarray, best)
 
     def _value(self, plan: np.ndarray, here) -> float:
         """Sum of the rewards of a plan from a snapshot on, until the episode ends."""

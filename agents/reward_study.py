@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import xarray as xr
@@ -22,6 +22,7 @@ from wt_gym.control import Demand
 from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers import BaselineController, BaselineParameters, make_controller
+from wt_gym.control.controllers.discon import BaselineState
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs import rewards
 from wt_gym.envs.wind_sampler import WindSampler
@@ -31,6 +32,7 @@ from wt_gym.simulation.channels import channel_table
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from wt_gym.control.controllers import Controller
     from wt_gym.simulation import Simulator
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
@@ -230,13 +232,14 @@ class _Loop:
         Faded out, if so wanted, below rated, where the blades stand at fine pitch.
         """
         moments = np.array(to_harmonic(signals.root_flap_moment, signals.azimuth))
-        room = min(max(float(self.baseline.state.pitch[0]) / math.radians(5.0), 0.0), 1.0)
+        room = min(max(float(cast(BaselineState, self.baseline.state).pitch[0]) / math.radians(5.0), 0.0), 1.0)
         room = room if self.description.faded else 1.0
         self.tilt_yaw = np.clip(
             self.tilt_yaw + self.description.individual * moments * dt, -self._MOST_INDIVIDUAL, self._MOST_INDIVIDUAL
         )
         led = signals.azimuth + signals.rotor_speed * self._LEAD
-        return room * from_harmonic(*self.tilt_yaw, led, self.turbine.n_blades)
+        tilt, yaw = self.tilt_yaw
+        return room * from_harmonic(tilt, yaw, led, self.turbine.n_blades)
 
 
 class _FormerPower:
@@ -295,10 +298,12 @@ def simulate(
     """
     turbine = simulator.turbine
     start = operating_point(turbine, simulator.inflow.mean_speed)
-    varied = isinstance(controller, StudyController)
-    pitch, yaw = (max(start.pitch, controller.fine_pitch), controller.yaw) if varied else (start.pitch, 0.0)
+    pitch, yaw = start.pitch, 0.0
+    if isinstance(controller, StudyController):
+        pitch, yaw = max(pitch, controller.fine_pitch), controller.yaw
     signals = simulator.reset(start.rotor_speed, pitch, yaw=yaw, generator_torque=start.generator_torque)
-    if varied:
+    loop: _Loop | Controller
+    if isinstance(controller, StudyController):
         loop = _Loop(controller, turbine, signals)
     else:
         loop = make_controller(controller, turbine)

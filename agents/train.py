@@ -135,7 +135,7 @@ def resume(
     with RunFolder(folder) as run:
         record = run.record()
         config = TrainingConfig.from_json(record.get("config"))
-        changes = {"total_steps": total_steps, "max_seconds": max_seconds}
+        changes: dict[str, Any] = {"total_steps": total_steps, "max_seconds": max_seconds}
         config = replace(config, **{name: value for name, value in changes.items() if value is not None})
         if (engine := record.get("engine", LocalLearner.engine)) != learner.engine:
             raise ValueError(f"the training in {run.path} began with the engine {engine}: go on with --engine {engine}")
@@ -279,7 +279,7 @@ class _Session:
 
     def _evaluation_record(self) -> dict[str, Any] | None:
         """Evaluations while training, as JSON values."""
-        if self._evaluations is None:
+        if self._evaluations is None or self._evaluation is None:
             return None
         return {
             "winds": [asdict(wind) for wind in self._evaluation.winds],
@@ -314,8 +314,8 @@ def _curve(record: dict[str, Any], names: tuple[str, ...], steps: int) -> dict[s
     ValueError
         If it lacks a column, or they differ in length.
     """
-    curve = _entry(record, "curve", dict, {}) or {name: [] for name in names}
-    columns = [curve.get(name) for name in names]
+    curve: dict[str, Any] = _entry(record, "curve", dict, {}) or {name: [] for name in names}
+    columns: list[Any] = [curve.get(name) for name in names]
     if not all(isinstance(column, list) and len(column) == len(columns[0]) for column in columns):
         raise ValueError(f"{RECORD_FILE} is damaged: its curve must have the columns {', '.join(names)} of one length")
     kept = sum(step <= steps for step in curve["steps"])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import inspect
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
 
 from wt_gym.agents.choices import is_controller_name
 from wt_gym.envs.layout import layout_of
@@ -60,7 +61,7 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     gymnasium.error.Error
         If the environment is not registered.
     """
-    config = record.get("config")
+    config: Any = record.get("config")
     if "environment" not in record and not config:
         return {}
     return record.get("environment") or resolved_arguments(config["env_id"], config["env_kwargs"])
@@ -106,7 +107,8 @@ def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | Non
     """
     if not (record.get("config") and layout_of(env).action.needs_controller):
         return None
-    trained, here = (_kept(arguments)["controller"] for arguments in (trained_arguments(record), env.spec.kwargs))
+    given = cast(EnvSpec, env.spec).kwargs
+    trained, here = (_kept(arguments)["controller"] for arguments in (trained_arguments(record), given))
     return trained if trained != here and isinstance(trained, str) and is_controller_name(trained) else None
 
 
@@ -127,7 +129,7 @@ def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
     """
     if not record.get("config"):
         return
-    trained, here = _kept(trained_arguments(record)), _kept(env.spec.kwargs)
+    trained, here = _kept(trained_arguments(record)), _kept(cast(EnvSpec, env.spec).kwargs)
     if not layout_of(env).action.needs_controller:
         del trained["controller"], here["controller"]  # nothing runs beneath the actions
     differing = [f"{name} {trained[name]!r}, here {here[name]!r}" for name in trained if trained[name] != here[name]]

@@ -10,7 +10,7 @@ import json
 import platform
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -214,10 +214,12 @@ def tune(
         known = ", ".join(next(iter(reference.metrics.values())))
         raise ValueError(f"the cost weighs {', '.join(unknown)}, of which a run has no number; there are {known}")
 
+    space = cast("dict[str, Range]", task.space)  # found by the name where none was given
+
     def cost(trial) -> float:
         parameters = {
             name: trial.suggest_float(name, interval.low, interval.high, log=interval.log)
-            for name, interval in task.space.items()
+            for name, interval in space.items()
         }
         run = runs(task.controller, parameters)
         single = [
@@ -230,8 +232,8 @@ def tune(
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed))
     if "+" not in task.controller and "tower_dampers" not in task.controller:
         defaults = controller_parameters(task.controller)
-        usable = {k: defaults[k] for k in task.space if isinstance(defaults.get(k), float)}
-        study.enqueue_trial({k: v for k, v in usable.items() if task.space[k].low <= v <= task.space[k].high})
+        usable = {k: defaults[k] for k in space if isinstance(defaults.get(k), float)}
+        study.enqueue_trial({k: v for k, v in usable.items() if space[k].low <= v <= space[k].high})
     record: dict[str, Any] = {
         "task": asdict(task),
         "turbine": turbine.name,

@@ -8,10 +8,11 @@ import os
 import signal
 import threading
 from collections import deque
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from multiprocessing.process import BaseProcess
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -113,7 +114,8 @@ def in_processes(
     spawn = multiprocessing.get_context("spawn")  # compiled kernels do not survive a fork
     reader, writer = spawn.Pipe(duplex=False)
     tally = Tally() if tally is None else tally
-    left, again, running = iter(jobs), deque(), {}
+    left, again = iter(jobs), deque[tuple[Any, int]]()
+    running: dict[Future, tuple[ProcessPoolExecutor, Any, int]] = {}
 
     def pool() -> ProcessPoolExecutor:
         """Give a pool of one process: where that ends, no other job is lost."""
@@ -180,7 +182,7 @@ def _begin(told: multiprocessing.connection.Connection) -> None:
 
 def _end_when(told: multiprocessing.connection.Connection) -> None:
     """End this process when it is told to, or the one that gives it work has gone, however that went."""
-    multiprocessing.connection.wait([told, multiprocessing.parent_process().sentinel])
+    multiprocessing.connection.wait([told, cast(BaseProcess, multiprocessing.parent_process()).sentinel])
     os._exit(1)
 
 

@@ -62,7 +62,8 @@ class RayExecutor:
         if warm is not None:
             warm_nodes(warm)
         ready = ray.put((begin, given))  # once to each machine, whatever the number of jobs
-        left, running = deque((job, 1) for job in jobs), {}
+        left = deque((job, 1) for job in jobs)
+        running: dict[ray.ObjectRef, tuple[Any, int]] = {}
         try:
             while left or running:
                 # a few more than there are processors, so that none waits for this process; results never pile up

@@ -46,7 +46,8 @@ class RunnerEnv(gym.vector.VectorWrapper):
         self._mark, self._gamma, self.statistics = tuple(mark), gamma, RunningMeanStd(shape=())
         self._returns, self._discounted = np.zeros(env.num_envs), np.zeros(env.num_envs)
         self._lengths, self._over = np.zeros(env.num_envs, dtype=np.int64), np.zeros(env.num_envs, dtype=np.bool_)
-        self._steps, self._episodes = 0, []
+        self._steps = 0
+        self._episodes: list[dict[str, Any]] = []
 
     def reset(self, *, seed=None, options=None):
         """Start episodes; from a seed of RLlib each turbine gets one that no other has."""

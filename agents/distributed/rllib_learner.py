@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 import shutil
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from ray.rllib.core import DEFAULT_MODULE_ID
 from stable_baselines3.common.callbacks import CallbackList
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from ray.rllib.algorithms.algorithm import Algorithm
     from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.vec_env import VecNormalize
 
     from wt_gym.agents.training.config import TrainingConfig
     from wt_gym.agents.training.run_folder import RunFolder
@@ -103,7 +104,7 @@ class RllibLearner:
 
     def _begin(self, model: BaseAlgorithm, run: RunFolder) -> None:
         """Start from the networks of a fresh model, or go on from a checkpoint."""
-        algorithm, venv = self._algorithm, model.get_vec_normalize_env()
+        algorithm, venv = cast("Algorithm", self._algorithm), cast("VecNormalize", model.get_vec_normalize_env())
         if model.num_timesteps == 0:
             weights = algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
             weights = {**weights, **first_weights(model)}
@@ -126,14 +127,15 @@ class RllibLearner:
         """Learn batch by batch."""
         callback.init_callback(model)
         callback.on_training_start({}, {})
-        going = True
+        going, algorithm = True, cast("Algorithm", self._algorithm)
+        venv = cast("VecNormalize", model.get_vec_normalize_env())
         while going and model.num_timesteps < config.total_steps:
-            self._algorithm.train()
-            reports = [report for report in _each_runner(self._algorithm, runner_report) if report is not None]
+            algorithm.train()
+            reports = [report for report in _each_runner(algorithm, runner_report) if report is not None]
             model.num_timesteps += sum(report["steps"] for report in reports)
-            weights = self._algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
+            weights = algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
             take_weights(model, weights)
-            _merge(model.get_vec_normalize_env().ret_rms, [report["statistics"] for report in reports])
+            _merge(venv.ret_rms, [report["statistics"] for report in reports])
             episodes = [{"episode": episode} for report in reports for episode in report["episodes"]]
             callback.update_locals({"infos": episodes})
             going = callback.on_step()

@@ -28,7 +28,7 @@ _UNKNOWN = {  # and what may be given all the same, because it means nothing
     "SAC": {"use_sde": (False,), "sde_sample_freq": (), "log_std_init": ()},
 }
 # Where the files leave them out: those of stable-baselines3, not RLlib's.
-_DEFAULTS = {
+_DEFAULTS: dict[str, dict[str, Any]] = {
     "PPO": {"clip_range": 0.2, "ent_coef": 0.0, "vf_coef": 0.5, "max_grad_norm": 0.5, "activation_fn": "tanh"},
     "SAC": {"ent_coef": "auto", "target_entropy": "auto", "activation_fn": "relu"},
 }

@@ -151,16 +151,16 @@ def _drawn_action(turbine: Turbine, has_table: bool, policy: str, rng: np.random
     pitch = str(rng.choice(["collective", "individual", *(["fixed-frame"] if turns else [])]))
     if mode == "residual" and turns and rng.random() < 0.3:
         pitch = "cyclic"
-    components = [name for name in ("pitch", "yaw", "torque") if rng.random() < 0.8]
+    wanted: list[str] | None = [name for name in ("pitch", "yaw", "torque") if rng.random() < 0.8]
     usable = [name for name in _CONTROLLERS if has_table or "rosco" not in name]
     beneath = str(rng.choice([name for name in usable if turns or "ipc" not in name]))
     more: dict[str, Any] = {"residual_fade": bool(rng.random() < 0.5)}
     more["residual_washout"] = 10.0 if rng.random() < 0.3 else None
     groups = [name for name in OBSERVATION_GROUPS if has_table or name != "wind_estimate"]
     if policy == "controller":  # which acts itself, on all that there is
-        mode, pitch, components = ("rate", "absolute")[rng.integers(2)], "individual" if turns else "collective", None
+        mode, pitch, wanted = ("rate", "absolute")[rng.integers(2)], "individual" if turns else "collective", None
     drives = {"pitch": True, "yaw": turbine.nacelle.max_yaw_rate > 0.0, "torque": turbine.drivetrain.takes_torque}
-    components = tuple(name for name in components or () if drives[name]) or None
+    components = tuple(name for name in wanted or () if drives[name]) or None
     if mode == "residual" or (components is not None and not {"pitch", "torque"} <= set(components)):
         more["controller"] = beneath
     else:

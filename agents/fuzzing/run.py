@@ -7,7 +7,7 @@ import traceback
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -162,7 +162,7 @@ def _play(case: FuzzCase, steps: int, result: CaseResult, found: Callable[[str, 
             contract.snapshot_repeats(rng.uniform(-1.0, 1.0, (_TRIED, size)).astype(np.float32))
         if rng.random() < _REFUSALS:
             contract.refuses(_wrong_action(size, rng))
-        answer = contract.step(policy(observation, start))
+        answer = contract.step(policy(cast(np.ndarray, observation), start))
         observation, over = answer.observation, answer.terminated or answer.truncated
         result.steps += 1
         if over:

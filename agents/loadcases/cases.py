@@ -183,8 +183,13 @@ def plan_of(turbine: Turbine, quick: bool = False) -> Plan:
         return Plan(speeds, speeds, speeds, gusts, (gusts[0], gusts[2], out), 6, 12, 600.0, (0.0, 30.0, 60.0, 90.0),
                     GUST_TIMES)  # fmt: skip
     wanted = (0.75 * rated, rated + 0.6, 0.5 * (rated + out))
-    few = tuple(sorted({min(speeds, key=lambda v, w=w: abs(v - w)) for w in wanted}))
+    few = tuple(sorted({_nearest(speeds, speed) for speed in wanted}))
     return Plan(few, few[1:], few[1:], (rated,), (rated + 2.0,), 2, 2, 100.0, (0.0,), GUST_TIMES[1::2])
+
+
+def _nearest(speeds: tuple[float, ...], wanted: float) -> float:
+    """The first of the nearest speeds."""
+    return min(speeds, key=lambda speed: abs(speed - wanted))
 
 
 @dataclass(frozen=True)

@@ -281,7 +281,7 @@ def _failed(case: str, agent: str, end: str, run: CaseRun) -> str:
 
 def _transient_section(results: LoadCaseResults) -> str:
     """Courses of the transients, the first azimuth of each."""
-    parts = []
+    parts: list[str] = []
     for case in results.cases:
         shown: dict[tuple, dict[str, CaseRun]] = {}
         for agent in results.agents:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -135,7 +135,7 @@ class LoadCaseResults:
             return Value(characteristic, characteristic, where)
         if (kind.extrapolated and key not in _EXTRAPOLATED) or (key == CLEARANCE and agent == PARKED):
             return None
-        factor = kind.factor * (EXTRAPOLATION if kind.extrapolated else 1.0)
+        factor = cast(float, kind.factor) * (EXTRAPOLATION if kind.extrapolated else 1.0)
         if key != CLEARANCE:
             return Value(characteristic, factor * characteristic, where)
         unloaded = max(run.result["unloaded_clearance"] or -math.inf for run in self.runs[case, agent])
@@ -144,7 +144,8 @@ class LoadCaseResults:
 
     def _worst(self, case: str, agent: str, key: str) -> tuple[float, str] | None:
         """Characteristic value of a case and where it comes from."""
-        sign, groups = -1.0 if key == CLEARANCE else 1.0, {}
+        sign = -1.0 if key == CLEARANCE else 1.0
+        groups: dict[tuple, list[tuple[float, CaseRun]]] = {}
         for run in self.runs[case, agent]:
             if run.result["extremes"] is not None:
                 groups.setdefault(run.condition.group, []).append((sign * run.result["extremes"][key], run))
@@ -154,7 +155,7 @@ class LoadCaseResults:
         for group, found in groups.items():
             values = np.sort([value for value, _ in found])[::-1]
             means[group] = values[: math.ceil(0.5 * len(values))].mean() if CASES[case].larger_half else values.mean()
-        group = max(means, key=means.get)
+        group = max(means, key=means.__getitem__)
         return float(sign * means[group]), groups[group][0][1].condition.name
 
     def lifetime(self, agent: str, key: str) -> float | None:

@@ -10,6 +10,7 @@ import numpy as np
 from wt_gym.agents.loadcases.cases import EVENT, SKIP, inflow_of
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.envs.episode import episode_steps
+from wt_gym.envs.layout import turbine_env_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.faults import FEATHER
@@ -59,7 +60,7 @@ def run_agent(env: gym.Env, agent: Agent, condition: Condition) -> dict[str, Any
         ``time`` [s], ``extremes`` (`EXTREMES`) and ``fatigue`` after the skipped start, None where there was nothing to
         measure, ``unloaded_clearance`` [m], and ``trace``: signals of a transient.
     """
-    turbine_env = env.unwrapped
+    turbine_env = turbine_env_of(env)
     turbine = turbine_env.turbine
     options = {
         "inflow": inflow_of(condition, turbine), "faults": condition.faults,

@@ -24,6 +24,7 @@ from wt_gym.agents.progress import ProgressLine, clock
 from wt_gym.agents.sweep_record import sweep_recorded
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.benchmark.fingerprint import sources_digest
+from wt_gym.envs.layout import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.files import require_writable, write_text_whole
 from wt_gym.wind.iec import REFERENCE_SPEED
@@ -190,7 +191,7 @@ def run_load_cases(
         Contenders(agents, *where, as_given=allow_other_environment) as contenders,
     ):
         plain = contenders.env
-        turbine = plain.unwrapped.turbine
+        turbine = turbine_env_of(plain).turbine
         plan = config.plan or plan_of(turbine, config.quick)
         cases = tuple(case for case in CASES if case in config.cases)
         conditions = {case: _conditions(case, turbine, plan, config) for case in cases}
@@ -243,7 +244,7 @@ def _code(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, str]:
 
 def _definitions(agents: Mapping[str, str], config: LoadCaseConfig, env: gym.Env):
     """Give the function that says what a run depends on."""
-    turbine, fidelity = env.unwrapped.turbine, env.unwrapped.fidelity
+    turbine, fidelity = turbine_env_of(env).turbine, turbine_env_of(env).fidelity
     code = _code(turbine, fidelity)
     where = {"env_id": config.env_id, "env_kwargs": config.env_kwargs}
     known = {name: fingerprint(choice) for name, choice in agents.items()}
@@ -263,7 +264,7 @@ def _play(contenders: Contenders, job: tuple[str, Condition]) -> dict[str, Any]:
     """Make a run."""
     name, condition = job
     if name == PARKED:
-        env = contenders.env.unwrapped
+        env = turbine_env_of(contenders.env)
         return run_parked(env.turbine, env.fidelity, condition)
     return run_agent(*contenders[name], condition)
 
@@ -304,11 +305,12 @@ def _climate(turbine, config: LoadCaseConfig) -> WindClimate | None:
 
 def _settings(config: LoadCaseConfig, plan: Plan, env: gym.Env) -> dict[str, Any]:
     """How it was made, as JSON values."""
-    fidelity = env.unwrapped.fidelity
+    plain = turbine_env_of(env)
     settings = {
         "env_id": config.env_id, "env_kwargs": config.env_kwargs, "quick": config.quick, "plan": vars(plan),
         "turbulence": config.turbulence,
-        "fidelity": fidelity if isinstance(fidelity, str) else fidelity.name, "control_dt": env.unwrapped.control_dt,
+        "fidelity": plain.fidelity if isinstance(plain.fidelity, str) else plain.fidelity.name,
+        "control_dt": plain.control_dt,
         "wt_gym": wt_gym.__version__, "numpy": np.__version__, "gymnasium": gym.__version__,
     }  # fmt: skip
     return json.loads(json.dumps(settings, default=str))

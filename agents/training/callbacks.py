@@ -6,7 +6,7 @@ import signal
 import threading
 import time
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
@@ -248,7 +248,7 @@ class Evaluations(BaseCallback):
         for name, value in figures.items():
             if value is not None:
                 self.logger.record(f"evaluation/{name}", value)
-        if self.best["steps"] == steps:
+        if cast(dict, self.best)["steps"] == steps:
             self._save_best()
         return self._report is None or self._report(steps, figures)
 

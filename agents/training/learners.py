@@ -62,11 +62,11 @@ class LocalLearner:
     """stable-baselines3 in this process."""
 
     engine = "local"
-    packages = ("stable-baselines3", "sb3-contrib", "torch", "gymnasium")
+    packages: tuple[str, ...] = ("stable-baselines3", "sb3-contrib", "torch", "gymnasium")
     samples_here = True
 
-    def __init__(self):
-        self.figures = (EpisodeFigures(),)
+    def __init__(self) -> None:
+        self.figures: tuple[BaseCallback, ...] = (EpisodeFigures(),)
 
     def check(self, config: TrainingConfig) -> None:
         """It takes every configuration."""

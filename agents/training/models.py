@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
@@ -16,7 +16,9 @@ from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
 from wt_gym.files import write_whole
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
+    from typing import BinaryIO
 
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.vec_env import VecNormalize
@@ -61,13 +63,13 @@ def _value(entry: Any) -> Any:
 def save_model(model: BaseAlgorithm, model_file: Path, normalisation_file: Path) -> None:
     """Write a model and the statistics of its environment."""
     write_whole(normalisation_file, partial(pickle.dump, model.get_vec_normalize_env()))
-    write_whole(model_file, model.save)
+    write_whole(model_file, cast("Callable[[BinaryIO], None]", model.save))
 
 
 def save_replay_buffer(model: BaseAlgorithm, path: Path) -> None:
     """Write the replay buffer of a model that has one."""
     if isinstance(model, OffPolicyAlgorithm):
-        write_whole(path, model.save_replay_buffer)
+        write_whole(path, cast("Callable[[BinaryIO], None]", model.save_replay_buffer))
 
 
 def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, buffered: bool = True) -> BaseAlgorithm:

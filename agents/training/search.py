@@ -41,9 +41,9 @@ class Range:
     high: float
     log: bool = False
 
-    def suggest(self, trial: optuna.Trial, name: str) -> Any:
+    def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
         """Value of a trial."""
-        kind = trial.suggest_int if isinstance(self.low, int) else trial.suggest_float
+        kind: Callable[..., Any] = trial.suggest_int if isinstance(self.low, int) else trial.suggest_float
         return kind(name, self.low, self.high, log=self.log)
 
     def key(self, value: Any) -> Any:
@@ -57,7 +57,7 @@ class Choice:
 
     values: tuple
 
-    def suggest(self, trial: optuna.Trial, name: str) -> Any:
+    def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
         """Value of a trial; Optuna keeps texts, not lists."""
         return json.loads(trial.suggest_categorical(name, [json.dumps(value) for value in self.values]))
 
@@ -66,12 +66,12 @@ class Choice:
         return json.dumps(value) if value in self.values else None
 
 
-_SHARED = {
+_SHARED: dict[str, Range | Choice] = {
     "learning_rate": Range(1e-5, 3e-3, log=True),
     "gamma": Choice((0.95, 0.97, 0.98, 0.99, 0.995)),
     "net_arch": Choice(([64, 64], [128, 128], [256, 256])),
 }
-_OFF_POLICY = _SHARED | {
+_OFF_POLICY: dict[str, Range | Choice] = _SHARED | {
     "batch_size": Choice((128, 256, 512)),
     "learning_starts": Choice((1000, 2000, 5000, 10_000)),
     "tau": Range(0.001, 0.05, log=True),

@@ -101,7 +101,7 @@ def resume_seeds(
     folder = Path(folder)
     plan = read_plan(folder)
     seeds, config = plan["seeds"], TrainingConfig.from_json(plan["config"])
-    changes = {"total_steps": total_steps, "max_seconds": max_seconds}
+    changes: dict[str, Any] = {"total_steps": total_steps, "max_seconds": max_seconds}
     config = replace(config, **{name: value for name, value in changes.items() if value is not None})
     plan["config"] = config.to_json()
 
@@ -113,7 +113,7 @@ def resume_seeds(
             return train(anew, run.path, overwrite=True, progress=progress, stop=stop, learner=learner)
         if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
             return record
-        limits = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
+        limits: dict[str, Any] = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
         return resume(run.path, **limits, progress=progress, stop=stop, learner=learner)
 
     with RunFolder(folder), stop_on_signals() as stop:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -36,7 +36,7 @@ class TurbineVecEnv(VecEnv):
 
     def __init__(self, env_id: str, num_envs: int, **kwargs):
         made = gym.make_vec(env_id, num_envs, "vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP, **kwargs)
-        self.turbines: WindTurbineVectorEnv = made
+        self.turbines = cast(WindTurbineVectorEnv, made)
         super().__init__(num_envs, made.single_observation_space, made.single_action_space)
 
     def reset(self) -> np.ndarray:

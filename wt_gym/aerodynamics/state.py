@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -129,7 +129,7 @@ class AeroConstants(NamedTuple):
             density=float(density), wake_core=float(o.wake_core), viscosity=float(o.viscosity),
             squire=float(o.squire), shed_fraction=float(o.shed_fraction),
             stall_lag=0.0 if o.dynamic_stall else float(o.stall_lag), separation_lag=float(o.separation_lag),
-            ground=float(o.ground_height) if has_ground else 0.0, full_rows=o.full_rows,
+            ground=0.0 if o.ground_height is None else float(o.ground_height), full_rows=o.full_rows,
             coarse_stride=o.coarse_stride,
             sparse_from=o.wake_rows + 1 if o.sparse_from is None else o.sparse_from, sparse_stride=o.sparse_stride,
             fresh_rows=o.fresh_rows, refresh_stride=o.refresh_stride,
@@ -317,7 +317,7 @@ class AeroState:
             return NotImplemented
         return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(self.arrays, other.arrays, strict=True))
 
-    __hash__ = None
+    __hash__: ClassVar[Any] = None
 
     @property
     def n_rows(self) -> int:

@@ -2,11 +2,12 @@
 
 import math
 from numbers import Integral
+from typing import cast
 
 import numpy as np
 
 from wt_gym.aerodynamics import step_kernels
-from wt_gym.aerodynamics.bodies.body_set import BodySet
+from wt_gym.aerodynamics.bodies.body_set import BodyArrays, BodySet, BodyWork
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.induction.split_induction import SplitInduction
@@ -70,7 +71,7 @@ class VortexLattice:
         bodies: BodySet | None = None,
         threads: int = 1,
     ):
-        if not isinstance(n_blades, Integral) or n_blades < 1:
+        if not isinstance(cast(object, n_blades), Integral) or n_blades < 1:
             raise AerodynamicsError(f"n_blades is {n_blades!r}; at least one blade is needed, a whole number")
         panels, chosen = (planform.n_chord, planform.n_span), (options.n_chord, options.n_span)
         if panels != chosen:
@@ -89,7 +90,10 @@ class VortexLattice:
         n_panel = bodies.n_panels if bodies else 0
         self.work = AeroWork.empty(n_blades, planform.n_chord, planform.n_span, self.arrays, options, n_panel)
         self.bodies = bodies
-        self.body_arrays = None, None  # bodies and work arrays, as the kernels take them
+        self.body_arrays: tuple[BodyArrays | None, BodyWork | None] = (
+            None,
+            None,
+        )  # bodies and work arrays, as the kernels take them
         self.body_wind = np.zeros((0, 3))
         if bodies is not None:
             ground = bodies.ground if bodies.has_ground else None

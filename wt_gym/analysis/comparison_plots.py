@@ -36,8 +36,8 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
     """
     agents = [agent for agent in evaluation.agents if agent != evaluation.baseline]
     panels = ({"corrected_power": "Power"}, _LOADS)
-    found = {(agent, key): paired_change(evaluation, agent, key) for agent in agents for key in panels[0] | panels[1]}
-    found = {place: change for place, change in found.items() if change is not None and change.relative}
+    changed = {(agent, key): paired_change(evaluation, agent, key) for agent in agents for key in panels[0] | panels[1]}
+    found = {place: change for place, change in changed.items() if change is not None and change.relative}
     if not found:
         return None
     rows = [max(1, len(agents)) * len(panel) for panel in panels]

@@ -147,14 +147,14 @@ def lifetime(evaluation: Evaluation, agent: str, key: str) -> float | None:
         Unit of the load, N m; None without a climate, or where a run of the agent ended early.
     """
     loads, weights = _lifetime_inputs(evaluation, agent, key)
-    return None if loads is None else float(lifetime_load(loads, weights, LIFETIME_EXPONENTS[key]))
+    return None if loads is None or weights is None else float(lifetime_load(loads, weights, LIFETIME_EXPONENTS[key]))
 
 
 def lifetime_change(evaluation: Evaluation, agent: str, key: str) -> Estimate | None:
     """Relative change of `lifetime` against the baseline, with a paired bootstrap interval; None without either."""
     mine, weights = _lifetime_inputs(evaluation, agent, key)
     base, _ = _lifetime_inputs(evaluation, evaluation.baseline, key)
-    if mine is None or base is None or not np.any(base > 0.0):
+    if mine is None or weights is None or base is None or not np.any(base > 0.0):
         return None
     exponent = LIFETIME_EXPONENTS[key]
 

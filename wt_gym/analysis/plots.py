@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import plotly.graph_objects as go
@@ -13,9 +13,18 @@ from plotly.subplots import make_subplots
 from wt_gym.analysis.spectra import power_spectral_density
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import xarray as xr
 
     from wt_gym.analysis.results import Evaluation, Wind
+
+    class _Compared(Protocol):
+        """Results of several agents."""
+
+        @property
+        def agents(self) -> Sequence[str]: ...
+
 
 __all__ = [
     "FONT",
@@ -76,7 +85,7 @@ _ROWS = (
 )
 
 
-def agent_styles(evaluation: Evaluation) -> dict[str, dict[str, str]]:
+def agent_styles(evaluation: _Compared) -> dict[str, dict[str, str]]:
     """Colour, dash and symbol of each agent, the same in every figure and table."""
     n = len(_COLOURS)
     return {

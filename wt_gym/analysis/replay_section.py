@@ -96,7 +96,7 @@ def replay_section(evaluation: Evaluation) -> str:
     runs = runs[:_MOST_AGENTS]
     if not runs:
         return ""
-    replays = [run.replay for run in runs]
+    replays = [run.replay for run in runs if run.replay is not None]
     blades = replays[0].blades
     data = {
         "dt": _interval(replays),
@@ -104,12 +104,12 @@ def replay_section(evaluation: Evaluation) -> str:
         "size": float(np.linalg.norm(blades[0, :, 0, -1] - replays[0].hub[0], axis=-1).max()),
         "hub_height": float(replays[0].hub[0, 2]),
         "tower_radius": [round(float(radius), 3) for radius in replays[0].tower_radius],
-        "agents": [_agent(run) for run in runs],
+        "agents": [_agent(run, replay) for run, replay in zip(runs, replays, strict=True)],
     }
     text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     left_out = len(evaluation.agents) - len(runs)
     caption = (
-        f"The last {runs[0].replay.time[-1] - runs[0].replay.time[0]:.0f} s of each run at {runs[0].wind.label}: "
+        f"The last {replays[0].time[-1] - replays[0].time[0]:.0f} s of each run at {runs[0].wind.label}: "
         "lifting surfaces of the blades, which bend and pitch, and trailing filaments of the free wake, brighter where "
         "they are stronger. Drag to turn."
     )
@@ -132,9 +132,9 @@ def _interval(replays: list[Replay]) -> float:
     return float(np.diff(longest.time).mean()) if longest.time.size > 1 else 1.0
 
 
-def _agent(run: Run) -> dict[str, Any]:
+def _agent(run: Run, replay: Replay) -> dict[str, Any]:
     """Shapes and signals of a run over its replay."""
-    replay, signals = run.replay, run.data
+    signals = run.data
     places = np.searchsorted(signals["time"].values, replay.time - 1e-6)
 
     def rounded(name: str, factor: float = 1.0) -> list[float]:

@@ -137,7 +137,7 @@ def _estimate_tag(key: str, change: Estimate | None) -> str:
 def _table(evaluation: Evaluation) -> str:
     """Metrics of all agents over all winds and at each wind speed."""
     agents, styles = evaluation.agents, agent_styles(evaluation)
-    groups = {"All winds": None}
+    groups: dict[str, float | None] = {"All winds": None}
     if len(evaluation.speeds) > 1:
         groups |= {f"{speed:g} m/s": speed for speed in evaluation.speeds}
     head = "".join(f"<th colspan='{len(agents)}' scope='colgroup'>{escape(group)}</th>" for group in groups)

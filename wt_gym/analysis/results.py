@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from wt_gym.files import whole_file, write_netcdf_whole, write_text_whole
 __all__ = ["METRICS_FILE", "RUNS_FOLDER", "TABLE_FILE", "Evaluation", "Run", "Wind", "run_file"]
 
 TABLE_FILE, METRICS_FILE, RUNS_FOLDER = "evaluation.json", "metrics.csv", "runs"
-_COMBINE = {"mean": np.mean, "max": np.max, "min": np.min, "sum": np.sum}
+_COMBINE: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max, "min": np.min, "sum": np.sum}
 
 
 @dataclass(frozen=True)
@@ -236,8 +237,8 @@ class Evaluation:
         table = self.to_json()
         for file, row in zip(files, table["runs"], strict=True):
             row["file"] = f"{RUNS_FOLDER}/{file}"
-        with whole_file(folder / METRICS_FILE) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file)
+        with whole_file(folder / METRICS_FILE) as partial, partial.open("w", newline="", encoding="utf-8") as text:
+            rows = csv.writer(text)
             rows.writerow(["agent", "wind_speed", "wind_seed", "ending", "duration", *METRICS])
             for run in self.runs:
                 measured = [run.metrics.get(key, "") for key in METRICS]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.paired import LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
@@ -262,7 +262,8 @@ _REASONS = {
 def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
     """Power, loads and actuator use against the baseline, and what they come to."""
     mine, base = evaluation.mean_metrics(agent), evaluation.mean_metrics(evaluation.baseline)
-    change = {key: format_estimate(key, paired_change(evaluation, agent, key)) for key in JUDGED}
+    # all winds can be compared
+    change = {key: format_estimate(key, cast("Estimate", paired_change(evaluation, agent, key))) for key in JUDGED}
     loads = ", ".join(f"{JUDGED[key]} {change[key]}" for key in _LOADS)
     sentences = [
         f"It made {_shown('corrected_power', mine)} ({change['corrected_power']} against {evaluation.baseline}).",

@@ -120,7 +120,7 @@ def make_reference(
         gains = [task.improvement(results[label]["metrics"], metrics[label]) for label in metrics] if keeps else None
         found[name] = None if gains is None else float(np.average(gains, weights=weights))
     allowed = {name: value for name, value in found.items() if value is not None}
-    best = max(allowed, key=allowed.get, default=None)
+    best = max(allowed, key=allowed.__getitem__, default=None)
     if best is None or allowed[best] <= 0.0:
         raise BenchmarkError(f"task {task.name}: no candidate is better than the baseline within the limits: {found}")
     fingerprint = dict(baseline[task.winds[0].label]["definition"]["fingerprint"])

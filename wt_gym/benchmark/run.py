@@ -16,6 +16,7 @@ from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.episode import episode_steps
+from wt_gym.envs.layout import turbine_env_of
 from wt_gym.errors import BenchmarkError
 from wt_gym.simulation import Recorder
 from wt_gym.turbines import load_turbine
@@ -132,7 +133,7 @@ def play(
         options: dict[str, Any] = {"azimuth": 0.0}
         if wind.transient is None:
             options |= {"wind_speed": wind.speed, "wind_seed": wind.seed, "time_offset": 0.0}
-        agent, raw = make_agent(env), env.unwrapped
+        agent, raw = make_agent(env), turbine_env_of(env)
         observation, _ = env.reset(seed=wind.seed or 0, options=options)
         recorder, total, cost = Recorder(raw.simulator), 0.0, 0.0
         for step in episode_steps(env, agent, observation):

@@ -6,7 +6,7 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.errors import BenchmarkError
 from wt_gym.wind import TransientInflow
@@ -82,7 +82,7 @@ class BenchmarkWind:
     def inflow(self, turbine: Turbine) -> TransientInflow:
         """Give the transient for a turbine."""
         where = self.speed, turbine.hub_height, turbine.rotor_diameter
-        kind, _, axis = self.transient.partition("-")
+        kind, _, axis = cast(str, self.transient).partition("-")
         if kind == "EOG":
             return TransientInflow.eog(*where, turbine.turbulence_class, turbine.iec_class, start_time=self.start)
         if kind == "EDC":

@@ -24,6 +24,7 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any, cast
 
 from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser, stoppable, user_errors
 
@@ -147,10 +148,10 @@ def measure_vector(fidelity: str, wall: float) -> dict:
     rates: dict[str, list[float]] = {way: [] for way in made}
     for env in made.values():
         env.reset(seed=0)
-        env.step(np.zeros(env.action_space.shape, dtype=np.float32))
+        env.step(np.zeros(cast(tuple, env.action_space.shape), dtype=np.float32))
     for _ in range(5):
         for way, env in made.items():
-            actions, steps = np.zeros(env.action_space.shape, dtype=np.float32), 0
+            actions, steps = np.zeros(cast(tuple, env.action_space.shape), dtype=np.float32), 0
             start = time.perf_counter()
             while (elapsed := time.perf_counter() - start) < wall / 15:
                 env.step(actions)
@@ -333,6 +334,7 @@ def main(words: list[str] | None = None) -> None:
 def measure(arguments: argparse.Namespace) -> None:
     """Measure everything that is asked for, and print it as it comes."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+    figures: dict[str, Any]
     figures = {"processor": processor(), "python": platform.python_version(), "load_at_start": load}
     print(f"{figures['processor']}, {os.cpu_count()} cores, load {load:.2f}, Python {figures['python']}, one thread")
     wall = arguments.seconds

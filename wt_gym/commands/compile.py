@@ -33,6 +33,7 @@ def main(words: list[str] | None = None) -> None:
 
     from wt_gym.agents.command_line import environment_arguments
     from wt_gym.agents.compilation import compile_kernels
+    from wt_gym.envs.layout import turbine_env_of
     from wt_gym.simulation.compile_ahead import compile_ahead
 
     with user_errors(), stoppable("what is compiled so far stays"):
@@ -40,6 +41,7 @@ def main(words: list[str] | None = None) -> None:
             environment_arguments(env_id, {})
             began = time.perf_counter()
             env = gym.make(env_id)
-            compile_ahead(env.unwrapped.turbine, env.unwrapped.fidelity)
+            plain = turbine_env_of(env)
+            compile_ahead(plain.turbine, plain.fidelity)
             compile_kernels(env)
             print(f"{env_id}: ready after {time.perf_counter() - began:.0f} s", flush=True)

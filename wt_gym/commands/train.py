@@ -18,6 +18,7 @@ import json
 import signal
 import sys
 from pathlib import Path
+from typing import Any
 
 from wt_gym.commands.engine_options import add_address_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
@@ -102,7 +103,9 @@ def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
 
     folder = Path(arguments.resume)
     go = resume_seeds if (folder / SEEDS_FILE).exists() else resume
-    limits = {"total_steps": getattr(arguments, "steps", None), "max_seconds": getattr(arguments, "max_seconds", None)}
+    limits: dict[str, Any] = {
+        "total_steps": getattr(arguments, "steps", None), "max_seconds": getattr(arguments, "max_seconds", None),
+    }  # fmt: skip
     return folder, go(folder, **limits, learner=learner_of(arguments))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -385,18 +385,19 @@ class ActionMap:
         if self.pitch == "fixed-frame":
             pitch = to_blades(pitch, azimuth + rotor_speed * self.delay, self.n_blades)
         elif self.pitch == "cyclic":
-            pitch = from_harmonic(*pitch.tolist(), azimuth + rotor_speed * self.delay, self.n_blades)
-        residual = self.mode == "residual"
+            cosine, sine = pitch.tolist()
+            pitch = from_harmonic(cosine, sine, azimuth + rotor_speed * self.delay, self.n_blades)
+        residual, beneath = self.mode == "residual", cast(Demand, base)  # which is not asked where nothing is beneath
         if "pitch" not in self.components:
-            pitch = base.pitch
+            pitch = beneath.pitch
         elif residual:
-            pitch = base.pitch + pitch
+            pitch = beneath.pitch + pitch
         if not self.takes_torque:
             torque = 0.0
         elif "torque" not in self.components:
-            torque = base.generator_torque
+            torque = beneath.generator_torque
         elif residual:
-            torque = self._residual_torque(base.generator_torque, torque, rotor_speed)
+            torque = self._residual_torque(beneath.generator_torque, torque, rotor_speed)
         if base is not None and (residual or not self.has_yaw):
             yaw_rate += base.yaw_rate
         low, high = self.pitch_limits
@@ -415,7 +416,7 @@ class ActionMap:
             return base + offset
         return min(base + offset, max(base, self._most_shaft_power / rotor_speed))
 
-    def encode(self, demand: Demand, previous: Demand) -> np.ndarray:
+    def encode(self, demand: Demand, previous: Demand | Aim) -> np.ndarray:
         """Give the action whose demand is the wanted one, or the nearest one that the spans allow.
 
         Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,4 +42,4 @@ def advance_under(
             step, pitch=demand.pitch, yaw_rate=demand.yaw_rate, generator_torque=demand.generator_torque
         )
         seen = signals if seen is None else signals.after(seen)
-    return seen
+    return cast("Signals", seen)  # there is a step at least

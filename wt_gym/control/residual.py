@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class ResidualPitch:
             raise ValueError(f"residual_washout must be a positive time in s or None, got {washout!r}")
         self.fades, self.washes = fade is not None, washout is not None and n_mean > 0
         self._fade, self._n_mean = fade, n_mean
-        self._lasting = LowPass(washout) if self.washes else None
+        self._lasting = LowPass(cast(float, washout)) if self.washes else None
         self.share, self.mean = 1.0, 0.0
 
     def start(self, pitch: float, rotor_speed: float, dt: float) -> None:

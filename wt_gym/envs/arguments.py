@@ -91,7 +91,8 @@ def real_numbers(value: Any) -> tuple[float, ...]:
     several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
     parts = tuple(value) if several else (value,)
     found = [real_number(part) for part in parts]
-    return () if None in found else tuple(found)
+    numbers = tuple(number for number in found if number is not None)
+    return numbers if len(numbers) == len(found) else ()
 
 
 def shown(value: Any) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -74,6 +74,8 @@ def episode_steps(env: gym.Env, agent: Agent, observation: np.ndarray) -> Iterat
     state, start, done = None, True, False
     while not done:
         action, state = agent.predict(observation, state=state, episode_start=np.array([start]), deterministic=True)
-        step = EpisodeStep(action, *env.step(action))
+        step = EpisodeStep(
+            action, *cast(tuple[np.ndarray, float | np.ndarray, bool, bool, dict[str, Any]], env.step(action))
+        )
         observation, start, done = step.observation, False, step.done
         yield step

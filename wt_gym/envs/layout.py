@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 if TYPE_CHECKING:
+    import gymnasium as gym
+
     from wt_gym.control import ActionMap, Channel
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.turbines import Turbine
 
-__all__ = ["EnvLayout", "ObservationLayout", "layout_of"]
+__all__ = ["EnvLayout", "ObservationLayout", "layout_of", "turbine_env_of"]
 
 
 class ObservationLayout:
@@ -32,7 +35,7 @@ class ObservationLayout:
         Standard deviations of the measurement noise in physical units.
     """
 
-    def __init__(self, channels):
+    def __init__(self, channels) -> None:
         self.channels: tuple[Channel, ...] = tuple(channels)
         self.names = tuple(channel.name for channel in self.channels)
         if len(set(self.names)) != len(self.names):
@@ -128,6 +131,11 @@ class EnvLayout:
     action: ActionMap
     control_dt: float
     delay: int = 0
+
+
+def turbine_env_of(env: gym.Env) -> WindTurbineEnv:
+    """The environment of the turbine behind any wrappers."""
+    return cast("WindTurbineEnv", env.unwrapped)
 
 
 def layout_of(env) -> EnvLayout:

@@ -311,8 +311,11 @@ class Observer:
 
     def _per_blade(self, name: str, *args) -> list[Channel]:
         """The same channel for every blade."""
-        *numbers, text = args
-        return [Channel(f"{name}_{b + 1}", *numbers, f"{text}, blade {b + 1}") for b in range(self._turbine.n_blades)]
+        unit, offset, scale, low, high, noise, text = args
+        return [
+            Channel(f"{name}_{b + 1}", unit, offset, scale, low, high, noise, f"{text}, blade {b + 1}")
+            for b in range(self._turbine.n_blades)
+        ]
 
     def _rotor(self) -> list[Channel]:
         drivetrain = self._turbine.drivetrain
@@ -445,8 +448,8 @@ class Observer:
                 for k in range(self._action.n_pitch)
             ]  # fmt: skip
         if "torque" in self._action.components:
-            limit = self._action.torque_offset_limit
-            channels.append(Channel("torque_offset", "N m", 0.0, 0.5 * limit, -limit, limit, 0.0, "residual torque"))
+            most = self._action.torque_offset_limit
+            channels.append(Channel("torque_offset", "N m", 0.0, 0.5 * most, -most, most, 0.0, "residual torque"))
         return channels
 
     def _lidar_channels(self) -> list[Channel]:

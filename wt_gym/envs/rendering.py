@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from wt_gym.analysis.replay import trailing_strength
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
@@ -57,7 +57,7 @@ class Renderer:
     def __setstate__(self, kept) -> None:
         """Make the figure and take over the course of the signals."""
         arguments, history = kept
-        self.__init__(*arguments)
+        Renderer.__init__(self, *arguments)
         self._history.extend(history)
 
     def reset(self) -> None:
@@ -147,7 +147,8 @@ class Renderer:
     def _draw_scene(self, geometry: Mapping[str, np.ndarray]) -> None:
         blades, wake = self._project(geometry["blades"]), self._project(geometry["wake"])
         corners = [blades[:, :-1, :-1], blades[:, :-1, 1:], blades[:, 1:, 1:], blades[:, 1:, :-1]]
-        self._panels.set_verts(np.stack(corners, axis=-2).reshape(-1, 4, 2))
+        outlines = np.stack(corners, axis=-2).reshape(-1, 4, 2)
+        self._panels.set_verts(cast("Sequence", outlines))
 
         tower, radius, hub = geometry["tower"], geometry["tower_radius"], geometry["hub"]
         nacelle = self._nacelle(np.asarray(tower)[-1], np.asarray(hub), float(radius[-1]))
@@ -159,9 +160,9 @@ class Renderer:
         strength = trailing_strength(geometry["wake_circulation"])[: len(segments)]
         segments = segments[: len(strength)]
         share = strength / max(float(np.quantile(strength, 0.995)), 1e-9) if strength.size else strength
-        self._wake.set_segments(segments.reshape(-1, 2, 2))
+        self._wake.set_segments(cast("Sequence", segments.reshape(-1, 2, 2)))
         self._wake.set_array(np.clip(share, 0.0, 1.0).ravel())
-        self._wake.set_linewidths(0.3 + 1.3 * np.clip(share, 0.0, 1.0).ravel())
+        self._wake.set_linewidth(cast("Sequence", 0.3 + 1.3 * np.clip(share, 0.0, 1.0).ravel()))
 
     def _outline(self, column: np.ndarray) -> np.ndarray:
         """Outline of a column (n, 4): points of its axis and its radii there."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -25,7 +25,7 @@ from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drives import available_torque, pitch_delay
-from wt_gym.simulation.faults import SensorBias, checked_faults
+from wt_gym.simulation.faults import DriveFault, SensorBias, checked_faults
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import GENERATORS, with_generator
@@ -314,6 +314,9 @@ class WindTurbineEnv(gym.Env):
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 5}  # noqa: RUF012 - Gymnasium's attribute
 
+    observation_space: spaces.Box
+    action_space: spaces.Box
+
     def __init__(
         self,
         turbine: str | Turbine = "nrel_5mw",
@@ -363,7 +366,8 @@ class WindTurbineEnv(gym.Env):
             raise ValueError(f"controller must be a name, a Controller or a function, got {shown(controller)}")
         control_dt = check_number("control_dt", control_dt, "s")
         sensor_noise = check_number("sensor_noise", sensor_noise)
-        sensor_delay, history = check_number("sensor_delay", sensor_delay, "s"), check_number("history", history)
+        sensor_delay = check_number("sensor_delay", sensor_delay, "s")
+        history = cast(int, check_number("history", history))
         relative_reward = check_flag("relative_reward", relative_reward)
         vector_reward = check_flag("vector_reward", vector_reward)
         if residual_washout is not None:
@@ -422,10 +426,16 @@ class WindTurbineEnv(gym.Env):
             self.reward_space = spaces.Box(-np.inf, np.inf, (len(self.reward_names),), np.float32)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
-        self.simulator: Simulator | None = None
-        self.signals: Signals | None = None
+        # nothing before the first reset, which everything that needs them asks for
+        self.simulator, self.signals = cast(Simulator, None), cast("Signals", None)
+        self._faults: tuple[DriveFault | SensorBias, ...]
+        self._sensor_faults: tuple[SensorBias, ...]
+        self._drive_faults: tuple[DriveFault, ...]
         self._faults = self._sensor_faults = self._drive_faults = ()
-        self._twin, self._twin_terms = None, {}
+        self._observation: np.ndarray | None
+        self._saturated: tuple[str, ...]
+        self._twin: WindTurbineEnv | None = None
+        self._twin_terms: dict[str, float] = {}
         if relative_reward:
             # its winds are those drawn here, so that it has none of its own to choose from
             self._twin = WindTurbineEnv(
@@ -636,7 +646,7 @@ class WindTurbineEnv(gym.Env):
             copy.deepcopy(kept),
             self._observer.memory(),
             self.episode_wind,
-            copy.deepcopy(self.np_random.bit_generator.state),
+            copy.deepcopy(cast(dict, self.np_random.bit_generator.state)),
             None if self._twin is None else self._twin.snapshot(),
             None if self._renderer is None else self._renderer.memory(),
         )
@@ -663,12 +673,12 @@ class WindTurbineEnv(gym.Env):
         self._observer.recall(snapshot.sensors)
         self.np_random.bit_generator.state = copy.deepcopy(snapshot.random)
         if self._twin is not None:
-            self._twin.restore(snapshot.twin)
+            self._twin.restore(cast(EnvSnapshot, snapshot.twin))
         if self._renderer is not None:  # a snapshot of an environment without pictures holds the present signals only
             self._renderer.recall(snapshot.pictured or ())
             if not snapshot.pictured:
                 self._renderer.record(self.signals)
-        return None if self._observation is None else self._observation.copy()
+        return cast(np.ndarray, None if self._observation is None else self._observation.copy())  # a twin has none
 
     def render(self):
         """Return a picture of the turbine and its wake, uint8 array of shape (height, width, 3), or None.
@@ -684,7 +694,7 @@ class WindTurbineEnv(gym.Env):
 
     def close(self) -> None:
         """Release the simulator and the renderer."""
-        self.simulator, self._renderer, self._running = None, None, False
+        self.simulator, self._renderer, self._running = cast(Simulator, None), None, False
 
     def _make_renderer(self):
         if self.render_mode is None:
@@ -726,7 +736,7 @@ class WindTurbineEnv(gym.Env):
 
     def _place_simulator(self) -> None:
         """Put the simulator into the wind of the episode."""
-        if self.simulator is None:
+        if cast("Simulator | None", self.simulator) is None:
             self.simulator = Simulator(self.turbine, inflow=self.episode_wind.inflow, fidelity=self.fidelity)
             self._drive_faults = ()
         else:
@@ -792,7 +802,7 @@ class WindTurbineEnv(gym.Env):
     def _fail(self, error: SimulationError):
         """Result of a step that the simulation did not survive: the last good observation and the penalty."""
         self._running, self._failed = False, True
-        observation, saturated = self._observation.copy(), self._saturated
+        observation, saturated = cast(np.ndarray, self._observation).copy(), self._saturated
         reward, terms = self._punish(0.0, {term.name: 0.0 for term in self.reward_terms})
         costs = self._costs.of_failure()
         info = self._info(saturated) | {"reward_terms": terms, "cost": sum(costs.values()), "costs": costs}

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
@@ -83,7 +84,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._most_steps = max_episode_steps
-        self._observations = np.zeros(self.observation_space.shape, self.observation_space.dtype)
+        space = cast(spaces.Box, self.observation_space)
+        self._observations = np.zeros(space.shape, space.dtype)
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._over = np.ones(num_envs, dtype=np.bool_)  # episodes that have ended or not begun
         self._begun = False
@@ -212,7 +214,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         infos: dict[str, Any] = {}
         for k, (observation, info) in zip(chosen, self.reset_each(seeds, options, chosen), strict=True):
             self._observations[k] = observation
-            infos = self._add_info(infos, info, k)
+            infos = self._add_info(infos, info, cast(int, k))
         return self._observations.copy(), infos
 
     def step(self, actions):
@@ -256,7 +258,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             raise ValueError(f"reset_mask must be {self.num_envs} bools, one of them true at least, got {mask!r}")
         return mask
 
-    def render(self) -> tuple[np.ndarray | None, ...] | None:
+    def render(self) -> tuple[Any, ...]:
         """Pictures of all turbines, as of a single environment."""
         return tuple(env.render() for env in self.envs)
 
@@ -275,13 +277,14 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         for env, value in zip(self.envs, values, strict=True):
             setattr(env, name, value)
 
+    # Gymnasium's base speaks of one generator; its own vector environments give one of each environment too.
     @property
-    def np_random_seed(self) -> tuple[int, ...]:
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """Seeds of the random numbers of each turbine."""
         return self.get_attr("np_random_seed")
 
-    @property
-    def np_random(self) -> tuple[np.random.Generator, ...]:
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """Random numbers of each turbine."""
         return self.get_attr("np_random")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from wt_gym.wind.iec import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from wt_gym.turbines import Turbine
 
@@ -135,7 +135,7 @@ class WindSampler:
     def __init__(
         self,
         turbine: Turbine,
-        kind: str | Inflow,
+        kind: str | Inflow | Sequence[Inflow] | Callable[..., Inflow],
         wind_speed: float | tuple[float, float] | None,
         shear_exponent: float | None = None,
         turbulence_class: str | None = None,
@@ -169,7 +169,8 @@ class WindSampler:
         self._turbulent = isinstance(kind, str) and kind in ("turbulent", "extreme-turbulent")
         if self.parks:
             hub, gusty = turbine.hub_height, kind == "extreme-turbulent"
-            self.speeds = (extreme_wind_speed(hub, hub, turbine.iec_class, return_period, gusty),) * 2
+            speed = cast(float, extreme_wind_speed(hub, hub, turbine.iec_class, return_period, gusty))
+            self.speeds = (speed, speed)
             self._profile = {"shear_exponent": EXTREME_SHEAR_EXPONENT}
         elif isinstance(kind, str):
             self._steady(0.0)  # refuses a profile without meaning now, not at the first reset
@@ -305,7 +306,8 @@ class WindSampler:
         if self._wander is None:
             turned = TurningInflow(wind.inflow, np.zeros(1), np.array([start]))
         else:
-            turned = TurningInflow.wandering(wind.inflow, start, *self._wander, WANDERING, rng)
+            deviation, time_constant = self._wander
+            turned = TurningInflow.wandering(wind.inflow, start, deviation, time_constant, WANDERING, rng)
         return replace(wind, inflow=turned)
 
     def _own_inflows(self, kind) -> tuple[Inflow, ...]:

@@ -22,22 +22,23 @@ from wt_gym.structure.flexible_body import FlexibleBody, Marker
 
 __all__ = ["FAILURES", "Constraint", "HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]
 
-TREE_FIELDS = (
+Tree = namedtuple(
+    "Tree",
     "parent dof_parent kind axis joint_rotation joint_offset "
     "marker_position marker_linear marker_second marker_rotation n_elastic joint_q joint_u "
     "elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
     "stiffness damping "
     "cols n_col dof_stiffness dof_damping dof_q servo_frequency servo_damping gravity n_q n_u n_servo load_parent "
-    "constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation projection"
+    "constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation projection",
 )
-WORK_FIELDS = (
+Work = namedtuple(
+    "Work",
     "rot r v omega vl va bias_lin bias_ang nl na nb_lin nb_ang nv wn wb x xd xb th thd lever rn ti rj rb s_eff mc jj "
     "jd cc dk dq cd dd mff reach h a al c1 c2 mass force loads servo_acceleration predictor corrector rate "
     "frame_r frame_v frame_w frame_bl frame_ba frame_rot frame_jl frame_ja jacobian half_jacobian gamma residual "
-    "residual_rate multipliers weight schur drift trail trail_rate"
+    "residual_rate multipliers weight schur drift trail trail_rate",
 )
-Tree = namedtuple("Tree", TREE_FIELDS)
-Work = namedtuple("Work", WORK_FIELDS)
+WORK_FIELDS = " ".join(Work._fields)
 Inputs = namedtuple("Inputs", "body_loads dof_force reference reference_rate servo_command servo_rate servo_interval")
 Points = namedtuple("Points", "position linear second")
 
@@ -66,7 +67,7 @@ class MultibodySystem:
     1
     """
 
-    def __init__(self, gravity=(0.0, 0.0, -GRAVITY), stabilisation=10.0, projection=True):
+    def __init__(self, gravity=(0.0, 0.0, -GRAVITY), stabilisation=10.0, projection=True) -> None:
         check_vector("multibody system", "gravity", gravity)
         check_number("multibody system", "stabilisation", stabilisation)
         self.gravity, self.stabilisation = np.asarray(gravity, dtype=float), float(stabilisation)

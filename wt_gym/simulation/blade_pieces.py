@@ -21,7 +21,7 @@ __all__ = ["PieceNodes", "add_pieces", "cut_blade", "piece_points", "tip_of_last
 class PieceNodes(NamedTuple):
     """Which lattice nodes of a blade each of its n pieces carries, and room for them; short rows end in zeros."""
 
-    count: np.ndarray  # int64 (n,)
+    count: np.ndarray  # type: ignore[assignment]  # int64 (n,); hides the method of tuples
     node: np.ndarray  # int64 (n, n_most) among the nodes of a blade
     position: np.ndarray  # (n_most, 3) scratch: of the nodes of one piece, or their forces
     velocity: np.ndarray  # (n_most, 3) scratch

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -149,7 +150,7 @@ class Signals:
     def __eq__(self, other):
         return isinstance(other, Signals) and np.array_equal(self.values, other.values)
 
-    __hash__ = None
+    __hash__: ClassVar[Any] = None
 
     def __repr__(self):
         return (

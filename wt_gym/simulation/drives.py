@@ -351,7 +351,8 @@ class Drives:
         """
         first = self.yaw.first(yaw, speed), self.pitch.first(pitch, speed)
         torque = 0.0 if generator_torque is None else self.generator.first(generator_torque, speed)
-        self.command[TORQUE], self.command[YAW], self.command[PITCH] = torque, *first
+        self.command[TORQUE] = torque
+        self.command[YAW], self.command[PITCH] = first
         self._step, self._pitch_rate[:] = 0.0, 0.0
 
     def load(self, moment, speed, generator_torque=None):

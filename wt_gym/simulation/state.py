@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass, is_dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -80,7 +81,7 @@ class SimulatorState:
         same = (self.n_steps, self.model) == (other.n_steps, other.model) and set(self.arrays) == set(other.arrays)
         return same and all(np.array_equal(a, other.arrays[k], equal_nan=True) for k, a in self.arrays.items())
 
-    __hash__ = None
+    __hash__: ClassVar[Any] = None
 
     def save(self, path):
         """Write to a compressed .npz file (plain numbers, no pickle)."""

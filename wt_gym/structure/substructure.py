@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any, cast
 
 import numpy as np
 
@@ -98,7 +99,7 @@ def cut_beam(
         For cuts that are no nodes, more pieces than elements, or unknown coordinates.
     """
     if np.isscalar(nodes):
-        nodes = np.linspace(sections.station[0], sections.station[-1], int(nodes) + 1)
+        nodes = np.linspace(sections.station[0], sections.station[-1], int(cast(Any, nodes)) + 1)
     nodes = np.asarray(nodes, dtype=float)
     bounds = _bounds(nodes, cuts)
     pieces = []

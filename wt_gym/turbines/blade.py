@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -126,7 +127,7 @@ class Blade(ArrayRecord):
 
     @cached_property
     def _planform(self) -> PchipInterpolator:
-        table = np.column_stack((self.chord, self.twist, self.le_offset, self.normal_offset))
+        table = np.column_stack((self.chord, self.twist, self.le_offset, cast(np.ndarray, self.normal_offset)))
         return PchipInterpolator(self.aero_station, table, extrapolate=False)
 
     @cached_property

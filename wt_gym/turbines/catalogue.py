@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -200,7 +201,7 @@ def _build(root: Node, water_depth: float | None, foundation: NDArray[np.float64
     nacelle = read_nacelle(root, blade, hub, n_blades, notes)
     diameter = 2.0 * (hub.radius + blade.length) * float(np.cos(hub.cone))
     height = tower.height + root.at("components.drivetrain.outer_shape").number("distance_tt_hub", 0.0, 20.0)
-    values = dict(
+    values: dict[str, Any] = dict(
         name=root.text("name"),
         n_blades=n_blades,
         rotor_orientation=str(_default(assembly, "rotor_orientation", "upwind", notes)).lower(),

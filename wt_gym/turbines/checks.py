@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -157,6 +157,8 @@ class ArrayRecord:
     NumPy does not carry the read-only flag through pickle or ``copy.deepcopy``; worker processes would otherwise get
     a turbine whose tables can be changed by accident.
     """
+
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field]]  # of the subclasses
 
     def __copy__(self) -> "ArrayRecord":
         """Return the record itself: nothing in it changes."""

@@ -84,7 +84,8 @@ def gebhardt_turbine(tower_stiffness=1.0, nacelle_forward=None):
     """
     data = gebhardt_data()["stand_in"]
     blade, nacelle, tower = _blade(data), _nacelle(data, nacelle_forward), _tower(data, tower_stiffness)
-    hub, slowest, fastest = data["hub"], *(rpm * np.pi / 30.0 for rpm in data["rotor_speed_range_rpm"])
+    hub = data["hub"]
+    slowest, fastest = (rpm * np.pi / 30.0 for rpm in data["rotor_speed_range_rpm"])
     tilt = np.radians(data["nacelle"]["tilt_deg"])
     return Turbine(
         name="Gebhardt et al. 2012, 45 m blades, 68 m tower (stand-in)",

@@ -1,6 +1,7 @@
 """The airfoils of a windIO file: contours, camber lines and polars."""
 
 import re
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,13 +127,14 @@ def _airfoil(node: Node, sets: list[tuple[Node, float]]) -> Airfoil:
     contour = _contour(node.at("coordinates", "a mapping with x and y"))
     x, camber, _ = camber_line(contour)
     centre = node.number("aerodynamic_center", 0.0, 1.0) if "aerodynamic_center" in node else 0.25
-    total, polar = 0.0, None
+    total = 0.0
+    polar: Polar | None = None
     for table, weight in sets:
         new = _polar(table, centre)
         total += weight
         polar = new if polar is None else blend_polars(polar, new, weight / total if total > 0.0 else 0.0)
     with within(node.path):
-        return Airfoil(node.text("name"), node.number("rthick", 1e-3, 1.0), contour, x, camber, polar)
+        return Airfoil(node.text("name"), node.number("rthick", 1e-3, 1.0), contour, x, camber, cast(Polar, polar))
 
 
 def _contour(node: Node) -> NDArray[np.float64]:

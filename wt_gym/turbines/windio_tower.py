@@ -219,7 +219,8 @@ def shell_sections(
         raise fail(structure.where("layers"), "a wall of no thickness", "walls along the whole tower")
     factor = structure.number("outfitting_factor", 1.0, 2.0) if "outfitting_factor" in structure else 1.0
     stiffness = np.zeros((grid.size, 6, 6))
-    for k, value in enumerate((np.inf, np.inf, axial, bending, bending, torsion)):
+    diagonal: tuple[float | np.ndarray, ...] = (np.inf, np.inf, axial, bending, bending, torsion)
+    for k, value in enumerate(diagonal):
         stiffness[:, k, k] = value
     inertia = inertia_matrix(factor * mass, 0.0, 0.0, factor * rotary, factor * rotary, 0.0)
     return BeamStations(grid * length, stiffness, inertia)

@@ -5,6 +5,7 @@ time take the seconds since the transient began, as a float or an array.
 """
 
 import math
+from typing import cast
 
 import numpy as np
 
@@ -120,7 +121,7 @@ def operating_gust_amplitude(
 ) -> float:
     """Gust magnitude V_gust [m/s] of the extreme operating gust (EOG)."""
     sigma = turbulence_sigma(mean_speed, turbulence_class)
-    yearly_extreme = extreme_wind_speed(hub_height, hub_height, turbine_class, return_period=1)
+    yearly_extreme = cast(float, extreme_wind_speed(hub_height, hub_height, turbine_class, return_period=1))
     return min(
         1.35 * (yearly_extreme - mean_speed), 3.3 * sigma / (1.0 + 0.1 * _size_ratio(hub_height, rotor_diameter))
     )

@@ -34,7 +34,7 @@ from seed to seed and from point to point, σ is that of many of them. ``scaling
 import math
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 import scipy.fft
@@ -306,11 +306,12 @@ def _plane_noise(rng: np.random.Generator, k1: np.ndarray, parameters: MannParam
     k2, k3 = (2.0 * np.pi * scipy.fft.fftfreq(m, d) for m, d in ((m_y, spacing_y), (m_z, spacing_z)))
     turn_y, turn_z = 2.0 * np.pi / spacing_y, 2.0 * np.pi / spacing_z
     around = range(-_ALIASES, _ALIASES + 1)
-    tensor = sum(
+    terms = (
         spectral_tensor(k1[:, None, None], k2 + i * turn_y, k3[:, None] + j * turn_z, parameters.shear)
         for i in around
         for j in around
     )
+    tensor = cast(np.ndarray, sum(terms))
     white = rng.standard_normal((2, k1.size, m_z, m_y, 3)) * math.sqrt(0.5)
     waves = _correlated(tensor, white[0] + 1j * white[1])
     field = scipy.fft.ifft2(waves, axes=(1, 2), norm="forward", overwrite_x=True)[:, :n_z, :n_y]

@@ -1,7 +1,7 @@
 """What every inflow offers: the undisturbed wind at any points and time."""
 
 import math
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -35,6 +35,16 @@ class Inflow(Protocol):
 
 class PointInflow:
     """Shared door of the inflows: checks what comes in and calls the compiled kernel of the subclass."""
+
+    if TYPE_CHECKING:  # what the subclasses have, as fields or properties
+
+        @property
+        def hub_height(self) -> float: ...
+
+        @property
+        def description(self) -> str: ...
+
+        def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int: ...
 
     def velocity(self, points: np.ndarray, time: float) -> np.ndarray:
         """Undisturbed wind velocity at points and a time.

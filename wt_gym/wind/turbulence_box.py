@@ -3,6 +3,7 @@
 import os
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 
@@ -102,8 +103,13 @@ class TurbulenceBox:
         # NumPy does not carry the read-only flag through pickle; without it another form of the kernels would run.
         for name, value in state.items():
             object.__setattr__(self, name, value)
-        for samples in (self.fluctuation, self.tower):
+        for samples in (self.fluctuation, self._tower):
             samples.setflags(write=False)
+
+    @property
+    def _tower(self) -> np.ndarray:
+        """``tower``, which is an array from the start, without points where none was given."""
+        return cast(np.ndarray, self.tower)
 
     @classmethod
     def kaimal(
@@ -301,11 +307,11 @@ turbine_class, cache
         points = np.zeros((self.z.size, self.y.size, 3))
         points[..., 1] = self.y
         points[..., 2] = self.z[:, None]
-        tower_points = np.zeros((self.tower.shape[1], 3))
-        tower_points[:, 2] = self.z_bottom - self.spacing_z * np.arange(self.tower.shape[1])
+        tower_points = np.zeros((self._tower.shape[1], 3))
+        tower_points[:, 2] = self.z_bottom - self.spacing_z * np.arange(self._tower.shape[1])
         content = bts.BtsContent(
             grid=self.fluctuation + steady.velocity(points, 0.0).astype(np.float32),
-            tower=self.tower + steady.velocity(tower_points, 0.0).astype(np.float32),
+            tower=self._tower + steady.velocity(tower_points, 0.0).astype(np.float32),
             time_step=self.time_step,
             spacing_y=self.spacing_y,
             spacing_z=self.spacing_z,
@@ -355,7 +361,7 @@ turbine_class, cache
             return NotImplemented
         if self is other:
             return True
-        same_samples = np.array_equal(self.fluctuation, other.fluctuation) and np.array_equal(self.tower, other.tower)
+        same_samples = np.array_equal(self.fluctuation, other.fluctuation) and np.array_equal(self._tower, other._tower)
         return self._key() == other._key() and same_samples
 
     def __hash__(self) -> int:
@@ -384,7 +390,10 @@ def _frozen_samples(samples: np.ndarray, name: str) -> np.ndarray:
 def _made_box(parameters: KaimalParameters | MannParameters, use_disk: bool) -> TurbulenceBox:
     fluctuation = box_cache.load(parameters) if use_disk else None
     if fluctuation is None:
-        fluctuation = (synthesise_mann if isinstance(parameters, MannParameters) else synthesise)(parameters)
+        if isinstance(parameters, MannParameters):
+            fluctuation = synthesise_mann(parameters)
+        else:
+            fluctuation = synthesise(parameters)
         if use_disk:
             box_cache.store(parameters, fluctuation)
     fluctuation.setflags(write=False)

@@ -1,6 +1,7 @@
 """Turbulent wind: a mean profile with a box of frozen turbulence carried along by it."""
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -61,23 +62,28 @@ class TurbulentInflow(PointInflow):
         object.__setattr__(self, "time_offset", require_number(self.time_offset, "time_offset", "s"))
 
     @property
+    def _steady(self) -> SteadyInflow:
+        """``steady``, which is there from the start, of the box where none was given."""
+        return cast(SteadyInflow, self.steady)
+
+    @property
     def mean_speed(self) -> float:
         """Mean wind speed at hub height [m/s]."""
-        return self.steady.speed
+        return self._steady.speed
 
     @property
     def hub_height(self) -> float:
         """Hub height [m]."""
-        return self.steady.hub_height
+        return self._steady.hub_height
 
     @property
     def description(self) -> str:
         """One line that tells a person what wind this is."""
         offset = f", from {self.time_offset:g} s" if self.time_offset else ""
-        return f"{self.box.description}, {self.box.duration:g} s{offset}, {self.steady.profile_description}"
+        return f"{self.box.description}, {self.box.duration:g} s{offset}, {self._steady.profile_description}"
 
     def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
-        box, steady = self.box, self.steady
+        box, steady = self.box, self._steady
         return turbulent_velocity(
             rows,
             time + self.time_offset,

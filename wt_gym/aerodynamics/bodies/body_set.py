@@ -307,12 +307,12 @@ class BodySet:
         frames = np.concatenate([np.asarray(rotations), np.asarray(origins)[..., None]], axis=2)
         if frames.shape != self._frames.shape or not np.isfinite(frames).all():
             raise AerodynamicsError(f"frames of {self.names} must be finite, {len(self.bodies)} of them")
-        moved = np.flatnonzero((frames != self._frames).any(axis=(1, 2)))
-        self._frames[moved] = np.nan  # should a refusal leave the panels between two places
-        for b in moved:
-            self._move(b, frames[b, :, :3], frames[b, :, 3])
+        elsewhere = np.flatnonzero((frames != self._frames).any(axis=(1, 2)))
+        self._frames[elsewhere] = np.nan  # should a refusal leave the panels between two places
+        for k in elsewhere:
+            self._move(k, frames[k, :, :3], frames[k, :, 3])
         self._frames[:] = frames
-        moved, self._bent = self._bent or len(moved) > 0, False
+        moved, self._bent = self._bent or len(elsewhere) > 0, False
         if moved:
             a = self.arrays
             body_kernels.normal_matrix(a, self.ground, self.has_ground, self._part, a.inverse)
@@ -478,7 +478,8 @@ def revolution_body(
     angle = 2.0 * np.pi / n_around * (np.arange(n_around) + 0.5)
     circle = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * np.cross(axis, side)
     scale = np.sqrt(2.0 * np.pi / n_around / np.sin(2.0 * np.pi / n_around))
-    vertices, rings = [], []
+    vertices: list[np.ndarray] = []
+    rings = []
     for s, r in zip(stations, radii, strict=True):
         rings.append(len(vertices) + (np.arange(n_around) if r > 0.0 else np.zeros(n_around, dtype=int)))
         vertices += list(origin + s * axis + scale * r * circle) if r > 0.0 else [origin + s * axis]

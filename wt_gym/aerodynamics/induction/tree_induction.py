@@ -116,7 +116,7 @@ def _arrays(kind, integers, reals):
 
 CHUNKS = 8  # parts of a range for each thread: some take longer than others
 
-_pools = {}  # by number of threads
+_pools: dict[int, ThreadPoolExecutor] = {}  # by number of threads
 
 # The threads of a pool exist only in the process that started them.
 os.register_at_fork(after_in_child=_pools.clear)

@@ -39,8 +39,8 @@ class SheddingEdge:
         if options.tip_wake:
             nodes += [i * n_node + n_span for i in range(n_chord - 1, -1, -1)]
             rings += [i * n_span + n_span - 1 for i in range(n_chord - 1, -1, -1)]
-        nodes = np.array(nodes)
-        return cls(nodes, np.array(rings), np.asarray(edge_chord, dtype=np.float64)[nodes % n_node])
+        line = np.array(nodes)
+        return cls(line, np.array(rings), np.asarray(edge_chord, dtype=np.float64)[line % n_node])
 
 
 def bound_segments(n_chord, n_span, edge_chord, edge, options, has_wake):

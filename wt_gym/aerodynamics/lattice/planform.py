@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from numbers import Integral
+from typing import cast
 
 import numpy as np
 
@@ -341,7 +342,7 @@ def build_planform(
     given = {"span_edges": span_edges, "chord": chord, "twist": twist, "le_offset": le_offset, "axis": axis}
     span_edges, chord, twist, le_offset, axis = (numeric_array(name, values) for name, values in given.items())
     n_edge = span_edges.size
-    if not isinstance(n_chord, Integral) or n_chord < 1 or n_edge < 2:
+    if not isinstance(cast(object, n_chord), Integral) or n_chord < 1 or n_edge < 2:
         raise AerodynamicsError(f"a lattice needs at least one panel each way; n_chord={n_chord}, span edges={n_edge}")
     for name, array, shape in (("axis", axis, (n_edge, 3)), ("chord", chord, (n_edge,)), ("twist", twist, (n_edge,)),
                                ("le_offset", le_offset, (n_edge,))):  # fmt: skip

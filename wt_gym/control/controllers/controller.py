@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -41,7 +41,13 @@ class Controller(Protocol):
         Names of the signals that are read.
     """
 
-    channels: tuple[str, ...]
+    if TYPE_CHECKING:  # read only: a property or an attribute of the class will do
+
+        @property
+        def channels(self) -> tuple[str, ...]: ...
+
+    else:
+        channels: tuple[str, ...]
 
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start bumplessly: forget everything and continue from the present demand.
@@ -78,7 +84,13 @@ class Addition(Protocol):
         Names of the signals that are read.
     """
 
-    channels: tuple[str, ...]
+    if TYPE_CHECKING:  # read only: a property or an attribute of the class will do
+
+        @property
+        def channels(self) -> tuple[str, ...]: ...
+
+    else:
+        channels: tuple[str, ...]
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -89,12 +101,12 @@ class Addition(Protocol):
         ...
 
 
-def is_controller(candidate) -> bool:
+def is_controller(candidate) -> TypeGuard[Controller]:
     """Whether something is a `Controller`; an `Addition` has the same names, but its methods take other arguments."""
     return _keeps(candidate, Controller, start=2, step=2)
 
 
-def is_addition(candidate) -> bool:
+def is_addition(candidate) -> TypeGuard[Addition]:
     """Whether something is an `Addition`."""
     return _keeps(candidate, Addition, start=1, step=3)
 
@@ -178,7 +190,8 @@ class Combined:
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the signals that any part reads."""
-        return tuple(dict.fromkeys(name for part in (self.base, *self.additions) for name in part.channels))
+        parts: tuple[Controller | Addition, ...] = (self.base, *self.additions)
+        return tuple(dict.fromkeys(name for part in parts for name in part.channels))
 
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start the base from the present demand, the additions from nothing."""

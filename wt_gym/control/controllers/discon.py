@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -262,7 +262,7 @@ class BaselineController:
 
     def _torque(self, filtered_speed: float, pitch: float, dt: float) -> float:
         """Torque command [N m]: law of the region, saturation, rate limit."""
-        p, previous = self.parameters, self.state.torque
+        p, previous = self.parameters, cast(BaselineState, self.state).torque
         pitched = pitch >= p.region_3_min_pitch
         torque = min(p.torque.torque(filtered_speed, constant_power=pitched), p.max_torque)
         if math.isnan(previous):
@@ -276,7 +276,7 @@ class BaselineController:
         factor = self._gain_factor(previous[0])
         error = filtered_speed - p.reference_speed
         to_integral = 1.0 / (factor * p.integral_gain)
-        integral = self.state.speed_integral + error * dt
+        integral = cast(BaselineState, self.state).speed_integral + error * dt
         integral = min(max(integral, p.min_pitch * to_integral), p.max_pitch * to_integral)
         demand = factor * (p.proportional_gain * error + p.integral_gain * integral)
         demand = min(max(demand, p.min_pitch), p.max_pitch)

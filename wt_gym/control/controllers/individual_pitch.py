@@ -85,6 +85,7 @@ class HarmonicPitch:
 
     def __init__(self, parameters: HarmonicPitchParameters):
         self.parameters = parameters
+        self._integral: tuple[float, ...]
         self.start()
 
     def start(self) -> None:

@@ -16,7 +16,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -136,9 +136,11 @@ class RotorTable:
     def load(cls, path: Path) -> RotorTable:
         """Read what `save` wrote."""
         content = json.loads(path.read_text(encoding="utf-8"))
-        arrays = {name: np.array(content[name], dtype=np.float64) for name in ("tip_speed_ratio", "power", "thrust")}
+        arrays: dict[str, Any] = {
+            name: np.array(content[name], dtype=np.float64) for name in ("tip_speed_ratio", "power", "thrust")
+        }
         plain = {name: content[name] for name in ("turbine", "radius", "air_density", "made_by")}
-        return cls(**plain, **arrays, pitch=np.radians(content["pitch_deg"]))
+        return cls(**(plain | arrays), pitch=np.radians(content["pitch_deg"]))
 
 
 def _place(grid: list, value: float) -> tuple[int, float]:

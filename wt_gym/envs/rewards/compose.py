@@ -64,7 +64,9 @@ def compose(reward: Mapping[str, float] | Iterable[RewardTerm] | None) -> tuple[
         if unknown:
             raise ValueError(f"reward has no terms {unknown}; there are {tuple(_TERMS)}")
         weights = check_mapping("reward", reward)
-        terms = [cls(weight=weights[name]) if name in reward else cls() for name, cls in _TERMS.items()]
+        terms: list[RewardTerm] = [
+            cls(weight=weights[name]) if name in reward else cls() for name, cls in _TERMS.items()
+        ]
     elif isinstance(reward, Iterable):
         terms = list(reward)
     else:
@@ -77,10 +79,10 @@ def compose(reward: Mapping[str, float] | Iterable[RewardTerm] | None) -> tuple[
             raise ValueError(
                 f"the weight of reward term {term.name!r} must be finite and not negative, got {term.weight}"
             )
-    terms = tuple(copy.deepcopy(term) for term in terms if term.weight > 0)
-    if not terms or len({term.name for term in terms}) != len(terms):
-        raise ValueError(f"reward needs at least one term and different names, got {[term.name for term in terms]}")
-    return terms
+    kept = tuple(copy.deepcopy(term) for term in terms if term.weight > 0)
+    if not kept or len({term.name for term in kept}) != len(kept):
+        raise ValueError(f"reward needs at least one term and different names, got {[term.name for term in kept]}")
+    return kept
 
 
 def reset(terms: Iterable[RewardTerm], turbine: Turbine, signals: Signals) -> None:

@@ -50,8 +50,17 @@ class RewardTerm(Protocol):
     A term whose rate is not bounded by its weight says so by an attribute ``worst_rate`` [1/s].
     """
 
-    name: str
-    weight: float
+    if TYPE_CHECKING:  # read only: a frozen dataclass will do
+
+        @property
+        def name(self) -> str: ...
+
+        @property
+        def weight(self) -> float: ...
+
+    else:
+        name: str
+        weight: float
 
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s], at least -weight."""

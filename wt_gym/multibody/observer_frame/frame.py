@@ -217,7 +217,7 @@ class ObserverFrameSystem:
     >>> integrator.advance(10)
     """
 
-    def __init__(self, gravity=(0.0, 0.0, 0.0), rigid_modes="deformed"):
+    def __init__(self, gravity=(0.0, 0.0, 0.0), rigid_modes="deformed") -> None:
         if rigid_modes not in RIGID_MODES:
             raise ObserverFrameError(f"rigid_modes {rigid_modes!r} are unknown; allowed: {', '.join(RIGID_MODES)}")
         self.gravity, self.rigid_modes = np.asarray(gravity, dtype=float), rigid_modes

@@ -16,8 +16,9 @@ angular velocity can be inserted afterwards (eqs 7–8 without their ω):
 (K. Holm-Jørgensen, S. R. K. Nielsen, R. Rubak, System reduction in nonlinear multibody dynamics of wind turbines.)
 """
 
+import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -107,7 +108,7 @@ class Place:
 
     position: np.ndarray
     field: np.ndarray
-    second_order: Callable = field(repr=False)
+    second_order: Callable = dataclasses.field(repr=False)
 
     @classmethod
     def on_beam(cls, beam, basis, s):
@@ -162,17 +163,17 @@ class Substructure:
     places: dict
     frequency: np.ndarray
     ends: np.ndarray
-    particle_mass: np.ndarray = field(repr=False)
-    particle_position: np.ndarray = field(repr=False)
-    particle_shape: np.ndarray = field(repr=False)
-    stiffness: np.ndarray = field(repr=False)
-    damping: np.ndarray = field(repr=False)
-    first_moment: np.ndarray = field(repr=False)
-    gyro: np.ndarray = field(repr=False)
-    second: np.ndarray = field(repr=False)
-    reference_moment: np.ndarray = field(repr=False)
-    beam: object = field(default=None, repr=False)
-    basis: np.ndarray | None = field(default=None, repr=False)
+    particle_mass: np.ndarray = dataclasses.field(repr=False)
+    particle_position: np.ndarray = dataclasses.field(repr=False)
+    particle_shape: np.ndarray = dataclasses.field(repr=False)
+    stiffness: np.ndarray = dataclasses.field(repr=False)
+    damping: np.ndarray = dataclasses.field(repr=False)
+    first_moment: np.ndarray = dataclasses.field(repr=False)
+    gyro: np.ndarray = dataclasses.field(repr=False)
+    second: np.ndarray = dataclasses.field(repr=False)
+    reference_moment: np.ndarray = dataclasses.field(repr=False)
+    beam: object = dataclasses.field(default=None, repr=False)
+    basis: np.ndarray | None = dataclasses.field(default=None, repr=False)
 
     @classmethod
     def from_points(cls, name, points, stiffness, damping, places, ends, *, reference="given", **more):
