@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines import file_cache
 from wt_gym.turbines.checks import check_array, check_ascending, check_number, fail, short
 
 __all__ = ["Node", "read_windio", "within"]
@@ -141,7 +142,23 @@ def read_windio(path: Path) -> Node:
         If the file cannot be read, is no YAML, is not for windIO 2, or does not fit the schema. One error, naming the
         key path; further violations are counted.
     """
-    # windIO pulls in xarray and netCDF4, most of a second: only those who read a file pay for it.
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise TurbineDefinitionError(f"cannot be read: {error}") from error
+    alone = b"!include" not in content  # what it includes may change without it
+    known = file_cache.load(content) if alone else None
+    if known is not None:
+        return Node(known)
+    data = _read_and_check(path)
+    if alone:
+        file_cache.store(content, data)
+    return Node(data)
+
+
+def _read_and_check(path: Path) -> dict[str, Any]:
+    """Content of a file that fits windIO's schema."""
+    # windIO pulls in xarray and netCDF4, most of a second: only those who read a new file pay for it.
     import windIO
     from jsonschema.exceptions import ValidationError
     from ruamel.yaml.error import YAMLError
@@ -164,7 +181,7 @@ def read_windio(path: Path) -> Node:
         windIO.validate(data, SCHEMA)
     except ValidationError as error:
         raise TurbineDefinitionError(_explain(error.message)) from error
-    return Node(data)
+    return data
 
 
 class _Loader:

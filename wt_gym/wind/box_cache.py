@@ -11,7 +11,6 @@ import hashlib
 import json
 import logging
 import os
-import sys
 import tempfile
 import tokenize
 import zipfile
@@ -20,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wt_gym.user_cache import user_cache
 from wt_gym.wind.kaimal import KaimalParameters
 from wt_gym.wind.mann import MannParameters
 
@@ -39,31 +39,13 @@ _log = logging.getLogger(__name__)
 _Parameters = KaimalParameters | MannParameters
 
 
-def cache_directory() -> Path | None:
-    """Folder of the cached boxes, or None where neither the variable nor a home directory exists."""
-    chosen = os.environ.get("WT_GYM_CACHE")
-    if chosen:
-        return Path(chosen).expanduser() / "turbulence"
-    try:
-        home = Path.home()
-    except RuntimeError:
-        return None
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = home / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
-    return base / "wt_gym" / "turbulence"
-
-
 def cache_file(parameters: _Parameters) -> Path | None:
     """File in which the box of these parameters is or would be kept."""
-    directory = cache_directory()
-    if directory is None:
+    folder = user_cache()
+    if folder is None:
         return None
     digest = hashlib.sha256(_label(parameters).encode()).hexdigest()[:20]
-    return directory / f"{parameters.model}-{digest}.npz"
+    return folder / "turbulence" / f"{parameters.model}-{digest}.npz"
 
 
 def _label(parameters: _Parameters) -> str:

@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.user_cache import user_cache
+
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
@@ -179,10 +181,8 @@ def _stored(turbine: Turbine) -> RotorTable | None:
 
 def _cached(turbine: Turbine, key: str) -> RotorTable:
     """Table from the user's cache folder, measured if it is not there."""
-    from wt_gym.wind.box_cache import cache_directory
-
-    folder = cache_directory()
-    path = folder.parent / "rotor" / f"{key[:20]}-{_MEASUREMENT}.json" if folder is not None else None
+    folder = user_cache()
+    path = folder / "rotor" / f"{key[:20]}-{_MEASUREMENT}.json" if folder is not None else None
     if path is not None and path.is_file():
         return RotorTable.load(path)
     from wt_gym.control.controllers.rotor_measurement import measure_rotor  # brings the simulator
