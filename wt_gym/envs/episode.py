@@ -74,8 +74,7 @@ def episode_steps(env: gym.Env, agent: Agent, observation: np.ndarray) -> Iterat
     state, start, done = None, True, False
     while not done:
         action, state = agent.predict(observation, state=state, episode_start=np.array([start]), deterministic=True)
-        step = EpisodeStep(
-            action, *cast(tuple[np.ndarray, float | np.ndarray, bool, bool, dict[str, Any]], env.step(action))
-        )
+        answer = cast("tuple[np.ndarray, float | np.ndarray, bool, bool, dict[str, Any]]", env.step(action))
+        step = EpisodeStep(action, *answer)
         observation, start, done = step.observation, False, step.done
         yield step

@@ -277,8 +277,6 @@ class Simulator:
     def constraint_drift(self, restart=True):
         """How far steps have drifted off the constraint equations before they were put back onto them.
 
-        Implicit integrators do not put them back: it is then how far the motion was off them at the end of a step.
-
         Parameters
         ----------
         restart : bool

@@ -9,7 +9,8 @@ Arnold & Brüls (2007), Chung & Hulbert's scheme reads
 
 ⊞ adds increments of angles, slides and elastic coordinates, and turns a quaternion by the body-fixed rotation vector
 (Brüls & Cardona 2010). Newmark's scheme is the case αm = αf = 0. Because the equations of motion hold at the end of the
-step, the stored rate belongs to the stored state.
+step, the stored rate belongs to the stored state. With constraint equations the state is then put back onto them,
+if the system asks for it, and the rate is taken there.
 
 Newton's matrix ∂(x₁ − u̇)/∂x₁ comes from finite differences. It is kept over the steps and made anew when the iteration
 slows down.
@@ -18,8 +19,9 @@ slows down.
 import math
 
 from wt_gym.compiled import kernel
+from wt_gym.multibody.integrators.integrator_kernels import normalise_quaternions
 from wt_gym.multibody.tree.linear_algebra_kernels import factorise, solve_factorised
-from wt_gym.multibody.tree.rate_kernels import keep_drift, rates
+from wt_gym.multibody.tree.rate_kernels import keep_drift, project, rates
 from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, NOT_CONVERGED, OK, SPHERICAL
 
 FRESH, EVALUATIONS, TANGENTS = range(3)
@@ -171,6 +173,13 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
             return code
         if constrained is not None:
             keep_drift(work)
+            if tree.projection:
+                project(scratch.trial, tree, work, scratch.shifted, scratch.rate)
+                normalise_quaternions(scratch.trial, tree.kind, tree.joint_q, work.drift)
+                code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
+                history.marks[EVALUATIONS] += 1
+                if code != OK:
+                    return code
         for i in range(n_u + n_s):
             history.memory[i] = scratch.pseudo[i]
         for i in range(history.y.shape[1]):
