@@ -16,11 +16,11 @@ def user_cache() -> Path | None:
         It need not exist; None where neither the variable nor a home directory does.
     """
     chosen = os.environ.get("WT_GYM_CACHE")
-    if chosen:
-        return Path(chosen).expanduser()
     try:
+        if chosen:
+            return Path(chosen).expanduser()
         home = Path.home()
-    except RuntimeError:
+    except RuntimeError:  # no home, or none of the user that the variable names
         return None
     if sys.platform == "win32":
         base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")

@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from wt_gym.control.controllers.rotor_rules import tower_top
 from wt_gym.envs.rendering import _cut_at_sea_level
 from wt_gym.errors import SimulationError, TurbineDefinitionError
 from wt_gym.simulation import Fidelity, Simulator
@@ -223,6 +224,34 @@ def test_ground_loads_carry_the_weight_and_the_moment_to_the_sea_bed():
     simulator.advance(0.2, 0.0)
     simulator.restore(kept)
     assert np.array_equal(simulator.ground_loads(), loads)
+
+
+@pytest.mark.parametrize("name", ["nrel_5mw", "nrel_5mw_monopile", "iea_15mw_monopile"])
+def test_tower_dampers_know_the_tower_with_its_pile(name):
+    """Spring and ratio of deflections are those of the finite elements; the frequency is a Rayleigh quotient."""
+    turbine = load_turbine(name)
+    rule, beam = tower_top(turbine), tower_beam(turbine.tower, 24)
+    moving = [6 * node + dof for node in range(beam.first_free, len(beam.nodes)) for dof in (0, 1, 3, 4)]
+    stiffness = beam.stiffness[np.ix_(moving, moving)]
+    for move, turn, sign, frequency in ((0, 4, 1.0, rule.fore_aft), (1, 3, -1.0, rule.side_side)):
+        loads = np.zeros((beam.n_dof, 2))
+        loads[-6 + move, 0], loads[-6 + turn, 1] = 1.0, sign
+        by_force, by_moment = np.linalg.solve(stiffness, loads[moving])[moving.index(beam.n_dof - 6 + move)]
+        assert 1.0 / (rule.mass * frequency**2) == pytest.approx(by_force, rel=0.005)
+        assert rule.force_per_moment == pytest.approx(by_moment / by_force, rel=0.005)
+    point = np.zeros((6, 6))
+    hub, nacelle, blade = turbine.hub, turbine.nacelle, turbine.blade.structure
+    rotor = hub.mass + turbine.n_blades * np.trapezoid(blade.inertia[:, 0, 0], blade.station)
+    point[:3, :3] = (nacelle.mass + nacelle.yaw_bearing_mass + rotor) * np.eye(3)
+    exact = clamped_modes(beam, 1, tip_mass=point, node_dofs=(0, 4)).frequency[0]
+    assert rule.fore_aft == pytest.approx(2.0 * np.pi * exact, rel=0.02)
+
+
+def test_a_nodal_tower_stands_on_a_monopile():
+    simulator = Simulator("nrel_5mw_monopile", SteadyInflow(10.0), Fidelity("nodal", tower_coordinates="nodal"))
+    signals = simulator.reset(1.2)
+    modal = Simulator("nrel_5mw_monopile", SteadyInflow(10.0)).reset(1.2)
+    assert signals.tower_top_fore_aft == pytest.approx(modal.tower_top_fore_aft, rel=0.01)
 
 
 def test_environment_on_a_monopile():

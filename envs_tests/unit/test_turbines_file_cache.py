@@ -1,6 +1,7 @@
 """Files of turbines that were read before: the same turbine, and nothing else, comes back."""
 
 import datetime
+import hashlib
 import logging
 import os
 from importlib import import_module
@@ -78,13 +79,31 @@ def test_files_that_do_not_fit_are_never_kept(cache, tmp_path):
     assert not cache.exists()
 
 
-def test_files_with_others_in_them_are_read_each_time(cache, tmp_path):
-    """What an included file holds is not in the digest."""
+@pytest.mark.parametrize("text", ["[1]", "", "[" * 100_000])
+def test_what_is_no_turbine_is_read_anew(cache, text, caplog):
+    """Even where it bears out its own digest."""
+    file_cache.store(CONTENT, DATA)
+    (path,) = cache.iterdir()
+    path.write_text(f"{hashlib.sha256(text.encode()).hexdigest()}\n{text}")
+    with caplog.at_level(logging.WARNING, file_cache.__name__):
+        assert file_cache.load(CONTENT) is None
+    assert "holds no turbine" in caplog.text
+
+
+def test_a_cache_of_nobody_is_none(monkeypatch):
+    monkeypatch.setenv("WT_GYM_CACHE", "~no_such_user_here/cache")
+    file_cache.store(CONTENT, DATA)
+    assert file_cache.load(CONTENT) is None
+
+
+@pytest.mark.parametrize("tag", ["!include", "!%69nclude"], ids=["plain", "escaped"])
+def test_files_with_others_in_them_are_read_each_time(cache, tmp_path, tag):
+    """What an included file holds is not in the digest, however the file says that it includes it."""
     text = turbine_file("nrel_5mw").read_text(encoding="utf-8")
     (tmp_path / "name.yaml").write_text("first\n")
     path = tmp_path / "turbine.yaml"
     first_line = next(line for line in text.splitlines() if line.startswith("name:"))
-    path.write_text(text.replace(first_line, "name: !include name.yaml", 1), encoding="utf-8")
+    path.write_text(text.replace(first_line, f"name: {tag} name.yaml", 1), encoding="utf-8")
     assert load_turbine(path).name == "first"
     (tmp_path / "name.yaml").write_text("second\n")
     assert load_turbine(path).name == "second"

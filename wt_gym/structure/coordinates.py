@@ -50,7 +50,7 @@ def body_from_beam(
     damping_ratio=0.0,
     markers=None,
 ) -> FlexibleBody:
-    """A body clamped to its frame at node 0 of a beam, in the coordinates of one's choice.
+    """A body whose frame lies at node 0 of a beam, clamped there or on its foundation, in coordinates of one's choice.
 
     Parameters
     ----------

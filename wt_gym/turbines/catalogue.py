@@ -130,18 +130,17 @@ def load_turbine(
         content = path.read_bytes()
     except OSError as error:
         raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
-    # Included files are not part of the content, so such a file is read anew each time.
-    alone = b"!include" not in content and water_depth is None
-    key = hashlib.sha256(content).hexdigest() if alone else ""
-    if key not in _loaded:
-        try:
-            turbine = _build(read_windio(path), water_depth, foundation)
-        except TurbineDefinitionError as error:
-            raise TurbineDefinitionError(f"{path}: {error}") from error
-        if not key:
-            return turbine
+    key = hashlib.sha256(content).hexdigest()
+    if water_depth is None and key in _loaded:
+        return _loaded[key]
+    try:
+        root, alone = read_windio(path, content)
+        turbine = _build(root, water_depth, foundation)
+    except TurbineDefinitionError as error:
+        raise TurbineDefinitionError(f"{path}: {error}") from error
+    if water_depth is None and alone:
         _loaded[key] = turbine
-    return _loaded[key]
+    return turbine
 
 
 def turbine_file(name_or_path: str | Path) -> Path:

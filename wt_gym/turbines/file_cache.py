@@ -38,7 +38,14 @@ def load(content: bytes) -> dict[str, Any] | None:
     if digest != _digest(text):
         _log.warning("cached turbine %s is damaged; its file is read again", path)
         return None
-    return json.loads(text)
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError):
+        data = None
+    if not isinstance(data, dict):
+        _log.warning("cached turbine %s holds no turbine; its file is read again", path)
+        return None
+    return data
 
 
 def store(content: bytes, data: dict[str, Any]) -> None:
@@ -46,7 +53,10 @@ def store(content: bytes, data: dict[str, Any]) -> None:
     path = _path(content)
     if path is None or not _is_plain(data):
         return
-    text = json.dumps(data)
+    try:
+        text = json.dumps(data)
+    except ValueError:  # integers of thousands of digits
+        return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as partial:

@@ -13,6 +13,7 @@ from wt_gym.turbines.model import Support, Tower, Turbine
 
 __all__ = ["OC3_FOUNDATION", "oc3_turbine"]
 
+NAME = "NREL 5-MW baseline, OC3 monopile"
 WATER_DEPTH, TOWER_BASE = 20.0, 10.0
 """Depth of the sea bed and height of the transition from monopile to tower [m]."""
 PILE_DIAMETER, PILE_WALL = 6.0, 0.060
@@ -74,4 +75,4 @@ def oc3_turbine() -> Turbine:
     note = (
         "tower and monopile of OC3, phase II (coupled springs); settlement and twist of the pile are stiff, not rigid"
     )
-    return replace(land, tower=tower, notes=(*land.notes, note))
+    return replace(land, name=NAME, tower=tower, notes=(*land.notes, note))

@@ -124,17 +124,21 @@ def within(path: str) -> Iterator[None]:
         raise TurbineDefinitionError(f"{path}: {error}") from error
 
 
-def read_windio(path: Path) -> Node:
+def read_windio(path: Path, content: bytes) -> tuple[Node, bool]:
     """Load a windIO v2 turbine file with windIO's safe loader and validate it against windIO's schema.
 
     Parameters
     ----------
     path : Path
+    content : bytes
+        Of the file.
 
     Returns
     -------
     Node
         The top level of the file.
+    bool
+        Whether the content is all there is: the file includes no others, which may change without it.
 
     Raises
     ------
@@ -142,29 +146,25 @@ def read_windio(path: Path) -> Node:
         If the file cannot be read, is no YAML, is not for windIO 2, or does not fit the schema. One error, naming the
         key path; further violations are counted.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise TurbineDefinitionError(f"cannot be read: {error}") from error
-    alone = b"!include" not in content  # what it includes may change without it
-    known = file_cache.load(content) if alone else None
+    known = file_cache.load(content)
     if known is not None:
-        return Node(known)
-    data = _read_and_check(path)
+        return Node(known), True
+    data, alone = _read_and_check(path, content)
     if alone:
         file_cache.store(content, data)
-    return Node(data)
+    return Node(data), alone
 
 
-def _read_and_check(path: Path) -> dict[str, Any]:
-    """Content of a file that fits windIO's schema."""
+def _read_and_check(path: Path, content: bytes) -> tuple[dict[str, Any], bool]:
+    """What a file that fits windIO's schema holds, and whether it includes no others."""
     # windIO pulls in xarray and netCDF4, most of a second: only those who read a new file pay for it.
     import windIO
     from jsonschema.exceptions import ValidationError
     from ruamel.yaml.error import YAMLError
 
+    loader = _Loader()
     try:
-        data = _Loader().load(path)
+        data = loader.load(path, content)
     except (YAMLError, IndexError) as error:  # the latter where a number is said to stand and nothing does
         raise TurbineDefinitionError(f"not a valid YAML file: {error}") from error
     except RecursionError as error:
@@ -181,7 +181,7 @@ def _read_and_check(path: Path) -> dict[str, Any]:
         windIO.validate(data, SCHEMA)
     except ValidationError as error:
         raise TurbineDefinitionError(_explain(error.message)) from error
-    return data
+    return data, loader.files == 1
 
 
 class _Loader:
@@ -193,18 +193,18 @@ class _Loader:
 
     def __init__(self) -> None:
         self._open: list[Path] = []
-        self._files = self._bytes = 0
+        self.files = self._bytes = 0
 
-    def load(self, path: Path) -> Any:
-        """Content of a file."""
+    def load(self, path: Path, content: bytes | None = None) -> Any:
+        """What a file holds, or would hold with this content."""
         from ruamel.yaml import YAML
         from ruamel.yaml.constructor import SafeConstructor
 
         if path.resolve() in self._open:
             raise TurbineDefinitionError(f"{path.name} includes itself")
-        content = path.read_bytes()
-        self._files, self._bytes = self._files + 1, self._bytes + len(content)
-        if self._files > _MOST_FILES or self._bytes > _MOST_BYTES:
+        content = path.read_bytes() if content is None else content
+        self.files, self._bytes = self.files + 1, self._bytes + len(content)
+        if self.files > _MOST_FILES or self._bytes > _MOST_BYTES:
             raise TurbineDefinitionError(f"includes more than {_MOST_FILES} files, or {_MOST_BYTES:.0e} bytes")
         _check_brackets(content)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from wt_gym.turbines import Turbine
+    from wt_gym.turbines import Support, Tower, Turbine
 
 __all__ = ["TowerTop", "flap_moment_sensitivity", "tower_top"]
 
@@ -51,28 +51,72 @@ def tower_top(turbine: Turbine) -> TowerTop:
     """First bending modes of a tower, from the deflection under a force at its top.
 
     The tower's own mass counts with the square of that deflection (Rayleigh's quotient). Rotor and nacelle are a point
-    mass at the top.
+    mass at the top. A monopile bends with the tower, turns and shifts on its foundation, and carries water along.
     """
-    structure, hub, nacelle = turbine.tower.structure, turbine.hub, turbine.nacelle
-    z = np.linspace(0.0, structure.station[-1], 201)
-    arm, step = z[-1] - z, np.diff(z)[0]
+    hub, nacelle = turbine.hub, turbine.nacelle
     blade = turbine.blade.structure
     rotor = turbine.n_blades * np.trapezoid(blade.inertia[:, 0, 0], blade.station) + hub.mass
     top = float(nacelle.mass + nacelle.yaw_bearing_mass + rotor)
+    column = _column(turbine.tower)
+    z = np.linspace(0.0, column.station[-1], 201)
+    arm, step = z[-1] - z, np.diff(z)[0]
+    line = np.interp(z, column.station, column.mass) + column.water(z)
 
     def frequency(axis: int) -> tuple[float, float, float]:
         """Frequency [rad/s], modal mass [kg] and ratio of deflections under a moment and a force [1/m]."""
-        bending = np.interp(z, structure.station, structure.stiffness[:, axis, axis])
+        bending = np.interp(z, column.station, column.stiffness[:, axis, axis])
+        (shift, turn), (shift_by_moment, turn_by_moment) = column.base(axis)
         slope = _integral(arm / bending, step)
-        shape = _integral(slope, step)
-        by_moment = _integral(_integral(1.0 / bending, step), step)[-1]
-        line = np.interp(z, structure.station, structure.inertia[:, 0, 0])
-        mass = top + float(np.trapezoid(line * (shape / shape[-1]) ** 2, z))
+        shape = _integral(slope, step) + shift + turn * z
+        by_moment = _integral(_integral(1.0 / bending, step), step)[-1] + shift_by_moment + turn_by_moment * z[-1]
+        shares = (shape / shape[-1]) ** 2
+        mass = top + float(np.trapezoid(line * shares, z)) + column.lump * float(np.interp(column.lump_at, z, shares))
         return math.sqrt(1.0 / (shape[-1] * mass)), mass, float(by_moment / shape[-1])
 
     fore_aft, mass, _ = frequency(4)
     side_side, _, ratio = frequency(3)
     return TowerTop(mass, fore_aft, side_side, ratio)
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Tower with the support it may stand on: tables from the foot up, a lump of mass, and the ground."""
+
+    station: np.ndarray  # (n,) [m]
+    stiffness: np.ndarray  # (n, 6, 6)
+    mass: np.ndarray  # (n,) [kg/m]
+    lump: float  # [kg]
+    lump_at: float  # [m]
+    support: Support | None
+
+    def water(self, z: np.ndarray) -> np.ndarray | float:
+        """Mass per length of the water that moves along [kg/m], at distances from the foot (n,) [m]."""
+        return 0.0 if self.support is None else np.where(z <= self.lump_at, self.support.added_mass_at(z), 0.0)
+
+    def base(self, axis: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Shift [m] and turn [rad] of the foot under a unit force at the top, and under a unit moment."""
+        if self.support is None or self.support.foundation is None:
+            return (0.0, 0.0), (0.0, 0.0)
+        move, sign = (0, 1.0) if axis == 4 else (1, -1.0)  # a push along y turns the foot about -x
+        spring = self.support.foundation[np.ix_([move, axis], [move, axis])]
+        by_force = np.linalg.solve(spring, [1.0, sign * self.station[-1]])
+        by_moment = np.linalg.solve(spring, [0.0, sign])
+        return (float(by_force[0]), sign * float(by_force[1])), (float(by_moment[0]), sign * float(by_moment[1]))
+
+
+def _column(tower: Tower) -> _Column:
+    table, support = tower.structure, tower.support
+    if support is None:
+        return _Column(table.station, table.stiffness, table.inertia[:, 0, 0], 0.0, 0.0, None)
+    below = support.structure
+    return _Column(
+        np.concatenate([below.station, support.length + table.station]),
+        np.concatenate([below.stiffness, table.stiffness]),
+        np.concatenate([below.inertia[:, 0, 0], table.inertia[:, 0, 0]]),
+        support.top_mass,
+        support.length,
+        support,
+    )
 
 
 def _integral(values: np.ndarray, step: float) -> np.ndarray:
