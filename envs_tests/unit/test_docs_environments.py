@@ -37,9 +37,11 @@ def left(tmp_path_factory):
 
 
 def test_examples_run(left):
-    boundary, parked, drawn, many, planned = left
+    boundary, offshore, soil, parked, drawn, many, planned = left
     assert boundary["env"].action_space.shape == (1,)
     assert 12.0 < boundary["info"]["wind_speed"] < 16.1  # at the hub
+    assert offshore["env"].unwrapped.turbine.tower.support.base_height == -20.0
+    assert soil["turbine"].tower.support.foundation[0, 0] == soil["ground"][0, 0] > 1e9
     assert (parked["terminated"], parked["truncated"]) == (False, False)
     assert abs(parked["info"]["rotor_speed"]) < 0.1
     assert isinstance(drawn["env"].unwrapped.episode_wind.inflow, TurbulentInflow)
