@@ -12,8 +12,11 @@ So each kernel would be optimised again within every kernel above it. A kernel m
 callers call its one machine code through a symbol, which names the kernel, its argument types and the sources that it
 was compiled from. A caller that comes from the cache has its separate kernels loaded, or compiled, first.
 
-What unpacks hundreds of arrays from Python's objects takes as long to compile as a kernel itself. Separate kernels
-therefore have no such way in of their own; where Python calls one, a function that only passes on the call is compiled.
+Every other kernel is an inner one: its code is simplified, linked into its callers and optimised there. It has no
+machine code of its own.
+
+What unpacks hundreds of arrays from Python's objects takes as long to compile as a kernel itself. Kernels therefore
+have no such way in of their own; where Python calls one, a function that only passes on the call is compiled.
 """
 
 import hashlib
@@ -26,10 +29,10 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 import numba
-from llvmlite.binding import Linkage
-from numba.core.caching import FunctionCache
+from llvmlite.binding import Linkage, parse_bitcode
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.funcdesc import PythonFunctionDescriptor
 from numba.core.registry import CPUDispatcher
@@ -85,6 +88,10 @@ class _SelfContained(JITCodeLibrary):
 
     _name_and_symbol = None  # of a separate kernel
 
+    def _optimize_functions(self, ll_module):
+        """Leave them as they are: numba would simplify here what is simplified again after linking."""
+        ll_module.data_layout = self._codegen._data_layout
+
     def __init__(self, codegen, name):
         super().__init__(codegen, name)
         self._called = {}  # separate kernels: their names in LLVM's code, and symbols
@@ -117,20 +124,70 @@ class _SelfContained(JITCodeLibrary):
         super()._finalize_final_module()
 
 
+class _Inner(_SelfContained):
+    """Code that is only linked into its callers: no machine code is made of it."""
+
+    def _optimize_final_module(self):
+        """Simplify only, which makes less work for each caller; there it is optimised with what surrounds it."""
+        passes, builder = self._codegen._module_pass_manager(loop_vectorize=False, slp_vectorize=False, opt=1)
+        passes.run(self._final_module, builder)
+
+    def _finalize_final_module(self):
+        self._finalized = True  # and nothing is loaded
+
+    def get_pointer_to_function(self, name):
+        """None, as for a function that is not there; numba asks when the code is complete."""
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self):
+        """What numba asks to give loaded code its environment, of which there is none here."""
+        return _WithoutEnvironments()
+
+    def serialize_using_object_code(self):
+        """For the cache: what callers link."""
+        return self.name, "inner", self._final_module.as_bitcode()
+
+    @classmethod
+    def load(cls, codegen, name, bitcode):
+        """From the cache."""
+        library = cls(codegen, name)
+        library._final_module = parse_bitcode(bitcode)
+        library._finalize_final_module()
+        return library
+
+
+class _WithoutEnvironments:
+    """A place for code that is never loaded."""
+
+    def set_env(self, name, environment):
+        """Nothing to do."""
+
+
 @register_pass(mutates_CFG=False, analysis_only=False)
 class _UseSelfContained(LoweringPass):
     """Have the machine code written into a `_SelfContained` library; numba would make a plain one."""
 
     _name = "use_self_contained_library"
+    _library = _SelfContained
 
     def __init__(self):
         LoweringPass.__init__(self)
 
     def run_pass(self, state):
         """Make the library."""
-        state.library = _SelfContained(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = self._library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         return True
+
+
+@register_pass(mutates_CFG=False, analysis_only=False)
+class _UseInner(_UseSelfContained):
+    """The same for kernels that are only linked into others."""
+
+    _name = "use_inner_library"
+    _library = _Inner
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -152,10 +209,26 @@ class _UseSeparate(_UseSelfContained):
         return True
 
 
+class _Flags(Flags):
+    """Options of a compilation that are told apart by those that were given.
+
+    numba looks up a hundred thousand things by them, and collects those that were not given each time.
+    """
+
+    def __hash__(self):
+        return hash(frozenset(self._values))
+
+    def __eq__(self, other):
+        return isinstance(other, _Flags) and self._values == other._values
+
+
 class _KernelCompiler(CompilerBase):
     """The stages of numba's compiler with self-contained machine code."""
 
     _library_pass = _UseSelfContained
+
+    def __init__(self, typing, target, library, arguments, result, flags, types_of_variables):
+        super().__init__(typing, target, library, arguments, result, _Flags(flags), types_of_variables)
 
     def define_pipelines(self):
         """One pipeline, without Python objects."""
@@ -165,15 +238,41 @@ class _KernelCompiler(CompilerBase):
         return [stages]
 
 
+class _InnerCompiler(_KernelCompiler):
+    """The same for kernels that are only linked into others."""
+
+    _library_pass = _UseInner
+
+
 class _SeparateCompiler(_KernelCompiler):
     """The same for separate kernels."""
 
     _library_pass = _UseSeparate
 
 
+class _KernelCacheImpl(CompileResultCacheImpl):
+    """What of a compiled kernel goes to disk and comes back."""
+
+    def rebuild(self, target_context, payload):
+        """The result of a compilation, with or without machine code."""
+        (name, kind, code), described, environment, signature, object_mode, lifted, types, reload_init, others = payload
+        if kind != "inner":
+            return super().rebuild(target_context, payload)
+        for load in reload_init:
+            load()
+        library = _Inner.load(target_context.codegen(), name, code)
+        return CompileResult(
+            target_context=target_context, typing_context=target_context.typing_context, library=library,
+            environment=environment, entry_point=target_context.get_executable(library, described, environment),
+            fndesc=described, type_annotation=types, signature=signature, objectmode=object_mode, lifted=lifted,
+            typing_error=None, call_helper=None, metadata=None, reload_init=reload_init, referenced_envs=others,
+        )  # fmt: skip
+
+
 class _KernelCache(FunctionCache):
     """Machine code on disk, which comes with the separate kernels that it calls."""
 
+    _impl_class = _KernelCacheImpl
     separate = False
 
     def _load_overload(self, sig, target_context):
@@ -191,8 +290,8 @@ class _KernelCache(FunctionCache):
         return result
 
 
-class _SeparateDispatcher(CPUDispatcher):
-    """A separate kernel, which other kernels call by its symbol and Python through a function of its own."""
+class _KernelDispatcher(CPUDispatcher):
+    """A kernel, which other kernels call and Python through a function of its own."""
 
     @cached_property
     def from_python(self):
@@ -204,7 +303,7 @@ class _SeparateDispatcher(CPUDispatcher):
         namespace = {"_kernel": self, "__name__": function.__module__}
         exec(compile(source, inspect.getfile(function), "exec"), namespace)
         namespace[name].__defaults__ = function.__defaults__
-        return kernel(namespace[name], **self._given)
+        return _dispatcher(namespace[name], _KernelCompiler, self._given)
 
     def __call__(self, *arguments, **named):
         """Call from Python."""
@@ -220,7 +319,7 @@ def _stamp():
 
 
 def kernel(function=None, separate=False, **options):
-    """Compile a function on plain arrays.
+    """Compile a function on plain arrays that stands at the top level of its module.
 
     Reference counting is off (arrays live in the caller), which trebles the speed of functions that pass many arrays;
     a kernel can therefore not allocate.
@@ -230,7 +329,7 @@ def kernel(function=None, separate=False, **options):
     function : callable
     separate : bool
         Compile it once for all its callers, which then call it: some nanoseconds and as many for each array among the
-        arguments. For big kernels outside of inner loops; at the top level of their module.
+        arguments. For big kernels outside of inner loops. Others become part of each caller.
     **options
         Further options of ``numba.njit``. ``inline="always"`` suits a kernel with a single caller: it is then compiled
         once, not on its own and again within its caller.
@@ -238,19 +337,26 @@ def kernel(function=None, separate=False, **options):
     Raises
     ------
     ValueError
-        If a separate kernel is defined within a function or class.
+        If a kernel is defined within a function or class.
     """
     if function is None:
         return lambda f: kernel(f, separate, **options)
-    if separate and function.__qualname__ != function.__name__:
-        raise ValueError(f"{function.__qualname__}: a separate kernel stands at the top level of its module")
+    if function.__qualname__ != function.__name__:
+        raise ValueError(f"{function.__qualname__}: a kernel stands at the top level of its module")
+    dispatcher = _dispatcher(
+        function, _SeparateCompiler if separate else _InnerCompiler, options | {"no_cpython_wrapper": True}
+    )
+    dispatcher.__class__ = _KernelDispatcher  # which numba cannot be asked for
+    dispatcher._given = options
+    dispatcher._cache.separate = separate
+    return dispatcher
+
+
+def _dispatcher(function, compiler, options):
+    """Numba's, with common options and a cache that notices changes."""
     # no kernel is called through a pointer in C
     defaults = {"error_model": "numpy", "fastmath": FASTMATH, "_nrt": False, "no_cfunc_wrapper": True}
-    defaults["pipeline_class"] = _SeparateCompiler if separate else _KernelCompiler
-    dispatcher = numba.njit(**(defaults | options | ({"no_cpython_wrapper": True} if separate else {})))(function)
-    if separate:
-        dispatcher.__class__ = _SeparateDispatcher  # which numba cannot be asked for
-        dispatcher._given = options
+    dispatcher = numba.njit(**(defaults | {"pipeline_class": compiler} | options))(function)
     try:
         dispatcher._cache = _KernelCache(function)
     except RuntimeError as error:
@@ -258,7 +364,6 @@ def kernel(function=None, separate=False, **options):
             f"there is no place to keep compiled kernels: neither the folder of {inspect.getfile(function)} nor a "
             "cache of the user can be written; set NUMBA_CACHE_DIR to a folder that can"
         ) from error
-    dispatcher._cache.separate = separate
     # in the place of the version, because numba reads an old file no further: it may name types that have moved since
     dispatcher._cache._cache_file._version = _stamp()
     return dispatcher
@@ -269,6 +374,6 @@ def compiled_for(function, arguments):
 
     A call of the kernel itself looks up the type of each array it is given: 25 µs for two hundred of them.
     """
-    if isinstance(function, _SeparateDispatcher):
+    if isinstance(function, _KernelDispatcher):
         function = function.from_python
     return function.compile(tuple(numba.typeof(argument) for argument in arguments))

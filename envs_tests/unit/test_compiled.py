@@ -43,7 +43,9 @@ RUN = """
 import numpy as np, numba
 from leaf_module import leaf
 from caller_module import between, branch, root
-print(root(np.arange(4.0), 3.0), *(len(k.stats.cache_hits) - len(k.stats.cache_misses) for k in (leaf, branch, root)))
+print(root(np.arange(4.0), 3.0), *(
+    len(k.stats.cache_hits) - len(k.stats.cache_misses) for k in (leaf, branch, root.from_python)
+))
 """
 """Prints the result, and for each kernel 1 where it came from the cache, -1 where it was compiled."""
 
@@ -91,8 +93,8 @@ def test_a_caller_has_no_code_of_its_separate_kernels(modules, monkeypatch):
     from leaf_module import leaf
 
     root(np.arange(4.0), 3.0)
-    (signature,) = root.signatures
-    code = root.inspect_llvm(signature)
+    (signature,) = root.from_python.signatures
+    code = root.from_python.inspect_llvm(signature)
     (symbol,) = set(re.findall(r"leaf_module\.leaf\.[0-9a-f]+", code))
     assert re.search(rf"^declare .*@{re.escape(symbol)}\(", code, re.MULTILINE)
     (definition,) = re.findall(rf"^define (.*)@{re.escape(symbol)}\(", leaf.inspect_llvm(signature), re.MULTILINE)
@@ -114,10 +116,23 @@ print(*(len(k.stats.cache_hits) - len(k.stats.cache_misses) for k in (leaf, leaf
     assert run(modules, code) == [18.0, 18.0, 18.0, 1, 2]
 
 
-def test_a_separate_kernel_is_found_by_its_name():
-    with pytest.raises(ValueError, match="top level of its module"):
+def test_an_inner_kernel_comes_from_the_cache_as_what_its_callers_link(modules):
+    code = RUN + "print(between(np.arange(4.0), 3.0), len(between.stats.cache_hits), between.nopython_signatures)"
+    run(modules)
+    for path in (modules / "__pycache__").glob("caller_module.root*.nb*"):
+        path.unlink()
+    done = process(code, [ROOT, modules])
+    assert done.returncode == 0, done.stderr
+    first, second = done.stdout.splitlines()
+    assert first.split() == ["18.0", "1", "1", "-1"]  # the caller is compiled anew from what the cache has
+    assert second.startswith("42.0 1 ")
 
-        @kernel(separate=True)
+
+@pytest.mark.parametrize("separate", [False, True])
+def test_a_kernel_is_found_by_its_name(separate):
+    with pytest.raises(ValueError, match="hidden: a kernel stands at the top level of its module"):
+
+        @kernel(separate=separate)
         def hidden(x):
             return x
 

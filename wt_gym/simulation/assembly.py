@@ -13,7 +13,7 @@ from wt_gym.simulation.turbine_bodies import turbine_bodies
 from wt_gym.simulation.turbine_structure import TurbineStructure, build_structure
 from wt_gym.turbines import Turbine
 
-__all__ = ["TurbineModels", "assemble"]
+__all__ = ["TurbineModels", "assemble", "build_lattice"]
 
 
 @dataclass(frozen=True)
@@ -71,11 +71,9 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
         For fidelities that the turbine does not bear.
     """
     rated_speed = turbine.drivetrain.rated_rotor_speed
-    aero = fidelity.aero_for(rated_speed)
-    planform = blade_planform(turbine, aero)
-    structure = build_structure(turbine, fidelity, planform.nodes, generator_damping)
+    lattice = build_lattice(turbine, fidelity, threads)
+    structure = build_structure(turbine, fidelity, lattice.planform.nodes, generator_damping)
     tower, base = turbine.tower, np.array([0.0, 0.0, turbine.tower.base_height])
-    bodies = turbine_bodies(turbine, fidelity, planform.nodes)
     time_step, embedded = fidelity.step_for(rated_speed), None
     if fidelity.formulation == "embedded":
         explicit = fidelity.integrator == "hamming"
@@ -89,9 +87,17 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
         turbine=turbine,
         fidelity=fidelity,
         structure=structure,
-        lattice=VortexLattice(planform, turbine.n_blades, aero, turbine.air_density, bodies, threads),
+        lattice=lattice,
         tower_flow=TowerFlow(base, tower.diameter_station, tower.diameter),
         time_step=time_step,
         n_substeps=n_substeps,
         embedded=embedded,
     )
+
+
+def build_lattice(turbine, fidelity, threads=1):
+    """Vortex lattice of the blades, and of the bodies that the fidelity closes; arguments as of `assemble`."""
+    aero = fidelity.aero_for(turbine.drivetrain.rated_rotor_speed)
+    planform = blade_planform(turbine, aero)
+    bodies = turbine_bodies(turbine, fidelity, planform.nodes)
+    return VortexLattice(planform, turbine.n_blades, aero, turbine.air_density, bodies, threads)

@@ -1,8 +1,8 @@
 """Compile the kernels of a turbine before they are wanted, in two processes at once.
 
-A process compiles one kernel after another. What moves the structure and what moves the air do not call each other, and
-take about as long: each is compiled in a process of its own, into the cache that both share. What calls both is left to
-the first step.
+A process compiles one kernel after another. What moves the structure and what moves the air do not call each other:
+each is compiled in a process of its own, into the cache that both share. The first goes on with the step that calls
+both, the other one, which is done earlier, with what only a start calls.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
+from wt_gym.simulation.assembly import build_lattice
 from wt_gym.simulation.coupled_step_kernels import end_step, predict_step
 from wt_gym.simulation.coupling import Coupling
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.simulator import Simulator
 from wt_gym.wind import SteadyInflow
 
@@ -39,17 +41,25 @@ def compile_ahead(turbine: Turbine, fidelity: str | Fidelity) -> None:
     """
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         air = pool.submit(_compile_air, turbine, fidelity)
-        _compile_structure(_at_rest(turbine, fidelity))
+        start = pool.submit(_compile_start, turbine, fidelity)
+        coupling = _at_rest(turbine, fidelity).coupling
+        _compile_structure(coupling)
         air.result()
+        _compile_step(coupling)
+        start.result()
 
 
 def _at_rest(turbine, fidelity) -> Simulator:
     return Simulator(turbine, SteadyInflow(8.0), fidelity)
 
 
-def _compile_structure(simulator: Simulator) -> None:
+def _compile_start(turbine, fidelity) -> None:
+    """What a start calls beyond structure and air, by starting."""
+    _at_rest(turbine, fidelity).reset(rotor_speed=turbine.drivetrain.rated_rotor_speed)
+
+
+def _compile_structure(coupling: Coupling) -> None:
     """What moves the structure, by letting it begin to move, and what only the compiled step calls."""
-    coupling = simulator.coupling
     coupling.begin(coupling.models.structure.system.initial_state())
     if type(coupling) is Coupling:
         air, motion, exchange, scheme, gauges, monitor = coupling.bundle()
@@ -61,9 +71,15 @@ def _compile_structure(simulator: Simulator) -> None:
             kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
 
 
+def _compile_step(coupling: Coupling) -> None:
+    """The step of structure and air together, where it is compiled as a whole."""
+    if coupling.models.lattice.split is None:
+        coupling.compiled_step()
+
+
 def _compile_air(turbine, fidelity) -> None:
     """What moves the air, by starting the wake of a plain rotor of as many blades and panels."""
-    lattice = _at_rest(turbine, fidelity).lattice
+    lattice = build_lattice(turbine, fidelity_of(fidelity))
     n_blades, n_along, n_across, _ = lattice.nodes_shape
     reach, speed, axis = 50.0, 1.0, np.array([1.0, 0.0, 0.0])
     angle = 2.0 * math.pi * np.arange(n_blades)[:, None, None] / n_blades

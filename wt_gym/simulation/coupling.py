@@ -373,8 +373,12 @@ class Coupling:
         if lattice.bodies:
             return self._whole_step(*self._bundles, blade_wind)
         if self._step is None:
-            self._step = compiled_for(self._whole_step, (*self._bundles, blade_wind))
+            self._step = self.compiled_step()
         return self._step(*self._bundles, blade_wind)
+
+    def compiled_step(self):
+        """The step of structure and air together, for the types of its arguments."""
+        return compiled_for(self._whole_step, (*self.bundle(), self._blade_wind))
 
     def bundle(self):
         """Arguments of the compiled step."""

@@ -10,7 +10,6 @@ the second section about an axis, and the angle of a hinge on which a torque act
 import math
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.observer_frame.observer_frame_matrix_kernels import inner
 from wt_gym.multibody.tree.rotation_kernels import rotation_exp, tangent_bias
 
 DISPLACEMENT, ORTHOGONAL, TORQUE = range(3)
@@ -19,7 +18,7 @@ FIXED, UNDEFORMED, DEFORMED, TURNED, CONSISTENT = range(5)
 # ---- loads ---------------------------------------------------------------------------------------------------------
 
 
-@inner
+@kernel
 def marker_field(m, model, x, out):
     """Displacement and rotation (6,) of a marker for the coordinates x (n_b, n_max) of all bodies."""
     b = model.marker_body[m]
@@ -30,7 +29,7 @@ def marker_field(m, model, x, out):
         out[i] = total
 
 
-@inner
+@kernel
 def add_loads(value, model, state, q, work, out):
     """Out += Nᵀ p + Pᵀ m of all loads (n_loads, 6: force, moment) at the coordinates q (eq. 4).
 
@@ -84,7 +83,7 @@ def add_loads(value, model, state, q, work, out):
             add_section_load(b, model, q, work, out[b])
 
 
-@inner
+@kernel
 def add_section_load(b, model, q, work, out):
     """Out (n_max,) += generalised loads of a body that are known for its section ``load_section``, by virtual work.
 
@@ -111,7 +110,7 @@ def add_section_load(b, model, q, work, out):
 # ---- constraints ---------------------------------------------------------------------------------------------------
 
 
-@inner
+@kernel
 def marker_motion(m, model, state, q, v, work):
     """Position, velocity, section orientation and its rates of a marker, in fixed axes, and the acceleration bias."""
     b = model.marker_body[m]
@@ -155,7 +154,7 @@ def marker_motion(m, model, state, q, v, work):
         work.marker_bias[m, i], work.marker_bias[m, 3 + i] = pb, wb
 
 
-@inner
+@kernel
 def cross(a, b, out):
     """Out = a × b."""
     out[0] = a[1] * b[2] - a[2] * b[1]
@@ -163,7 +162,7 @@ def cross(a, b, out):
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@inner
+@kernel
 def place_row(row, side, m, vector, offset, sign, model, state, work):
     """Write the unit action (fixed axes; offset 0 a force, 3 a moment) on a marker into the row's weights."""
     r = state.rotation[model.marker_body[m]]
@@ -178,7 +177,7 @@ def place_row(row, side, m, vector, offset, sign, model, state, work):
             w[3 + i] = t[0, i] * x + t[1, i] * y + t[2, i] * z
 
 
-@inner
+@kernel
 def turned_vector(row, b, vector, model, work):
     """A vector of the second section of a row, which a drive may turn: the vector, angular velocity and acceleration.
 
@@ -212,7 +211,7 @@ def turned_vector(row, b, vector, model, work):
         work.second_rate[i] += rate * axis[i]
 
 
-@inner
+@kernel
 def hinge_angle(one, two, axis, last, spare):
     """Angle [rad] about an axis from the vector two to the vector one, the one closest to a known angle."""
     cross(two, one, spare)
@@ -222,7 +221,7 @@ def hinge_angle(one, two, axis, last, spare):
     return angle + 2.0 * math.pi * math.floor((last - angle) / (2.0 * math.pi) + 0.5)
 
 
-@inner
+@kernel
 def row_torque(row, model, work):
     """Torque [N m] on a hinge: spring and damper at its present angle and rate about their references, and a drive."""
     spring = work.spring[model.row_spring[row]]
@@ -233,7 +232,7 @@ def row_torque(row, model, work):
     )
 
 
-@inner
+@kernel
 def free_hinges(model, work):
     """Make the equations of hinges in B A⁻¹ Bᵀ λ = rhs say what λ is; ``work.row_scale`` keeps its factor."""
     n_row = model.row_kind.shape[0]
@@ -245,7 +244,7 @@ def free_hinges(model, work):
             work.schur[r, r], work.row_scale[r] = scale, scale
 
 
-@inner
+@kernel
 def give_torques(model, work, known):
     """The right-hand sides of these equations: λ is minus the torque, or zero where torques are not ``known``."""
     for r in range(model.row_kind.shape[0]):
@@ -324,7 +323,7 @@ def marker_pairs(model, columns, pairs):
                         pairs[m, l, i, j] = total
 
 
-@inner
+@kernel
 def schur_complement(model, pairs, work, out):
     """B A⁻¹ Bᵀ (n_rows, n_rows).
 
@@ -358,7 +357,7 @@ def schur_complement(model, pairs, work, out):
                 out[r, s] += w[0] * t[0] + w[1] * t[1] + w[2] * t[2] + w[3] * t[3] + w[4] * t[4] + w[5] * t[5]
 
 
-@inner
+@kernel
 def rows_of(model, x, work, out):
     """Out += B x for the coordinates x (n_b, n_max) of all bodies."""
     for m in range(model.marker_body.shape[0]):
@@ -372,7 +371,7 @@ def rows_of(model, x, work, out):
                     out[r] += work.weight[r, side, i] * work.marker_field[m, i]
 
 
-@inner
+@kernel
 def subtract_reactions(model, columns, multiplier, work, out):
     """Out −= A⁻¹ Bᵀ λ with columns = A⁻¹ shapeᵀ."""
     for m in range(model.marker_body.shape[0]):

@@ -19,7 +19,6 @@ from wt_gym.multibody.observer_frame.observer_frame_matrix_kernels import (
     factorize,
     factorize_dense,
     gyroscopic_product,
-    inner,
     inner_forces,
     mass_product,
     newmark_matrix,
@@ -35,7 +34,7 @@ UNIFORM, MEAN, PRINTED = range(3)
 # ---- frames --------------------------------------------------------------------------------------------------------
 
 
-@inner
+@kernel
 def turn_frame(b, angle, state, work):
     """R ← R exp(angle̅), the angle in frame axes; leaves exp in work.turn and its tangent in work.tangent."""
     rotation_exp(angle, work.turn, work.tangent)
@@ -46,7 +45,7 @@ def turn_frame(b, angle, state, work):
             r[i, j] = x * t[0, j] + y * t[1, j] + z * t[2, j]
 
 
-@inner
+@kernel
 def predict_frame(b, h, model, state, work):
     """Carry a frame over one step with constant acceleration (fixed axes) and angular acceleration (frame axes).
 
@@ -65,7 +64,7 @@ def predict_frame(b, h, model, state, work):
         state.velocity[b, i] += h * state.acceleration[b, i]
 
 
-@inner
+@kernel
 def needs_update(b, threshold, model, state):
     """Whether the rigid-body displacement of an end or the rotation times the reach exceeds the threshold (0: always).
 
@@ -91,7 +90,7 @@ def needs_update(b, threshold, model, state):
     return False
 
 
-@inner
+@kernel
 def take_out(b, w, model, state, work):
     """Take w × u out of the velocities in the metric of M: v −= M⁻¹ G(w) x, with x_f of u = N_f x_f in work.vector."""
     n = model.n[b]
@@ -106,7 +105,7 @@ def take_out(b, w, model, state, work):
         state.v[b, i] -= carried[i]
 
 
-@inner
+@kernel
 def update_printed(b, model, state, work):
     """Eqs (9)–(12) as they are printed.
 
@@ -143,7 +142,7 @@ def update_printed(b, model, state, work):
         q[i], v[i] = 0.0, 0.0
 
 
-@inner
+@kernel
 def update_frame(b, model, state, work):
     """Move the frame onto the rigid-body motion (eqs 9–12), which becomes zero.
 
@@ -187,7 +186,7 @@ def update_frame(b, model, state, work):
         v[n - 3 + i] -= moved[3 + i]
 
 
-@inner
+@kernel
 def deformed_moments(b, q, model, work):
     """Moments of the deformed body y = s + N_f q_f: work.moments[i] = ∫ N_i yᵀ for all but the rotation modes,
 
@@ -230,7 +229,7 @@ def deformed_moments(b, q, model, work):
                 work.second[k, l] += q[i] * (v[i, 3 * k + l] + x[i, 3 * l + k])
 
 
-@inner
+@kernel
 def renew_rotations(b, model, state, work):
     """Make the rotation modes turn the body as it is deformed now, e_k × (s + N_f q_f), in all matrices."""
     n, q = model.n[b], state.q[b]
@@ -266,7 +265,7 @@ def renew_rotations(b, model, state, work):
     return factorize(n - 3, n, model.first[b], model.mass_low[b], model.mass_up[b])
 
 
-@inner
+@kernel
 def renew_markers(b, model, state):
     """The same for the markers of the body, and M⁻¹ shapeᵀ of those that are held."""
     n = model.n[b]
@@ -334,7 +333,7 @@ def accelerations(value, model, state, work):
     return OK
 
 
-@inner
+@kernel
 def factorize_constraints(model, work):
     """Factors of B M⁻¹ Bᵀ for the directions of the rows as they were evaluated last; False when it is singular."""
     schur_complement(model, model.mass_pairs, work, work.schur)
@@ -342,7 +341,7 @@ def factorize_constraints(model, work):
     return factorize_dense(model.row_kind.shape[0], work.schur, work.order)
 
 
-@inner
+@kernel
 def accelerate(value, model, state, work):
     """The accelerations, with rows and factors of the present state at hand."""
     n_row = model.row_kind.shape[0]
@@ -363,7 +362,7 @@ def accelerate(value, model, state, work):
     subtract_reactions(model, model.mass_columns, state.multiplier, work, state.a)
 
 
-@inner
+@kernel
 def hold_positions(model, state, work, n_passes):
     """Remove what is left of the constraint residual, along S⁻¹ Bᵀ of the step just taken.
 
@@ -391,7 +390,7 @@ def hold_positions(model, state, work, n_passes):
     return OK
 
 
-@inner
+@kernel
 def hold_rates(model, state, work):
     """Project the velocities on Φ̇ = 0 in the metric of the mass matrix, with rows and factors of the state at hand."""
     n_row = model.row_kind.shape[0]
@@ -412,7 +411,7 @@ def hold_velocities(model, state, work):
     return OK
 
 
-@inner
+@kernel
 def factorize_step(h, model, state, work):
     """Newmark matrices at the end of the step, their factors and S⁻¹ shapeᵀ of the held markers."""
     for b in range(model.n.shape[0]):
@@ -430,7 +429,7 @@ def factorize_step(h, model, state, work):
     return OK
 
 
-@inner
+@kernel
 def spring_rows(h, model, state, work):
     """The equations of hinges with springs and dampers in the system B S⁻¹ Bᵀ λ = rhs of a Newmark step.
 
@@ -463,7 +462,7 @@ def spring_rows(h, model, state, work):
         work.schur[r, r] += scale
 
 
-@inner
+@kernel
 def newmark_solve(h, value, n_iterations, model, state, work):
     """Solve eq. (6) for the increment of q over the step; work.next ends as q at its end.
 
@@ -506,7 +505,7 @@ def newmark_solve(h, value, n_iterations, model, state, work):
     return OK
 
 
-@inner
+@kernel
 def step(h, value, n_iterations, threshold, model, state, work):
     """Advance all bodies by h under the loads (n_loads, 6) at the end of the step; returns a code."""
     n_b = model.n.shape[0]

@@ -8,9 +8,6 @@ deserves. Of the constant matrices only the lower triangles are read.
 
 from wt_gym.compiled import kernel
 
-inner = kernel(no_cpython_wrapper=True, no_cfunc_wrapper=True)
-"""Decorator of kernels that only kernels call: without the wrappers for Python they compile much faster."""
-
 # ---- envelope matrices ---------------------------------------------------------------------------------------------
 
 
@@ -53,7 +50,7 @@ def solve(n, first, low, up, x):
             x[k] -= up[i, k] * value
 
 
-@inner
+@kernel
 def factorize_dense(n, a, order):
     """P a = L U in place by elimination with row exchanges, kept in ``order`` (n,). False when a is singular."""
     scale = 0.0
@@ -81,7 +78,7 @@ def factorize_dense(n, a, order):
     return True
 
 
-@inner
+@kernel
 def solve_dense(n, a, order, x):
     """Solve x ← a⁻¹ x with the factors of a."""
     for k in range(n):
@@ -103,7 +100,7 @@ def solve_dense(n, a, order, x):
 # ---- inertia and stiffness of one body -----------------------------------------------------------------------------
 
 
-@inner
+@kernel
 def gyroscopic_product(b, w, model, x, out):
     """Out += G(w) x with G(w) = w₁ G₁ + w₂ G₂ + w₃ G₃ (skew-symmetric)."""
     g = model.gyro[b]
@@ -116,7 +113,7 @@ def gyroscopic_product(b, w, model, x, out):
         out[i] += total
 
 
-@inner
+@kernel
 def mass_product(b, model, x, out):
     """Out += M x."""
     second = model.second[b]
@@ -129,7 +126,7 @@ def mass_product(b, model, x, out):
         out[i] += total + (second[0, i, i] + second[1, i, i] + second[2, i, i]) * x[i]
 
 
-@inner
+@kernel
 def newmark_matrix(b, h, model, state, low, up):
     """S = (4/h²) M + (2/h) (2 G + C) + K + Ġ + D, the matrix of the Newmark step for (β, γ) = (¼, ½)."""
     g, a, stiffness, damping = model.gyro[b], model.second[b], model.stiffness[b], model.damping[b]
