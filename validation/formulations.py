@@ -171,7 +171,7 @@ def trajectories():
     structure = simulators["embedded"].structure
     names = [n for b in (structure.tower, *structure.blades) for n in structure.system.bodies[b].coordinate_names]
     names.append("azimuth")
-    steps, own = (0.01, 0.005, 0.0025), simulators["constrained"]._h
+    steps, own = (0.01, 0.005, 0.0025), simulators["constrained"].coupling.scheme.h
     gaps = [coordinate_gaps("training", step) for step in steps]
     product = coordinate_gaps("training", own, starter="adams")
     finest = gaps[-1]
