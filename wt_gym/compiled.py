@@ -38,7 +38,7 @@ from numba.core.funcdesc import PythonFunctionDescriptor
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import AnnotateTypes
 
-__all__ = ["compiled_for", "kernel"]
+__all__ = ["compiled_for", "is_compiled", "kernel", "was_compiled"]
 
 FASTMATH = {"contract", "arcp", "nsz", "reassoc"}
 """Never nnan or ninf: the checks for states that are not finite must keep their meaning."""
@@ -60,15 +60,19 @@ class _Separate:
     arguments: tuple
     symbol: str
 
-    def kernel(self):
-        """The kernel as it is now."""
-        return getattr(import_module(self.module), self.name)
-
     def __call__(self):
-        kernel = self.kernel()
+        try:
+            kernel = _named(self.module, self.name)
+        except (AttributeError, ModuleNotFoundError) as error:
+            raise _Changed(f"there is no {self.module}.{self.name} any more") from error
         kernel.compile(self.arguments)
         if _separate(kernel.py_func, self.arguments) != self:
             raise _Changed(f"{self.module}.{self.name} has changed since its callers were compiled")
+
+
+def _named(module, name):
+    """The kernel that goes by this name now."""
+    return getattr(import_module(module), name)
 
 
 _SEPARATE = WeakKeyDictionary()
@@ -78,7 +82,7 @@ _SEPARATE = WeakKeyDictionary()
 def _separate(function, arguments):
     """What stands for a separate kernel in the cache of its callers; numba's own names differ between processes."""
     module, name = function.__module__, function.__name__
-    cache_file = getattr(import_module(module), name)._cache._cache_file
+    cache_file = _named(module, name)._cache._cache_file
     sources = f"{_stamp()} {cache_file._source_stamp} {arguments}"
     return _Separate(module, name, tuple(arguments), f"{module}.{name}.{hashlib.sha256(sources.encode()).hexdigest()}")
 
@@ -95,6 +99,7 @@ class _SelfContained(JITCodeLibrary):
     def __init__(self, codegen, name):
         super().__init__(codegen, name)
         self._called = {}  # separate kernels: their names in LLVM's code, and symbols
+        self._environments = {}  # of inner kernels: what prints, for example, needs Python's objects
 
     def add_linking_library(self, library):
         """Link the code of what is called; of a separate kernel only remember what its callers call it."""
@@ -104,6 +109,7 @@ class _SelfContained(JITCodeLibrary):
             self._reload_init.add(separate)
         else:
             super().add_linking_library(library)
+            self._environments |= getattr(library, "_environments", {})
 
     def finalize(self):
         """Optimise and load the code, in which separate kernels now go by their symbols."""
@@ -122,6 +128,9 @@ class _SelfContained(JITCodeLibrary):
             name, symbol = self._name_and_symbol
             self._final_module.get_function(name).name = symbol
         super()._finalize_final_module()
+        loaded = {variable.name for variable in self._final_module.global_variables if not variable.is_declaration}
+        for name in loaded & self._environments.keys():
+            self._codegen.set_env(name, self._environments[name])
 
 
 class _Inner(_SelfContained):
@@ -134,6 +143,7 @@ class _Inner(_SelfContained):
 
     def _finalize_final_module(self):
         self._finalized = True  # and nothing is loaded
+        self._finalize_dynamic_globals()  # code with addresses of this process is not kept
 
     def get_pointer_to_function(self, name):
         """None, as for a function that is not there; numba asks when the code is complete."""
@@ -142,8 +152,8 @@ class _Inner(_SelfContained):
 
     @property
     def codegen(self):
-        """What numba asks to give loaded code its environment, of which there is none here."""
-        return _WithoutEnvironments()
+        """What numba asks to give loaded code its environment, which here goes to the callers."""
+        return _Environments(self._environments)
 
     def serialize_using_object_code(self):
         """For the cache: what callers link."""
@@ -158,11 +168,15 @@ class _Inner(_SelfContained):
         return library
 
 
-class _WithoutEnvironments:
-    """A place for code that is never loaded."""
+@dataclass(frozen=True)
+class _Environments:
+    """A place for the environments of code that is never loaded."""
+
+    of_code: dict
 
     def set_env(self, name, environment):
-        """Nothing to do."""
+        """Keep it for the callers."""
+        self.of_code[name] = environment
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -261,6 +275,8 @@ class _KernelCacheImpl(CompileResultCacheImpl):
         for load in reload_init:
             load()
         library = _Inner.load(target_context.codegen(), name, code)
+        for called in others:
+            library.codegen.set_env(called.env_name, called)
         return CompileResult(
             target_context=target_context, typing_context=target_context.typing_context, library=library,
             environment=environment, entry_point=target_context.get_executable(library, described, environment),
@@ -274,6 +290,14 @@ class _KernelCache(FunctionCache):
 
     _impl_class = _KernelCacheImpl
     separate = False
+
+    def kept(self):
+        """Keys of the code that is there."""
+        return set(self._cache_file._load_index())
+
+    def key(self, arguments, target_context):
+        """What code for these argument types goes by."""
+        return self._index_key(arguments, target_context.codegen())
 
     def _load_overload(self, sig, target_context):
         try:
@@ -298,12 +322,16 @@ class _KernelDispatcher(CPUDispatcher):
         """The kernel with a way in from Python, compiled on demand."""
         function = self.py_func
         name, arguments = f"{function.__name__}_from_python", ", ".join(inspect.signature(function).parameters)
-        # numba's cache takes functions that stand in a file under a name, and no closures
-        source = f"def {name}({arguments}):\n    return _kernel({arguments})\n"
+        # numba's cache takes functions that stand in a file under a name, and no closures; it tells them by their lines
+        source = "\n" * (function.__code__.co_firstlineno - 1)
+        source += f"def {name}({arguments}):\n    return _kernel({arguments})\n"
         namespace = {"_kernel": self, "__name__": function.__module__}
         exec(compile(source, inspect.getfile(function), "exec"), namespace)
         namespace[name].__defaults__ = function.__defaults__
         return _dispatcher(namespace[name], _KernelCompiler, self._given)
+
+    def __reduce__(self):
+        return _named, (self.py_func.__module__, self.py_func.__name__)
 
     def __call__(self, *arguments, **named):
         """Call from Python."""
@@ -337,12 +365,11 @@ def kernel(function=None, separate=False, **options):
     Raises
     ------
     ValueError
-        If a kernel is defined within a function or class.
+        If a kernel is defined within a function or class, is a generator or takes any number of arguments.
     """
     if function is None:
         return lambda f: kernel(f, separate, **options)
-    if function.__qualname__ != function.__name__:
-        raise ValueError(f"{function.__qualname__}: a kernel stands at the top level of its module")
+    _check(function)
     dispatcher = _dispatcher(
         function, _SeparateCompiler if separate else _InnerCompiler, options | {"no_cpython_wrapper": True}
     )
@@ -350,6 +377,20 @@ def kernel(function=None, separate=False, **options):
     dispatcher._given = options
     dispatcher._cache.separate = separate
     return dispatcher
+
+
+def _check(function):
+    """Whether a function can be a kernel."""
+    name = function.__qualname__
+    if name != function.__name__:
+        raise ValueError(f"{name}: a kernel stands at the top level of its module")
+    if inspect.isgeneratorfunction(function):
+        raise ValueError(f"{name}: a kernel is no generator")
+    several = [p for p in inspect.signature(function).parameters.values() if p.kind is not p.POSITIONAL_OR_KEYWORD]
+    if several:
+        raise ValueError(f"{name}: a kernel has no parameter such as {several[0]}")
+    if numba.config.DISABLE_JIT:
+        raise RuntimeError("NUMBA_DISABLE_JIT is set, and the simulator does not run without compiled kernels")
 
 
 def _dispatcher(function, compiler, options):
@@ -374,6 +415,23 @@ def compiled_for(function, arguments):
 
     A call of the kernel itself looks up the type of each array it is given: 25 µs for two hundred of them.
     """
-    if isinstance(function, _KernelDispatcher):
-        function = function.from_python
-    return function.compile(tuple(numba.typeof(argument) for argument in arguments))
+    return _for_python(function).compile(_types(arguments))
+
+
+def is_compiled(function, arguments):
+    """Whether the compiled form of a kernel for the types of these arguments is in this process or in the cache."""
+    function, types = _for_python(function), _types(arguments)
+    return types in function.overloads or function._cache.key(types, function.targetctx) in function._cache.kept()
+
+
+def was_compiled(function):
+    """Whether a kernel is in this process or in the cache for any types of arguments."""
+    return bool(function.overloads) or bool(function._cache.kept())
+
+
+def _for_python(function):
+    return function.from_python if isinstance(function, _KernelDispatcher) else function
+
+
+def _types(arguments):
+    return tuple(numba.typeof(argument) for argument in arguments)

@@ -1,10 +1,19 @@
 """Kernels compiled ahead of the first run."""
 
+import dataclasses
+import logging
 import os
 import subprocess
 import sys
 
 import pytest
+
+from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.simulation.compilation import announce_compilation, compile_once, compiling
+from wt_gym.simulation.compile_ahead import compile_ahead
+from wt_gym.simulation.coupling import Coupling
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
 
 STEP = """
 import gymnasium as gym, wt_gym
@@ -23,6 +32,81 @@ def test_nothing_is_left_for_the_first_step(tmp_path):
     assert len(before) > 50
     subprocess.run([sys.executable, "-c", STEP], env=environment, check=True)
     assert kernels(tmp_path) == before
+
+
+@pytest.mark.slow
+def test_a_first_environment_compiles_by_itself_and_says_so(tmp_path):
+    """Once: the next process finds everything and says nothing."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    first = subprocess.run([sys.executable, "-c", STEP], env=environment, check=True, capture_output=True, text=True)
+    assert first.stderr.count("compiling the simulator of NREL 5-MW") == 1
+    before = kernels(tmp_path)
+    again = subprocess.run([sys.executable, "-c", STEP], env=environment, check=True, capture_output=True, text=True)
+    assert again.stderr == ""
+    assert kernels(tmp_path) == before
+
+
+@pytest.fixture
+def plain():
+    return load_turbine("nrel_5mw"), FIDELITIES["training"]
+
+
+def test_without_help_one_process_compiles_everything(plain, monkeypatch, caplog):
+    """A process that ends at once, and a turbine that no other process can know."""
+    caplog.set_level(logging.INFO, "wt_gym")
+    turbine, fidelity = plain
+    known_here = dataclasses.replace(turbine)
+    object.__setattr__(known_here, "note", lambda: None)
+    compile_ahead(known_here, fidelity)
+    monkeypatch.setattr("wt_gym.simulation.compile_ahead._HELPER", "raise SystemExit(3)")
+    compile_ahead(turbine, fidelity)
+    assert "nobody helps to compile" in caplog.messages[0]
+    assert [text[-8:] for text in caplog.messages if "ended with" in text] == ["status 1", "status 3"]
+
+
+class NeverRun(Coupling):
+    """A kind of coupling that no simulator has had."""
+
+    @classmethod
+    def was_compiled(cls):
+        return False
+
+
+def test_what_was_never_run_is_announced_once_and_compiled_with_help(plain, monkeypatch, caplog):
+    helped = []
+    monkeypatch.setattr("wt_gym.simulation.compile_ahead.compile_ahead", lambda *given: helped.append(given))
+    monkeypatch.setattr("wt_gym.simulation.compilation._cores", lambda: 2)
+    compile_once(NeverRun, *plain)
+    compile_once(NeverRun, *plain)
+    assert caplog.messages == [
+        "compiling the simulator of NREL 5-MW baseline, land based: a minute or two, once on this machine"
+    ]
+    assert helped == [plain, plain]
+    with compiling():
+        compile_once(NeverRun, *plain)
+    monkeypatch.setattr("wt_gym.simulation.compilation._cores", lambda: 1)
+    compile_once(NeverRun, *plain)
+    assert len(helped) == 2
+
+
+def test_what_is_compiled_is_not_announced(plain, caplog):
+    simulator = Simulator(plain[0], SteadyInflow(8.0))
+    simulator.reset(rotor_speed=0.96)
+    simulator.advance(0.1, pitch=0.0)
+    assert Coupling.was_compiled()
+    assert simulator.coupling.is_compiled()
+    announce_compilation(simulator.coupling, plain[0])
+    assert not caplog.messages
+    announce_compilation(NeverStepped(simulator.coupling.models), plain[0])
+    assert len(caplog.messages) == 1
+
+
+class NeverStepped(Coupling):
+    """A coupling of other types."""
+
+    def bundle(self):
+        air, *others = super().bundle()
+        return (air, 0), *others
 
 
 def kernels(folder):

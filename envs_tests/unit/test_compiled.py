@@ -1,6 +1,7 @@
 """Separate kernels: called through a symbol, loaded before their callers, compiled anew when their sources change."""
 
 import os
+import pickle
 import re
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from wt_gym.compiled import kernel
+from wt_gym.multibody.tree.rotation_kernels import rotation_exp
 
 ROOT = Path(__file__).parents[2]
 LEAF = """
@@ -135,6 +137,76 @@ def test_a_kernel_is_found_by_its_name(separate):
         @kernel(separate=separate)
         def hidden(x):
             return x
+
+
+def generator(n):
+    yield n
+
+
+def any_number(*values):
+    return len(values)
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [(generator, "generator: a kernel is no generator"), (any_number, r"has no parameter such as \*values")],
+)
+def test_what_python_could_not_call_is_no_kernel(function, message):
+    with pytest.raises(ValueError, match=message):
+        kernel(function)
+
+
+def test_code_with_addresses_of_a_process_is_not_kept(modules):
+    (modules / "leaf_module.py").write_text(
+        "import ctypes, ctypes.util\n"
+        "from wt_gym.compiled import kernel\n"
+        "cos = ctypes.CDLL(ctypes.util.find_library('m')).cos\n"
+        "cos.argtypes, cos.restype = [ctypes.c_double], ctypes.c_double\n"
+        "@kernel\ndef inner(x):\n    return cos(x)\n"
+        "@kernel\ndef top(x):\n    return inner(x)\n"
+    )
+    for _ in range(2):
+        assert run(modules, "from leaf_module import top\nprint(top(0.0))") == [1.0]
+    assert not list((modules / "__pycache__").glob("leaf_module.*.nbc"))
+
+
+def test_kernels_of_one_name_are_told_apart(modules):
+    (modules / "leaf_module.py").write_text(
+        "from wt_gym.compiled import kernel\n"
+        "@kernel\ndef same(x):\n    return x + 1\n"
+        "first = same\n"
+        "@kernel\ndef same(x):\n    return x + 2\n"
+    )
+    for _ in range(2):
+        assert run(modules, "from leaf_module import first, same\nprint(first(1), same(1))") == [2.0, 3.0]
+
+
+def test_an_inner_kernel_may_print(modules):
+    (modules / "leaf_module.py").write_text(
+        "from wt_gym.compiled import kernel\n"
+        "@kernel\ndef inner(x):\n    print(x)\n    return x\n"
+        "@kernel\ndef between(x):\n    return inner(x) + 1.0\n"
+        "@kernel\ndef top(x):\n    return between(x)\n"
+    )
+    code = "from leaf_module import top\nprint(top(2.0))"
+    for again in ("top", "between"):
+        assert run(modules, code) == [2.0, 3.0]
+        for path in (modules / "__pycache__").glob(f"leaf_module.{again}*.nb*"):
+            path.unlink()
+    assert run(modules, code) == [2.0, 3.0]
+
+
+def test_the_callers_of_a_renamed_separate_kernel_are_compiled_anew(modules):
+    (modules / "leaf_module.py").write_text(LEAF + "current = leaf\n")
+    (modules / "caller_module.py").write_text(CALLERS.replace("import leaf", "import current as leaf"))
+    code = "import numpy as np\nfrom caller_module import root\nprint(root(np.arange(4.0), 3.0))"
+    assert run(modules, code) == [18.0]
+    (modules / "leaf_module.py").write_text(LEAF.replace("def leaf", "def renamed") + "current = renamed\n")
+    assert run(modules, code) == [18.0]
+
+
+def test_a_pickled_kernel_is_that_of_the_other_process():
+    assert pickle.loads(pickle.dumps(rotation_exp)) is rotation_exp
 
 
 @pytest.fixture

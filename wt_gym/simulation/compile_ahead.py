@@ -7,46 +7,85 @@ both, the other one, which is done earlier, with what only a start calls.
 
 from __future__ import annotations
 
+import logging
 import math
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from typing import TYPE_CHECKING
+import os
+import pickle
+import subprocess
+import sys
+from multiprocessing.spawn import get_executable
+from typing import IO, TYPE_CHECKING
 
 import numba
 import numpy as np
 
 from wt_gym.simulation.assembly import build_lattice
-from wt_gym.simulation.coupled_step_kernels import end_step, predict_step
-from wt_gym.simulation.coupling import Coupling
+from wt_gym.simulation.compilation import compiling
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.simulator import Simulator
 from wt_gym.wind import SteadyInflow
 
 if TYPE_CHECKING:
+    from wt_gym.simulation.coupling import Coupling
     from wt_gym.simulation.fidelity import Fidelity
     from wt_gym.turbines import Turbine
 
 __all__ = ["compile_ahead"]
 
+_log = logging.getLogger(__name__)
+_HELPER = "from wt_gym.simulation.compile_ahead import help_to_compile; help_to_compile()"
+_AIR_IS_READY = b"air\n"
+
 
 def compile_ahead(turbine: Turbine, fidelity: str | Fidelity) -> None:
     """Compile what the simulator of a turbine needs, in this process and another one, which is new and ends with it.
 
-    A script that calls this needs the guard ``if __name__ == "__main__":``, as for every new process.
+    Should the other process fail, this one does its work too.
 
     Parameters
     ----------
     turbine, fidelity
         As of `wt_gym.simulation.Simulator`.
     """
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        air = pool.submit(_compile_air, turbine, fidelity)
-        start = pool.submit(_compile_start, turbine, fidelity)
-        coupling = _at_rest(turbine, fidelity).coupling
-        _compile_structure(coupling)
-        air.result()
-        _compile_step(coupling)
-        start.result()
+    modules = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    with (
+        compiling(),
+        subprocess.Popen(
+            [get_executable(), "-c", _HELPER],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,  # what goes wrong there goes wrong here again
+            env=os.environ | {"PYTHONPATH": modules},
+        ) as helper,
+    ):
+        try:
+            _hand_over(turbine, fidelity, helper.stdin)
+            coupling = _at_rest(turbine, fidelity).coupling
+            _compile_structure(coupling)
+            helper.stdout.readline()
+            _compile_step(coupling)
+            if helper.wait():
+                _log.info("the process that helped to compile ended with status %d", helper.returncode)
+        finally:
+            helper.kill()  # nothing, if it has ended
+
+
+def _hand_over(turbine: Turbine, fidelity: str | Fidelity, pipe: IO[bytes]) -> None:
+    try:
+        with pipe:
+            pickle.dump((turbine, fidelity), pipe)
+    except (pickle.PicklingError, AttributeError, TypeError, BrokenPipeError) as error:
+        _log.info("nobody helps to compile: %s", error)  # something that only this process knows, for example
+
+
+def help_to_compile() -> None:
+    """Compile the air, say so, and compile a start: what the other process does."""
+    turbine, fidelity = pickle.load(sys.stdin.buffer)  # of the process that began this one
+    with compiling():
+        _compile_air(turbine, fidelity)
+        sys.stdout.buffer.write(_AIR_IS_READY)
+        sys.stdout.buffer.flush()
+        _compile_start(turbine, fidelity)
 
 
 def _at_rest(turbine, fidelity) -> Simulator:
@@ -61,14 +100,8 @@ def _compile_start(turbine, fidelity) -> None:
 def _compile_structure(coupling: Coupling) -> None:
     """What moves the structure, by letting it begin to move, and what only the compiled step calls."""
     coupling.begin(coupling.models.structure.system.initial_state())
-    if type(coupling) is Coupling:
-        air, motion, exchange, scheme, gauges, monitor = coupling.bundle()
-        nodes = exchange.nodes
-        for kernel, arguments in (
-            (predict_step, (air, motion, exchange, scheme)),
-            (end_step, (motion, exchange, scheme, gauges, monitor, nodes)),
-        ):
-            kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
+    for kernel, arguments in coupling.parts_without_air():
+        kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
 
 
 def _compile_step(coupling: Coupling) -> None:

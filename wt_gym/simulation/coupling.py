@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wt_gym.compiled import compiled_for
+from wt_gym.compiled import compiled_for, is_compiled, was_compiled
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.integrators.hamming import new_history
@@ -186,6 +186,7 @@ class Coupling:
     """
 
     _whole_step = staticmethod(coupled_step_kernels.coupled_step)
+    _last_part = staticmethod(coupled_step_kernels.end_step)
 
     def __init__(self, models):
         self.models = models
@@ -379,6 +380,26 @@ class Coupling:
     def compiled_step(self):
         """The step of structure and air together, for the types of its arguments."""
         return compiled_for(self._whole_step, (*self.bundle(), self._blade_wind))
+
+    @classmethod
+    def was_compiled(cls):
+        """Whether the step of any such turbine is in the cache of compiled kernels."""
+        return was_compiled(cls._last_part)
+
+    def is_compiled(self):
+        """Whether the step is in the cache for the types of its arguments, which formulations and bodies change."""
+        if self.models.lattice.split is None:
+            return is_compiled(self._whole_step, (*self.bundle(), self._blade_wind))
+        return all(is_compiled(*part) for part in self.parts_without_air())
+
+    def parts_without_air(self):
+        """Kernels of the step that do without the induction of the wake, with their arguments."""
+        air, motion, x, scheme, gauges, monitor = self.bundle()
+        kernels = coupled_step_kernels
+        return (
+            (kernels.predict_step, (air, motion, x, scheme)),
+            (kernels.end_step, (motion, x, scheme, gauges, monitor, self._blade_wind)),
+        )
 
     def bundle(self):
         """Arguments of the compiled step."""

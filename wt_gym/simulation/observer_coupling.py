@@ -71,6 +71,7 @@ class ObserverCoupling(Coupling):
     """
 
     _whole_step = staticmethod(observer_coupling_kernels.observed_step)
+    _last_part = staticmethod(observer_coupling_kernels.end_observed)
 
     def __init__(self, models):
         super().__init__(models)
@@ -146,6 +147,15 @@ class ObserverCoupling(Coupling):
         """Arguments of the compiled step."""
         air, motion, *others = super().bundle()
         return air, motion, self.observed, *others
+
+    def parts_without_air(self):
+        """Kernels of the step that do without the induction of the wake, with their arguments."""
+        air, motion, observed, x, scheme, gauges, monitor = self.bundle()
+        kernels = observer_coupling_kernels
+        return (
+            (kernels.predict_observed, (air, motion, observed, x, scheme)),
+            (kernels.end_observed, (motion, observed, x, scheme, gauges, monitor, self._blade_wind)),
+        )
 
     def _advance_split(self, blade_wind):
         air, motion, observed, x, scheme, gauges, monitor = self._bundles

@@ -6,6 +6,7 @@ from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
 from wt_gym.simulation.assembly import assemble
 from wt_gym.simulation.channels import Signals
+from wt_gym.simulation.compilation import announce_compilation, compile_once
 from wt_gym.simulation.coupling import Coupling
 from wt_gym.simulation.drives import Drives, check_finite
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -68,9 +69,11 @@ class Simulator:
         self.turbine, generator = with_generator(turbine, generator)
         self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
         self.drives = Drives(self.turbine, generator)
+        kind = ObserverCoupling if self.fidelity.formulation == "observer" else Coupling
+        compile_once(kind, self.turbine, self.fidelity)
         models = assemble(self.turbine, self.fidelity, threads, self.drives.generator.damping)
         self.time_step, self.structure, self.lattice = models.time_step, models.structure, models.lattice
-        self.coupling = (ObserverCoupling if self.fidelity.formulation == "observer" else Coupling)(models)
+        self.coupling = kind(models)
         self._starter = Starter(self.coupling, self.drives)
         self._measurement = Measurement(self.turbine, self.structure)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
@@ -142,6 +145,7 @@ class Simulator:
         check_finite(rotor_speed=rotor_speed, azimuth=azimuth)
         if not 0.0 <= rotor_speed < limit:
             raise ActionError(f"rotor_speed is {rotor_speed} rad/s; allowed: 0 … {limit:.3f} rad/s")
+        announce_compilation(self.coupling, self.turbine)
         self.drives.start(pitch, yaw, rotor_speed, generator_torque)
         self._n_steps, self._started = 0, False
         try:
