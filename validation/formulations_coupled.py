@@ -67,6 +67,7 @@ COMBINATIONS = (
     _of("NREL5MW", "constrained, generalised-α, 4 modal bodies", False, formulation="constrained", blade_bodies=4,
         **IMPLICIT),
     _of("NREL5MW", "observer, clamped", False, formulation="observer"),
+    _of("NREL5MW", "observer, clamped, generalised-α", False, formulation="observer", **IMPLICIT),
     _of("NREL5MW", "observer, simply supported", False, formulation="observer", reference_condition="simply_supported"),
     _of("NREL5MW", "observer, supported at 3/4", False, formulation="observer", reference_condition="three_quarter"),
     _of("IEA15MW", "embedded, Hamming, modal"),

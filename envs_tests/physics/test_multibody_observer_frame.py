@@ -291,6 +291,62 @@ def test_swinging_beam_agrees_with_the_floating_frame_tree():
     assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.2)
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.5, 1.0])
+def test_generalised_alpha_is_of_second_order(radius):
+    angle, elastic = linear_tree(0.5)
+    errors = []
+    for step in (0.002, 0.001):
+        found, q, _ = swing(step, 0.5, spectral_radius=radius)
+        errors.append([found - angle, abs(q[0]) - abs(elastic[0])])
+    np.testing.assert_allclose(np.divide(*np.abs(errors)), 4.0, rtol=0.25)
+    assert abs(errors[1][0]) < 2e-4
+
+
+@pytest.mark.parametrize("radius", [None, 0.0, 0.6, 1.0])
+@pytest.mark.parametrize("phase", [0.3, 400.0])
+def test_a_clamped_mode_obeys_the_difference_equations_of_the_scheme(radius, phase):
+    """x, h ẋ and h² a of an oscillator with ω h = phase, by matrices from Chung & Hulbert's printed form.
+
+    Newmark's formulas, and (1−αm) a₊ + αm a + (ω h)² ((1−αf) x₊ + αf x) = 0.
+    """
+    body = Substructure.from_beam("beam", slender_beam(), "clamped", 2)
+    hold = lambda system: system.clamp("beam", "root")  # noqa: E731
+    options = {"rigid_modes": "undeformed", "spectral_radius": radius}
+    step = phase / body.frequency[0]
+    run = integrator(body, step, hold=hold, coordinates=np.append([1e-4], np.zeros(7)), options=options)
+    r = radius
+    beta, gamma, am, af = (0.25, 0.5, 0.0, 0.0) if r is None else (
+        1.0 / (1.0 + r) ** 2, (3.0 - r) / (2.0 + 2.0 * r), (2.0 * r - 1.0) / (r + 1.0), r / (r + 1.0)
+    )  # fmt: skip
+    now = np.array([[1.0, 0.0, -beta], [0.0, 1.0, -gamma], [(1.0 - af) * phase**2, 0.0, 1.0 - am]])
+    past = np.array([[1.0, 1.0, 0.5 - beta], [0.0, 1.0, 1.0 - gamma], [-af * phase**2, 0.0, -am]])
+    x = 1e-4 * np.array([1.0, 0.0, -(phase**2)])
+    for _ in range(30):
+        run.advance()
+        x = np.linalg.solve(now, past @ x)
+        assert run.coordinates("beam")[0] == pytest.approx(x[0], abs=1e-10)
+        assert step * run.state.v[0, 0] == pytest.approx(x[1], abs=1e-9)
+    if radius is not None and phase > 1.0:
+        assert np.abs(np.linalg.eigvals(np.linalg.solve(now, past))).max() == pytest.approx(radius, abs=0.02)
+
+
+def test_generalised_alpha_leaves_the_stiffest_modes_at_rest():
+    """The reaction of the clamp at a single instant, which Newmark's scheme has in the mean only."""
+    body = Substructure.from_beam("beam", slender_beam(offset=(0.0, 0.0)), "clamped", None, damping_time=0.3)
+    hold = lambda system: system.clamp("beam", "root")  # noqa: E731
+    load = (np.array([0.5, 2.0, 0, 0, 0, 0]), "fixed")
+    run = integrator(body, 0.05, hold=hold, load=load, options={"spectral_radius": 0.5})
+    run.advance(800)
+    np.testing.assert_allclose(run.reaction("support of beam.root"), [0.5, 2.0, 0.0], atol=1e-3)
+
+
+@pytest.mark.parametrize("radius", [-0.1, 1.1, np.nan])
+def test_a_spectral_radius_lies_between_nothing_and_one(radius):
+    body = Substructure.from_beam("beam", slender_beam(), "clamped", 0)
+    with pytest.raises(ObserverFrameError, match=f"spectral_radius must lie in 0 … 1, got {radius}"):
+        integrator(body, options={"spectral_radius": radius})
+
+
 def test_undeformed_rotation_modes_err_by_the_deflection():
     """With constant matrices the moment of the axial force about the deflection is missing: an error of order u/L."""
     angle, elastic = linear_tree(0.5)

@@ -79,7 +79,7 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
         explicit = fidelity.integrator == "hamming"
         n_substeps = fidelity.substeps_for(time_step, highest_frequency(structure.system) if explicit else None)
     elif fidelity.formulation == "observer":
-        n_substeps = fidelity.substeps_for(time_step, None)  # Newmark's scheme is stable with any step
+        n_substeps = fidelity.substeps_for(time_step, None)  # implicit schemes are stable with any step
     else:
         embedded = assemble(turbine, replace(fidelity, formulation="embedded"), threads, generator_damping)
         n_substeps = embedded.n_substeps

@@ -155,7 +155,7 @@ class Exchange(NamedTuple):
 
 def _integrator(system, h, fidelity, n_substeps, length):
     """Integrator of a structure in steps of h [s] with blades of a length [m]."""
-    if fidelity.integrator == "hamming":
+    if fidelity.integrator == "hamming" or fidelity.formulation == "observer":  # whose frames bring their own scheme
         return HammingIntegrator(system, h, fidelity.corrections, fidelity.starter, n_substeps)
     options = {"tolerance": NEWTON_TOLERANCE * length, "trail": n_substeps}
     if not system.constraints:

@@ -101,7 +101,8 @@ class Fidelity:
         constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
         embedded form is several times faster. "observer": all bodies in local observer frames, held together by
         constraint equations (Holm-Jørgensen, Nielsen & Rubak); linear deformations of each body without geometric
-        stiffness, Newmark's scheme (¼, ½) with steps of at most ``max_substep``.
+        stiffness; the scheme is "generalised_alpha" where ``integrator`` says so, else "newmark", with steps of at most
+        ``max_substep``.
     stabilisation : float
         Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
     projection : bool
@@ -234,11 +235,6 @@ class Fidelity:
                     raise SimulationError(
                         f"Fidelity.{name} is {getattr(self, name)!r}; formulation 'observer' takes {needed!r} only"
                     )
-            if self.integrator != "hamming":
-                raise SimulationError(
-                    f"Fidelity.integrator is {self.integrator!r}; formulation 'observer' has Newmark's scheme of its "
-                    "own and leaves this at 'hamming'"
-                )
             return
         for name, default in (("reference_condition", "clamped"), ("frame_update", "step")):
             if getattr(self, name) != default:

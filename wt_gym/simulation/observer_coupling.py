@@ -1,9 +1,9 @@
 """The coupled turbine in local observer frames (Holm-Jørgensen, Nielsen & Rubak).
 
 Bodies, joints and drives are those of the turbine's multibody system, whose bodies deform linearly in this formulation
-(no second-order displacement, and so no geometric stiffness). The observer frames are integrated by Newmark's scheme;
-the multibody system is the language in which the rest of the simulation reads the motion: its coordinates are angles of
-hinges and elastic coordinates, which frames that are clamped to their bodies share.
+(no second-order displacement, and so no geometric stiffness). The observer frames are integrated by Newmark's or the
+generalised-α scheme; the multibody system is the language in which the rest of the simulation reads the motion: its
+coordinates are angles of hinges and elastic coordinates, which frames that are clamped to their bodies share.
 
 Loads of the air are known as forces f at points x₀ + S q + ½ qᵀ H q of the blades, given in the deformed state. Their
 virtual work on these points is eq. (4) with the lever of the deformed axis in every section: Q = (S + H q)ᵀ f on the
@@ -17,6 +17,7 @@ from scipy.linalg import expm
 
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
+from wt_gym.multibody.integrators.schemes import generalised_alpha
 from wt_gym.multibody.observer_frame.frame import ObserverFrameError
 from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import TORQUE
 from wt_gym.multibody.observer_frame.observer_frame_from_system import FRAME, Translation
@@ -84,6 +85,8 @@ class ObserverCoupling(Coupling):
             model, state, work = self.translation.observed.pack()
         except ObserverFrameError as error:
             raise SimulationError(f"the turbine has no form in local observer frames: {error}") from error
+        if fidelity.integrator == "generalised_alpha":
+            model.rule[:] = generalised_alpha(fidelity.spectral_radius)
         markers = self.translation.observed._markers
         for i in range(len(model.n)):
             model.load_section[i] = markers.index((i, FRAME))

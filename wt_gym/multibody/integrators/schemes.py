@@ -23,7 +23,17 @@ from wt_gym.multibody.integrators.hamming import HammingIntegrator, History, che
 from wt_gym.multibody.integrators.stability import check_conditional_step
 from wt_gym.multibody.tree import tree_kernels
 
-__all__ = ["INTEGRATORS", "GeneralizedAlphaIntegrator", "NewmarkIntegrator", "make_integrator"]
+__all__ = [
+    "INTEGRATORS",
+    "NEWMARK",
+    "GeneralizedAlphaIntegrator",
+    "NewmarkIntegrator",
+    "generalised_alpha",
+    "make_integrator",
+]
+
+NEWMARK = (0.25, 0.5, 0.0, 0.0)
+"""β, γ, αm, αf of the average-acceleration rule."""
 
 TANGENTS = ("difference", "structure")
 ImplicitScratch = namedtuple("ImplicitScratch", "trial rate acceleration pseudo increment residual shifted")
@@ -202,10 +212,19 @@ class NewmarkIntegrator(_ImplicitIntegrator):
         super().__init__(system, step, (beta, gamma, 0.0, 0.0), tolerance, max_iterations, difference, tangent, trail)
 
 
+def generalised_alpha(rho_inf):
+    """β, γ, αm, αf of the scheme that is optimal for a spectral radius (0 … 1) at ω h → ∞.
+
+    αm = (2ρ − 1)/(ρ + 1), αf = ρ/(ρ + 1), γ = ½ − αm + αf, β = ¼ (1 − αm + αf)² (Chung & Hulbert 1993).
+    """
+    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
+    return 0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f
+
+
 class GeneralizedAlphaIntegrator(_ImplicitIntegrator):
     """Chung & Hulbert's generalised-α scheme (J. Appl. Mech. 60, 1993), optimal for a given spectral radius at ω h → ∞.
 
-    αm = (2ρ − 1)/(ρ + 1), αf = ρ/(ρ + 1), γ = ½ − αm + αf, β = ¼ (1 − αm + αf)²; second order, stable at every step.
+    Its parameters are those of `generalised_alpha`; second order, stable at every step.
 
     Parameters
     ----------
@@ -228,10 +247,8 @@ class GeneralizedAlphaIntegrator(_ImplicitIntegrator):
         if not 0.0 <= rho_inf <= 1.0:
             raise MultibodyError(f"the spectral radius rho_inf must lie in 0 … 1, got {rho_inf}")
         self.rho_inf = float(rho_inf)
-        alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
-        gamma, beta = 0.5 - alpha_m + alpha_f, 0.25 * (1.0 - alpha_m + alpha_f) ** 2
         super().__init__(
-            system, step, (beta, gamma, alpha_m, alpha_f), tolerance, max_iterations, difference, tangent, trail
+            system, step, generalised_alpha(rho_inf), tolerance, max_iterations, difference, tangent, trail
         )
 
 

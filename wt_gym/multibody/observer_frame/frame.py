@@ -61,7 +61,15 @@ velocities that change their name in an update, are taken out of q̇ in the mean
 Time stepping
 -------------
 Newmark with (β, γ) = (¼, ½) on eq. (6) at the end of the step; loads and constraint directions from the last known q,
-renewed by optional iterations (the matrices do not change in an iteration). The trapezoidal rule on constrained
+renewed by optional iterations (the matrices do not change in an iteration). With a spectral radius the step is that of
+the generalised-α scheme (J. Chung, G. M. Hulbert, J. Appl. Mech. 60, 1993) in the form of M. Arnold and O. Brüls
+(Multibody Syst. Dyn. 18, 2007): eq. (6) still holds at the end of the step, and Newmark's formulas carry q and q̇ on
+with
+
+    (1 − αm) a₊ + αm a = (1 − αf) q̈₊ + αf q̈
+
+in the place of q̈. What is kept from step to step is the lead a − q̈, in which the acceleration of the frame cancels: it
+means the same before and after an update. The trapezoidal rule on constrained
 coordinates lets errors of multipliers grow; after each step velocities are therefore projected on Φ̇ = 0 (in the metric
 of M), and accelerations and multipliers recomputed from eq. (6) with Φ̈ = 0. Tangential to the constraints this changes
 nothing. Rigid and small motions are of second order in the step; the lag of one step in the deformed rotation modes and
@@ -90,6 +98,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wt_gym.multibody.integrators.schemes import NEWMARK
 from wt_gym.multibody.observer_frame import observer_frame_constraint_kernels as constraint
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
 from wt_gym.multibody.observer_frame.observer_frame_body import (
@@ -119,10 +128,11 @@ Model = namedtuple(
     "n first stiffness damping gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
     "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
     "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes "
-    "prediction row_drive row_axis row_spring row_stiffness row_damping load_section",
+    "prediction row_drive row_axis row_spring row_stiffness row_damping load_section rule",
 )
 State = namedtuple(
-    "State", "position rotation velocity omega acceleration alpha q v a deformed multiplier age turned n_updates angle"
+    "State",
+    "position rotation velocity omega acceleration alpha q v a lead deformed multiplier age turned n_updates angle",
 )
 Work = namedtuple(
     "Work",
@@ -506,6 +516,7 @@ class ObserverFrameSystem:
             row_stiffness=np.array([self.springs[r.spring].stiffness if r.spring >= 0 else 0.0 for r in self._rows]),
             row_damping=np.array([self.springs[r.spring].damping if r.spring >= 0 else 0.0 for r in self._rows]),
             load_section=np.full(n_b, -1, dtype=np.int64),
+            rule=np.array(NEWMARK),
         )
         self._pack_bodies(model)
         self._pack_markers(model)
@@ -568,6 +579,7 @@ class ObserverFrameSystem:
             q=z((n_b, n_max)),
             v=z((n_b, n_max)),
             a=z((n_b, n_max)),
+            lead=z((n_b, n_max)),
             deformed=z((n_b, n_max)),
             multiplier=z(n_row),
             age=z(n_b),

@@ -1,4 +1,4 @@
-"""Newmark stepping of a system in local observer frames, and what can be seen of it.
+"""Implicit stepping of a system in local observer frames, and what can be seen of it.
 
 The equations and the scheme are derived in :mod:`wt_gym.multibody.observer_frame.frame`.
 """
@@ -6,6 +6,7 @@ The equations and the scheme are derived in :mod:`wt_gym.multibody.observer_fram
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wt_gym.multibody.integrators.schemes import generalised_alpha
 from wt_gym.multibody.observer_frame import observer_frame_kernels as kernels
 from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError
 from wt_gym.structure.beam import skew
@@ -16,7 +17,7 @@ PREDICTIONS = {"uniform": kernels.UNIFORM, "accelerated": kernels.MEAN, "printed
 
 
 class ObserverFrameIntegrator:
-    """Newmark stepping of a system in local observer frames.
+    """Newmark (¼, ½) or generalised-α stepping of a system in local observer frames.
 
     Parameters
     ----------
@@ -32,6 +33,9 @@ class ObserverFrameIntegrator:
     prediction : str
         Motion of the frames over a step: "uniform", "accelerated" with the mean acceleration since the last update, or
         "printed" with the accelerations of the last instant (eqs 9–12 to the letter).
+    spectral_radius : float, optional
+        At infinite frequency, 0 … 1: generalised-α scheme, which removes a share of the highest frequencies in every
+        step. None: Newmark's, which keeps them.
 
     Attributes
     ----------
@@ -43,11 +47,11 @@ class ObserverFrameIntegrator:
     Raises
     ------
     ObserverFrameError
-        For a step, number of iterations or threshold that is not positive, an unknown prediction, and for systems that
-        cannot be packed.
+        For a step, number of iterations or threshold that is not positive, an unknown prediction, a spectral radius out
+        of range, and for systems that cannot be packed.
     """
 
-    def __init__(self, system, step, n_iterations=1, update="step", prediction="uniform"):
+    def __init__(self, system, step, n_iterations=1, update="step", prediction="uniform", spectral_radius=None):
         if not (np.isfinite(step) and step > 0.0):
             raise ObserverFrameError(f"the time step must be positive, got {step}")
         if int(n_iterations) < 1:
@@ -57,8 +61,12 @@ class ObserverFrameIntegrator:
         self.system, self.step, self.n_iterations = system, float(step), int(n_iterations)
         if prediction not in PREDICTIONS:
             raise ObserverFrameError(f"prediction {prediction!r} is unknown; allowed: {', '.join(PREDICTIONS)}")
+        if spectral_radius is not None and not 0.0 <= spectral_radius <= 1.0:
+            raise ObserverFrameError(f"spectral_radius must lie in 0 … 1, got {spectral_radius}")
         self._threshold = 0.0 if update == "step" else float(update)
         self.model, self.state, self._work = system.pack(PREDICTIONS[prediction])
+        if spectral_radius is not None:
+            self.model.rule[:] = generalised_alpha(spectral_radius)
         self.time = 0.0
         self._shapes = {}
         self._start()

@@ -21,9 +21,9 @@ from wt_gym.multibody.observer_frame.observer_frame_matrix_kernels import (
     gyroscopic_product,
     inner_forces,
     mass_product,
-    newmark_matrix,
     solve,
     solve_dense,
+    step_matrix,
 )
 from wt_gym.multibody.tree.rotation_kernels import rotation_exp
 
@@ -413,9 +413,9 @@ def hold_velocities(model, state, work):
 
 @kernel
 def factorize_step(h, model, state, work):
-    """Newmark matrices at the end of the step, their factors and S⁻¹ shapeᵀ of the held markers."""
+    """Matrices of the step at its end, their factors and S⁻¹ shapeᵀ of the held markers."""
     for b in range(model.n.shape[0]):
-        newmark_matrix(b, h, model, state, work.low[b], work.up[b])
+        step_matrix(b, h, model, state, work.low[b], work.up[b])
         if not factorize(0, model.n[b], model.first[b], work.low[b], work.up[b]):
             return SINGULAR_BODY
     for m in range(model.marker_body.shape[0]):
@@ -431,10 +431,10 @@ def factorize_step(h, model, state, work):
 
 @kernel
 def spring_rows(h, model, state, work):
-    """The equations of hinges with springs and dampers in the system B S⁻¹ Bᵀ λ = rhs of a Newmark step.
+    """The equations of hinges with springs and dampers in the system B S⁻¹ Bᵀ λ = rhs of a step.
 
     At the end of the step, angle θ and rate being linear in the coordinates x about the iterate y, the torque
-    −λ = k (θ_r − θ) + c (θ̇_r − θ̇) + τ is τ₀ − κ B (x − y) with κ = k + 2 c/h and τ₀ the torque at y and its Newmark
+    −λ = k (θ_r − θ) + c (θ̇_r − θ̇) + τ is τ₀ − κ B (x − y) with κ = k + c γ/(β h) and τ₀ the torque at y and its Newmark
     velocity; x = x₀ − S⁻¹ Bᵀ λ gives
 
         (κ B S⁻¹ Bᵀ + 1) λ = κ B (x₀ − y) − τ₀,
@@ -442,6 +442,8 @@ def spring_rows(h, model, state, work):
     of which work.multiplier holds B (x₀ − y). A stiff spring thus limits no step.
     """
     n_row, some = model.row_kind.shape[0], False
+    beta, gamma = model.rule[0], model.rule[1]
+    rate, kept, pushed = gamma / (beta * h), gamma / beta, h * (1.0 - 0.5 * gamma / beta)
     for r in range(n_row):
         work.row_change[r] = 0.0
         some = some or model.row_kind[r] == TORQUE
@@ -449,13 +451,14 @@ def spring_rows(h, model, state, work):
         return
     for b in range(model.n.shape[0]):
         for k in range(model.n[b]):
-            work.vector[b, k] = 2.0 / h * (work.next[b, k] - state.q[b, k]) - 2.0 * state.v[b, k]
+            start = state.a[b, k] + state.lead[b, k]
+            work.vector[b, k] = rate * (work.next[b, k] - state.q[b, k]) - kept * state.v[b, k] + pushed * start
     rows_of(model, work.vector, work, work.row_change)
     for r in range(n_row):
         if model.row_kind[r] != TORQUE:
             continue
         work.row_rate[r] += work.row_change[r]
-        stiffness, scale = model.row_stiffness[r] + 2.0 / h * model.row_damping[r], work.schur[r, r]
+        stiffness, scale = model.row_stiffness[r] + rate * model.row_damping[r], work.schur[r, r]
         work.multiplier[r] = scale * (stiffness * work.multiplier[r] - row_torque(r, model, work))
         for s in range(n_row):
             work.schur[r, s] *= scale * stiffness
@@ -463,20 +466,30 @@ def spring_rows(h, model, state, work):
 
 
 @kernel
-def newmark_solve(h, value, n_iterations, model, state, work):
+def step_solve(h, value, n_iterations, model, state, work):
     """Solve eq. (6) for the increment of q over the step; work.next ends as q at its end.
+
+    With a = q̈ + lead at the start, the end of the step has, for an increment x of q,
+
+        q̇ = γ/(βh) x + (1 − γ/β) q̇₀ + h (1 − γ/2β) a,
+        q̈ = (1−αm)/(1−αf) (x/(βh²) − q̇₀/(βh) − (1/2β − 1) a) + (αm a − αf q̈₀)/(1−αf).
 
     The matrices do not depend on q: an iteration renews only loads and constraint directions.
     """
     n_b, n_row = model.n.shape[0], model.row_kind.shape[0]
+    beta, gamma, alpha_m, alpha_f = model.rule
+    share = (1.0 - alpha_m) / (1.0 - alpha_f)
     for b in range(n_b):
         n, vector, base = model.n[b], work.vector[b], work.base[b]
         for k in range(n):
-            vector[k] = -state.v[b, k]
+            start = state.a[b, k] + state.lead[b, k]
+            vector[k] = (1.0 - gamma / beta) * state.v[b, k] + h * (1.0 - 0.5 * gamma / beta) * start
             work.next[b, k] = state.q[b, k]
         inner_forces(b, model, state, state.q[b], vector, base)
         for k in range(n):
-            vector[k] = 4.0 / h * state.v[b, k] + state.a[b, k]
+            start = state.a[b, k] + state.lead[b, k]
+            vector[k] = share * (1.0 / (beta * h) * state.v[b, k] + (0.5 / beta - 1.0) * start)
+            vector[k] -= (alpha_m * start - alpha_f * state.a[b, k]) / (1.0 - alpha_f)
         mass_product(b, model, vector, base)
     for _ in range(n_iterations):
         for b in range(n_b):
@@ -509,19 +522,24 @@ def newmark_solve(h, value, n_iterations, model, state, work):
 def step(h, value, n_iterations, threshold, model, state, work):
     """Advance all bodies by h under the loads (n_loads, 6) at the end of the step; returns a code."""
     n_b = model.n.shape[0]
+    beta, gamma, alpha_m, alpha_f = model.rule
     for b in range(n_b):
         predict_frame(b, h, model, state, work)
     code = factorize_step(h, model, state, work)
     if code == OK:
-        code = newmark_solve(h, value, n_iterations, model, state, work)
+        code = step_solve(h, value, n_iterations, model, state, work)
     if code != OK:
         return code
     total = 0.0
     for b in range(n_b):
         for k in range(model.n[b]):
-            change, rate = work.next[b, k] - state.q[b, k], state.v[b, k]
-            state.a[b, k] = 4.0 / (h * h) * change - 4.0 / h * rate - state.a[b, k]
-            state.v[b, k] = 2.0 / h * change - rate
+            change, rate, before = work.next[b, k] - state.q[b, k], state.v[b, k], state.a[b, k]
+            start = before + state.lead[b, k]
+            end = 1.0 / (beta * h * h) * change - 1.0 / (beta * h) * rate - (0.5 / beta - 1.0) * start
+            state.a[b, k] = ((1.0 - alpha_m) * end + alpha_m * start - alpha_f * before) / (1.0 - alpha_f)
+            state.lead[b, k] = end - state.a[b, k]
+            state.v[b, k] = gamma / (beta * h) * change + (1.0 - gamma / beta) * rate
+            state.v[b, k] += h * (1.0 - 0.5 * gamma / beta) * start
             state.q[b, k] = work.next[b, k]
             total += abs(work.next[b, k])
     if not math.isfinite(total):

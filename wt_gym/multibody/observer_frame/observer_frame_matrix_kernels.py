@@ -127,16 +127,17 @@ def mass_product(b, model, x, out):
 
 
 @kernel
-def newmark_matrix(b, h, model, state, low, up):
-    """S = (4/h²) M + (2/h) (2 G + C) + K + Ġ + D, the matrix of the Newmark step for (β, γ) = (¼, ½)."""
+def step_matrix(b, h, model, state, low, up):
+    """S = (1−αm)/(1−αf)/(β h²) M + γ/(β h) (2 G + C) + K + Ġ + D, the matrix of a step of `model.rule`."""
+    beta, gamma, alpha_m, alpha_f = model.rule
+    cd = gamma / (beta * h)
     g, a, stiffness, damping = model.gyro[b], model.second[b], model.stiffness[b], model.damping[b]
     w0, w1, w2 = state.omega[b, 0], state.omega[b, 1], state.omega[b, 2]
-    # odd part: (4/h) G(ω) + G(α)
-    c0 = 4.0 / h * w0 + state.alpha[b, 0]
-    c1 = 4.0 / h * w1 + state.alpha[b, 1]
-    c2 = 4.0 / h * w2 + state.alpha[b, 2]
-    cd = 2.0 / h
-    cm = 4.0 / (h * h) - (w0 * w0 + w1 * w1 + w2 * w2)
+    # odd part: 2γ/(βh) G(ω) + G(α)
+    c0 = 2.0 * cd * w0 + state.alpha[b, 0]
+    c1 = 2.0 * cd * w1 + state.alpha[b, 1]
+    c2 = 2.0 * cd * w2 + state.alpha[b, 2]
+    cm = (1.0 - alpha_m) / ((1.0 - alpha_f) * beta * h * h) - (w0 * w0 + w1 * w1 + w2 * w2)
     d00, d11, d22 = cm + w0 * w0, cm + w1 * w1, cm + w2 * w2
     d01, d02, d12 = w0 * w1, w0 * w2, w1 * w2
     for i in range(model.n[b]):
