@@ -59,10 +59,10 @@ def compile_ahead(turbine: Turbine, fidelity: str | Fidelity) -> None:
         ) as helper,
     ):
         try:
-            _hand_over(turbine, fidelity, helper.stdin)
+            _hand_over(turbine, fidelity, helper.stdin)  # type: ignore[arg-type]  # both are pipes
             coupling = _at_rest(turbine, fidelity).coupling
             _compile_structure(coupling)
-            helper.stdout.readline()
+            helper.stdout.readline()  # type: ignore[union-attr]
             _compile_step(coupling)
             if helper.wait():
                 _log.info("the process that helped to compile ended with status %d", helper.returncode)
