@@ -8,8 +8,11 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
+MODULES='import gymnasium, numba, optuna, plotly.graph_objects, pytest, sb3_contrib, scipy.optimize, scipy.signal
+import scipy.spatial.transform, stable_baselines3, torch.utils.tensorboard, xarray'
+
 install() {
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt "$@"
+    .venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt "$@"
 }
 
 set_up() {
@@ -35,6 +38,8 @@ set_up() {
     # the build runs in the environment itself: one of its own would be fetched anew each time
     install 'setuptools>=77'
     install --no-build-isolation --editable '.[train,test,tune,docs]'
+    # bytecode of what is used instead of all that is installed, which takes pip as long as the rest
+    PYTHONDONTWRITEBYTECODE='' .venv/bin/python -c "$MODULES"
     echo "$want" >"$stamp"
     echo "set up in ${SECONDS} s"
 }

@@ -2,15 +2,17 @@
 
 import dataclasses
 import logging
+import multiprocessing
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.compilation import announce_compilation, compile_once, compiling
-from wt_gym.simulation.compile_ahead import compile_ahead
+from wt_gym.simulation.compile_ahead import _HELPER, compile_ahead
 from wt_gym.simulation.coupling import Coupling
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -51,17 +53,60 @@ def plain():
     return load_turbine("nrel_5mw"), FIDELITIES["training"]
 
 
-def test_without_help_one_process_compiles_everything(plain, monkeypatch, caplog):
-    """A process that ends at once, and a turbine that no other process can know."""
+@pytest.fixture
+def told(caplog):
+    """What the logger of the package says."""
     caplog.set_level(logging.INFO, "wt_gym")
-    turbine, fidelity = plain
-    known_here = dataclasses.replace(turbine)
+    return caplog
+
+
+def test_a_turbine_that_no_other_process_can_know_is_compiled_by_one(plain, told):
+    known_here = dataclasses.replace(plain[0])
     object.__setattr__(known_here, "note", lambda: None)
-    compile_ahead(known_here, fidelity)
-    monkeypatch.setattr("wt_gym.simulation.compile_ahead._HELPER", "raise SystemExit(3)")
-    compile_ahead(turbine, fidelity)
-    assert "nobody helps to compile" in caplog.messages[0]
-    assert [text[-8:] for text in caplog.messages if "ended with" in text] == ["status 1", "status 3"]
+    compile_ahead(known_here, plain[1])
+    assert [text[:24] for text in told.messages] == ["nobody helps to compile:"]
+
+
+def test_without_an_interpreter_one_process_compiles_everything(plain, told, monkeypatch):
+    monkeypatch.setattr("wt_gym.simulation.compile_ahead.get_executable", lambda: "/nowhere/python")
+    compile_ahead(*plain)
+    assert [text[:24] for text in told.messages] == ["nobody helps to compile:"]
+
+
+@pytest.mark.parametrize(
+    ("code", "says"),
+    [
+        ("raise SystemExit(3)", ["the process that helped to compile ended with status 3"]),
+        (
+            "print('x' * 200_000, flush=True); raise SystemExit(4)",
+            ["the process that helped to compile ended with status 4"],
+        ),
+    ],
+)
+def test_a_helper_that_fails_leaves_the_work_to_one_process(plain, told, monkeypatch, code, says):
+    monkeypatch.setattr("wt_gym.simulation.compile_ahead._HELPER", code)
+    compile_ahead(*plain)
+    assert told.messages == says
+
+
+def test_a_helper_may_print_and_finds_what_this_process_finds(plain, told, monkeypatch, tmp_path):
+    """Before and after its work, more than a pipe holds; a file in the working directory is no module."""
+    (tmp_path / "scipy.py").write_text("raise SystemExit(5)")
+    monkeypatch.setattr("sys.path", [Path("ignored"), *sys.path])
+    code = "print('x' * 200_000, flush=True)\n" + _HELPER + "print('x' * 200_000, flush=True)"
+    monkeypatch.setattr("wt_gym.simulation.compile_ahead._HELPER", code)
+    monkeypatch.chdir(tmp_path)
+    compile_ahead(*plain)
+    assert not told.messages
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
+def test_a_forked_process_does_not_wait_for_the_threads_of_its_parent():
+    with compiling():
+        child = multiprocessing.get_context("fork").Process(target=compile_once, args=(Coupling, None, None))
+        child.start()
+        child.join(20.0)
+        assert child.exitcode == 0
 
 
 class NeverRun(Coupling):
@@ -83,6 +128,9 @@ def test_what_was_never_run_is_announced_once_and_compiled_with_help(plain, monk
     ]
     assert helped == [plain, plain]
     with compiling():
+        compile_once(NeverRun, *plain)
+    with monkeypatch.context() as alone:
+        alone.setenv("WT_GYM_COMPILE_ALONE", "1")
         compile_once(NeverRun, *plain)
     monkeypatch.setattr("wt_gym.simulation.compilation._cores", lambda: 1)
     compile_once(NeverRun, *plain)

@@ -27,6 +27,7 @@ __all__ = ["benchmark_fingerprint", "code_of", "differing", "sources_digest"]
 _ROOT = Path(wt_gym.__file__).parent
 _SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER}
 _FILES_OF_WIND = {"box_cache.py", "bts.py"}  # keep and read boxes, and change no number of a task
+_FILES_OF_COMPILATION = {"compilation.py", "compile_ahead.py"}  # say when kernels are compiled
 _ENVIRONMENT = ("costs.py", "episode.py", "layout.py", "observations.py", "turbine_env.py")
 _STATEMENT_BEGINS = {tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
 
@@ -58,7 +59,11 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
 def _sources() -> dict[str, str]:
     kernels = {*_ROOT.rglob("*_kernels.py"), _ROOT / "compiled.py"}
     rooms = {
-        "model": _modules("aerodynamics", "multibody", "simulation", "structure"),
+        "model": {
+            file
+            for file in _modules("aerodynamics", "multibody", "simulation", "structure")
+            if file.name not in _FILES_OF_COMPILATION
+        },
         "wind": {
             *(file for file in _modules("wind") if file.name not in _FILES_OF_WIND),
             _ROOT / "envs" / "wind_sampler.py",

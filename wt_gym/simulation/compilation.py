@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from wt_gym.simulation.fidelity import Fidelity
     from wt_gym.turbines import Turbine
 
-__all__ = ["announce_compilation", "compile_once", "compiling"]
+__all__ = ["COMPILE_ALONE", "announce_compilation", "compile_once", "compiling"]
+
+COMPILE_ALONE = "WT_GYM_COMPILE_ALONE"
+"""Environment variable with which a process has no other one help it to compile."""
 
 _log = logging.getLogger(__name__)
 _one_at_a_time = RLock()
@@ -28,7 +31,8 @@ _announced: set[tuple[type, str]] = set()
 def compile_once(coupling: type[Coupling], turbine: Turbine, fidelity: Fidelity) -> None:
     """Compile what a simulator needs, where no simulator of its kind ever was, and say so, because it takes a minute.
 
-    Another process helps where there is a core for it, unless this one is itself a worker of many.
+    Another process helps where there is a core for it, unless this one is itself a worker of many, or the environment
+    variable ``WT_GYM_COMPILE_ALONE`` is set.
 
     Parameters
     ----------
@@ -41,7 +45,7 @@ def compile_once(coupling: type[Coupling], turbine: Turbine, fidelity: Fidelity)
         if _under_way or coupling.was_compiled():
             return
         _announce(coupling, turbine)
-        if _cores() > 1 and get_executable() and multiprocessing.parent_process() is None:
+        if _cores() > 1 and get_executable() and not _is_worker():
             from wt_gym.simulation.compile_ahead import compile_ahead  # which makes simulators itself
 
             compile_ahead(turbine, fidelity)
@@ -70,6 +74,21 @@ def _announce(coupling: type[Coupling], turbine: Turbine) -> None:
     if (coupling, turbine.name) not in _announced:
         _announced.add((coupling, turbine.name))
         _log.warning("compiling the simulator of %s: a minute or two, once on this machine", turbine.name)
+
+
+def _is_worker() -> bool:
+    """One of many processes, which all begin at once, or another one that was told to compile alone."""
+    return multiprocessing.parent_process() is not None or COMPILE_ALONE in os.environ
+
+
+def _begin_anew() -> None:
+    """In a forked process, in which no other thread goes on with what it had begun."""
+    global _one_at_a_time, _under_way
+    _one_at_a_time, _under_way = RLock(), False
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
 
 
 def _cores() -> int:

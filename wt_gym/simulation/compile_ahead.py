@@ -7,25 +7,30 @@ both, the other one, which is done earlier, with what only a start calls.
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import os
 import pickle
 import subprocess
 import sys
+import tempfile
+from contextlib import contextmanager
 from multiprocessing.spawn import get_executable
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, cast
 
 import numba
 import numpy as np
 
 from wt_gym.simulation.assembly import build_lattice
-from wt_gym.simulation.compilation import compiling
+from wt_gym.simulation.compilation import COMPILE_ALONE, compiling
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.simulator import Simulator
 from wt_gym.wind import SteadyInflow
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from wt_gym.simulation.coupling import Coupling
     from wt_gym.simulation.fidelity import Fidelity
     from wt_gym.turbines import Turbine
@@ -33,58 +38,83 @@ if TYPE_CHECKING:
 __all__ = ["compile_ahead"]
 
 _log = logging.getLogger(__name__)
-_HELPER = "from wt_gym.simulation.compile_ahead import help_to_compile; help_to_compile()"
+_HELPER = """
+import json, sys
+sys.path[:] = json.loads(sys.stdin.buffer.readline())
+from wt_gym.simulation.compile_ahead import help_to_compile
+help_to_compile()
+"""
 _AIR_IS_READY = b"air\n"
 
 
 def compile_ahead(turbine: Turbine, fidelity: str | Fidelity) -> None:
     """Compile what the simulator of a turbine needs, in this process and another one, which is new and ends with it.
 
-    Should the other process fail, this one does its work too.
+    Where there can be no other process, or where it fails, this one does all the work.
 
     Parameters
     ----------
     turbine, fidelity
         As of `wt_gym.simulation.Simulator`.
     """
-    modules = os.pathsep.join(path or os.getcwd() for path in sys.path)
-    with (
-        compiling(),
-        subprocess.Popen(
-            [get_executable(), "-c", _HELPER],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,  # what goes wrong there goes wrong here again
-            env=os.environ | {"PYTHONPATH": modules},
-        ) as helper,
-    ):
+    with compiling(), _help(turbine, fidelity) as helper:
+        coupling = _at_rest(turbine, fidelity).coupling
+        _compile_structure(coupling)
+        if helper is not None:
+            _wait_for_air(helper)
+        _compile_step(coupling)
+        if helper is not None and helper.wait():
+            _log.info("the process that helped to compile ended with status %d", helper.returncode)
+
+
+@contextmanager
+def _help(turbine: Turbine, fidelity: str | Fidelity) -> Iterator[subprocess.Popen[bytes] | None]:
+    """A process that has begun to compile the air; None where none can be had."""
+    try:
+        helper = _begin(turbine, fidelity)
+    # what only this process knows cannot be pickled, and there may be no more processes, or no interpreter to run
+    except (pickle.PicklingError, AttributeError, TypeError, ValueError, RecursionError, OSError) as error:
+        _log.info("nobody helps to compile: %s", error)
+        helper = None
+    if helper is None:
+        yield None
+        return
+    with helper:
         try:
-            _hand_over(turbine, fidelity, helper.stdin)  # type: ignore[arg-type]  # both are pipes
-            coupling = _at_rest(turbine, fidelity).coupling
-            _compile_structure(coupling)
-            helper.stdout.readline()  # type: ignore[union-attr]
-            _compile_step(coupling)
-            if helper.wait():
-                _log.info("the process that helped to compile ended with status %d", helper.returncode)
+            yield helper
         finally:
             helper.kill()  # nothing, if it has ended
 
 
-def _hand_over(turbine: Turbine, fidelity: str | Fidelity, pipe: IO[bytes]) -> None:
-    try:
-        with pipe:
-            pickle.dump((turbine, fidelity), pipe)
-    except (pickle.PicklingError, AttributeError, TypeError, BrokenPipeError) as error:
-        _log.info("nobody helps to compile: %s", error)  # something that only this process knows, for example
+def _begin(turbine: Turbine, fidelity: str | Fidelity) -> subprocess.Popen[bytes]:
+    with tempfile.TemporaryFile() as given:
+        given.write(json.dumps([path for path in sys.path if isinstance(path, str)]).encode() + b"\n")
+        pickle.dump((turbine, fidelity), given)
+        given.seek(0)
+        return subprocess.Popen(
+            [get_executable(), "-P", "-c", _HELPER],
+            stdin=given,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,  # what goes wrong there goes wrong here again
+            env=os.environ | {COMPILE_ALONE: "1"},
+        )
+
+
+def _wait_for_air(helper: subprocess.Popen[bytes]) -> None:
+    """Until the helper has compiled the air, or has ended."""
+    for line in cast(IO[bytes], helper.stdout):
+        if line == _AIR_IS_READY:
+            return
 
 
 def help_to_compile() -> None:
     """Compile the air, say so, and compile a start: what the other process does."""
     turbine, fidelity = pickle.load(sys.stdin.buffer)  # of the process that began this one
-    with compiling():
+    with compiling(), os.fdopen(os.dup(1), "wb") as answer, open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)  # nobody reads what else is printed
         _compile_air(turbine, fidelity)
-        sys.stdout.buffer.write(_AIR_IS_READY)
-        sys.stdout.buffer.flush()
+        answer.write(_AIR_IS_READY)
+        answer.flush()
         _compile_start(turbine, fidelity)
 
 

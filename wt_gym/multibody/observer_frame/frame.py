@@ -68,12 +68,12 @@ with
 
     (1 − αm) a₊ + αm a = (1 − αf) q̈₊ + αf q̈
 
-in the place of q̈. What is kept from step to step is the lead a − q̈, in which the acceleration of the frame cancels: it
-means the same before and after an update. The trapezoidal rule on constrained
-coordinates lets errors of multipliers grow; after each step velocities are therefore projected on Φ̇ = 0 (in the metric
-of M), and accelerations and multipliers recomputed from eq. (6) with Φ̈ = 0. Tangential to the constraints this changes
-nothing. Rigid and small motions are of second order in the step; the lag of one step in the deformed rotation modes and
-in loads that depend on q is of first order with a small factor.
+in the place of q̈. What is kept from step to step is the lead a − q̈, in which the acceleration of the frame cancels:
+it means the same before and after an update, but for the small turn of the axes, of higher order. The trapezoidal rule
+on constrained coordinates lets errors of multipliers grow; after each step velocities are therefore projected on Φ̇ = 0
+(in the metric of M), and accelerations and multipliers recomputed from eq. (6) with Φ̈ = 0. Tangential to the
+constraints this changes nothing. Rigid and small motions are of second order in the step; the lag of one step in the
+deformed rotation modes and in loads that depend on q is of first order with a small factor.
 
 Loads
 -----
