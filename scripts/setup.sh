@@ -8,8 +8,17 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-MODULES='import gymnasium, numba, optuna, plotly.graph_objects, pytest, sb3_contrib, scipy.optimize, scipy.signal
-import scipy.spatial.transform, stable_baselines3, torch.utils.tensorboard, xarray'
+# bytecode of what is used, where it is installed, instead of all that is installed, which takes pip as long as the rest
+compile_used() {
+    PYTHONDONTWRITEBYTECODE='' .venv/bin/python - gymnasium numba optuna plotly.graph_objects pytest sb3_contrib \
+        scipy.optimize scipy.signal scipy.spatial.transform stable_baselines3 torch.utils.tensorboard xarray <<'END'
+import importlib.util, sys
+
+for name in sys.argv[1:]:
+    if importlib.util.find_spec(name.partition(".")[0]):
+        importlib.import_module(name)
+END
+}
 
 install() {
     .venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt "$@"
@@ -38,8 +47,7 @@ set_up() {
     # the build runs in the environment itself: one of its own would be fetched anew each time
     install 'setuptools>=77'
     install --no-build-isolation --editable '.[train,test,tune,docs]'
-    # bytecode of what is used instead of all that is installed, which takes pip as long as the rest
-    PYTHONDONTWRITEBYTECODE='' .venv/bin/python -c "$MODULES"
+    compile_used
     echo "$want" >"$stamp"
     echo "set up in ${SECONDS} s"
 }

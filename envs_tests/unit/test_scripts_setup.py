@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 SETUP = Path(__file__).resolve().parents[2] / "scripts" / "setup.sh"
+WHOLE = 4
+"""Calls of a set-up: environment, two installations, bytecode."""
 # Stands for an interpreter: notes what it is asked to do, and copies itself where an environment is wanted. A file
 # "cut" ends it there as a signal would.
 PYTHON = """#!/bin/sh
@@ -41,9 +43,11 @@ def calls(clone, status=0):
 
 
 def test_it_is_done_once(clone):
-    venv, *installs = calls(clone)
+    venv, *installs, bytecode = calls(clone)
     assert venv == "-m venv .venv"
     assert [line.split()[-1] for line in installs] == ["setuptools>=77", ".[train,test,tune,docs]"]
+    assert all("--no-compile" in line for line in installs)
+    assert bytecode.startswith("- gymnasium ")
     assert calls(clone) == []
 
 
@@ -53,7 +57,7 @@ def test_a_moved_or_copied_clone_is_brought_up_to_date_in_place(clone, move):
     (clone / ".venv" / "installed").write_text("")
     other = clone.with_name("other")
     move(clone, other)
-    assert len(calls(other)) == 3
+    assert len(calls(other)) == WHOLE
     assert (other / ".venv" / "installed").exists()
     assert calls(other) == []
 
@@ -61,7 +65,7 @@ def test_a_moved_or_copied_clone_is_brought_up_to_date_in_place(clone, move):
 def test_other_requirements_are_installed(clone):
     calls(clone)
     (clone / "constraints.txt").write_text("another version")
-    assert len(calls(clone)) == 3
+    assert len(calls(clone)) == WHOLE
 
 
 def test_an_interrupted_set_up_is_made_anew(clone):
@@ -69,7 +73,7 @@ def test_an_interrupted_set_up_is_made_anew(clone):
     calls(clone, status=1)
     (clone / ".venv" / "half").write_text("")
     (clone / "cut").unlink()
-    assert len(calls(clone)) == 3
+    assert len(calls(clone)) == WHOLE
     assert not (clone / ".venv" / "half").exists()
     assert calls(clone) == []
 
@@ -77,4 +81,4 @@ def test_an_interrupted_set_up_is_made_anew(clone):
 def test_an_environment_without_its_interpreter_is_set_up(clone):
     calls(clone)
     (clone / ".venv" / "bin" / "python").unlink()
-    assert len(calls(clone)) == 3
+    assert len(calls(clone)) == WHOLE
