@@ -26,8 +26,8 @@ __all__ = ["benchmark_fingerprint", "code_of", "differing", "sources_digest"]
 
 _ROOT = Path(wt_gym.__file__).parent
 _SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER}
-_FILES_OF_WIND = {"box_cache.py", "bts.py"}  # keep and read boxes, and change no number of a task
-_FILES_OF_COMPILATION = {"compilation.py", "compile_ahead.py"}  # say when kernels are compiled
+_WITHOUT_NUMBERS = {"box_cache.py", "bts.py", "compilation.py", "compile_ahead.py"}
+"""Files that change no number of a task: they keep and read boxes of wind, and say when kernels are compiled."""
 _ENVIRONMENT = ("costs.py", "episode.py", "layout.py", "observations.py", "turbine_env.py")
 _STATEMENT_BEGINS = {tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
 
@@ -59,15 +59,8 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
 def _sources() -> dict[str, str]:
     kernels = {*_ROOT.rglob("*_kernels.py"), _ROOT / "compiled.py"}
     rooms = {
-        "model": {
-            file
-            for file in _modules("aerodynamics", "multibody", "simulation", "structure")
-            if file.name not in _FILES_OF_COMPILATION
-        },
-        "wind": {
-            *(file for file in _modules("wind") if file.name not in _FILES_OF_WIND),
-            _ROOT / "envs" / "wind_sampler.py",
-        },
+        "model": _modules("aerodynamics", "multibody", "simulation", "structure"),
+        "wind": {*_modules("wind"), _ROOT / "envs" / "wind_sampler.py"},
         "control": _modules("control"),
         "environment": {_ROOT / "tasks.py", *(_ROOT / "envs" / name for name in _ENVIRONMENT)},
         "metrics": {_ROOT / "analysis" / "metrics.py", _ROOT / "benchmark" / "run.py"},
@@ -86,7 +79,8 @@ def sources_digest(files: Iterable[Path], root: Path) -> str:
 
 
 def _modules(*rooms: str) -> set[Path]:
-    return {file for room in rooms for file in (_ROOT / room).rglob("*.py")}
+    files = {file for room in rooms for file in (_ROOT / room).rglob("*.py")}
+    return {file for file in files if file.name not in _WITHOUT_NUMBERS}
 
 
 def code_of(source: str) -> str:
