@@ -415,12 +415,12 @@ def compiled_for(function, arguments):
 
     A call of the kernel itself looks up the type of each array it is given: 25 µs for two hundred of them.
     """
-    return _for_python(function).compile(_types(arguments))
+    return _for_python(function).compile(argument_types(arguments))
 
 
 def is_compiled(function, arguments):
     """Whether the compiled form of a kernel for the types of these arguments is in this process or in the cache."""
-    function, types = _for_python(function), _types(arguments)
+    function, types = _for_python(function), argument_types(arguments)
     return types in function.overloads or function._cache.key(types, function.targetctx) in function._cache.kept()
 
 
@@ -433,5 +433,6 @@ def _for_python(function):
     return function.from_python if isinstance(function, _KernelDispatcher) else function
 
 
-def _types(arguments):
+def argument_types(arguments):
+    """Numba's types of some arguments, as a kernel is compiled for them."""
     return tuple(numba.typeof(argument) for argument in arguments)

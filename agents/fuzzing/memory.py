@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import resource
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,6 +80,7 @@ def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v0", episode_
         *_, terminated, truncated, _ = env.step(env.action_space.sample())
         length = episode_steps if terminated or truncated else length + 1
         if (step + 1) % (steps // _SAMPLES) == 0:
+            gc.collect()  # what is only waiting to be collected, or kept for reuse, does not grow without end
             record.steps.append(step + 1)
             record.resident.append(resident_memory())
     env.close()

@@ -43,19 +43,22 @@ def test_mixed_coordinates():
 
 @pytest.mark.slow
 def test_mixed_coordinates_with_and_without_constraint_equations():
-    """The same machine; Newmark's step leaves the constraint equations open by h², a quarter at half the step."""
-    free, open_by = mixed_run(5e-4)
-    held, _ = mixed_run(5e-4, formulation="embedded")
-    _, open_at_half = mixed_run(2.2e-4)
+    """The same machine: equations hold after steps in which free frames turn 3.7°, and blades take no speed from them.
+
+    Closing the equations by bending the blades a little in every step made the rotor 1.2e-4 too fast.
+    """
+    free, open_by = mixed_run()
+    held, _ = mixed_run(formulation="embedded")
+    assert 0.0 < open_by < 1e-9
     assert np.abs(free[:, 0] - held[:, 0]).max() < 1e-3 * np.ptp(held[:, 0])
-    np.testing.assert_allclose(free[:, 1], held[:, 1], rtol=1e-4)
-    assert open_by / open_at_half == pytest.approx(4.0, rel=0.1)
+    np.testing.assert_allclose(free[:, 1], held[:, 1], rtol=1e-5)
 
 
-def mixed_run(max_substep, **changes):
-    """Nacelle displacement [m] and rotor speed [rad/s] (n, 2), and the largest residual of the constraint equations."""
-    fidelity = replace(FIDELITIES["mixed"], max_substep=max_substep, **changes)
-    simulator = Simulator("nada_small", SteadyInflow(7.0, 0.6, 0.0), fidelity, generator="damper")
+def mixed_run(**changes):
+    """Nacelle displacement [m] and rotor speed [rad/s] (n, 2), and the residual of the constraint equations."""
+    simulator = Simulator(
+        "nada_small", SteadyInflow(7.0, 0.6, 0.0), replace(FIDELITIES["mixed"], **changes), generator="damper"
+    )
     simulator.reset(rotor_speed=150.0)
     simulator.inflow = SteadyInflow(8.0, 0.6, 0.0)
     rows = [simulator.advance(simulator.time_step, pitch=0.0) for _ in range(100)]

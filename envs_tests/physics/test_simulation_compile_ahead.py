@@ -12,7 +12,7 @@ import pytest
 
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.compilation import announce_compilation, compile_once, compiling
-from wt_gym.simulation.compile_ahead import _HELPER, compile_ahead
+from wt_gym.simulation.compile_ahead import _HELPER, _compile_structure, compile_ahead
 from wt_gym.simulation.coupling import Coupling
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -58,6 +58,12 @@ def told(caplog):
     """What the logger of the package says."""
     caplog.set_level(logging.INFO, "wt_gym")
     return caplog
+
+
+@pytest.mark.parametrize(("turbine", "fidelity"), [("gebhardt_45m", "gebhardt"), ("nada_small", "mixed")])
+def test_free_bodies_begin_to_move_where_they_belong(turbine, fidelity):
+    """The first simulator of a machine may be one whose constraint equations hold its bodies together."""
+    _compile_structure(Simulator(turbine, SteadyInflow(8.0), fidelity, generator="damper").coupling)
 
 
 def test_a_turbine_that_no_other_process_can_know_is_compiled_by_one(plain, told):

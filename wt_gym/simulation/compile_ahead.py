@@ -19,9 +19,9 @@ from contextlib import contextmanager
 from multiprocessing.spawn import get_executable
 from typing import IO, TYPE_CHECKING, cast
 
-import numba
 import numpy as np
 
+from wt_gym.compiled import argument_types
 from wt_gym.simulation.assembly import build_lattice
 from wt_gym.simulation.compilation import COMPILE_ALONE, compiling
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -129,9 +129,10 @@ def _compile_start(turbine, fidelity) -> None:
 
 def _compile_structure(coupling: Coupling) -> None:
     """What moves the structure, by letting it begin to move, and what only the compiled step calls."""
-    coupling.begin(coupling.models.structure.system.initial_state())
+    structure = coupling.models.structure
+    coupling.begin(structure.adopt(structure, structure.system.initial_state()))  # which puts free bodies in place
     for kernel, arguments in coupling.parts_without_air():
-        kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
+        kernel.compile(argument_types(arguments))
 
 
 def _compile_step(coupling: Coupling) -> None:

@@ -8,9 +8,11 @@ Arnold & Brüls (2007), Chung & Hulbert's scheme reads
     x₁ = u̇(q₁, u₁, t₁)
 
 ⊞ adds increments of angles, slides and elastic coordinates, and turns a quaternion by the body-fixed rotation vector
-(Brüls & Cardona 2010). Newmark's scheme is the case αm = αf = 0. Because the equations of motion hold at the end of the
-step, the stored rate belongs to the stored state. With constraint equations the state is then put back onto them,
-if the system asks for it, and the rate is taken there.
+(Brüls & Cardona 2010). Bodies that constraint equations hold to others go around with these: the origin of a free body
+is then moved in axes that turn with it (`origin_end`), in which its velocity changes little. Newmark's scheme is the
+case αm = αf = 0. Because the equations of motion hold at the end of the step, the stored rate belongs to the stored
+state. With constraint equations the state is then put back onto them, if the system asks for it, and the rate is taken
+there.
 
 Newton's matrix ∂(x₁ − u̇)/∂x₁ comes from finite differences. It is kept over the steps and made anew when the iteration
 slows down.
@@ -45,7 +47,105 @@ def turn_quaternion(y, q, rotation, out):
 
 
 @kernel
-def step_end(h, scheme, history, x, tree, scratch):
+def cross(a, b):
+    """A × b of tuples."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def plus(a, s, b):
+    """A + s b of tuples."""
+    return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
+
+
+@kernel
+def vector(array, i):
+    """Three numbers of an array."""
+    return array[i], array[i + 1], array[i + 2]
+
+
+@kernel
+def turned(y, q, sense, v):
+    """The vector v turned by the quaternion y[q:q + 4] (sense 1) or back (−1)."""
+    r = sense * y[q + 1], sense * y[q + 2], sense * y[q + 3]
+    t = cross(r, v)
+    twice = 2.0 / (y[q] * y[q] + r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    return plus(plus(v, twice * y[q], t), twice, cross(r, t))
+
+
+@kernel
+def origin_start(b, history, tree):
+    """Velocity v of the origin of a free body in the body's axes, and its rate v̇ = Rᵀ u̇ − ω × v there."""
+    q, first = tree.joint_q[b] + 3, tree.n_q + tree.joint_u[b]
+    y, f = history.y[0], history.f[0]
+    v = turned(y, q, -1.0, vector(y, first))
+    return v, plus(turned(y, q, -1.0, vector(f, first)), -1.0, cross(vector(y, first + 3), v))
+
+
+@kernel
+def origin_end(b, h, scheme, history, x, tree, scratch):
+    """Origin of a free body at the end of the step, by the scheme in axes that turn with the body.
+
+    With v = Rᵀ u, v̇ = Rᵀ u̇ − ω × v and ψ the turn of the step (Brüls, Arnold & Cardona 2011: increments on SE(3)):
+
+        v₁ = v₀ + h [(1 − γ) a₀ + γ a₁],   r₁ = r₀ + R₀ T(ψ) {h v₀ + h² [(½ − β) a₀ + β a₁]},   u₁ = R₁ v₁,
+        T(ψ) = 1 + (1 − cos ψ)/ψ² ψ̃ + (ψ − sin ψ)/ψ³ ψ̃²
+
+    A body that goes around on a circle at constant speed stays on it and keeps its speed, whatever the step; in global
+    axes it is ψ²/12 behind. The other way about, flight straight ahead while turning is exact there and not here.
+    """
+    beta, gamma, alpha_m, alpha_f = scheme[0], scheme[1], scheme[2], scheme[3]
+    q, u = tree.joint_q[b], tree.joint_u[b]
+    first, trial = tree.n_q + u, scratch.trial
+    a0, spin, turn = vector(history.memory, u), vector(trial, first + 3), vector(scratch.increment, u + 3)
+    v0, rate0 = origin_start(b, history, tree)
+    # v₁ = known + k v̇₁, and v̇₁ + ω₁ × v₁ = R₁ᵀ u̇₁ with the inverse of 1 + k ω̃₁
+    share = h * gamma / (1.0 - alpha_m)
+    k = share * (1.0 - alpha_f)
+    known = plus(plus(v0, h * (1.0 - gamma) - share * alpha_m, a0), share * alpha_f, rate0)
+    given = plus(turned(trial, q + 3, -1.0, vector(x, u)), -1.0, cross(spin, known))
+    along = spin[0] * given[0] + spin[1] * given[1] + spin[2] * given[2]
+    square = spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2]
+    rate1 = plus(plus(given, -k, cross(spin, given)), k * k * along, spin)
+    weight = 1.0 / (1.0 + k * k * square)
+    rate1 = rate1[0] * weight, rate1[1] * weight, rate1[2] * weight
+    v1 = plus(known, k, rate1)
+    for i in range(3):
+        a1 = ((1.0 - alpha_f) * rate1[i] + alpha_f * rate0[i] - alpha_m * a0[i]) / (1.0 - alpha_m)
+        scratch.pseudo[u + i] = a1
+        scratch.increment[u + i] = h * v0[i] + h * h * ((0.5 - beta) * a0[i] + beta * a1)
+    chord = vector(scratch.increment, u)
+    angle = math.sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
+    if angle > 1e-3:
+        once, again = (1.0 - math.cos(angle)) / angle**2, (angle - math.sin(angle)) / angle**3
+    else:
+        once, again = 0.5 - angle**2 / 24.0, 1.0 / 6.0 - angle**2 / 120.0
+    side = cross(turn, chord)
+    shift = turned(history.y[0], q + 3, 1.0, plus(plus(chord, once, side), again, cross(turn, side)))
+    velocity = turned(trial, q + 3, 1.0, v1)
+    for i in range(3):
+        trial[q + i] = history.y[0, q + i] + shift[i]
+        trial[first + i] = velocity[i]
+
+
+@kernel
+def begin_memory(history, tree, constrained=None):
+    """Pseudo-accelerations at the start: the accelerations there."""
+    n_y = tree.n_q + tree.n_u
+    for i in range(tree.n_u):
+        history.memory[i] = history.f[0, tree.n_q + i]
+    for s in range(tree.n_servo):
+        history.memory[tree.n_u + s] = history.f[0, n_y + tree.n_servo + s]
+    if constrained is not None:
+        for b in range(tree.parent.shape[0]):
+            if tree.kind[b] == FREE:
+                _, rate = origin_start(b, history, tree)
+                for i in range(3):
+                    history.memory[tree.joint_u[b] + i] = rate[i]
+
+
+@kernel
+def step_end(h, scheme, history, x, tree, scratch, constrained):
     """State at the end of the step (scratch.trial) for the accelerations x; also a₁ and Δ."""
     beta, gamma, alpha_m, alpha_f = scheme[0], scheme[1], scheme[2], scheme[3]
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
@@ -68,12 +168,14 @@ def step_end(h, scheme, history, x, tree, scratch):
             shift = 0 if kind == SPHERICAL else 3
             u = tree.joint_u[b] + shift
             turn_quaternion(y, tree.joint_q[b] + shift, increment[u : u + 3], trial)
+            if constrained is not None and kind == FREE:
+                origin_end(b, h, scheme, history, x, tree, scratch)
 
 
 @kernel
 def residual(h, scheme, history, x, tau, inputs, tree, work, scratch, out, constrained):
     """Out = x − u̇ at the end of the step; returns the code of the right-hand side."""
-    step_end(h, scheme, history, x, tree, scratch)
+    step_end(h, scheme, history, x, tree, scratch, constrained)
     code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
     history.marks[EVALUATIONS] += 1
     if code != OK:

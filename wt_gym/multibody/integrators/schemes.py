@@ -119,9 +119,7 @@ class _ImplicitIntegrator:
                 check_conditional_step(system, y, self.step, self.phase_limit, self.inputs, self.work)
         history.y[0] = check_state(system, y)
         history.f[0] = self._rates(history.y[0])
-        n_y = system.n_q + system.n_u
-        history.memory[: system.n_u] = history.f[0, system.n_q : n_y]
-        history.memory[system.n_u :] = history.f[0, n_y + system.n_servo :]
+        implicit_kernels.begin_memory(history, system.tree, system.constrained)
         history.marks[:] = 0
 
     def _rates(self, y):

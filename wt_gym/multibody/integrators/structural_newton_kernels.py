@@ -85,7 +85,7 @@ def structural_advance(history, inputs, tree, work, scratch, h, scheme, n_steps,
             x[i] = history.f[0, n_q + i if i < n_u else n_y + n_s + i - n_u]
         before, converged = 0.0, False
         for iteration in range(max_iterations):
-            step_end(h, scheme, history, x, tree, scratch)
+            step_end(h, scheme, history, x, tree, scratch, None)
             balance_terms(trial, tau, inputs, tree, work, rate)
             multiply_tree(work.mass, tree.dof_parent, x, r)
             for i in range(n_u):
@@ -114,7 +114,7 @@ def structural_advance(history, inputs, tree, work, scratch, h, scheme, n_steps,
             before = change
         if not converged:
             return NOT_CONVERGED
-        step_end(h, scheme, history, x, tree, scratch)
+        step_end(h, scheme, history, x, tree, scratch, None)
         prescribe_servos(trial, tau, inputs, n_y)
         position_rates(trial, trial[n_q:n_y], tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, rate)
         for i in range(n_u + n_s):
