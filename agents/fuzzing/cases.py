@@ -165,7 +165,7 @@ def _drawn_action(turbine: Turbine, has_table: bool, policy: str, rng: np.random
         more["controller"] = beneath
     else:
         groups.remove("controller")
-    if mode != "residual":
+    if mode != "residual" or components == ("yaw",):  # of which there are no offsets
         groups.remove("offsets")
     if not turns:
         groups.remove("fixed_frame")

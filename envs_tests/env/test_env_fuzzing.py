@@ -46,6 +46,9 @@ def test_cases_follow_from_their_number_and_cover_everything():
     modes = {(case.arguments["action_mode"], case.arguments["pitch"]) for case in cases}
     assert len(modes) == 3 * 3 + 1  # collective, individual and fixed frame in all modes, cyclic on top of a controller
     assert draw_case(17, NREL) == draw_case(17, NREL) != draw_case(18, NREL)
+    only_yaw = [case.arguments for case in cases if case.arguments["action_components"] == ("yaw",)]
+    assert only_yaw
+    assert not any("offsets" in arguments["observation"] for arguments in only_yaw)  # which the environment refuses
 
 
 @pytest.mark.slow
