@@ -8,11 +8,11 @@ Arnold & Brüls (2007), Chung & Hulbert's scheme reads
     x₁ = u̇(q₁, u₁, t₁)
 
 ⊞ adds increments of angles, slides and elastic coordinates, and turns a quaternion by the body-fixed rotation vector
-(Brüls & Cardona 2010). Bodies that constraint equations hold to others go around with these: the origin of a free body
-is then moved in axes that turn with it (`origin_end`), in which its velocity changes little. Newmark's scheme is the
-case αm = αf = 0. Because the equations of motion hold at the end of the step, the stored rate belongs to the stored
-state. With constraint equations the state is then put back onto them, if the system asks for it, and the rate is taken
-there.
+(Brüls & Cardona 2010). Bodies that constraint equations hold to others go around with these: in systems with such
+equations the origins of all free bodies are moved in axes that turn with them (`origin_end`), in which their velocities
+change little. Newmark's scheme is the case αm = αf = 0. Because the equations of motion hold at the end of the step,
+the stored rate belongs to the stored state. With constraint equations the state is then put back onto them, if the
+system asks for it, and the rate is taken there.
 
 Newton's matrix ∂(x₁ − u̇)/∂x₁ comes from finite differences. It is kept over the steps and made anew when the iteration
 slows down.
@@ -92,7 +92,8 @@ def origin_end(b, h, scheme, history, x, tree, scratch):
         T(ψ) = 1 + (1 − cos ψ)/ψ² ψ̃ + (ψ − sin ψ)/ψ³ ψ̃²
 
     A body that goes around on a circle at constant speed stays on it and keeps its speed, whatever the step; in global
-    axes it is ψ²/12 behind. The other way about, flight straight ahead while turning is exact there and not here.
+    axes it is ψ²/12 behind. The other way about, flight straight ahead while turning is exact there, and here bends by
+    ψ³/12 rad in a step.
     """
     beta, gamma, alpha_m, alpha_f = scheme[0], scheme[1], scheme[2], scheme[3]
     q, u = tree.joint_q[b], tree.joint_u[b]
