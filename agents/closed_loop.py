@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers import checked_demand
+from wt_gym.control.controllers import checked_demand, readings_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.operating_point import operating_point
 from wt_gym.simulation import Recorder
@@ -61,12 +61,16 @@ def run_controller(
     point = operating_point(simulator.turbine, simulator.inflow.mean_speed)
     speed = point.rotor_speed if rotor_speed is None else rotor_speed
     signals = simulator.reset(rotor_speed=speed, pitch=point.pitch)
-    controller.start(signals, Demand(np.array(signals.pitch), 0.0, signals.generator_torque))
+    inflow, height, n_blades = simulator.inflow, simulator.turbine.hub_height, simulator.turbine.n_blades
+    controller.start(
+        readings_of(controller, signals, inflow, height), Demand(np.array(signals.pitch), 0.0, signals.generator_torque)
+    )
     recorder = Recorder(simulator) if recorder is None else recorder
     recorder.attributes |= {"controller": name, "control_interval_s": dt}
     recorder.append(signals)
     for _ in range(round(duration / dt)):
-        demand = checked_demand(controller.step(signals, dt), controller, simulator.turbine.n_blades)
+        demand = controller.step(readings_of(controller, signals, inflow, height), dt)
+        demand = checked_demand(demand, controller, n_blades)
         signals = simulator.advance(
             dt, pitch=demand.pitch, yaw_rate=demand.yaw_rate, generator_torque=demand.generator_torque
         )

@@ -62,6 +62,9 @@ def readings(**changes):
         "yaw_error": 0.0,
         "nacelle_acceleration_fore_aft": 0.0,
         "nacelle_acceleration_side_side": 0.0,
+        "lidar_1": 15.0,
+        "lidar_2": 15.0,
+        "lidar_3": 15.0,
     }
     for blade, moment in enumerate((8e6, 6e6, 5e6), start=1):
         values |= {f"root_flap_moment_{blade}": moment, f"pitch_{blade}": 0.2}
@@ -82,6 +85,8 @@ def varied(k):
         nacelle_acceleration_fore_aft=0.2 * math.sin(0.4 * k),
         nacelle_acceleration_side_side=0.1 * math.cos(0.4 * k),
         root_flap_moment_1=8e6 + 2e6 * math.sin(0.2 * k),
+        lidar_1=15.0 + math.sin(0.3 * k),
+        lidar_2=15.0 + math.sin(0.3 * k + 1.0),
     )
 
 
@@ -451,7 +456,7 @@ def test_retuned_gain(turbine):
 
 # ---- every controller ----
 
-EVERY = [*CONTROLLERS, "rosco+ipc+tower_dampers+yaw", "retuned+constrained_ipc+yaw"]
+EVERY = [*CONTROLLERS, "rosco+lidar+ipc+tower_dampers+yaw", "retuned+constrained_ipc+yaw"]
 
 
 @pytest.mark.parametrize("name", EVERY)

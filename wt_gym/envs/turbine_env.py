@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 
 from wt_gym.control import ActionMap, Aim, Demand, OperatingPoint, operating_point
 from wt_gym.control.closed_loop import advance_under
-from wt_gym.control.controllers import AboveRated, FadeParameters, checked_demand, make_controller
+from wt_gym.control.controllers import AboveRated, FadeParameters, checked_demand, make_controller, readings_of
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.envs import rewards
 from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, shown
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from wt_gym.control import Lidar
-    from wt_gym.control.controllers import Controller
+    from wt_gym.control.controllers import Controller, Readings
     from wt_gym.envs.rewards import RewardTerm
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals, SimulatorState
@@ -521,7 +521,7 @@ class WindTurbineEnv(gym.Env):
         self.demand = self.base = Demand(np.full(self.turbine.n_blades, pitch), 0.0, torque)
         self.aim = self.layout.action.start(self.demand)
         if self.controller is not None:
-            self.controller.start(self._measured(self.signals), self.demand)
+            self.controller.start(self._read_by(self.controller, self._measured(self.signals)), self.demand)
         if self._residual is not None:
             self._residual.start(pitch, rotor_speed, self._inner_dt)
         self._action = np.zeros(self.layout.action.size)
@@ -596,7 +596,7 @@ class WindTurbineEnv(gym.Env):
         def demand_at(k: int, signals: Signals) -> Demand:
             part, signals = k / n, self._measured(signals)
             if controller is not None:
-                base = controller.step(signals, self._inner_dt)
+                base = controller.step(self._read_by(controller, signals), self._inner_dt)
                 self.base = checked_demand(base, controller, self.turbine.n_blades)
             pitch = start.pitch + part * turn
             if self._residual is not None:
@@ -755,6 +755,10 @@ class WindTurbineEnv(gym.Env):
         for fault in self._sensor_faults:
             signals = fault.read(signals)
         return signals
+
+    def _read_by(self, controller: Controller, signals: Signals) -> Readings:
+        """What a controller reads: measured signals, with those of its lidar if it has one."""
+        return readings_of(controller, signals, self.episode_wind.inflow, self.turbine.hub_height)
 
     def _situation(self) -> Situation:
         return Situation(

@@ -11,7 +11,14 @@ from wt_gym.control.controllers.catalogue import (
     controller_parameters,
     make_controller,
 )
-from wt_gym.control.controllers.controller import Addition, Combined, Controller, Readings, checked_demand
+from wt_gym.control.controllers.controller import (
+    Addition,
+    Combined,
+    Controller,
+    Readings,
+    checked_demand,
+    readings_of,
+)
 from wt_gym.control.controllers.discon import (
     NREL_5MW,
     BaselineController,
@@ -21,6 +28,7 @@ from wt_gym.control.controllers.discon import (
 )
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
 from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
+from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
@@ -46,6 +54,7 @@ __all__ = [
     "HarmonicPitch",
     "HarmonicPitchParameters",
     "IndividualPitch",
+    "LidarFeedforward",
     "Readings",
     "RoscoLikeController",
     "RoscoLikeParameters",
@@ -57,6 +66,7 @@ __all__ = [
     "controller_parameters",
     "from_harmonic",
     "make_controller",
+    "readings_of",
     "retuned_parameters",
     "rotor_table",
     "to_harmonic",

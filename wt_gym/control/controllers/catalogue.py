@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from wt_gym.control.controllers.controller import Addition, Combined, Controller, is_addition, is_controller
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
+from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
@@ -17,7 +18,7 @@ from wt_gym.control.controllers.yaw import YawByDeadBand
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = ["ADDITIONS", "BASES", "CONTROLLERS", "controller_parameters", "make_controller"]
+__all__ = ["ADDITIONS", "BASES", "CONTROLLERS", "WRAPPERS", "controller_parameters", "make_controller"]
 
 
 def _discon(turbine: Turbine) -> Controller:
@@ -65,6 +66,11 @@ def _yaw(turbine: Turbine, **parameters) -> Addition:
     return YawByDeadBand.of_turbine(turbine, **parameters)
 
 
+def _lidar(turbine: Turbine, base: Controller, **parameters) -> Controller:
+    """Collective pitch ahead of the wind that a lidar sees (`lidar_feedforward`)."""
+    return LidarFeedforward.of_turbine(turbine, base, **parameters)  # type: ignore[arg-type]  # checked by the class
+
+
 BASES: dict[str, Callable[..., Controller]] = {"discon": _discon, "retuned": _retuned, "rosco": _rosco}
 """Controllers that decide on pitch and torque."""
 ADDITIONS: dict[str, Callable[..., Addition]] = {
@@ -76,10 +82,12 @@ ADDITIONS: dict[str, Callable[..., Addition]] = {
     "yaw": _yaw,
 }
 """What changes the demand of a controller."""
+WRAPPERS: dict[str, Callable[..., Controller]] = {"lidar": _lidar}
+"""What works on the inside of a base, before all additions."""
 SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper")}
 """Names that stand for several additions."""
-CONTROLLERS = (*BASES, *ADDITIONS, *SHORT_FOR)
-"""Every name; an addition without a base stands on "discon"."""
+CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
+"""Every name; what is no base stands on "discon" where there is none."""
 
 _BEHIND = {
     "rosco": (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine),
@@ -89,6 +97,7 @@ _BEHIND = {
     "fore_aft_damper": (ForeAftDamper.of_turbine,),
     "side_side_damper": (SideSideDamper.of_turbine,),
     "yaw": (YawByDeadBand,),
+    "lidar": (LidarFeedforward.of_turbine,),
 }
 """Where the parameters of a name end up."""
 
@@ -102,20 +111,20 @@ def controller_parameters(name: str) -> dict[str, Any]:
     {'gain_factor': None}
     """
     _parts(name)
-    makers = [{**BASES, **ADDITIONS}[part] for part in SHORT_FOR.get(name, (name,))]
+    makers = [{**BASES, **WRAPPERS, **ADDITIONS}[part] for part in SHORT_FOR.get(name, (name,))]
     makers += [maker for part in SHORT_FOR.get(name, (name,)) for maker in _BEHIND.get(part, ())]
     found: dict[str, Any] = {}
     for maker in makers:
         for key, parameter in inspect.signature(maker).parameters.items():
-            if parameter.kind is not inspect.Parameter.VAR_KEYWORD and key not in ("turbine", "rate"):
+            if parameter.kind is not inspect.Parameter.VAR_KEYWORD and key not in ("turbine", "base", "rate"):
                 found.setdefault(key, parameter.default)
     return found
 
 
 def _parts(choice: str) -> tuple[str, ...]:
-    """Base and additions of a name, checked."""
+    """Base, what works on its inside, and additions of a name, checked."""
     parts = [part for name in choice.split("+") for part in SHORT_FOR.get(name, (name,))]
-    unknown = [part for part in parts if part not in BASES and part not in ADDITIONS]
+    unknown = [part for part in parts if part not in BASES and part not in WRAPPERS and part not in ADDITIONS]
     if unknown:
         raise ValueError(
             f"unknown controller {choice!r}: {', '.join(map(repr, unknown))} is none of {', '.join(CONTROLLERS)}; "
@@ -126,9 +135,9 @@ def _parts(choice: str) -> tuple[str, ...]:
     if any(part in BASES for part in parts[1:]) or len(set(parts)) < len(parts):
         raise ValueError(
             f"controller {choice!r} must be one of {', '.join(BASES)} first, then additions "
-            f"({', '.join(ADDITIONS)}), each once"
+            f"({', '.join((*WRAPPERS, *ADDITIONS))}), each once"
         )
-    return tuple(parts)
+    return tuple(sorted(parts, key=lambda part: 0 if part in BASES else 1 if part in WRAPPERS else 2))
 
 
 def make_controller(
@@ -169,7 +178,10 @@ def make_controller(
         parts = _parts(choice)
         given = _distribute(parts, parameters)
         base = BASES[parts[0]](turbine, **given[parts[0]])
-        additions = [ADDITIONS[part](turbine, **given[part]) for part in parts[1:]]
+        for part in parts:
+            if part in WRAPPERS:
+                base = WRAPPERS[part](turbine, base, **given[part])
+        additions = [ADDITIONS[part](turbine, **given[part]) for part in parts if part in ADDITIONS]
         return Combined(base, *additions) if additions else base
     if is_controller(choice):
         if parameters:

@@ -20,7 +20,20 @@ from wt_gym.errors import ControllerError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["Addition", "Combined", "Controller", "Readings", "checked_demand", "is_addition", "is_controller"]
+    from wt_gym.control.sensors import Lidar
+    from wt_gym.simulation import Signals
+
+__all__ = [
+    "Addition",
+    "Combined",
+    "Controller",
+    "Readings",
+    "WithLidar",
+    "checked_demand",
+    "is_addition",
+    "is_controller",
+    "readings_of",
+]
 
 
 class Readings(Protocol):
@@ -99,6 +112,39 @@ class Addition(Protocol):
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
         """Change a demand that is to be held over the next ``dt`` [s]; the one given stays as it is."""
         ...
+
+
+class WithLidar:
+    """Signals, and what a lidar sees as ``lidar_1`` … by gate [m/s]."""
+
+    __slots__ = ("_seen", "_signals")
+
+    def __init__(self, signals: Readings, seen):
+        self._signals = signals
+        self._seen = {f"lidar_{k + 1}": float(speed) for k, speed in enumerate(seen)}
+
+    def __getitem__(self, name: str) -> float:
+        seen = self._seen.get(name)
+        return self._signals[name] if seen is None else seen
+
+
+def readings_of(controller: Controller, signals: Signals, inflow, hub_height: float) -> Readings:
+    """What a controller gets to read: the signals, with those of its lidar if it has one.
+
+    Parameters
+    ----------
+    controller : Controller
+        Its attribute ``lidar``, if there is one and it is not None, is the `wt_gym.control.Lidar` that it reads.
+    signals : Signals
+        Of the present instant, as the sensors give them.
+    inflow : Inflow
+    hub_height : float
+        [m]
+    """
+    lidar: Lidar | None = getattr(controller, "lidar", None)
+    if lidar is None:
+        return signals
+    return WithLidar(signals, lidar.read(inflow, signals["time"], signals["yaw"], hub_height))
 
 
 def is_controller(candidate) -> TypeGuard[Controller]:
@@ -192,6 +238,11 @@ class Combined:
         """Names of the signals that any part reads."""
         parts: tuple[Controller | Addition, ...] = (self.base, *self.additions)
         return tuple(dict.fromkeys(name for part in parts for name in part.channels))
+
+    @property
+    def lidar(self) -> Lidar | None:
+        """Lidar of the base, None if it has none."""
+        return getattr(self.base, "lidar", None)
 
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start the base from the present demand, the additions from nothing."""

@@ -8,7 +8,7 @@ units; `DisconController` puts it behind the contract of `wt_gym.control.control
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -260,6 +260,19 @@ class BaselineController:
         self.state = BaselineState(filtered, integral, pitch, torque)
         return pitch.copy(), torque
 
+    def shift_pitch(self, change: float) -> None:
+        """Move the present command and its integral, and with them the next one, by so much [rad], within the limits.
+
+        The gain factor stands before the integral too: a shift of the integral alone would shrink with the factor that
+        belongs to the new pitch.
+        """
+        p, state = self.parameters, cast(BaselineState, self.state)
+        before = float(state.pitch[0])
+        pitch = np.clip(state.pitch + change, p.min_pitch, p.max_pitch)
+        moved = float(pitch[0]) - before
+        integral = self._gain_factor(before) * state.speed_integral + moved / p.integral_gain
+        self.state = replace(state, pitch=pitch, speed_integral=integral / self._gain_factor(before + moved))
+
     def _torque(self, filtered_speed: float, pitch: float, dt: float) -> float:
         """Torque command [N m]: law of the region, saturation, rate limit."""
         p, previous = self.parameters, cast(BaselineState, self.state).torque
@@ -315,3 +328,7 @@ class DisconController:
         """Demand for the next ``dt`` [s]."""
         pitch, torque = self.law.step(signals["generator_speed"], dt)
         return Demand(pitch, 0.0, torque)
+
+    def shift_pitch(self, change: float) -> None:
+        """Move the pitch of the next demand by so much [rad]."""
+        self.law.shift_pitch(change)

@@ -249,6 +249,13 @@ class RoscoLikeController:
         self._pitch += min(max(pitch - self._pitch, -b.max_pitch_rate * dt), b.max_pitch_rate * dt)
         return Demand(np.full(b.n_blades, self._pitch), 0.0, self._torque)
 
+    def shift_pitch(self, change: float) -> None:
+        """Move the present demand and its integral, and with them the next one, by so much [rad], within the limits."""
+        b, before, factor = self.parameters.baseline, self._pitch, self._gain_factor()
+        self._pitch = min(max(before + change, self._least_pitch()), b.max_pitch)
+        integral = factor * self._pitch_integral + (self._pitch - before) / b.integral_gain
+        self._pitch_integral = integral / self._gain_factor()
+
     def _errors(self) -> tuple[float, float]:
         """Generator speed errors of torque and pitch [rad/s]."""
         p, speed = self.parameters, self._speed.value

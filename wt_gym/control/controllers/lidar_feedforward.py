@@ -1,0 +1,207 @@
+"""Collective pitch ahead of the wind: feed-forward from a lidar on the nacelle."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+
+from wt_gym.control.controllers.controller import Controller
+from wt_gym.control.controllers.fading import AboveRated, FadeParameters
+from wt_gym.control.operating_point import operating_point
+from wt_gym.control.sensors import Lidar, LowPass
+
+if TYPE_CHECKING:
+    from wt_gym.control.actions import Demand
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.turbines import Turbine
+
+__all__ = ["LidarFeedforward", "ShiftablePitch"]
+
+_WINDS = np.linspace(1.0, 60.0, 591)
+
+
+@runtime_checkable
+class ShiftablePitch(Controller, Protocol):
+    """A controller whose collective pitch can be moved from outside without its integral fighting back."""
+
+    def shift_pitch(self, change: float) -> None:
+        """Move the pitch of the next demand by so much [rad]."""
+        ...
+
+
+class LidarFeedforward:
+    """A controller whose pitch follows the wind that a lidar sees coming, ahead of the rotor speed.
+
+    In steady wind v the pitch is theta(v). The wind v_L that is about to arrive moves the pitch of the controller by
+    ``d theta = share * d/dv theta(v_L) dv_L``, as a shift of its integral (Schlipf, Schlipf and Kuehn, Wind Energy 16
+    (2013) 1107; Guo, Schlipf and Cheng, Wind Energ. Sci. 8 (2023) 149): feedback, gain schedule and limits stay what
+    they are and only correct what the lidar did not see.
+
+    The air is taken to travel frozen at its mean speed U, low-pass filtered over 30 s. With X = int U dt a reading of
+    the gate at d, taken at X_0, speaks of the air at ``d - (X - X_0)`` ahead of the tower. The readings of all gates
+    that speak of the air at ``1/k - U delay`` are averaged, and their mean is low-pass filtered along X with the
+    wavenumber k, which lags by 1/k: what is smaller than the rotor passes a few beams, but does not move the rotor.
+    Nothing moves until the air that the farthest gate saw first has come to the tower.
+
+    Parameters
+    ----------
+    base : ShiftablePitch
+    winds, pitch : array_like
+        Steady collective pitch [rad] over the wind [m/s].
+    lidar : Lidar
+        Its nearest gate must be 1/k away at least.
+    wavenumber : float
+        k, where the filter begins to hold back [rad/m].
+    delay : float
+        Of the pitch against the filtered wind at the tower [s].
+    fade : AboveRated or None
+        Below rated nothing is shifted (`share`); None: always in full.
+    gain : float
+        Share of the slope of the steady pitch that is used [-].
+
+    Attributes
+    ----------
+    wind : float
+        Filtered wind that the pitch follows [m/s]; NaN before the first step.
+    """
+
+    def __init__(
+        self,
+        base: ShiftablePitch,
+        winds,
+        pitch,
+        lidar: Lidar,
+        wavenumber: float,
+        delay: float = 0.5,
+        fade: AboveRated | None = None,
+        gain: float = 1.0,
+    ):
+        if not isinstance(base, ShiftablePitch):
+            raise TypeError(f"a feed-forward needs a controller whose pitch can be shifted (shift_pitch), got {base!r}")
+        if not 0.0 < wavenumber < math.inf:
+            raise ValueError(f"the wavenumber must be positive and finite, got {wavenumber!r} rad/m")
+        if min(lidar.ranges) < 1.0 / wavenumber:
+            raise ValueError(
+                f"the nearest gate of the lidar, {min(lidar.ranges):g} m, must not lie nearer than the lag of the "
+                f"filter, {1.0 / wavenumber:g} m: a range or a wavenumber is too small"
+            )
+        if not (0.0 <= delay < math.inf and 0.0 <= gain < math.inf):
+            raise ValueError(f"delay and gain must be finite and not negative, got {delay!r} s and {gain!r}")
+        self.base, self.lidar, self.wavenumber, self.delay, self.fade = base, lidar, wavenumber, delay, fade
+        self._winds, self._steady = np.asarray(winds, dtype=np.float64), gain * np.asarray(pitch, dtype=np.float64)
+        self._readings = tuple(f"lidar_{k + 1}" for k in range(len(lidar.ranges)))
+        self.channels = tuple(dict.fromkeys((*base.channels, "rotor_speed", *self._readings)))
+        self.wind, self._share = math.nan, 0.0
+        self._travel_speed = LowPass(30.0)
+        self._forget()
+
+    @classmethod
+    def of_turbine(
+        cls,
+        turbine: Turbine,
+        base: ShiftablePitch,
+        filter_length: float = 0.345,
+        delay: float = 0.5,
+        gain: float = 0.7,
+        lidar: Lidar | None = None,
+        fade: FadeParameters | bool = True,
+    ) -> LidarFeedforward:
+        """By rule for a turbine.
+
+        Parameters
+        ----------
+        turbine : Turbine
+        base : ShiftablePitch
+        filter_length : float
+            Lag 1/k of the filter in rotor diameters [-].
+        delay, gain : float
+            See the class.
+        lidar : Lidar, optional
+            By default `Lidar.for_rotor`, that of the observations.
+        fade : FadeParameters or bool
+            False: always in full.
+        """
+        if not 0.0 < filter_length < math.inf:
+            raise ValueError(f"filter_length must be positive and finite, got {filter_length!r}")
+        fading = None if fade is False else AboveRated.of_turbine(turbine, None if fade is True else fade)
+        return cls(
+            base,
+            _WINDS,
+            [operating_point(turbine, wind).pitch for wind in _WINDS.tolist()],
+            lidar or Lidar.for_rotor(turbine.rotor_diameter),
+            1.0 / (filter_length * turbine.rotor_diameter),
+            delay,
+            fading,
+            gain,
+        )
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start the base from the present demand; of the wind nothing is known yet but what the lidar sees now."""
+        self.base.start(signals, demand)
+        self._forget()
+        if self.fade is not None:
+            self.fade.start(float(np.mean(demand.pitch)))
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand of the base, its pitch moved with the wind that is about to arrive."""
+        coming = self._coming(signals)
+        if math.isnan(self.wind):
+            self.wind = coming
+        else:
+            step = self.wavenumber * max(self._travel_speed.value, 0.0) * dt
+            before, self.wind = self.wind, coming + math.exp(-step) * (self.wind - coming)
+            if self._travelled >= max(self.lidar.ranges):
+                self.base.shift_pitch(self._share * (self._pitch_in(self.wind) - self._pitch_in(before)))
+        demand = self.base.step(signals, dt)
+        if self.fade is not None:
+            self._share = self.fade.update(demand.pitch, signals["rotor_speed"], dt)
+        self._travelled += max(self._travel_speed.update(self._mean(self._seen[-1]), dt), 0.0) * dt
+        return demand
+
+    def _forget(self) -> None:
+        """Know nothing of the air ahead."""
+        self.wind = math.nan
+        self._at: list[float] = []  # travel X of the air at each reading [m]
+        self._seen: list[list[float]] = []  # readings of all gates [m/s]
+        self._travelled = 0.0
+        self._share = 0.0 if self.fade is not None else 1.0
+
+    def _coming(self, signals: Readings) -> float:
+        """Take a reading; mean over the gates of what they saw of the air that the filter is to get now [m/s]."""
+        seen = [signals[name] for name in self._readings]
+        if not self._seen:
+            self._travel_speed.reset(self._mean(seen))
+        if self._at and self._at[-1] == self._travelled:  # in a calm the last reading counts
+            self._seen[-1] = seen
+        else:
+            self._at.append(self._travelled)
+            self._seen.append(seen)
+        ahead = max(1.0 / self.wavenumber - self._travel_speed.value * self.delay, 0.0)
+        places = [self._travelled - max(gate - ahead, 0.0) for gate in self.lidar.ranges]
+        self._drop(min(places))
+        return self._mean([self._read(k, place) for k, place in enumerate(places)])
+
+    def _read(self, gate: int, place: float) -> float:
+        """What a gate saw when the air had travelled so far [m/s]; before the first reading: the first."""
+        at, seen = self._at, self._seen
+        k = bisect_left(at, place)
+        if k == 0:
+            return seen[k][gate]
+        part = (place - at[k - 1]) / (at[k] - at[k - 1])
+        return seen[k - 1][gate] + part * (seen[k][gate] - seen[k - 1][gate])
+
+    def _drop(self, place: float) -> None:
+        """Forget readings older than the last before a place."""
+        old = bisect_left(self._at, place) - 1
+        if old > 0:
+            del self._at[:old], self._seen[:old]
+
+    def _pitch_in(self, wind: float) -> float:
+        return float(np.interp(wind, self._winds, self._steady))
+
+    @staticmethod
+    def _mean(values: list[float]) -> float:
+        return sum(values) / len(values)
