@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from wt_gym.control import Aim, Demand
-from wt_gym.control.controllers import checked_demand, make_controller
+from wt_gym.control.controllers import checked_demand, lidar_of, make_controller
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller
@@ -87,7 +87,8 @@ class ControllerAgent:
         If the observation lacks a channel that the controller reads, or a demand.
     ValueError
         If a controller of individual pitch meets an environment with collective pitch, the actions are neither rates
-        nor absolute demands, or a controller runs beneath them already.
+        nor absolute demands, a controller runs beneath them already, or the lidar of the controller is not that of the
+        observation.
     """
 
     def __init__(self, layout: EnvLayout, controller: str | Controller = "discon", **parameters):
@@ -99,6 +100,11 @@ class ControllerAgent:
                 "a ControllerAgent needs rate or absolute actions for the pitch of blades and for torque, got "
                 f"action_mode {action.mode!r} with pitch {action.pitch!r} and components {action.components}; beneath "
                 "others runs controller=..."
+            )
+        lidar = lidar_of(self.controller)
+        if lidar is not None and lidar != layout.lidar:
+            raise ValueError(
+                f"the controller reads {lidar}, the observation has {layout.lidar}: give both the same, lidar=..."
             )
         if "azimuth" in self.controller.channels and action.pitch != "individual":
             raise ValueError(f"a controller of individual pitch needs pitch='individual', got {action.pitch!r}")

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from wt_gym.benchmark import BenchmarkTask
 
 __all__ = [
-    "BANDWIDTHS", "FAMILIES", "FrontDistance", "distance_table", "draw_front", "front_distance", "front_entries",
-    "front_rows", "write_csv",
+    "BANDWIDTHS", "FAMILIES", "WITH_LIDAR", "FrontDistance", "distance_table", "draw_front", "front_distance",
+    "front_entries", "front_rows", "write_csv",
 ]  # fmt: skip
 
 BANDWIDTHS = (0.025, 0.05, 0.1, 0.2, 0.4)
@@ -31,7 +31,10 @@ FAMILIES = {
     "individual pitch, gain": tuple(f"ipc:bandwidth={x:g}" for x in BANDWIDTHS),
     "individual pitch, band": tuple(f"constrained_ipc:level={x:g}" for x in LEVELS),
 }
-"""Curves of the front, from little to much pitch travel and back."""
+"""Curves of the front, from little to much pitch travel and back: controllers that know only what has arrived."""
+
+WITH_LIDAR = {"band, with a lidar": tuple(f"lidar+constrained_ipc:level={x:g}" for x in LEVELS)}
+"""Drawn and compared with the front, no part of it: what seeing the wind come is worth by hand."""
 
 AGENTS = "agents"
 """What the table calls the family of those that are compared with the front."""
@@ -41,7 +44,8 @@ _METRICS = ("captured_power", "blade_flap_del", "tower_fore_aft_del", "tower_sid
 
 def front_entries() -> list[Entry]:
     """Everything that runs: the baseline controller first."""
-    return [entry_of(choice) for choice in (BASELINE, *(x for family in FAMILIES.values() for x in family))]
+    families = (*FAMILIES.values(), *WITH_LIDAR.values())
+    return [entry_of(choice) for choice in (BASELINE, *(x for family in families for x in family))]
 
 
 def front_rows(task: BenchmarkTask, results: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[dict[str, Any]]:
@@ -65,7 +69,7 @@ def front_rows(task: BenchmarkTask, results: Mapping[str, Mapping[str, Mapping[s
     ValueError
         If a run ended before its time.
     """
-    family_of = {agent: family for family, agents in FAMILIES.items() for agent in agents}
+    family_of = {agent: family for family, agents in {**FAMILIES, **WITH_LIDAR}.items() for agent in agents}
     _refuse_early(task, results)
     rows = []
     for agent, runs in results.items():
@@ -234,7 +238,7 @@ def draw_front(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
     )
     for axis, (speed, task) in zip(axes[0], tasks, strict=True):
         own = [row for row in rows if row["task"] == task]
-        for family, marker in zip((*FAMILIES, BASELINE), "osD", strict=True):
+        for family, marker in zip((*FAMILIES, *WITH_LIDAR, BASELINE), "os^D", strict=True):
             points = sorted((row for row in own if row["family"] == family), key=lambda row: row["pitch_duty_cycle"])
             duty, flap, error = (
                 [100.0 * row[key] for row in points] for key in ("pitch_duty_cycle", "blade_flap_del", "flap_sem")
@@ -243,7 +247,7 @@ def draw_front(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
             for row, x, y in zip(points, duty, flap, strict=True):
                 setting = row["agent"].rpartition("=")[2] if "=" in row["agent"] else ""
                 axis.annotate(setting, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=8, color="0.35")
-        for row, marker in zip((row for row in own if row["family"] == AGENTS), "*P^vX<>dh" * len(own), strict=False):
+        for row, marker in zip((row for row in own if row["family"] == AGENTS), "*PvX<>dhp" * len(own), strict=False):
             point = 100.0 * row["pitch_duty_cycle"], 100.0 * row["blade_flap_del"]
             axis.errorbar(*point, 100.0 * row["flap_sem"], marker=marker, ms=9, ls="", capsize=2, label=row["agent"])
         axis.set_title(f"{speed:g} m/s", fontsize=11)

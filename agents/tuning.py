@@ -57,6 +57,11 @@ SPACES: dict[str, dict[str, Range]] = {
         "lead": Range(0.0, 0.5),
         "leak_time": Range(1.0, 60.0, log=True),
     },
+    "lidar": {
+        "gain": Range(0.2, 1.2),
+        "delay": Range(0.0, 2.0),
+        "filter_length": Range(0.1, 0.5, log=True),
+    },
     "fore_aft_damper": {"damping": Range(0.01, 0.3, log=True)},
     "side_side_damper": {"damping": Range(0.005, 0.1, log=True)},
     "yaw": {"dead_band": Range(0.05, 0.3), "slow": Range(10.0, 120.0, log=True)},

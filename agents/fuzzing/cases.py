@@ -35,6 +35,7 @@ _CONTROLLERS = (
     "ipc",
     "rosco+ipc_2p",
     "constrained_ipc+yaw",
+    "lidar+ipc",
 )
 _THREE_BLADES = 3
 _WITH_TABLES = ("nrel_5mw", "iea_15mw", "gebhardt_45m")

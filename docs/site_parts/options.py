@@ -7,7 +7,7 @@ from dataclasses import fields
 
 from site_parts.markdown import attributes_of, first_sentence, table, value
 from wt_gym.aerodynamics import AeroOptions
-from wt_gym.control.controllers import ADDITIONS, BASES, controller_parameters
+from wt_gym.control.controllers import ADDITIONS, BASES, WRAPPERS, controller_parameters
 from wt_gym.simulation import FIDELITIES, Fidelity, channel_table
 from wt_gym.turbines import catalogue, load_turbine
 
@@ -50,9 +50,11 @@ def _power(watts):
 def controllers():
     """Names for ``controller=`` and the command line, with their parameters."""
     rows = []
-    for name, maker in {**BASES, **ADDITIONS}.items():
-        parameters = ", ".join(f"`{key}`" for key in controller_parameters(name))
-        rows.append((f"`{name}`", "base" if name in BASES else "addition", first_sentence(maker), parameters))
+    kinds = {"base": BASES, "works inside a base": WRAPPERS, "addition": ADDITIONS}
+    for kind, makers in kinds.items():
+        for name, maker in makers.items():
+            parameters = ", ".join(f"`{key}`" for key in controller_parameters(name))
+            rows.append((f"`{name}`", kind, first_sentence(maker), parameters))
     return table(("name", "kind", "what it is", "parameters"), rows, "options")
 
 

@@ -438,7 +438,8 @@ def test_all_tasks_of_a_command_are_one_sweep(words, sweeps, monkeypatch, tmp_pa
     monkeypatch.setattr("wt_gym.benchmark.write_reference", lambda task, made: written.update({task.name: made}))
     more = ["--data", str(tmp_path / "front")] if words == ["front"] else []
     command.main([*words, *more, "--out", str(tmp_path / "runs"), "--json"])
-    found = json.loads(capsys.readouterr().out.splitlines()[-1])
+    lines = capsys.readouterr().out.splitlines()
+    found = json.loads(lines[-1])
     (jobs,) = sweeps
     assert {job.task.name for job in jobs} == {"load-reduction-12", "load-reduction-15"}
     if words == ["front"]:
@@ -446,6 +447,8 @@ def test_all_tasks_of_a_command_are_one_sweep(words, sweeps, monkeypatch, tmp_pa
         assert len(changes) == 2 * len(front_entries())
         assert changes[tasks[0].id, "discon"] == 0.0
         assert changes[tasks[1].id, "ipc:bandwidth=0.1"] == pytest.approx(-0.1)
+        compared = [line for line in lines if line.startswith("| 12 m/s | lidar+constrained_ipc:level=")]
+        assert len(compared) == len(LEVELS)
         return
     for task, before in zip(tasks, known, strict=True):
         made = written[task.name]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wt_gym.agents.closed_loop import run_controller
+from wt_gym.agents.controller_agent import ControllerAgent
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.controllers import (
     NREL_5MW,
@@ -15,6 +16,7 @@ from wt_gym.control.controllers import (
     DisconController,
     ForeAftDamper,
     LidarFeedforward,
+    lidar_of,
     make_controller,
     readings_of,
 )
@@ -148,9 +150,9 @@ def test_names_put_it_on_the_inside_of_the_base(turbine):
         assert isinstance(made, Combined)
         assert isinstance(made.base, LidarFeedforward)
         assert isinstance(made.base.base, DisconController)
-        assert made.lidar is made.base.lidar
-        assert 1.0 / made.lidar.ranges[0] < made.base.wavenumber == pytest.approx(1 / (0.4 * turbine.rotor_diameter))
-    assert make_controller("ipc", turbine).lidar is None
+        assert made.base.wavenumber == pytest.approx(1 / (0.4 * turbine.rotor_diameter))
+    assert lidar_of(make_controller("ipc", turbine)) is None
+    assert lidar_of(made) == Lidar.for_rotor(turbine.rotor_diameter)
 
 
 def test_what_makes_no_sense_is_refused(turbine):
@@ -199,3 +201,21 @@ def test_it_steadies_the_rotor_in_turbulence(turbine):
         recorder = run_controller(simulator, make_controller(name, turbine), 90.0)
         speeds.append(recorder.to_dataset()["rotor_speed"].values[300:])
     assert speeds[1].std() < 0.8 * speeds[0].std()
+
+
+def test_as_an_agent_it_needs_the_lidar_of_the_observation():
+    more = {"action_mode": "rate", "pitch": "collective", "action_components": None}
+    more["observation"] = ("rotor", "power", "pitch", "lidar")
+    env = gym.make("wt_gym/NREL5MW-Turbulent-v0", **more, wind_speed=16.0, max_episode_steps=1000)
+    agent = ControllerAgent.from_env(env, "lidar")
+    observation, _ = env.reset(seed=1)
+    for _ in range(100):
+        observation, *_ = env.step(agent.predict(observation)[0])
+    (controller,) = agent._controllers
+    assert controller.wind == pytest.approx(16.0, abs=6.0)
+    assert controller.wind != controller._mean(controller._seen[-1])
+    env.close()
+    other = gym.make("wt_gym/NREL5MW-Turbulent-v0", **more, lidar=Lidar((50.0, 100.0, 150.0)))
+    with pytest.raises(ValueError, match=r"the controller reads Lidar.* the observation has Lidar"):
+        ControllerAgent.from_env(other, "lidar")
+    other.close()

@@ -39,7 +39,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "stay and take the fingerprint of the present sources",
     )  # fmt: skip
     front = commands.add_parser(
-        "front", description="Flap DEL against pitch travel of individual pitch: gains, and bands that constrain it."
+        "front",
+        description="Flap DEL against pitch travel of individual pitch: gains, bands that constrain it, and a lidar.",
     )
     front.add_argument("agents", nargs="*", metavar="AGENT", help="to compare with the front")
     for command, tasks in ((run, "all"), (reference, "all"), (front, "load-reduction")):
@@ -172,21 +173,21 @@ def confirmed(arguments: argparse.Namespace) -> dict:
 
 def front(arguments: argparse.Namespace) -> list:
     """Make the front of load against travel."""
+    from wt_gym.agents import front as fronts
     from wt_gym.agents.entries import entries_of
-    from wt_gym.agents.front import distance_table, draw_front, front_distance, front_entries, front_rows, write_csv
 
-    entries, rows, distances = front_entries(), [], []
+    entries, rows, distances = fronts.front_entries(), [], []
     others = [entry for entry in entries_of(arguments.agents) if entry not in entries]
     if taken := {entry.name for entry in entries} & {entry.name for entry in others}:
         raise ValueError(f"{', '.join(sorted(taken))} belongs to the front itself: give the agent another name")
     asked = [(task, [*entries, *others]) for task in chosen(arguments.task)]
     for (task, _), found in zip(asked, results(arguments, asked), strict=True):
-        rows += front_rows(task, found)
-        distances += [front_distance(task, found, entry.name) for entry in others]
-    table = write_csv(rows, arguments.data / "load_travel_front.csv")
-    print(f"table: {table}\nfigure: {draw_front(rows, arguments.data / 'load_travel_front.svg')}")
-    if distances:
-        print("\n".join(distance_table(distances)))
+        rows += fronts.front_rows(task, found)
+        compared = [*(name for names in fronts.WITH_LIDAR.values() for name in names), *(e.name for e in others)]
+        distances += [fronts.front_distance(task, found, name) for name in compared]
+    table = fronts.write_csv(rows, arguments.data / "load_travel_front.csv")
+    print(f"table: {table}\nfigure: {fronts.draw_front(rows, arguments.data / 'load_travel_front.svg')}")
+    print("\n".join(fronts.distance_table(distances)))
     return rows
 
 

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     import gymnasium as gym
 
-    from wt_gym.control import ActionMap, Channel
+    from wt_gym.control import ActionMap, Channel, Lidar
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.turbines import Turbine
 
@@ -124,6 +124,8 @@ class EnvLayout:
         [s]
     delay : int
         Control steps by which observations are late.
+    lidar : Lidar or None
+        What the channels ``lidar_1`` … are read by.
     """
 
     turbine: Turbine
@@ -131,6 +133,7 @@ class EnvLayout:
     action: ActionMap
     control_dt: float
     delay: int = 0
+    lidar: Lidar | None = None
 
 
 def turbine_env_of(env: gym.Env) -> WindTurbineEnv:

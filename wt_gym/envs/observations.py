@@ -137,7 +137,7 @@ class Observer:
         self._washes = residual is not None and residual.washes
         self._anemometer = NacelleAnemometer()
         self._estimator: WindEstimator | None = None
-        self._lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
+        self.lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
         self.groups, channels = self._choose(choice)
         layers = [channels] + [
             [replace(c, name=f"{c.name}@{k}", description=f"{c.description}, {k} steps ago") for c in channels]
@@ -254,7 +254,7 @@ class Observer:
             of_blades = signals.values[self._cyclic_from]
             values[self._cyclic_at] = to_single_coordinates(of_blades, self._cyclic_part, signals["azimuth"])
         if self._sees_lidar:
-            self._lidar_reading = self._lidar.read(
+            self._lidar_reading = self.lidar.read(
                 situation.inflow, signals["time"], signals["yaw"], self._turbine.hub_height
             )
         values[self._functions_at] = [function(situation) for function in self._functions]
@@ -456,7 +456,7 @@ class Observer:
         return [
             Channel(f"lidar_{k + 1}", "m/s", 12.0, 4.0, 0.0, 60.0, 0.1,
                     f"wind {distance:.0f} m ahead, mean over the beams of a cone")
-            for k, distance in enumerate(self._lidar.ranges)
+            for k, distance in enumerate(self.lidar.ranges)
         ]  # fmt: skip
 
     def _previous_action(self) -> list[Channel]:

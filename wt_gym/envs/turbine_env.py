@@ -416,7 +416,8 @@ class WindTurbineEnv(gym.Env):
         late = self._steps_in("sensor_delay", sensor_delay, least=0)
         self._observer = Observer(self.turbine, action, observation, sensor_noise, late, history, lidar, self._residual)
         self._costs = Costs(self.turbine, self.control_dt, self.overspeed_limit)
-        self.layout = EnvLayout(self.turbine, self._observer.layout, action, self.control_dt, late)
+        observer = self._observer
+        self.layout = EnvLayout(self.turbine, observer.layout, action, self.control_dt, late, observer.lidar)
         self.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
         self.observation_space = spaces.Box(self._observer.layout.low, self._observer.layout.high, dtype=np.float32)
         self._vector_reward = bool(vector_reward)

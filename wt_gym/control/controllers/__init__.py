@@ -8,6 +8,7 @@ from wt_gym.control.controllers.catalogue import (
     ADDITIONS,
     BASES,
     CONTROLLERS,
+    WRAPPERS,
     controller_parameters,
     make_controller,
 )
@@ -17,6 +18,7 @@ from wt_gym.control.controllers.controller import (
     Controller,
     Readings,
     checked_demand,
+    lidar_of,
     readings_of,
 )
 from wt_gym.control.controllers.discon import (
@@ -41,6 +43,7 @@ __all__ = [
     "BASES",
     "CONTROLLERS",
     "NREL_5MW",
+    "WRAPPERS",
     "AboveRated",
     "Addition",
     "BaselineController",
@@ -65,6 +68,7 @@ __all__ = [
     "checked_demand",
     "controller_parameters",
     "from_harmonic",
+    "lidar_of",
     "make_controller",
     "readings_of",
     "retuned_parameters",

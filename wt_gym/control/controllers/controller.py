@@ -32,6 +32,7 @@ __all__ = [
     "checked_demand",
     "is_addition",
     "is_controller",
+    "lidar_of",
     "readings_of",
 ]
 
@@ -128,20 +129,25 @@ class WithLidar:
         return self._signals[name] if seen is None else seen
 
 
+def lidar_of(controller: Controller) -> Lidar | None:
+    """Lidar that a controller reads: its attribute ``lidar``; None if it has none."""
+    return getattr(controller, "lidar", None)
+
+
 def readings_of(controller: Controller, signals: Signals, inflow, hub_height: float) -> Readings:
     """What a controller gets to read: the signals, with those of its lidar if it has one.
 
     Parameters
     ----------
     controller : Controller
-        Its attribute ``lidar``, if there is one and it is not None, is the `wt_gym.control.Lidar` that it reads.
+        With a lidar or without, see `lidar_of`.
     signals : Signals
         Of the present instant, as the sensors give them.
     inflow : Inflow
     hub_height : float
         [m]
     """
-    lidar: Lidar | None = getattr(controller, "lidar", None)
+    lidar = lidar_of(controller)
     if lidar is None:
         return signals
     return WithLidar(signals, lidar.read(inflow, signals["time"], signals["yaw"], hub_height))
@@ -242,7 +248,7 @@ class Combined:
     @property
     def lidar(self) -> Lidar | None:
         """Lidar of the base, None if it has none."""
-        return getattr(self.base, "lidar", None)
+        return lidar_of(self.base)
 
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start the base from the present demand, the additions from nothing."""

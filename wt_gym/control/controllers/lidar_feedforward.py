@@ -14,13 +14,15 @@ from wt_gym.control.operating_point import operating_point
 from wt_gym.control.sensors import Lidar, LowPass
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
 __all__ = ["LidarFeedforward", "ShiftablePitch"]
 
-_WINDS = np.linspace(1.0, 60.0, 591)
+_WINDS = np.linspace(1.0, 40.0, 157)
 
 
 @runtime_checkable
@@ -165,13 +167,13 @@ class LidarFeedforward:
         """Know nothing of the air ahead."""
         self.wind = math.nan
         self._at: list[float] = []  # travel X of the air at each reading [m]
-        self._seen: list[list[float]] = []  # readings of all gates [m/s]
+        self._seen: list[tuple[float, ...]] = []  # readings of all gates [m/s]
         self._travelled = 0.0
         self._share = 0.0 if self.fade is not None else 1.0
 
     def _coming(self, signals: Readings) -> float:
         """Take a reading; mean over the gates of what they saw of the air that the filter is to get now [m/s]."""
-        seen = [signals[name] for name in self._readings]
+        seen = tuple(signals[name] for name in self._readings)
         if not self._seen:
             self._travel_speed.reset(self._mean(seen))
         if self._at and self._at[-1] == self._travelled:  # in a calm the last reading counts
@@ -203,5 +205,5 @@ class LidarFeedforward:
         return float(np.interp(wind, self._winds, self._steady))
 
     @staticmethod
-    def _mean(values: list[float]) -> float:
+    def _mean(values: Sequence[float]) -> float:
         return sum(values) / len(values)
