@@ -21,7 +21,7 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control import Demand
 from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.coleman import from_harmonic, to_harmonic
-from wt_gym.control.controllers import BaselineController, BaselineParameters, make_controller
+from wt_gym.control.controllers import BaselineController, BaselineParameters, make_controller, readings_of
 from wt_gym.control.controllers.discon import BaselineState
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs import rewards
@@ -307,13 +307,19 @@ def simulate(
         loop = _Loop(controller, turbine, signals)
     else:
         loop = make_controller(controller, turbine)
-        loop.start(signals, Demand(signals.pitch.copy(), 0.0, signals.generator_torque))
+        loop.start(
+            readings_of(loop, signals, simulator.inflow, turbine.hub_height),
+            Demand(signals.pitch.copy(), 0.0, signals.generator_torque),
+        )
     rows = [signals.values]
     count = round(control_dt / simulator.time_step)
+
+    def demand_at(_: int, now: Signals) -> Demand:
+        read = readings_of(cast("Controller", loop), now, simulator.inflow, turbine.hub_height)
+        return loop.step(cast(Signals, read), simulator.time_step)
+
     for _ in range(round(duration / control_dt)):
-        signals = advance_under(
-            lambda _, now: loop.step(now, simulator.time_step), simulator, signals, simulator.time_step, count
-        )
+        signals = advance_under(demand_at, simulator, signals, simulator.time_step, count)
         rows.append(signals.values)
     return np.array(rows)
 

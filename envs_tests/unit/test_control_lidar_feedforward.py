@@ -9,6 +9,7 @@ import pytest
 
 from wt_gym.agents.closed_loop import run_controller
 from wt_gym.agents.controller_agent import ControllerAgent
+from wt_gym.agents.reward_study import simulate
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.controllers import (
     NREL_5MW,
@@ -23,6 +24,7 @@ from wt_gym.control.controllers import (
 from wt_gym.control.operating_point import operating_point
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.damper import with_damper
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 MEAN, STEP, RATED = 16.0, 0.05, NREL_5MW.reference_speed / 97
@@ -144,6 +146,70 @@ def test_a_calm_is_no_trouble(turbine):
     assert len(controller._at) == 1
 
 
+@pytest.mark.parametrize("mean", [0.05, 1.0, 16.0])
+def test_it_keeps_what_it_needs_of_the_readings(mean, turbine):
+    """Not more than one a hundredth of the filter's lag, over the way from the farthest gate."""
+    controller = make_controller("lidar", turbine)
+    now = {"generator_speed": 97 * RATED, "rotor_speed": RATED} | {f"lidar_{k}": mean for k in (1, 2, 3)}
+    controller.start(now, demand())
+    for _ in range(4000):
+        controller.step(now, 0.1)
+    assert 2 < len(controller._at) <= 100 * controller.wavenumber * controller.lidar.ranges[-1] + 3
+    kept = controller._travelled - controller._at[0]
+    assert kept == pytest.approx(min(mean * 400.0, controller.lidar.ranges[-1] - 1 / controller.wavenumber), rel=0.2)
+
+
+def test_a_start_forgets(turbine):
+    """A controller that has run starts again as a new one does."""
+    used, new = (make_controller("lidar+ipc", turbine) for _ in range(2))
+
+    def now(t, controller):
+        moments = {f"root_flap_moment_{b}": (5.0 + b) * 1e6 for b in (1, 2, 3)}
+        return seen(controller.base, lambda s: MEAN + math.sin(s), t, azimuth=RATED * t, **moments)
+
+    used.start(now(7.0, used), demand(0.3))
+    for k in range(300):
+        used.step(now(7.0 + 0.1 * k, used), 0.1)
+    made = []
+    for controller in (used, new):
+        controller.start(now(0.0, controller), demand())
+        made.append([controller.step(now(0.1 * k, controller), 0.1).pitch for k in range(300)])
+    assert np.array_equal(*made)
+
+
+def test_the_air_comes_at_the_speed_of_the_mean_wind(turbine):
+    """After a slow rise from 12 to 18 m/s a small step is met when it is at the tower, at the speed of the new wind."""
+    controller = make_controller("lidar", turbine, delay=0.0)
+
+    def wind(x, t):
+        """At a distance ahead of the tower; the step travels at 18 m/s and is there after 300 s."""
+        return min(12.0 + max(t - 20.0, 0.0) / 10.0, 18.0) + (0.01 if t + x / 18.0 >= 300.0 else 0.0)
+
+    def now(t):
+        gates = enumerate(controller.lidar.ranges, start=1)
+        return {"generator_speed": 97 * RATED, "rotor_speed": RATED} | {f"lidar_{k}": wind(x, t) for k, x in gates}
+
+    controller.start(now(0.0), demand())
+    found = {}
+    for k in range(3300):
+        controller.step(now(0.1 * k), 0.1)
+        found[round(0.1 * k, 1)] = controller.wind
+    lag = 1.0 / (controller.wavenumber * 18.0)  # begins so much before it is there, then is 1 - exp(-1) of it
+    assert found[round(300.0 - lag - 0.3, 1)] == pytest.approx(18.0, abs=1e-4)
+    assert found[300.0] == pytest.approx(18.0 + 0.01 * -math.expm1(-1.0), abs=4e-4)
+
+
+def test_what_is_below_the_schedule_does_not_jump(turbine):
+    controller = make_controller("rosco", turbine, thrust_limit=0.8)
+    now = {"generator_speed": 97 * RATED, "rotor_speed": RATED, "generator_torque": 40_000.0}
+    now |= {f"pitch_{b}": 0.0 for b in (1, 2, 3)}
+    controller.start(now, demand(0.0))
+    controller._wind.reset(10.6)
+    assert controller._least_pitch() > 0.02
+    controller.shift_pitch(0.0)
+    assert controller._pitch == 0.0
+
+
 def test_names_put_it_on_the_inside_of_the_base(turbine):
     for name in ("lidar+fore_aft_damper", "fore_aft_damper+lidar", "discon+fore_aft_damper+lidar"):
         made = make_controller(name, turbine, filter_length=0.4)
@@ -162,6 +228,10 @@ def test_what_makes_no_sense_is_refused(turbine):
         make_controller("lidar", turbine, filter_length=0.0)
     with pytest.raises(ValueError, match="delay and gain must be finite"):
         make_controller("lidar", turbine, delay=-1.0)
+    with pytest.raises(ValueError, match="lidar must be a"):
+        make_controller("lidar", turbine, lidar=3)
+    with pytest.raises(ValueError, match="has a damper as generator"):
+        make_controller("lidar", with_damper(load_turbine("gebhardt_45m")))
     with pytest.raises(TypeError, match="whose pitch can be shifted"):
         LidarFeedforward.of_turbine(turbine, Combined(DisconController(), ForeAftDamper.of_turbine(turbine)))
 
@@ -212,10 +282,28 @@ def test_as_an_agent_it_needs_the_lidar_of_the_observation():
     for _ in range(100):
         observation, *_ = env.step(agent.predict(observation)[0])
     (controller,) = agent._controllers
-    assert controller.wind == pytest.approx(16.0, abs=6.0)
-    assert controller.wind != controller._mean(controller._seen[-1])
+    shown = [env.unwrapped.layout.observation.value(observation, f"lidar_{k}") for k in (1, 2, 3)]
+    assert len(controller._seen) > 50
+    assert abs(np.subtract(controller._seen, shown)).sum(axis=1).min() < 2.0  # of the observation before this one
     env.close()
     other = gym.make("wt_gym/NREL5MW-Turbulent-v0", **more, lidar=Lidar((50.0, 100.0, 150.0)))
     with pytest.raises(ValueError, match=r"the controller reads Lidar.* the observation has Lidar"):
         ControllerAgent.from_env(other, "lidar")
     other.close()
+
+
+def test_an_observation_has_the_lidar_of_the_controller_beneath():
+    lidar = Lidar([70, 140])
+    assert lidar.ranges == (70.0, 140.0)
+    more = {"observation": ("lidar",), "controller": lambda t: make_controller("lidar", t, lidar=lidar)}
+    env = gym.make("wt_gym/LoadReduction-v0", **more)
+    assert env.unwrapped.layout.lidar == lidar
+    assert env.unwrapped.layout.observation.names == ("lidar_1", "lidar_2")
+    env.close()
+    with pytest.raises(ValueError, match="the controller beneath reads Lidar"):
+        gym.make("wt_gym/LoadReduction-v0", **more, lidar=Lidar((50.0,)))
+
+
+def test_the_reward_study_takes_it(turbine):
+    simulator = Simulator(turbine, SteadyInflow(14.0, turbine.hub_height))
+    assert np.isfinite(simulate("lidar", simulator, 1.0, 0.2)).all()

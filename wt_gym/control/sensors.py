@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -181,6 +182,7 @@ class Lidar:
     n_beams: int = 4
 
     def __post_init__(self):
+        object.__setattr__(self, "ranges", tuple(map(float, self.ranges)))
         if not len(self.ranges) or not all(0.0 < r < math.inf for r in self.ranges):
             raise ValueError(f"a lidar needs positive ranges [m], got {self.ranges!r}")
         if not 0.0 <= self.half_angle <= math.radians(80.0) or self.n_beams < 1:
@@ -193,6 +195,12 @@ class Lidar:
     def for_rotor(cls, diameter: float) -> Lidar:
         """Ranges of a half, one and one and a half rotor diameters [m]."""
         return cls((0.5 * diameter, diameter, 1.5 * diameter))
+
+    @cached_property
+    def _side(self) -> np.ndarray:
+        """Way of the beams off the axis, level and upward, per way along it, shape (2, n_beams)."""
+        angle = 2.0 * math.pi * np.arange(self.n_beams) / self.n_beams
+        return math.tan(self.half_angle) * np.array([np.sin(angle), np.cos(angle)])
 
     def read(self, inflow, time: float, yaw: float, height: float) -> np.ndarray:
         """Measure.
@@ -212,8 +220,7 @@ class Lidar:
         numpy.ndarray, shape (n_ranges,)
             [m/s]
         """
-        angle = 2.0 * math.pi * np.arange(self.n_beams) / self.n_beams
-        side = math.tan(self.half_angle) * np.array([np.sin(angle), np.cos(angle)])  # level, upward
+        side = self._side
         ahead = np.array([-math.cos(yaw), -math.sin(yaw), 0.0])
         across = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
         beams = ahead + side[0][:, None] * across + side[1][:, None] * np.array([0.0, 0.0, 1.0])

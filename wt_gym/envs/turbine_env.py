@@ -14,7 +14,14 @@ from gymnasium.error import ResetNeeded
 
 from wt_gym.control import ActionMap, Aim, Demand, OperatingPoint, operating_point
 from wt_gym.control.closed_loop import advance_under
-from wt_gym.control.controllers import AboveRated, FadeParameters, checked_demand, make_controller, readings_of
+from wt_gym.control.controllers import (
+    AboveRated,
+    FadeParameters,
+    checked_demand,
+    lidar_of,
+    make_controller,
+    readings_of,
+)
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.envs import rewards
 from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, shown
@@ -298,7 +305,8 @@ class WindTurbineEnv(gym.Env):
     history : int
         Readings in an observation: the present one, then those of the steps before.
     lidar : Lidar, optional
-        Ranges and cone of the group "lidar".
+        Ranges and cone of the group "lidar"; by default those of the lidar that the controller beneath reads, if it
+        does, else `wt_gym.control.Lidar.for_rotor`.
     render_mode : {"rgb_array"}, optional
         Picture of turbine and wake with the recent course of the key signals.
 
@@ -414,6 +422,7 @@ class WindTurbineEnv(gym.Env):
             observation = RESIDUAL_GROUPS if action_mode == "residual" else DEFAULT_GROUPS
         observation = check_names("observation", observation)
         late = self._steps_in("sensor_delay", sensor_delay, least=0)
+        lidar = self._lidar(lidar)
         self._observer = Observer(self.turbine, action, observation, sensor_noise, late, history, lidar, self._residual)
         self._costs = Costs(self.turbine, self.control_dt, self.overspeed_limit)
         observer = self._observer
@@ -756,6 +765,15 @@ class WindTurbineEnv(gym.Env):
         for fault in self._sensor_faults:
             signals = fault.read(signals)
         return signals
+
+    def _lidar(self, given: Lidar | None) -> Lidar | None:
+        """The lidar of the observation: that of the controller beneath, if it has one."""
+        beneath = None if self.controller is None else lidar_of(self.controller)
+        if given is not None and beneath is not None and given != beneath:
+            raise ValueError(
+                f"the controller beneath reads {beneath}; lidar must be the same or None, got {shown(given)}"
+            )
+        return given or beneath
 
     def _read_by(self, controller: Controller, signals: Signals) -> Readings:
         """What a controller reads: measured signals, with those of its lidar if it has one."""

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
 import numpy as np
 
 from wt_gym.control.actions import Demand
+from wt_gym.control.sensors import Lidar
 from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from wt_gym.control.sensors import Lidar
     from wt_gym.simulation import Signals
 
 __all__ = [
@@ -130,8 +130,9 @@ class WithLidar:
 
 
 def lidar_of(controller: Controller) -> Lidar | None:
-    """Lidar that a controller reads: its attribute ``lidar``; None if it has none."""
-    return getattr(controller, "lidar", None)
+    """Lidar that a controller reads: its attribute ``lidar``, if that is a `wt_gym.control.Lidar`, else None."""
+    lidar = getattr(controller, "lidar", None)
+    return lidar if isinstance(lidar, Lidar) else None
 
 
 def readings_of(controller: Controller, signals: Signals, inflow, hub_height: float) -> Readings:

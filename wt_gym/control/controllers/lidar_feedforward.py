@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["LidarFeedforward", "ShiftablePitch"]
 
 _WINDS = np.linspace(1.0, 40.0, 157)
+_SPACING = 0.01  # of readings that are kept, in lags of the filter: a slow wind does not fill the memory
 
 
 @runtime_checkable
@@ -39,14 +40,15 @@ class LidarFeedforward:
 
     In steady wind v the pitch is theta(v). The wind v_L that is about to arrive moves the pitch of the controller by
     ``d theta = share * d/dv theta(v_L) dv_L``, as a shift of its integral (Schlipf, Schlipf and Kuehn, Wind Energy 16
-    (2013) 1107; Guo, Schlipf and Cheng, Wind Energ. Sci. 8 (2023) 149): feedback, gain schedule and limits stay what
-    they are and only correct what the lidar did not see.
+    (2013) 1107; Guo, Schlipf and Cheng, Wind Energ. Sci. 8 (2023) 149): feedback, gain schedule and limits of the
+    angle stay what they are and only correct what the lidar did not see.
 
     The air is taken to travel frozen at its mean speed U, low-pass filtered over 30 s. With X = int U dt a reading of
     the gate at d, taken at X_0, speaks of the air at ``d - (X - X_0)`` ahead of the tower. The readings of all gates
     that speak of the air at ``1/k - U delay`` are averaged, and their mean is low-pass filtered along X with the
     wavenumber k, which lags by 1/k: what is smaller than the rotor passes a few beams, but does not move the rotor.
-    Nothing moves until the air that the farthest gate saw first has come to the tower.
+    Nothing moves until the air that the farthest gate saw first has come to the tower. The overhang of the rotor and a
+    yaw error, by which the air comes along another way than the shaft's, are not taken into account.
 
     Parameters
     ----------
@@ -81,6 +83,8 @@ class LidarFeedforward:
         fade: AboveRated | None = None,
         gain: float = 1.0,
     ):
+        if not isinstance(lidar, Lidar):
+            raise ValueError(f"lidar must be a wt_gym.control.Lidar, got {lidar!r}")
         if not isinstance(base, ShiftablePitch):
             raise TypeError(f"a feed-forward needs a controller whose pitch can be shifted (shift_pitch), got {base!r}")
         if not 0.0 < wavenumber < math.inf:
@@ -125,7 +129,16 @@ class LidarFeedforward:
             By default `Lidar.for_rotor`, that of the observations.
         fade : FadeParameters or bool
             False: always in full.
+
+        Raises
+        ------
+        ValueError
+            If the generator is a damper: over the wind the pitch that holds it goes up and down.
         """
+        if not turbine.drivetrain.takes_torque:
+            raise ValueError(
+                f"{turbine.name} has a damper as generator: its steady pitch is no curve to follow a wind by"
+            )
         if not 0.0 < filter_length < math.inf:
             raise ValueError(f"filter_length must be positive and finite, got {filter_length!r}")
         fading = None if fade is False else AboveRated.of_turbine(turbine, None if fade is True else fade)
@@ -133,7 +146,7 @@ class LidarFeedforward:
             base,
             _WINDS,
             [operating_point(turbine, wind).pitch for wind in _WINDS.tolist()],
-            lidar or Lidar.for_rotor(turbine.rotor_diameter),
+            Lidar.for_rotor(turbine.rotor_diameter) if lidar is None else lidar,
             1.0 / (filter_length * turbine.rotor_diameter),
             delay,
             fading,
@@ -155,7 +168,7 @@ class LidarFeedforward:
         else:
             step = self.wavenumber * max(self._travel_speed.value, 0.0) * dt
             before, self.wind = self.wind, coming + math.exp(-step) * (self.wind - coming)
-            if self._travelled >= max(self.lidar.ranges):
+            if self._travelled >= max(self.lidar.ranges) and self._share > 0.0:
                 self.base.shift_pitch(self._share * (self._pitch_in(self.wind) - self._pitch_in(before)))
         demand = self.base.step(signals, dt)
         if self.fade is not None:
@@ -176,22 +189,22 @@ class LidarFeedforward:
         seen = tuple(signals[name] for name in self._readings)
         if not self._seen:
             self._travel_speed.reset(self._mean(seen))
-        if self._at and self._at[-1] == self._travelled:  # in a calm the last reading counts
+        if self._at and self._travelled - self._at[-1] < _SPACING / self.wavenumber:  # in a calm the last one counts
             self._seen[-1] = seen
         else:
             self._at.append(self._travelled)
             self._seen.append(seen)
-        ahead = max(1.0 / self.wavenumber - self._travel_speed.value * self.delay, 0.0)
-        places = [self._travelled - max(gate - ahead, 0.0) for gate in self.lidar.ranges]
+        ahead = 1.0 / self.wavenumber - max(self._travel_speed.value, 0.0) * self.delay
+        places = [self._travelled - (gate - ahead) for gate in self.lidar.ranges]
         self._drop(min(places))
         return self._mean([self._read(k, place) for k, place in enumerate(places)])
 
     def _read(self, gate: int, place: float) -> float:
-        """What a gate saw when the air had travelled so far [m/s]; before the first reading: the first."""
+        """What a gate saw when the air had travelled so far [m/s]; outside of what is kept the nearest reading."""
         at, seen = self._at, self._seen
         k = bisect_left(at, place)
-        if k == 0:
-            return seen[k][gate]
+        if k in (0, len(at)):
+            return seen[max(k - 1, 0)][gate]
         part = (place - at[k - 1]) / (at[k] - at[k - 1])
         return seen[k - 1][gate] + part * (seen[k][gate] - seen[k - 1][gate])
 

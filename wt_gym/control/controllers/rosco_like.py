@@ -252,7 +252,8 @@ class RoscoLikeController:
     def shift_pitch(self, change: float) -> None:
         """Move the present demand and its integral, and with them the next one, by so much [rad], within the limits."""
         b, before, factor = self.parameters.baseline, self._pitch, self._gain_factor()
-        self._pitch = min(max(before + change, self._least_pitch()), b.max_pitch)
+        least = min(before, self._least_pitch())  # what is below the schedule rises to it at the limit of the rate
+        self._pitch = min(max(before + change, least), b.max_pitch)
         integral = factor * self._pitch_integral + (self._pitch - before) / b.integral_gain
         self._pitch_integral = integral / self._gain_factor()
 
