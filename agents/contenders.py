@@ -35,7 +35,8 @@ class Contenders:
     env_id, env_kwargs, episode_length
         As of `wt_gym.agents.environments.Environments`.
     as_given : bool
-        Run trained models in the environment as it is, on top of its controller, whatever they were trained in.
+        Run trained models in the environment as it is, on top of its controller, whatever they were trained in; they
+        see what they saw in their training.
 
     Raises
     ------
@@ -70,12 +71,14 @@ class Contenders:
 
     def _place(self, name: str) -> gym.Env:
         """Environment that an agent runs in."""
-        record = getattr(self.agents[name], "record", None) or {}
-        if self._as_given and record:
-            return self.env
-        env = self._environments.beneath(self._given[name], record)
+        agent = self.agents[name]
+        record = getattr(agent, "record", None) or {}
+        env = self._environments.beneath(self._given[name], record, self._as_given)
         try:
-            check_environment(record, env)
+            if hasattr(agent, "check_fits"):
+                agent.check_fits(layout_of(env))
+            if not self._as_given:
+                check_environment(record, env)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from error
         return env

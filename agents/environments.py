@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -9,7 +10,7 @@ import gymnasium as gym
 from wt_gym.agents.choices import controller_of, is_controller_name
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.trained_environment import controller_of_training
+from wt_gym.agents.trained_environment import controller_of_training, observation_of_training
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs.layout import layout_of
 
@@ -49,13 +50,11 @@ def load_agent(choice: str, layout: EnvLayout) -> Agent:
         return ControllerAgent(layout, name, **parameters)
     from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
-    agent = TrainedAgent.load(choice)
-    agent.check_fits(layout)
-    return agent
+    return TrainedAgent.load(choice)
 
 
 class Environments:
-    """An environment, and one like it for each controller that runs beneath residual actions.
+    """An environment, and those like it with another controller beneath residual actions or another observation.
 
     Parameters
     ----------
@@ -73,11 +72,13 @@ class Environments:
 
     def __init__(self, env_id: str, env_kwargs: Mapping[str, Any], episode_length: float | None = None):
         self._id, self._kwargs, self._length = env_id, dict(env_kwargs), episode_length
-        self._made: dict[str | None, gym.Env] = {}
-        self.plain = self._make(None)
+        self._made: dict[tuple[str | None, str], gym.Env] = {}
+        self.plain = self._make(None, {})
 
-    def beneath(self, given: str | Agent, record: Mapping[str, Any]) -> gym.Env:
+    def beneath(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
         """Environment for an agent: the plain one, except for a controller that has to run beneath the actions.
+
+        A trained model sees what it saw in its training.
 
         Parameters
         ----------
@@ -86,23 +87,27 @@ class Environments:
         record : mapping
             Of the agent's training, empty without one: a trained model runs on the controller of its training, a
             controller by name beneath actions that rest.
+        as_given : bool
+            A trained model runs on the controller that is there.
         """
-        own = controller_of_training(record, self.plain)
+        own = None if as_given else controller_of_training(record, self.plain)
         residual = layout_of(self.plain).action.mode == "residual"
-        return self._make(given if residual and isinstance(given, str) and is_controller_name(given) else own)
+        choice = given if residual and isinstance(given, str) and is_controller_name(given) else own
+        return self._make(choice, observation_of_training(record, self.plain))
 
-    def _make(self, choice: str | None) -> gym.Env:
-        if choice not in self._made:
-            more: dict[str, Any] = {}
+    def _make(self, choice: str | None, seen: Mapping[str, Any]) -> gym.Env:
+        key = choice, json.dumps(seen, sort_keys=True)
+        if key not in self._made:
+            more = dict(seen)
             if choice is not None:
                 name, parameters = controller_of(choice)
-                more = {"controller": name}
+                more["controller"] = name
                 if parameters:
                     more["controller"] = lambda turbine: make_controller(name, turbine, **parameters)
-            self._made[choice] = gym.make(
+            self._made[key] = gym.make(
                 self._id, **self._kwargs | more, episode_length=self._length, max_episode_steps=_ENDLESS
             )
-        return self._made[choice]
+        return self._made[key]
 
     def close(self) -> None:
         """Close all."""

@@ -21,6 +21,7 @@ __all__ = [
     "check_environment",
     "controller_of_training",
     "environment_of_training",
+    "observation_of_training",
     "resolved_arguments",
     "trained_arguments",
 ]
@@ -28,6 +29,7 @@ __all__ = [
 KEPT = ("action_spans", "residual_fade", "residual_washout", "controller", "sensor_noise", "sensor_delay")
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
 inflow and wind are no part of them: to carry an agent over to others is an experiment."""
+_SEEN = ("observation", "history")
 
 
 def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
@@ -110,6 +112,28 @@ def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | Non
     given = cast(EnvSpec, env.spec).kwargs
     trained, here = (_kept(arguments)["controller"] for arguments in (trained_arguments(record), given))
     return trained if trained != here and isinstance(trained, str) and is_controller_name(trained) else None
+
+
+def observation_of_training(record: Mapping[str, Any], env: gym.Env) -> dict[str, Any]:
+    """Observation and history that a model was trained on, where an environment shows others.
+
+    They belong to the model, which cannot read others.
+
+    Parameters
+    ----------
+    record : mapping
+        As of `trained_arguments`.
+    env : gymnasium.Env
+        Made by `gymnasium.make`.
+
+    Returns
+    -------
+    dict
+        Arguments of the environment; empty where it shows the same, or the record does not say.
+    """
+    trained = environment_of_training(record, _SEEN)
+    here = _with_defaults(cast(EnvSpec, env.spec).kwargs, _SEEN)
+    return trained if trained != here else {}
 
 
 def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:

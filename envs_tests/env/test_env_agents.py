@@ -185,7 +185,7 @@ def test_trained_agent_normalises_the_observation(trained):
 def test_a_model_for_another_environment_is_refused(trained):
     env = gym.make(STEADY, pitch="individual")
     with pytest.raises(ValueError, match=r"trained with pitch as component 5 of the observation, .* has pitch_1 there"):
-        load_agent(str(trained[0]), env.unwrapped.layout)
+        load_agent(str(trained[0]), env.unwrapped.layout).check_fits(env.unwrapped.layout)
     unknown = TrainedAgent(TrainedAgent.load(trained[0]).model)
     with pytest.raises(ValueError, match="shapes"):
         unknown.check_fits(env.unwrapped.layout)

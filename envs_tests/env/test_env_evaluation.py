@@ -163,6 +163,22 @@ def test_models_are_not_taken_into_another_environment_unasked(trained, here, me
     assert count_runs[0] == [("mine", 9.0)]
 
 
+@pytest.mark.parametrize("allow", [False, True])
+def test_a_model_sees_what_it_saw_in_its_training(allow, monkeypatch):
+    """Two readings of rotor and lidar, in an environment that shows others to the rest."""
+    config = replace(CONFIG, env_kwargs={"action_mode": "residual"}, winds=(Wind(14.0),), duration=2.0, skip=0.0)
+    seen = {"observation": ["rotor", "lidar"], "history": 2}
+    layout, names = gym.make(STEADY, **config.env_kwargs, **seen).unwrapped.layout, []
+    mine = Trained(layout, STEADY, action_mode="residual", **seen)
+    mine.check_fits = lambda layout: names.append(layout.observation.names)
+    lengths = set()
+    monkeypatch.setattr(mine, "predict", lambda o, *a, **k: (lengths.add(len(o)), np.zeros(layout.action.size))[::-1])
+    runs = evaluate({"baseline": "baseline", "mine": mine}, config, allow_other_environment=allow, progress=False).runs
+    assert names == [layout.observation.names]
+    assert lengths == {len(layout.observation)} == {10}
+    assert runs[0].metrics == runs[1].metrics  # it rests
+
+
 def test_a_model_brings_the_controller_it_was_trained_on():
     config = replace(CONFIG, env_kwargs={"action_mode": "residual"}, winds=(Wind(14.0),), duration=4.0, skip=0.0)
     layout = gym.make(STEADY, **config.env_kwargs).unwrapped.layout
