@@ -176,7 +176,7 @@ def _stamp(experiment, choice):
     inflow = experiment.inflow()
     wind = [SHEAR, BOX_PERIOD, CONTROL_DT]
     if experiment.seed is not None:
-        samples = inflow.box.fluctuation[:, ::4, ::4]
+        samples = inflow.box.scale * inflow.box.fluctuation[:, ::4, ::4]
         wind += [float(samples.std()), float(np.diff(samples, axis=0).std()), float(np.abs(samples).max())]
     return fingerprint(*(_rounded(part, 5) for part in (experiment, wind)),
                        *(_rounded(part, 9) for part in (load_turbine(TURBINE), choice)))[:12]  # fmt: skip

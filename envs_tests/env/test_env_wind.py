@@ -47,7 +47,7 @@ def test_turbulence_has_the_standard_deviation_of_its_speed(speed):
     box = wind.inflow.box
     assert box.duration >= 600.0
     assert box.mean_speed == wind.inflow.mean_speed == speed
-    hub = box.fluctuation[:, box.fluctuation.shape[1] // 2, box.fluctuation.shape[2] // 2, 0]
+    hub = box.scale * box.fluctuation[:, box.fluctuation.shape[1] // 2, box.fluctuation.shape[2] // 2, 0]
     assert hub.std() == pytest.approx(turbulence_sigma(speed, "B"), rel=1e-3)
     # The eddies are those of the box made at 12 m/s: the same length, carried along at another speed.
     assert box.time_step * speed == pytest.approx(0.25 * 12.0)
@@ -58,7 +58,8 @@ def test_extreme_turbulence_is_the_same_field_at_its_own_standard_deviation(spee
     winds = {}
     for model in ("NTM", "ETM"):
         sampler = WindSampler(TURBINE, "turbulent", speed, turbulence_model=model)
-        winds[model] = sampler.sample(np.random.default_rng(0), wind_seed=5).inflow.box.fluctuation
+        box = sampler.sample(np.random.default_rng(0), wind_seed=5).inflow.box
+        winds[model] = box.scale * box.fluctuation
     normal, extreme = (turbulence_sigma(speed, "B", model, "I") for model in ("NTM", "ETM"))
     assert extreme > 1.3 * normal
     np.testing.assert_allclose(winds["ETM"], winds["NTM"] * extreme / normal, rtol=1e-5, atol=1e-6)
@@ -77,7 +78,7 @@ def test_extreme_winds_are_those_of_the_class(years, factor):
     wind = gusty.sample(np.random.default_rng(0))
     assert (gusty.options, gusty.seeds) == (("wind_seed", "time_offset"), (3,))
     assert (wind.wind_speed, wind.wind_seed) == (pytest.approx(50.0 * factor), 3)
-    samples = wind.inflow.box.fluctuation
+    samples = wind.inflow.box.scale * wind.inflow.box.fluctuation
     hub = samples[:, samples.shape[1] // 2, samples.shape[2] // 2, 0]
     assert hub.std() == pytest.approx(0.11 * 50.0 * factor, rel=1e-3)
     with pytest.raises(InflowError, match="follows from the turbine's class"):

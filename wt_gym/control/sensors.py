@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
+
+from wt_gym.wind.protocol import velocity_ahead
 
 __all__ = ["Channel", "Lidar", "LowPass", "NacelleAnemometer", "Notch"]
 
@@ -156,8 +158,9 @@ class Lidar:
     """A lidar on the nacelle: what the wind will be, by beams on a cone about the shaft.
 
     At each range the reading is the mean over the beams of the speed along the beam, divided by the cosine of the
-    cone's half angle: the wind along the axis, if it is uniform. A point is measured, no volume; the wind is the
-    undisturbed one, without the rotor's induction. The cone has its tip on the tower axis at hub height and a level
+    cone's half angle: the wind along the axis, if it is uniform. A point is measured, no volume; the wind is without
+    the rotor's induction. Turbulence that is seen is not quite what arrives: it changes on its way
+    (`wt_gym.wind.evolution`). The cone has its tip on the tower axis at hub height and a level
     axis that yaws with the nacelle: no overhang, no tilt of the shaft, no motion of the tower. Nothing keeps a beam
     above the ground, where the inflows have values too that mean nothing: ``range * tan(half_angle)`` should be less
     than the hub height.
@@ -170,6 +173,8 @@ class Lidar:
         Of the cone [rad].
     n_beams : int
         Evenly spaced, the first one upward.
+    frozen : bool
+        True: turbulence arrives as it is seen (Taylor's hypothesis).
 
     Raises
     ------
@@ -180,6 +185,7 @@ class Lidar:
     ranges: tuple[float, ...]
     half_angle: float = math.radians(15.0)
     n_beams: int = 4
+    frozen: bool = False
 
     def __post_init__(self):
         object.__setattr__(self, "ranges", tuple(map(float, self.ranges)))
@@ -190,6 +196,8 @@ class Lidar:
                 f"a lidar needs a half angle of 0 to 80 degrees and a beam, got {self.half_angle!r} rad and "
                 f"{self.n_beams!r} beams"
             )
+        if not isinstance(self.frozen, bool):
+            raise ValueError(f"frozen must be True or False, got {self.frozen!r}")
 
     @classmethod
     def for_rotor(cls, diameter: float) -> Lidar:
@@ -201,6 +209,17 @@ class Lidar:
         """Way of the beams off the axis, level and upward, per way along it, shape (2, n_beams)."""
         angle = 2.0 * math.pi * np.arange(self.n_beams) / self.n_beams
         return math.tan(self.half_angle) * np.array([np.sin(angle), np.cos(angle)])
+
+    @lru_cache(maxsize=4)  # noqa: B019 - a lidar is small, and the nacelle seldom yaws
+    def _beams(self, yaw: float, height: float) -> tuple[np.ndarray, np.ndarray]:
+        """Points that are measured [m], shape (n_ranges, n_beams, 3), and minus the beams over all of them."""
+        side = self._side
+        ahead = np.array([-math.cos(yaw), -math.sin(yaw), 0.0])
+        across = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
+        beams = ahead + side[0][:, None] * across + side[1][:, None] * np.array([0.0, 0.0, 1.0])
+        points = np.multiply.outer(np.asarray(self.ranges), beams) + np.array([0.0, 0.0, height])
+        points.setflags(write=False)
+        return points, (beams / -self.n_beams).ravel()
 
     def read(self, inflow, time: float, yaw: float, height: float) -> np.ndarray:
         """Measure.
@@ -220,10 +239,10 @@ class Lidar:
         numpy.ndarray, shape (n_ranges,)
             [m/s]
         """
-        side = self._side
-        ahead = np.array([-math.cos(yaw), -math.sin(yaw), 0.0])
-        across = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
-        beams = ahead + side[0][:, None] * across + side[1][:, None] * np.array([0.0, 0.0, 1.0])
-        points = np.multiply.outer(np.asarray(self.ranges), beams) + np.array([0.0, 0.0, height])
+        points, weights = self._beams(yaw, height)
+        if self.frozen:
+            velocity = np.asarray(inflow.velocity(points, time))
+        else:
+            velocity = velocity_ahead(inflow, points, time, self.ranges)
         # the speed along a beam over the cosine is the product with a beam that is one long along the shaft
-        return -np.einsum("rbc,bc->rb", np.asarray(inflow.velocity(points, time)), beams).mean(axis=1)
+        return velocity.reshape(len(points), -1) @ weights

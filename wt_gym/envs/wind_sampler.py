@@ -377,11 +377,9 @@ class WindSampler:
         intensity = sigma / turbulence_sigma(made_at, self._class)
         if made_at == speed and intensity == 1.0:
             return box
-        fluctuation = box.fluctuation * np.float32(intensity)
-        fluctuation.setflags(write=False)  # so that the box takes it without a copy
         return replace(
             box,
-            fluctuation=fluctuation,
+            scale=intensity,
             time_step=box.time_step * made_at / speed,
             mean_speed=speed,
             description=f"{box.description}, carried along at {speed:.4g} m/s with sigma_u {sigma:.3g} m/s",

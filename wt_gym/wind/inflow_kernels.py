@@ -35,16 +35,9 @@ def mean_velocity(
     veer,
     direction,
     inclination,
-    speed_increment,
-    lateral_gradient,
-    vertical_gradient,
-    reach,
     out,
 ):
-    """Velocity of a sheared, veered wind with a speed increment and linear gradients.
-
-    The gradients [1/s] act on the lateral and vertical distance from the hub axis, held beyond ``reach`` [m].
-    """
+    """Velocity of a sheared, veered wind."""
     cos_direction = math.cos(direction)
     sin_direction = math.sin(direction)
     cos_inclination = math.cos(inclination)
@@ -56,11 +49,7 @@ def mean_velocity(
         if not abs(x) + abs(y) + abs(z) < math.inf:
             return i
         height = z - hub_height
-        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length) + speed_increment
-        if lateral_gradient != 0.0:
-            magnitude += lateral_gradient * min(max(y * cos_direction - x * sin_direction, -reach), reach)
-        if vertical_gradient != 0.0:
-            magnitude += vertical_gradient * min(max(height, -reach), reach)
+        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length)
         c = cos_direction
         s = sin_direction
         if veer != 0.0:
@@ -68,6 +57,48 @@ def mean_velocity(
             s = math.sin(direction + veer * height)
         out[i, 0] = magnitude * cos_inclination * c
         out[i, 1] = magnitude * cos_inclination * s
+        out[i, 2] = magnitude * sin_inclination
+    return -1
+
+
+@kernel(fastmath=_FASTMATH)
+def transient_velocity(
+    points,
+    speed,
+    hub_height,
+    shear_exponent,
+    roughness_length,
+    veer,
+    direction,
+    inclination,
+    speed_increment,
+    turn,
+    lateral_gradient,
+    vertical_gradient,
+    reach,
+    out,
+):
+    """Velocity of a sheared, veered wind with a speed increment, a turn and linear gradients at each point (n,).
+
+    The gradients [1/s] act on the lateral and vertical distance from the hub axis, held beyond ``reach`` [m].
+    """
+    cos_inclination = math.cos(inclination)
+    sin_inclination = math.sin(inclination)
+    for i in range(points.shape[0]):
+        x = points[i, 0]
+        y = points[i, 1]
+        z = points[i, 2]
+        if not abs(x) + abs(y) + abs(z) < math.inf:
+            return i
+        height = z - hub_height
+        heading = direction + turn[i]
+        across = y * math.cos(heading) - x * math.sin(heading)
+        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length) + speed_increment[i]
+        magnitude += lateral_gradient[i] * min(max(across, -reach), reach)
+        magnitude += vertical_gradient[i] * min(max(height, -reach), reach)
+        heading += veer * height
+        out[i, 0] = magnitude * cos_inclination * math.cos(heading)
+        out[i, 1] = magnitude * cos_inclination * math.sin(heading)
         out[i, 2] = magnitude * sin_inclination
     return -1
 
@@ -84,13 +115,14 @@ def turbulent_velocity(
     direction,
     inclination,
     fluctuation,
+    scale,
     time_step,
     spacing_y,
     spacing_z,
     z_bottom,
     out,
 ):
-    """Velocity of the mean wind plus a box ``fluctuation`` (n_times, n_z, n_y, 3) carried along at ``speed``."""
+    """Velocity of the mean wind plus ``scale`` times a box (n_times, n_z, n_y, 3) carried along at ``speed``."""
     n_times, n_z, n_y, _ = fluctuation.shape
     y_start = -0.5 * spacing_y * (n_y - 1)
     cos_direction = math.cos(direction)
@@ -142,6 +174,9 @@ def turbulent_velocity(
                 v += near * fluctuation[t, j, iy, 1] + far * fluctuation[t, j, iy + 1, 1]
                 w += near * fluctuation[t, j, iy, 2] + far * fluctuation[t, j, iy + 1, 2]
 
+        u *= scale
+        v *= scale
+        w *= scale
         magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length)
         c = cos_direction
         s = sin_direction

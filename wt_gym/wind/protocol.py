@@ -1,5 +1,7 @@
 """What every inflow offers: the undisturbed wind at any points and time."""
 
+from __future__ import annotations
+
 import math
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -7,7 +9,10 @@ import numpy as np
 
 from wt_gym.errors import InflowError
 
-__all__ = ["Inflow", "PointInflow", "require_number"]
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["Inflow", "PointInflow", "require_number", "velocity_ahead"]
 
 _N_RINGS = 8
 _N_AZIMUTHS = 24
@@ -66,23 +71,47 @@ class PointInflow:
         InflowError
             ``points`` does not end in three components, or a point or the time is not finite.
         """
-        try:
-            positions = np.ascontiguousarray(points, dtype=np.float64)
-            time = float(time)
-        except (TypeError, ValueError) as error:
-            raise InflowError(f"points must be an array of numbers and time a number: {error}") from error
-        if positions.ndim == 0 or positions.shape[-1] != 3:
-            raise InflowError(f"points must have shape (..., 3); got {positions.shape}")
-        if not math.isfinite(time):
-            raise InflowError(f"time must be finite; got {time}")
-        # A read-only view, whatever the caller passed, so that one compiled signature serves every call.
-        rows = positions.reshape(-1, 3).view()
-        rows.setflags(write=False)
+        positions, time = _checked(points, time)
+        rows = _read_only(positions.reshape(-1, 3))
         out = np.empty((rows.shape[0], 3))
-        bad = self._fill(rows, time, out)
-        if bad >= 0:
-            raise InflowError(f"every point must be finite; point {bad} of {rows.shape[0]} is {rows[bad].tolist()}")
+        _require_finite(self._fill(rows, time, out), rows)
         return out.reshape(positions.shape)
+
+    def velocity_ahead(self, points: np.ndarray, time: float, distances: Sequence[float]) -> np.ndarray:
+        """Wind where a lidar sees it: unlike in `velocity`, turbulence changes on its way from there to the rotor.
+
+        Parameters
+        ----------
+        points
+            Positions in the global frame [m], shape (n, m, 3).
+        time
+            Time [s], any finite number.
+        distances
+            Ahead of the rotor [m], for each of the n groups of points.
+
+        Returns
+        -------
+        numpy.ndarray
+            Velocity in the global frame [m/s], float64, shape (n, m, 3).
+
+        Raises
+        ------
+        InflowError
+            The points are not as many groups as there are distances, or a point or the time is not finite.
+        """
+        positions, time = _checked(points, time)
+        if positions.ndim != 3 or len(positions) != len(distances):
+            raise InflowError(
+                f"points must have shape (n, m, 3) for n = {len(distances)} distances; got {positions.shape}"
+            )
+        out = np.empty(positions.shape)
+        bad = self._fill_ahead(_read_only(positions), time, tuple(distances), out)
+        _require_finite(bad, positions.reshape(-1, 3))
+        return out
+
+    def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
+        """Fill in the wind at points ahead; that of an inflow that does not change on its way."""
+        return self._fill(_read_only(gates.reshape(-1, 3)), time, out.reshape(-1, 3))
 
     def rotor_effective_speed(self, time: float | np.ndarray, rotor_diameter: float) -> float | np.ndarray:
         """Mean over the rotor disc of the wind component along x.
@@ -114,6 +143,53 @@ class PointInflow:
 
     def __str__(self) -> str:
         return self.description
+
+
+def velocity_ahead(inflow: Inflow, points: np.ndarray, time: float, distances: Sequence[float]) -> np.ndarray:
+    """Wind where a lidar sees it, of any inflow: one that does not say how it changes on its way does not change.
+
+    Parameters
+    ----------
+    inflow
+        One that has `PointInflow.velocity_ahead`, or not.
+    points, time, distances
+        See there.
+
+    Returns
+    -------
+    numpy.ndarray
+        Velocity in the global frame [m/s], float64, shape (n, m, 3).
+    """
+    if isinstance(inflow, PointInflow):
+        return inflow.velocity_ahead(points, time, distances)
+    return np.asarray(inflow.velocity(points, time))
+
+
+def _checked(points, time) -> tuple[np.ndarray, float]:
+    """Points as an array of numbers and a finite time."""
+    try:
+        positions = np.ascontiguousarray(points, dtype=np.float64)
+        time = float(time)
+    except (TypeError, ValueError) as error:
+        raise InflowError(f"points must be an array of numbers and time a number: {error}") from error
+    if positions.ndim == 0 or positions.shape[-1] != 3:
+        raise InflowError(f"points must have shape (..., 3); got {positions.shape}")
+    if not math.isfinite(time):
+        raise InflowError(f"time must be finite; got {time}")
+    return positions, time
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    """View that is read-only, whatever the caller passed, so that one compiled signature serves every call."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
+def _require_finite(bad: int, rows: np.ndarray) -> None:
+    """Raise for the point that a kernel found wanting, if any."""
+    if bad >= 0:
+        raise InflowError(f"every point must be finite; point {bad} of {len(rows)} is {rows[bad].tolist()}")
 
 
 def require_number(

@@ -122,4 +122,4 @@ class SteadyInflow(PointInflow):
 
     def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
         angles = self.yaw_misalignment, self.inclination
-        return mean_velocity(rows, *self.kernel_profile, *angles, 0.0, 0.0, 0.0, math.inf, out)
+        return mean_velocity(rows, *self.kernel_profile, *angles, out)

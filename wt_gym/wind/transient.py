@@ -7,7 +7,7 @@ import numpy as np
 
 from wt_gym.errors import InflowError
 from wt_gym.wind import iec
-from wt_gym.wind.inflow_kernels import mean_velocity
+from wt_gym.wind.inflow_kernels import transient_velocity
 from wt_gym.wind.protocol import PointInflow, require_number
 from wt_gym.wind.steady import SteadyInflow
 
@@ -21,9 +21,9 @@ class TransientInflow(PointInflow):
     """A steady wind with one transient of IEC 61400-1 on it.
 
     Build one with :meth:`eog`, :meth:`edc`, :meth:`ecd` or :meth:`ews`, which take the amplitudes from the
-    standard. The transient acts at all distances x at once, as in the uniform wind files of the industry's tools.
-    The linear shear of EWS is held at its edge value beyond half a rotor diameter from the hub, where the
-    standard's formula would soon reverse the wind.
+    standard. It travels with the wind: what acts at the tower now acted a distance d upwind of it a time d/U ago, so
+    that a lidar sees it coming. The linear shear of EWS is held at its edge value beyond half a rotor diameter from
+    the hub, where the standard's formula would soon reverse the wind.
 
     Parameters
     ----------
@@ -38,7 +38,9 @@ class TransientInflow(PointInflow):
     rotor_diameter
         Rotor diameter D [m].
     start_time
-        Time at which the transient begins [s].
+        Time at which the transient begins at the tower [s].
+    travels
+        False: it acts at all distances at once, as in the uniform wind files of the industry's tools.
     """
 
     steady: SteadyInflow
@@ -47,6 +49,7 @@ class TransientInflow(PointInflow):
     direction_amplitude: float
     rotor_diameter: float
     start_time: float = 0.0
+    travels: bool = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.steady, SteadyInflow):
@@ -57,6 +60,8 @@ class TransientInflow(PointInflow):
         require_number(self.direction_amplitude, "direction_amplitude", "rad", -math.pi, math.pi)
         require_number(self.rotor_diameter, "rotor_diameter", "m", 0.0, open_minimum=True)
         require_number(self.start_time, "start_time", "s")
+        if not isinstance(self.travels, bool):
+            raise InflowError(f"travels must be True or False; got {self.travels!r}")
 
     @classmethod
     def eog(
@@ -134,23 +139,34 @@ class TransientInflow(PointInflow):
         return ", ".join(parts) + f", on {self.steady.description}"
 
     def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
-        elapsed = time - self.start_time
-        increment = turn = lateral = vertical = 0.0
+        elapsed = self._elapsed(rows, time)
+        none: float | np.ndarray = np.zeros(len(rows))
+        changes = dict.fromkeys(("increment", "turn", "lateral", "vertical"), none)
         if self.kind == "EOG":
-            increment = float(iec.operating_gust(elapsed, self.speed_amplitude))
+            changes["increment"] = iec.operating_gust(elapsed, self.speed_amplitude)
         elif self.kind == "EDC":
-            turn = float(iec.direction_change(elapsed, self.direction_amplitude))
+            changes["turn"] = iec.direction_change(elapsed, self.direction_amplitude)
         elif self.kind == "ECD":
-            increment = float(iec.coherent_gust_speed(elapsed, self.speed_amplitude))
-            turn = float(iec.coherent_gust_speed(elapsed, self.direction_amplitude))
+            changes["increment"] = iec.coherent_gust_speed(elapsed, self.speed_amplitude)
+            changes["turn"] = iec.coherent_gust_speed(elapsed, self.direction_amplitude)
         else:
-            gradient = self.speed_amplitude / self.rotor_diameter * float(iec.wind_shear_envelope(elapsed))
-            vertical = gradient if self.kind == "EWS-vertical" else 0.0
-            lateral = gradient if self.kind == "EWS-horizontal" else 0.0
+            axis = "vertical" if self.kind == "EWS-vertical" else "lateral"
+            changes[axis] = self.speed_amplitude / self.rotor_diameter * iec.wind_shear_envelope(elapsed)
         steady = self.steady
-        angles = steady.yaw_misalignment + turn, steady.inclination
+        angles = steady.yaw_misalignment, steady.inclination
         reach = 0.5 * self.rotor_diameter
-        return mean_velocity(rows, *steady.kernel_profile, *angles, increment, lateral, vertical, reach, out)
+        return transient_velocity(rows, *steady.kernel_profile, *angles, *changes.values(), reach, out)
+
+    def _elapsed(self, rows: np.ndarray, time: float) -> np.ndarray:
+        """Time since the transient began at each point [s], shape (n,)."""
+        elapsed = np.full(len(rows), time - self.start_time)
+        steady = self.steady
+        if self.travels and steady.speed > 0.0:
+            cos, sin = math.cos(steady.inclination), math.sin(steady.inclination)
+            along = cos * math.cos(steady.yaw_misalignment), cos * math.sin(steady.yaw_misalignment), sin
+            with np.errstate(invalid="ignore"):  # points that are not finite are found by the kernel
+                elapsed -= ((rows - (0.0, 0.0, steady.hub_height)) @ along) / steady.speed
+        return elapsed
 
 
 def _normal_profile(speed: float, hub_height: float) -> SteadyInflow:

@@ -28,8 +28,8 @@ class TurbulenceBox:
     Parameters
     ----------
     fluctuation
-        Velocity minus ``mean_speed`` along the wind [m/s], float32, shape (n_times, n_z, n_y, 3): u along the mean
-        wind, v to the left of it, w up. Rows go upwards, columns to the left (+y).
+        Velocity minus ``mean_speed`` along the wind over ``scale`` [m/s], float32, shape (n_times, n_z, n_y, 3): u
+        along the mean wind, v to the left of it, w up. Rows go upwards, columns to the left (+y).
     time_step
         Sampling interval [s].
     spacing_y, spacing_z
@@ -49,6 +49,9 @@ class TurbulenceBox:
         Fluctuations at points below the grid, on the tower axis, from the top down with ``spacing_z``: shape
         (n_times, n_tower, 3). They are kept for :meth:`to_bts`; the wind between the points of the grid does not
         use them.
+    scale
+        By which the samples are multiplied where the wind is read [-]: boxes of one field at other speeds and
+        intensities share their samples.
     description
         What this box is, in words.
 
@@ -68,6 +71,7 @@ class TurbulenceBox:
     periodic: bool = True
     holds_profile: bool = False
     tower: np.ndarray | None = field(default=None, repr=False)
+    scale: float = 1.0
     description: str = "turbulence box"
 
     def __post_init__(self) -> None:
@@ -77,6 +81,7 @@ class TurbulenceBox:
             ("spacing_z", "m"),
             ("mean_speed", "m/s"),
             ("hub_height", "m"),
+            ("scale", "-"),
         ):
             number = require_number(getattr(self, name), name, unit, 0.0, open_minimum=True)
             object.__setattr__(self, name, number)
@@ -310,8 +315,8 @@ turbine_class, cache
         tower_points = np.zeros((self._tower.shape[1], 3))
         tower_points[:, 2] = self.z_bottom - self.spacing_z * np.arange(self._tower.shape[1])
         content = bts.BtsContent(
-            grid=self.fluctuation + steady.velocity(points, 0.0).astype(np.float32),
-            tower=self._tower + steady.velocity(tower_points, 0.0).astype(np.float32),
+            grid=self.scale * self.fluctuation + steady.velocity(points, 0.0).astype(np.float32),
+            tower=self.scale * self._tower + steady.velocity(tower_points, 0.0).astype(np.float32),
             time_step=self.time_step,
             spacing_y=self.spacing_y,
             spacing_z=self.spacing_z,
@@ -354,7 +359,7 @@ turbine_class, cache
 
     def _key(self) -> tuple:
         numbers = (self.time_step, self.spacing_y, self.spacing_z, self.z_bottom, self.mean_speed, self.hub_height)
-        return (*numbers, self.periodic, self.holds_profile, self.description, self.fluctuation.shape)
+        return (*numbers, self.scale, self.periodic, self.holds_profile, self.description, self.fluctuation.shape)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, TurbulenceBox):

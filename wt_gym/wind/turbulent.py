@@ -1,11 +1,12 @@
 """Turbulent wind: a mean profile with a box of frozen turbulence carried along by it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import cast
 
 import numpy as np
 
 from wt_gym.errors import InflowError
+from wt_gym.wind.evolution import evolved_boxes
 from wt_gym.wind.inflow_kernels import turbulent_velocity
 from wt_gym.wind.protocol import PointInflow, require_number
 from wt_gym.wind.steady import SteadyInflow
@@ -21,6 +22,8 @@ class TurbulentInflow(PointInflow):
     In the frame of the mean wind, u(x, y, z, t) = mean(z) + box(y, z, t + time_offset − x/U), U the hub speed. Between
     the samples the box is interpolated linearly in y, z and time; outside its grid it keeps the values of the nearest
     edge, below the ground too; in time it repeats.
+
+    What is seen ahead of the rotor (`velocity_ahead`) is not yet quite what arrives, see `wt_gym.wind.evolution`.
 
     Yaw misalignment and inclination of the mean wind turn the whole field, about the vertical axis through the
     origin and about the hub; veer turns the mean only, not the fluctuations.
@@ -50,6 +53,9 @@ class TurbulentInflow(PointInflow):
     box: TurbulenceBox
     steady: SteadyInflow | None = None
     time_offset: float = 0.0
+    _evolved: dict[tuple[float, ...], tuple[TurbulenceBox, ...]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         if not isinstance(self.box, TurbulenceBox):
@@ -82,8 +88,30 @@ class TurbulentInflow(PointInflow):
         offset = f", from {self.time_offset:g} s" if self.time_offset else ""
         return f"{self.box.description}, {self.box.duration:g} s{offset}, {self._steady.profile_description}"
 
+    def __getstate__(self) -> dict:
+        """What a copy or a pickle takes along: the field ahead is made anew."""
+        return {**self.__dict__, "_evolved": {}}
+
+    def __setstate__(self, state: dict) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+
     def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
-        box, steady = self.box, self._steady
+        return self._fill_from(self.box, rows, time, out)
+
+    def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
+        if distances not in self._evolved:
+            self._evolved[distances] = evolved_boxes(self.box, distances)
+        before = 0
+        for rows, box, seen in zip(gates, self._evolved[distances], out, strict=True):
+            bad = self._fill_from(box, rows, time, seen)
+            if bad >= 0:
+                return before + bad
+            before += len(rows)
+        return -1
+
+    def _fill_from(self, box: TurbulenceBox, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+        steady = self._steady
         return turbulent_velocity(
             rows,
             time + self.time_offset,
@@ -91,6 +119,7 @@ class TurbulentInflow(PointInflow):
             steady.yaw_misalignment,
             steady.inclination,
             box.fluctuation,
+            box.scale,
             box.time_step,
             box.spacing_y,
             box.spacing_z,

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from wt_gym.errors import InflowError
-from wt_gym.wind.protocol import Inflow, PointInflow
+from wt_gym.wind.protocol import Inflow, PointInflow, velocity_ahead
 
 __all__ = ["TurningInflow"]
 
@@ -94,11 +95,17 @@ class TurningInflow(PointInflow):
         return f"{self.inner.description}, turned {turning}"
 
     def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+        return self._fill_turned(rows, time, self.inner.velocity, out)
+
+    def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
+        return self._fill_turned(gates, time, partial(velocity_ahead, self.inner, distances=distances), out)
+
+    def _fill_turned(self, points: np.ndarray, time: float, velocity, out: np.ndarray) -> int:
         angle = self.direction(time)
         cos, sin = math.cos(angle), math.sin(angle)
         turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])  # R^T on columns, R on rows
-        finite = np.isfinite(rows).all(axis=1)
+        finite = np.isfinite(points).all(axis=-1)
         if not finite.all():
             return int(np.argmin(finite))
-        out[:] = np.asarray(self.inner.velocity(rows @ turn.T, time)) @ turn
+        out[...] = np.asarray(velocity(points @ turn.T, time)) @ turn
         return -1
