@@ -109,9 +109,9 @@ class LidarFeedforward:
         cls,
         turbine: Turbine,
         base: ShiftablePitch,
-        filter_length: float = 0.345,
+        filter_length: float = 0.42,
         delay: float = 0.5,
-        gain: float = 0.7,
+        gain: float = 0.6,
         lidar: Lidar | None = None,
         fade: FadeParameters | bool = True,
     ) -> LidarFeedforward:
