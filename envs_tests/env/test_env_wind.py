@@ -65,6 +65,15 @@ def test_extreme_turbulence_is_the_same_field_at_its_own_standard_deviation(spee
     np.testing.assert_allclose(winds["ETM"], winds["NTM"] * extreme / normal, rtol=1e-5, atol=1e-6)
 
 
+def test_winds_of_one_seed_share_their_samples():
+    """A pool of winds is held once in memory, whatever the speeds and intensities of the episodes."""
+    samplers = [WindSampler(TURBINE, "turbulent", speed) for speed in (12.0, 9.0, 7.5)]
+    samplers.append(WindSampler(TURBINE, "turbulent", 12.0, turbulence_model="ETM"))
+    boxes = [sampler.sample(np.random.default_rng(0), wind_seed=5).inflow.box for sampler in samplers]
+    assert all(np.shares_memory(box.fluctuation, boxes[0].fluctuation) for box in boxes)
+    assert len({box.scale for box in boxes}) == 4
+
+
 @pytest.mark.parametrize(("years", "factor"), [(50, 1.0), (1, 0.8)])
 def test_extreme_winds_are_those_of_the_class(years, factor):
     # class I: reference speed 50 m/s
