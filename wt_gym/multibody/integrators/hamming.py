@@ -14,9 +14,10 @@ __all__ = ["Drift", "HammingIntegrator", "History", "checked_start", "new_histor
 
 History = namedtuple("History", "y f memory marks matrix pivot")
 """What an integration goes on from, of one type for all schemes: states y and rates f (n_points, n_state), newest last;
-memory: of the Hamming scheme its error estimate (n_state,), of implicit ones the pseudo-accelerations (n_v,); marks:
-how many older points count (1,), or the counters of the implicit schemes (3,); factors of Newton's matrix (n_v, n_v)
-with pivots (n_v,), of implicit schemes. n_v counts velocities and servos."""
+memory: of the Hamming scheme its error estimate (n_state,), of implicit ones the pseudo-accelerations (n_v,), those of
+the origins of constrained free bodies in body axes; marks: how many older points count (1,), or the counters of the
+implicit schemes (3,); factors of Newton's matrix (n_v, n_v) with pivots (n_v,), of implicit schemes. n_v counts
+velocities and servos."""
 Drift = namedtuple("Drift", "norm position velocity")
 STARTERS = {"adams": 0, "runge-kutta": -3}
 """What ``marks`` of an empty history is."""
