@@ -3,12 +3,14 @@
 The simulator has balances of its own (`wt_gym.simulation.energy_kernels`), which end an episode. Here the electrical
 energy and the kinetic energy of the rotor are set against Betz's share, 16/27 of rho A <|V|^3> / 2, of the undisturbed
 wind over the disc. The turbine may have borrowed from the air round it, at most the kinetic energy of the sphere of air
-that the rotor turns in, with what the rotor induces (v^2 = F / 2 rho A, Rankine and Froude).
+that the rotor turns in, with what the rotor induces (v^2 = F / 2 rho A, Rankine and Froude). Blades that swing in the plane of
+the rotor lend to the hub for a moment too, and take back: only a debt that lasts is one.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +27,8 @@ __all__ = ["EnergyAccount"]
 _BETZ = 16.0 / 27.0
 _LOANS = 2.0
 """Loans that a sum may reach before it counts as a finding: the wind is sampled once a control step only."""
+_SWING = 5
+"""Control steps through which a debt lasts: the slowest swing of blades in the plane, 1 s, is over."""
 _RINGS = np.sqrt((np.arange(4) + 0.5) / 4)
 _AZIMUTHS = 2.0 * math.pi * np.arange(8) / 8
 
@@ -58,6 +62,7 @@ class EnergyAccount:
         self._disc = disc.reshape(-1, 3)
         self._before, self._carried = signals, self._power_of_wind(signals)
         self.owed, self.loan = 0.0, self._loan(signals)
+        self._debts: deque[float] = deque(maxlen=_SWING)
 
     def take(self, signals: Signals, dt: float) -> None:
         """Book a step of length dt [s]."""
@@ -65,13 +70,15 @@ class EnergyAccount:
         delivered = 0.5 * dt * (before["generator_power"] + signals["generator_power"])
         stored = self._half_inertia * (signals["rotor_speed"] ** 2 - before["rotor_speed"] ** 2)
         self.owed = max(self.owed + delivered + stored - 0.5 * dt * (carried + self._carried), 0.0)
+        self._debts.append(self.owed)
         self.loan = max(self.loan, self._loan(signals))
         self._before, self._carried = signals, carried
 
     @property
     def overdrawn(self) -> bool:
-        """Whether more was delivered than the air had."""
-        return not self.owed <= _LOANS * self.loan
+        """Whether more was delivered than the air had, in all of the last steps."""
+        broken = [not debt <= _LOANS * self.loan for debt in self._debts]
+        return len(broken) == _SWING and all(broken)
 
     def _power_of_wind(self, signals: Signals) -> float:
         """Betz's share of what the wind carries through the disc [W]."""

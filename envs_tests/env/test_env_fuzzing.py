@@ -1,6 +1,7 @@
 """Fuzzing: the environment keeps its contract in drawn cases, and a broken contract is noticed."""
 
 import json
+import math
 import subprocess
 import sys
 
@@ -141,7 +142,14 @@ def test_energy_beyond_what_the_wind_carries_is_noticed():
     while not greedy.overdrawn:
         second += 1
         greedy.take(signals(float(second), 3.0 * share), 1.0)
-    assert second == int(2.0 * lent / (2.0 * share)) + 1
+    assert second == int(2.0 * lent / (2.0 * share)) + 5  # a debt that lasts
+    swinging, faster = account(0.0), math.sqrt(1.0 + 20.0 * lent / rotor_inertia(turbine))
+    for second in range(1, 20):  # blades that swing lend to the hub, and take back
+        swinging.take(signals(float(second), 0.0, rotor_speed=faster if second % 2 else 1.0), 1.0)
+        assert not swinging.overdrawn
+    for second in range(20, 40):
+        swinging.take(signals(float(second), share, rotor_speed=faster), 1.0)
+    assert swinging.overdrawn
 
 
 def test_what_a_case_raises_is_a_finding_with_its_command(monkeypatch, capsys, tmp_path):
