@@ -13,7 +13,8 @@ field that is seen from one gate of a lidar after the other is a Markov chain, f
 
 and so on from d to the next gate, u' a field independent of all nearer ones with the same spectra and coherence across
 the wind (the unfreezing of Bossanyi, Torque 2012, and of Chen, Guo, Schlipf and Cheng, Wind Energ. Sci. 7 (2022) 539).
-u' is u_0 with a random phase for each harmonic, the same at all points and in all components.
+u' is u_0 with a random phase for each harmonic, the same at all points and in all components: independent of it, and of
+the same strength as it, in the mean over the phases.
 """
 
 from __future__ import annotations

@@ -146,12 +146,12 @@ class PointInflow:
 
 
 def velocity_ahead(inflow: Inflow, points: np.ndarray, time: float, distances: Sequence[float]) -> np.ndarray:
-    """Wind where a lidar sees it, of any inflow: one that does not say how it changes on its way does not change.
+    """Wind where a lidar sees it, of any inflow: one that is no `PointInflow` does not change on its way.
 
     Parameters
     ----------
     inflow
-        One that has `PointInflow.velocity_ahead`, or not.
+        A `PointInflow`, or anything with `velocity`.
     points, time, distances
         See there.
 
