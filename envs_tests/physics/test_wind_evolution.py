@@ -23,6 +23,11 @@ def boxes():
     ]
 
 
+def intensity_of(box):
+    """Root of the sum of the three variances over the mean speed, of the samples as they are."""
+    return math.sqrt(sum(box.fluctuation[..., c].var(axis=0).mean() for c in range(3))) / SPEED
+
+
 def ahead_of(distance):
     return np.array([[[-distance, 0.0, HUB]]])
 
@@ -50,7 +55,7 @@ def test_coherence_between_gates_and_rotor(boxes, component):
     for box in boxes:
         fields = (box, *evolved_boxes(box, DISTANCES))
         transforms = [np.fft.rfft(f.fluctuation[..., component].astype(float), axis=0) for f in fields]
-        intensity += math.sqrt(sum(box.fluctuation[..., c].var(axis=0).mean() for c in range(3))) / SPEED / len(boxes)
+        intensity += intensity_of(box) / len(boxes)
         power = (np.abs(transforms[0]) ** 2).sum(axis=(1, 2))
         power[0] = 1.0  # there is no mean
         for i in range(3):
@@ -94,8 +99,7 @@ def test_stronger_turbulence_changes_more(boxes):
             summed[0] += ((first.conj() * second).sum(axis=(1, 2)) / power).sum().real
             summed[1] += ((np.abs(second) ** 2).sum(axis=(1, 2)) / power).sum()
             summed[2] += power.size
-            deviation = math.sqrt(sum(box.fluctuation[..., c].var(axis=0).mean() for c in range(3)))
-            expected.append(coherence_along(126.0, frequency[band] / SPEED, scale * deviation / SPEED, HUB).mean())
+            expected.append(coherence_along(126.0, frequency[band] / SPEED, scale * intensity_of(box), HUB).mean())
         measured = summed[0] / math.sqrt(summed[1] * summed[2])
         assert measured == pytest.approx(np.mean(expected), abs=0.05)
 

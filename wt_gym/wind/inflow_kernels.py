@@ -1,6 +1,6 @@
 """Compiled evaluation of the wind at many points: the mean profile, and frozen turbulence on top of it.
 
-Angles in radians, lengths in metres, speeds in m/s. Both kernels fill ``out`` (n, 3) and return the index of the
+Angles in radians, lengths in metres, speeds in m/s. Those of velocities fill ``out`` (n, 3) and return the index of the
 first point that is not finite, or -1.
 """
 
