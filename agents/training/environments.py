@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from wt_gym.agents.training.config import TrainingConfig
 
-__all__ = ["make_training_env"]
+__all__ = ["make_training_env", "monitored"]
 
 
 def make_training_env(config: TrainingConfig) -> VecNormalize:
@@ -41,7 +41,7 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
         venv = VecMonitor(_make(partial(TurbineVecEnv, num_envs=config.n_envs), config))
     else:
         compile_kernels(first)
-        venv = SubprocVecEnv([_worker(config.env_id, config.env_kwargs)] * config.n_envs, start_method="forkserver")
+        venv = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * config.n_envs, start_method="forkserver")
     hyperparameters = config.resolved
     return VecNormalize(
         venv,
@@ -59,8 +59,8 @@ def _make(make: Callable[..., Any], config: TrainingConfig) -> Any:
         raise ValueError(f"{config.env_id} cannot be made with the arguments {config.env_kwargs}: {error}") from error
 
 
-def _worker(env_id: str, kwargs: dict[str, Any]) -> Callable[[], gym.Env]:
-    """Give a function that makes a monitored environment in another process."""
+def monitored(env_id: str, kwargs: dict[str, Any]) -> Callable[[], gym.Env]:
+    """Give a function that makes a monitored environment in a process of its own."""
 
     def make() -> gym.Env:
         import wt_gym  # noqa: F401 - registers the environments in a fresh process

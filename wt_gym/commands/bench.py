@@ -2,6 +2,7 @@
 
     wt-gym bench                                # everything, for all three fidelities
     wt-gym bench --fidelity training --no-induction --json
+    wt-gym bench --learning 1000000             # PPO: threads beside processes, for so many steps each
     wt-gym bench --pterasoftware                # with a comparison; installs PteraSoftware for itself (in a clone)
 
 Every measurement runs in a process of its own, after compilation, and on one thread where it does not say otherwise;
@@ -40,6 +41,10 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seconds", type=float, default=20.0, help="wall time of a measurement (default: %(default)s)")
     parser.add_argument("--no-cold", action="store_true", help="skip the start with an empty compilation cache")
     parser.add_argument("--no-induction", action="store_true", help="skip the table of direct sums and tree code")
+    parser.add_argument(
+        "--learning", type=int, metavar="STEPS",
+        help="train PPO for so many steps with turbines by threads and as many with a process each (extra train)",
+    )  # fmt: skip
     parser.add_argument("--pterasoftware", action="store_true", help="set up PteraSoftware and run it side by side")
     parser.add_argument("--json", action="store_true", help="print all figures as JSON at the end")
     parser.add_argument("--worker", nargs=2, metavar=("WHAT", "FIDELITY"), help=argparse.SUPPRESS)
@@ -58,6 +63,8 @@ def check(parser, arguments) -> None:
         parser.error(f"unknown fidelity {', '.join(unknown)}; known: {', '.join(FIDELITIES)}")
     if arguments.pterasoftware and not IN_CLONE:
         parser.error("--pterasoftware: the comparison is in a clone of the project only")
+    if arguments.learning is not None and arguments.learning < 1:
+        parser.error(f"--learning {arguments.learning}: at least one step is needed")
     if not (math.isfinite(arguments.seconds) and arguments.seconds > 0.0):
         parser.error(f"--seconds {arguments.seconds}: a finite time above 0 is needed")
 
@@ -170,19 +177,54 @@ def measure_vector(fidelity: str, wall: float) -> dict:
     }
 
 
-def measure_start(fidelity: str, wall: float) -> dict:
-    """Time to import, to build the simulator and to take the first step."""
-    start = time.perf_counter()
-    import wt_gym  # noqa: F401
+def measure_learning(fidelity: str, steps: float) -> dict:
+    """Wall time of so many steps of PPO: turbines by threads of one process, and by a process each.
 
-    imported = time.perf_counter()
+    A tenth of the steps in turn, so that a machine that changes its pace changes the ratio little.
+    """
+    from stable_baselines3.common.vec_env import SubprocVecEnv, VecNormalize
+
+    from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.agents.training.environments import make_training_env, monitored
+    from wt_gym.agents.training.models import make_model
+
+    number = min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
+    config = TrainingConfig(env_kwargs={"fidelity": fidelity}, n_envs=number)
+    processes = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * number, start_method="forkserver")
+    environments = {"threads": make_training_env(config), "processes": VecNormalize(processes)}
+    models = {way: make_model(config, venv) for way, venv in environments.items()}
+    elapsed, share = dict.fromkeys(models, 0.0), math.ceil(steps / 10)
+    for _ in range(10):
+        for way, model in models.items():
+            start = time.perf_counter()
+            model.learn(share, reset_num_timesteps=False)
+            elapsed[way] += time.perf_counter() - start
+    for venv in environments.values():
+        venv.close()
+    return {
+        "turbines": number,
+        "steps": {way: model.num_timesteps for way, model in models.items()},
+        "seconds": elapsed,
+        "steps_per_s": {way: model.num_timesteps / elapsed[way] for way, model in models.items()},
+    }
+
+
+def measure_import(fidelity: str, wall: float) -> dict:
+    """Time to import the package, in an interpreter that has imported nothing yet."""
+    program = "import time; start = time.perf_counter(); import wt_gym; print(time.perf_counter() - start)"
+    return {"import_s": min(float(output_of([sys.executable, "-c", program])[-1]) for _ in range(3))}
+
+
+def measure_start(fidelity: str, wall: float) -> dict:
+    """Time to build the simulator and to take the first step, imports included."""
+    start = time.perf_counter()
     from wt_gym.simulation import Simulator
     from wt_gym.wind import SteadyInflow
 
     simulator = Simulator("nrel_5mw", SteadyInflow(12.0), fidelity)
     simulator.reset(rotor_speed=1.267)
     simulator.advance(0.2, pitch=0.07, generator_torque=43e3)
-    return {"import_s": imported - start, "first_step_s": time.perf_counter() - imported}
+    return {"first_step_s": time.perf_counter() - start}
 
 
 def measure_threads(fidelity: str, wall: float) -> dict:
@@ -258,6 +300,8 @@ def best_of(call, wall: float, most: float = float("inf")) -> float:
 WORKERS = {
     "simulator": measure_simulator,
     "environment": measure_environment,
+    "import": measure_import,
+    "learning": measure_learning,
     "start": measure_start,
     "threads": measure_threads,
     "structures": measure_structures,
@@ -343,7 +387,7 @@ def measure(arguments: argparse.Namespace) -> None:
             figures["cold"] = in_process("start", "training", wall, NUMBA_CACHE_DIR=empty)
         print(f"first step, cold compilation cache: {figures['cold']['first_step_s']:6.1f} s")
     in_process("start", "training", wall)
-    figures["warm"] = in_process("start", "training", wall)
+    figures["warm"] = in_process("start", "training", wall) | in_process("import", "training", wall)
     print(f"first step, warm compilation cache: {figures['warm']['first_step_s']:6.1f} s")
     print(f"import of wt_gym:                   {figures['warm']['import_s']:6.2f} s")
     figures["kernels"] = in_process("structures", "training", wall) if IN_CLONE else {"structural": {}}
@@ -365,13 +409,21 @@ def measure(arguments: argparse.Namespace) -> None:
         )
     figures["vector"] = v = in_process("vector", "training", wall)
     print(
-        f"{v['turbines']} turbines: {v['threads_per_s']:.0f} steps/s by threads ({v['threads_over_one']:.2f} x one), "
+        f"one turbine: {v['one_per_s']:.0f} steps/s; {v['turbines']}: {v['threads_per_s']:.0f} by threads "
+        f"({v['threads_over_one']:.2f} x one), "
         f"{v['processes_per_s']:.0f} by processes ({v['processes_over_one']:.2f} x)"
     )
     if "reference" in arguments.fidelity:
         figures["threads"] = t = in_process("threads", "reference", wall)
         one, two = t["step_s_one_thread"], t["step_s_two_threads"]
         print(f"reference, one step: {one * 1e3:.1f} ms on one thread, {two * 1e3:.1f} ms on two ({one / two:.2f} x)")
+    if arguments.learning:
+        figures["learning"] = learned = in_process("learning", "training", arguments.learning)
+        for way, rate in learned["steps_per_s"].items():
+            print(
+                f"PPO, {learned['turbines']} turbines by {way}: {learned['steps'][way]} steps in "
+                f"{learned['seconds'][way]:.0f} s, {rate:.0f} a second"
+            )
     if IN_CLONE and not arguments.no_induction:
         figures["induction"] = beside("bench_induction.py")
     if arguments.pterasoftware:

@@ -377,13 +377,8 @@ class WindSampler:
         intensity = sigma / turbulence_sigma(made_at, self._class)
         if made_at == speed and intensity == 1.0:
             return box
-        return replace(
-            box,
-            scale=intensity,
-            time_step=box.time_step * made_at / speed,
-            mean_speed=speed,
-            description=f"{box.description}, carried along at {speed:.4g} m/s with sigma_u {sigma:.3g} m/s",
-        )
+        text = f"{box.description}, carried along at {speed:.4g} m/s with sigma_u {sigma:.3g} m/s"
+        return box.carried_along(speed, intensity, text)
 
     def _range(self, wind_speed) -> tuple[float, float]:
         """Lower and upper wind speed [m/s]."""

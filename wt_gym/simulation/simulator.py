@@ -78,6 +78,7 @@ class Simulator:
         self._measurement = Measurement(self.turbine, self.structure)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
         self._n_steps, self._started, self._faults = 0, False, ()
+        self._compiled = False
 
     def __getstate__(self):
         """What a copy or a pickle takes along: the arguments and the state; the rest is built anew from them."""
@@ -145,7 +146,9 @@ class Simulator:
         check_finite(rotor_speed=rotor_speed, azimuth=azimuth)
         if not 0.0 <= rotor_speed < limit:
             raise ActionError(f"rotor_speed is {rotor_speed} rad/s; allowed: 0 … {limit:.3f} rad/s")
-        announce_compilation(self.coupling, self.turbine)
+        if not self._compiled:  # to look that up takes as long as half a start
+            announce_compilation(self.coupling, self.turbine)
+            self._compiled = True
         self.drives.start(pitch, yaw, rotor_speed, generator_torque)
         self._n_steps, self._started = 0, False
         try:

@@ -98,6 +98,23 @@ class TurbulenceBox:
         object.__setattr__(self, "fluctuation", samples)
         object.__setattr__(self, "tower", tower)
 
+    def carried_along(self, mean_speed: float, scale: float, description: str) -> "TurbulenceBox":
+        """The same field carried along at another speed [m/s] and multiplied by another ``scale``.
+
+        The samples are shared, and not looked at again: a box of them takes no time.
+        """
+        box = object.__new__(TurbulenceBox)
+        speed = require_number(mean_speed, "mean_speed", "m/s", 0.0, open_minimum=True)
+        changes = {
+            "time_step": self.time_step * self.mean_speed / speed,
+            "mean_speed": speed,
+            "scale": require_number(scale, "scale", "-", 0.0, open_minimum=True),
+            "description": description,
+        }
+        for name, value in (self.__dict__ | changes).items():
+            object.__setattr__(box, name, value)
+        return box
+
     def __copy__(self) -> "TurbulenceBox":
         return self
 
