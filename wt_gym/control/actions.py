@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from wt_gym.control.coleman import FIXED_FRAME, from_harmonic, to_blades
+from wt_gym.control.coleman import FIXED_FRAME, harmonic_of_blades, to_blades
 from wt_gym.control.operating_point import operating_point, torque_curve
 from wt_gym.errors import ActionError
 
@@ -381,17 +381,20 @@ class ActionMap:
         -------
         Demand
         """
-        pitch, yaw_rate, torque = aim.pitch, aim.yaw_rate, aim.generator_torque
+        # numbers one by one: arrays of three are slow
+        pitch, yaw_rate, torque = aim.pitch.tolist(), aim.yaw_rate, aim.generator_torque
         if self.pitch == "fixed-frame":
             pitch = to_blades(pitch, azimuth + rotor_speed * self.delay, self.n_blades)
         elif self.pitch == "cyclic":
-            cosine, sine = pitch.tolist()
-            pitch = from_harmonic(cosine, sine, azimuth + rotor_speed * self.delay, self.n_blades)
+            cosine, sine = pitch
+            pitch = harmonic_of_blades(cosine, sine, azimuth + rotor_speed * self.delay, self.n_blades)
         residual, beneath = self.mode == "residual", cast(Demand, base)  # which is not asked where nothing is beneath
+        if len(pitch) != self.n_blades:
+            pitch *= self.n_blades
         if "pitch" not in self.components:
-            pitch = beneath.pitch
+            pitch = beneath.pitch.tolist()
         elif residual:
-            pitch = beneath.pitch + pitch
+            pitch = [of_controller + own for of_controller, own in zip(beneath.pitch.tolist(), pitch, strict=True)]
         if not self.takes_torque:
             torque = 0.0
         elif "torque" not in self.components:
@@ -401,11 +404,8 @@ class ActionMap:
         if base is not None and (residual or not self.has_yaw):
             yaw_rate += base.yaw_rate
         low, high = self.pitch_limits
-        angles = [min(max(angle, low), high) for angle in np.asarray(pitch, dtype=np.float64).tolist()]
-        if len(angles) != self.n_blades:
-            angles *= self.n_blades
         return Demand(
-            np.array(angles),
+            np.array([min(max(angle, low), high) for angle in pitch]),
             min(max(yaw_rate, -self.max_yaw_rate), self.max_yaw_rate),
             min(max(torque, self.torque_limits[0]), self.torque_limits[1]),
         )

@@ -15,7 +15,10 @@ import math
 
 import numpy as np
 
-__all__ = ["FIXED_FRAME", "from_harmonic", "to_blades", "to_fixed_frame", "to_harmonic", "to_single_coordinates"]
+__all__ = [
+    "FIXED_FRAME", "from_harmonic", "harmonic_of_blades", "to_blades", "to_fixed_frame", "to_harmonic",
+    "to_single_coordinates",
+]  # fmt: skip
 
 FIXED_FRAME = ("mean", "tilt", "yaw")
 
@@ -63,9 +66,10 @@ def to_single_coordinates(values: np.ndarray, parts, azimuth: float) -> list[flo
     return coordinates
 
 
-def to_blades(coordinates, azimuth: float, n_blades: int) -> np.ndarray:
-    """Value of every blade (..., n_blades) from mean, tilt and yaw (..., 3), blade 1 at ``azimuth`` [rad]."""
-    return np.asarray(coordinates, dtype=np.float64) @ _directions(azimuth, n_blades)
+def to_blades(coordinates, azimuth: float, n_blades: int) -> list[float]:
+    """Value of every blade from mean, tilt and yaw, blade 1 at ``azimuth`` [rad]."""
+    mean, tilt, yaw = coordinates
+    return [mean + change for change in harmonic_of_blades(tilt, yaw, azimuth, n_blades)]
 
 
 def to_harmonic(values, azimuth: float, harmonic: int = 1) -> tuple[float, float]:
@@ -92,5 +96,10 @@ def to_harmonic(values, azimuth: float, harmonic: int = 1) -> tuple[float, float
 
 def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> np.ndarray:
     """Values of the blades ``tilt cos(n psi_b) + yaw sin(n psi_b)``, shape (n_blades,); see `to_harmonic`."""
+    return np.array(harmonic_of_blades(tilt, yaw, azimuth, n_blades, harmonic))
+
+
+def harmonic_of_blades(tilt: float, yaw: float, azimuth: float, n_blades: int, harmonic: int = 1) -> list[float]:
+    """The same as a list, for those who go on with numbers one by one."""
     angles = [harmonic * (azimuth + 2.0 * math.pi * b / n_blades) for b in range(n_blades)]
-    return np.array([tilt * math.cos(angle) + yaw * math.sin(angle) for angle in angles])
+    return [tilt * math.cos(angle) + yaw * math.sin(angle) for angle in angles]

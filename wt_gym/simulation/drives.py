@@ -365,9 +365,10 @@ class Drives:
         pitch_command = self.command[PITCH]
         self.generator.follow(self.command[TORQUE], generator_torque, dt, speed)
         self.yaw.follow(self.command[YAW], yaw_rate, dt, speed)
-        before = pitch_command.copy()
+        before = pitch_command.tolist()  # numbers one by one: arrays of three are slow
         self.pitch.follow(pitch_command, pitch, dt, speed)
-        self._step, self._pitch_rate[:] = dt, (pitch_command - before) / dt
+        moved = zip(pitch_command.tolist(), before, strict=True)
+        self._step, self._pitch_rate[:] = dt, [(now - then) / dt for now, then in moved]
 
     def act(self, inputs, azimuth_u, ends):
         """Write all commands into the inputs of the structure.

@@ -60,7 +60,7 @@ def load(parameters: _Parameters) -> np.ndarray | None:
     try:
         with path.open("rb") as file:
             label, checksum, fluctuation = (np.load(file, allow_pickle=False) for _ in range(3))
-        if zlib.crc32(fluctuation) != checksum:
+        if zlib.crc32(fluctuation.data) != checksum:
             raise ValueError("its samples do not have their checksum")
     except FileNotFoundError:
         return None
@@ -86,7 +86,7 @@ def store(parameters: _Parameters, fluctuation: np.ndarray) -> None:
         handle, name = tempfile.mkstemp(prefix=path.stem, suffix=".partial", dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
-                for array in (np.array(_label(parameters)), np.uint32(zlib.crc32(fluctuation)), fluctuation):
+                for array in (np.array(_label(parameters)), np.uint32(zlib.crc32(fluctuation.data)), fluctuation):
                     np.save(file, array)
             os.replace(name, path)
         except BaseException:
