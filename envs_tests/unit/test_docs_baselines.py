@@ -1,14 +1,17 @@
 """The page about the baselines: its examples run, and it names every controller."""
 
 import doctest
+import re
 from pathlib import Path
 
 import pytest
 
+from validation.record import read_record
 from wt_gym.control.controllers import CONTROLLERS, controller_parameters
 from wt_gym.control.controllers import controller as contract
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "baselines.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = DOCS / "baselines.md"
 
 
 def test_examples_run():
@@ -25,3 +28,14 @@ def test_examples_of_the_contract_run():
 def test_every_controller_stands_on_the_page(name):
     assert f"| `{name}` |" in PAGE.read_text(encoding="utf-8")
     assert controller_parameters(name) is not None
+
+
+def test_the_tables_are_those_of_the_record():
+    text, record = PAGE.read_text(encoding="utf-8"), read_record(DOCS / "data" / "validation.json")
+    assert record["controllers"]["notes"] in text
+    found = re.findall(
+        r"(\d+) m/s: correlation (\S+), rms (\S+) m/s, mean error (\S+) m/s", record["wind-estimate"]["notes"]
+    )
+    assert len(found) == 3
+    for wind, correlation, rms, mean in found:
+        assert f"| {wind} m/s | {correlation} | {rms} m/s | {mean} m/s |" in text
