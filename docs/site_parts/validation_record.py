@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 from site_parts.markdown import table
@@ -10,6 +11,7 @@ from validation.record import read_record
 
 RECORD = Path(__file__).resolve().parents[1] / "data" / "validation.json"
 _NAME = "docs/data/validation.json"
+_WIDTH = 110
 
 
 def _recorded():
@@ -58,7 +60,25 @@ def _section(name, case):
     ]  # fmt: skip
     title = case["title"][0].upper() + case["title"][1:]
     head = f"({_anchor(name)})=\n\n## {title}\n\n`{name}` · {case['source']} · run {case['date']}\n\n"
-    return head + table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows, "checks")
+    text = head + table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows, "checks")
+    return f"{text}\n{_notes(case['notes'])}" if case.get("notes") else text
+
+
+def _notes(notes):
+    """What a case says besides its checks, to be opened: a table as such, everything else line by line as it is."""
+    lines = notes.strip("\n").splitlines()
+    if all(line.startswith("|") for line in lines):
+        body = "\n".join(["{.checks}", *lines])
+    else:
+        body = "\n".join(["~~~~~~text", *(part for line in lines for part in _wrapped(line)), "~~~~~~"])
+    return f":::::{{dropdown}} {'Table' if lines[0].startswith('|') else 'Notes'} of this case\n{body}\n:::::\n"
+
+
+def _wrapped(line):
+    """Prose in lines of a readable length; the rows of a table, which are spaced, stay whole."""
+    if "  " in line.strip() or len(line) <= _WIDTH:
+        return [line]
+    return textwrap.wrap(line, _WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def _anchor(name):

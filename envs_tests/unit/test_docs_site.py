@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from html import unescape
 from importlib import import_module
 from pathlib import Path
 
@@ -84,6 +85,16 @@ class TestSite:
         assert "docs/data/validation.json" in text
         assert all(case["date"] in checks for case in found.values())
         assert all(name in text for name in found)
+
+    def test_the_notes_of_every_case_are_on_the_page(self, site):
+        text = unescape(text_of(site / "validation_checks.html"))
+        said = "".join(text.split())
+        cases = read_record(RECORD)
+        assert "|" in cases["controllers"]["notes"]
+        for name, case in cases.items():
+            for line in case.get("notes", "").splitlines():
+                for cell in line.split("|") if line.startswith("|") else [line]:
+                    assert set(cell) <= set("-") or "".join(cell.split()) in said, (name, cell)
 
     def test_nothing_is_fetched_from_elsewhere(self, site):
         for page in site.rglob("*.html"):
