@@ -28,6 +28,7 @@ from wt_gym.envs import rewards
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table
+from wt_gym.tasks import TASKS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -52,6 +53,7 @@ __all__ = [
     "lifetime",
     "simulate",
     "study_terms",
+    "task_weights",
     "total_rate",
     "wind",
 ]
@@ -412,6 +414,12 @@ def total_rate(row: Mapping[str, float], weights: Mapping[str, float] | None = N
     """Sum of the terms of a row with weights, by default `rewards.DEFAULT_WEIGHTS` [1/s]."""
     weights = rewards.DEFAULT_WEIGHTS if weights is None else weights
     return sum(weight * row[name] for name, weight in weights.items())
+
+
+def task_weights() -> dict[str, dict[str, float]]:
+    """Weights of the reward of each task (`wt_gym.tasks.TASKS`) that changes them."""
+    given = {name: task.arguments.get("reward", {}) for name, task in TASKS.items()}
+    return {name: rewards.DEFAULT_WEIGHTS | changed for name, changed in given.items() if changed}
 
 
 def lifetime(rows: Iterable[Mapping], mean_wind: float = 10.0) -> list[dict]:

@@ -98,7 +98,11 @@ def analyse(rows: list[dict], weights: dict[str, float]) -> dict:
     for row in (*runs, *lifetimes, *library, *itertools.chain(*by_seed.values())):
         row["total"], row["former_total"] = study.total_rate(row, weights), study.total_rate(row, former)
     columns = (*study.LOADS, "mean_power", "pitch_duty", "cost")
+    winds = sorted({row["wind_speed"] for row in runs})
     rates = [key for key in rows[0] if key in {term.name for term in study.study_terms()}]
+
+    def at_wind(wind: float) -> list[dict]:
+        return [row for row in runs if row["wind_speed"] == wind]
 
     def table(chosen: list[dict]) -> dict:
         return {
@@ -111,6 +115,13 @@ def analyse(rows: list[dict], weights: dict[str, float]) -> dict:
             study.cost(row, {key: w * factors.get(key, 1.0) for key, w in study.COST_WEIGHTS.items()}) for row in chosen
         ]
         return study.correlation([row["total"] for row in chosen], costs)
+
+    def by_task(own: dict[str, float]) -> dict:
+        found, compared = {}, ("cost", "mean_power", "power")
+        for key, chosen in (("lifetime", lifetimes), *((wind, at_wind(wind)) for wind in winds)):
+            totals = [study.total_rate(row, own) for row in chosen]
+            found[key] = {c: study.correlation(totals, [row[c] for row in chosen]) for c in compared}
+        return found
 
     def mild(chosen: list[dict]) -> dict:
         kept = sorted(chosen, key=lambda row: row["cost"])[: 2 * len(chosen) // 3 + 1]
@@ -141,8 +152,9 @@ def analyse(rows: list[dict], weights: dict[str, float]) -> dict:
             for factor in (0.5, 2.0)
         },
         "all_runs": table(runs),
-        "by_wind": {w: table([row for row in runs if row["wind_speed"] == w]) for w in {r["wind_speed"] for r in runs}},
+        "by_wind": {wind: table(at_wind(wind)) for wind in winds},
         "lifetime": table(lifetimes),
+        "tasks": {name: by_task(own) for name, own in study.task_weights().items()},
     }
 
 
@@ -164,6 +176,13 @@ def show(result: dict, weights: dict[str, float]) -> None:
         ("lifetimes, other weights in the reward", result["other_weights"].items()),
     ):
         print(f"\ntotal against cost, {title}: " + ", ".join(f"{value:+.2f} {label}" for label, value in values))
+    print("\nSpearman correlation of the reward of each task with cost, energy and the term power")
+    for name, found in result["tasks"].items():
+        values = (
+            " ".join((kind if isinstance(kind, str) else f"{kind:g} m/s", *(f"{v:+.2f}" for v in with_them.values())))
+            for kind, with_them in found.items()
+        )
+        print(f"{name:26s}" + ", ".join(values))
     mild = result["mild"]
     print(
         f"\nwithout the costliest, {mild['count']} controllers: {mild['total']:+.2f}, "

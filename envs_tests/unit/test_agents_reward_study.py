@@ -7,6 +7,7 @@ import pytest
 from wt_gym.agents import reward_study as study
 from wt_gym.envs import rewards
 from wt_gym.simulation import Simulator
+from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 
 TURBINE = load_turbine("nrel_5mw")
@@ -66,6 +67,13 @@ def test_there_are_22_controllers_and_every_term():
     base = controllers[study.BASELINE].parameters(TURBINE)
     assert controllers["pitch gains x 2"].parameters(TURBINE).proportional_gain == 2 * base.proportional_gain
     assert set(rewards.DEFAULT_WEIGHTS) | set(study.FORMER_WEIGHTS) <= {term.name for term in study.study_terms()}
+
+
+def test_weights_of_the_tasks_are_the_default_with_what_they_change():
+    tasks = study.task_weights()
+    assert "Yaw" not in tasks
+    assert tasks["MaxPower"] == rewards.DEFAULT_WEIGHTS | TASKS["MaxPower"].arguments["reward"]
+    assert tasks["MaxPower"]["power"] == rewards.DEFAULT_WEIGHTS["power"]
 
 
 def test_a_short_run():

@@ -55,6 +55,25 @@ def test_figures_of_the_page(lifetimes):
     )
 
 
+def test_figures_of_the_tasks(rows, lifetimes):
+    """One row a reward: lifetime cost, then cost and energy in single winds."""
+    runs = study.differences(row for row in rows if row["controller"] not in study.LIBRARY)
+    shown, tasks = {}, study.task_weights()
+    for names, *cells in re.findall(r"^\| ((?:`\w[\w-]+`(?:, )?)+)" + r" \| (\S+)" * 6 + r" \|$", PAGE, re.MULTILINE):
+        for name in re.findall(r"`([\w-]+)`", names):
+            shown[name] = [float(cell.replace("−", "-")) for cell in cells]
+    assert set(shown) == set(tasks)
+    for name, weights in tasks.items():
+        found = [against_cost(lifetimes, weights)]
+        for wind in (8.0, 12.0, 16.0):
+            table = [row for row in runs if row["wind_speed"] == wind]
+            found.append(against_cost(table, weights))
+            if wind == 8.0:
+                totals = [study.total_rate(row, weights) for row in table]
+                energy = [study.correlation(totals, [row[key] for row in table]) for key in ("mean_power", "power")]
+        assert shown[name] == pytest.approx([*found, *energy], abs=0.0051), name
+
+
 @pytest.mark.parametrize(
     ("term", "load"),
     [("blade_fatigue", "flap"), ("tower_fore_aft_fatigue", "fore_aft"), ("tower_side_side_fatigue", "side_side")],
