@@ -122,7 +122,8 @@ class ScriptedSimulator:
     time_step = 0.1
 
     def __init__(self, turbine, inflow, fidelity):
-        self.turbine, self.inflow, self.fidelity = turbine, inflow, argparse.Namespace(name=fidelity)
+        self.turbine, self.inflow = turbine, inflow
+        self.fidelity = argparse.Namespace(name=fidelity, formulation="embedded")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -211,6 +211,7 @@ class Coupling:
         first_pitch = system.n_q + system.n_u + 1  # behind the yaw drive
         self._pitches = slice(first_pitch, first_pitch + models.turbine.n_blades)
         self._step, self._bundles = None, None  # compiled for the types of this turbine, and its arguments
+        self._rate = None  # compiled too, once multipliers are asked for
         self.basis = DeformedBasis(models) if fidelity.blade_basis == "deformed" else None
         self.moving = MovingBodies(models) if fidelity.moving_bodies else None
         self._moved_to = self.integrator.state  # what the kinematics belong to
@@ -256,7 +257,9 @@ class Coupling:
         history = new_history(system.n_state)  # its newest rate is evaluated anew
         history.y[3] = i.state
         arguments = history, i.inputs, system.tree, i.work, 1.0, 0, 0, system.constrained, True
-        code = compiled_for(hamming_advance, arguments)(*arguments)
+        if self._rate is None:  # to look up the types of the arguments takes twenty times as long as the call
+            self._rate = compiled_for(hamming_advance, arguments)
+        code = self._rate(*arguments)
         if code != tree_kernels.OK:
             raise SimulationError(failure_of_a_step(code, self._scheme.h))
         return np.array([i.work.multipliers[system.multiplier_rows(k)] for k in range(len(system.constraints))])

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wt_gym.errors import SimulationError
 from wt_gym.files import write_netcdf_whole
 from wt_gym.simulation.channels import channel_table
 
@@ -13,10 +14,13 @@ __all__ = ["Recorder"]
 class Recorder:
     """Collects signals and turns them into an xarray data set with units.
 
+    Where constraint equations hold the blades (``formulation="constrained"``) their Lagrange multipliers are recorded
+    beside the channels.
+
     Parameters
     ----------
     simulator : Simulator
-        Gives the channels and the attributes of the data set.
+        Gives the channels, the attributes of the data set, and the multipliers if it has any.
     **attributes
         Further attributes of the data set (numbers and strings).
 
@@ -37,20 +41,39 @@ class Recorder:
             **attributes,
         }
         self._rows = []
+        # only a simulator that has multipliers is asked at each instant, and kept alive
+        self._held = simulator if simulator.fidelity.formulation == "constrained" else None
+        self._multipliers = []
 
     def __len__(self):
         return len(self._rows)
 
     def append(self, signals):
-        """Store one instant."""
+        """Store one instant.
+
+        Parameters
+        ----------
+        signals : Signals
+            Multipliers belong to signals of the simulator's present instant; to others not a number is stored.
+        """
         self._rows.append(signals.values.copy())
+        if self._held is not None:
+            self._multipliers.append(_multipliers_at(self._held, signals))
 
     def clear(self):
         """Forget everything stored."""
         self._rows.clear()
+        self._multipliers.clear()
 
     def to_dataset(self):
-        """Data set with one variable a channel over ``time``; units, description and OpenFAST name as attributes."""
+        """Data set with one variable a channel over ``time``; units, description and OpenFAST name as attributes.
+
+        Returns
+        -------
+        xarray.Dataset
+            With constraint equations also ``root_multiplier_force`` [N] and ``root_multiplier_moment`` [N m] over
+            ``time``, ``blade`` (from 1) and ``component`` (x, y, z), see `Simulator.root_multipliers`.
+        """
         import xarray as xr  # heavy, and only needed here
 
         table = np.array(self._rows).reshape(-1, len(self.channels))
@@ -59,8 +82,40 @@ class Recorder:
         for k, channel in enumerate(self.channels[1:], start=1):
             attributes = {"units": channel.unit, "long_name": channel.description, "openfast_name": channel.openfast}
             variables[channel.name] = ("time", table[:, k], attributes)
-        return xr.Dataset(variables, {"time": ("time", time, {"units": "s"})}, self.attributes)
+        coordinates = {"time": ("time", time, {"units": "s"})}
+        if self._held is not None:
+            n_blades = self._held.turbine.n_blades
+            variables |= _multiplier_variables(np.reshape(self._multipliers, (-1, n_blades, 6)))
+            coordinates |= {"blade": np.arange(1, n_blades + 1), "component": list("xyz")}
+        return xr.Dataset(variables, coordinates, self.attributes)
 
     def save(self, path):
         """Write the data set as NetCDF 4; the file is there when it is whole."""
         write_netcdf_whole(Path(path), self.to_dataset())
+
+
+def _multipliers_at(simulator, signals):
+    """Multipliers (n_blades, 6) of the instant of the signals; not a number where the simulator is not there.
+
+    After a failed step the signals at hand are those of the step before, and the state has no meaning.
+    """
+    if signals.values[0] == simulator.time:
+        try:
+            return simulator.root_multipliers()
+        except SimulationError:
+            pass
+    return np.full((simulator.turbine.n_blades, 6), np.nan)
+
+
+def _multiplier_variables(multipliers):
+    """Variables of a data set from multipliers (n, n_blades, 6)."""
+    text = "{} of the hub on the blade at its root (Lagrange multipliers), axes of the pitched root"
+    parts = (("force", "N", "Force", multipliers[..., :3]), ("moment", "N m", "Moment", multipliers[..., 3:]))
+    return {
+        f"root_multiplier_{name}": (
+            ("time", "blade", "component"),
+            values,
+            {"units": unit, "long_name": text.format(what)},
+        )
+        for name, unit, what, values in parts
+    }
