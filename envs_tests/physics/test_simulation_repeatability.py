@@ -17,6 +17,8 @@ from wt_gym.simulation.state import fingerprint
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 WIND = SteadyInflow(10.0, 90.0, shear_exponent=0.2)
+LONG = 150
+"""Steps: kernels that a fresh process had compiled otherwise showed after 37 to 86 of them."""
 FINE_BLADES = Fidelity(blade_modes=(4, 3, 1))
 """Modes of 144 degrees of freedom: enough for LAPACK to share them among threads."""
 
@@ -25,13 +27,14 @@ def continue_from(path):
     """Fingerprint of where some steps with moving drives lead from a stored state."""
     simulator = Simulator("nrel_5mw", WIND)
     simulator.restore(SimulatorState.load(path))
-    return move_on(simulator)
+    return move_on(simulator, LONG)
 
 
 def move_on(simulator, steps=6):
     """Fingerprint of a simulator after some steps with moving drives."""
     for k in range(steps):
-        simulator.advance(simulator.time_step, pitch=(0.01 * k, 0.0, 0.02), yaw_rate=0.003, generator_torque=20e3)
+        pitch = 0.01 * (k % 6), 0.0, 0.02
+        simulator.advance(simulator.time_step, pitch=pitch, yaw_rate=0.003, generator_torque=20e3)
     return digest(simulator)
 
 
@@ -69,7 +72,7 @@ def here(tmp_path_factory):
     move_on(simulator)
     path = tmp_path_factory.mktemp("state") / "state.npz"
     simulator.state().save(path)
-    return path, move_on(simulator), fresh_start()
+    return path, move_on(simulator, LONG), fresh_start()
 
 
 def duplicates(original):
