@@ -22,7 +22,7 @@ from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the cases are no part of the installed package
 from validation.case import CaseResult, Check, all_cases, load_cases, run_case
-from validation.record import as_dict, update_record
+from validation.record import as_dict, source_commit, update_record
 
 
 def parse(arguments=None):
@@ -112,13 +112,14 @@ def main(arguments=None):
     # with --json the tables go to the error stream, so that the output is one JSON object
     console = open_console(options.json)
     cases = choose(parser, options.cases, options.fast)
+    commit = source_commit(options.record) if options.record else None
     results = []
     for number, case in enumerate(cases, 1):
         console.print(f"[{number}/{len(cases)}] {case.name} …", style="cyan", highlight=False, markup=False)
         results.append(run_safely(case))
         show(console, case, results[-1])
         if options.record:
-            update_record(options.record, [(case, results[-1])])
+            update_record(options.record, [(case, results[-1])], commit)
     failed = [case.name for case, result in zip(cases, results, strict=True) if not result.passed]
     n_checks = sum(len(result.checks) for result in results)
     n_failed = sum(not check.passed for result in results for check in result.checks)

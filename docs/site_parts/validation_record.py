@@ -36,7 +36,7 @@ def summary():
     rows = [
         (f"[`{name}`](#{_anchor(name)})", case["title"],
          f"{sum(check['passed'] for check in case['checks'])} / {len(case['checks'])}", _verdict(case["passed"]),
-         case["date"][:10].replace("-", "\u2011"))
+         case["date"][:10].replace("-", "\u2011") + _commit(case))
         for name, case in found.items()
     ]  # fmt: skip
     text += table(("case", "title", "checks passed", "", "run"), rows, "options")
@@ -59,7 +59,7 @@ def _section(name, case):
         for check in case["checks"]
     ]  # fmt: skip
     title = case["title"][0].upper() + case["title"][1:]
-    head = f"({_anchor(name)})=\n\n## {title}\n\n`{name}` · {case['source']} · run {case['date']}\n\n"
+    head = f"({_anchor(name)})=\n\n## {title}\n\n`{name}` · {case['source']} · run {case['date']}{_commit(case)}\n\n"
     text = head + table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows, "checks")
     return f"{text}\n{_notes(case['notes'])}" if case.get("notes") else text
 
@@ -79,6 +79,11 @@ def _wrapped(line):
     if "  " in line.strip() or len(line) <= _WIDTH:
         return [line]
     return textwrap.wrap(line, _WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def _commit(case):
+    """Commit behind a date; records from before it was kept, and runs without git, have none."""
+    return f" `{case['commit']}`" if case.get("commit") else ""
 
 
 def _anchor(name):

@@ -12,6 +12,7 @@ from scipy.linalg import eigh
 
 from validation import case as module
 from validation.case import Case, CaseResult, Check, Curve, Figure, case, load_cases, run_case
+from validation.record import read_record
 from wt_gym.structure.beam import Beam
 from wt_gym.structure.coordinates import body_from_beam, circular_sections
 
@@ -130,6 +131,14 @@ class TestCommand:
         data = json.loads(capsys.readouterr().out)
         assert data["passed"] is False
         assert [c["passed"] for c in data["cases"]] == [False, True]
+
+    def test_the_record_takes_the_commit_that_was_loaded(self, tmp_path, monkeypatch):
+        """Asked for before the first case runs: hours later the clone may be elsewhere."""
+        commits = iter(["abc1234", "def5678"])
+        monkeypatch.setattr(validate, "source_commit", lambda record: next(commits))
+        path = tmp_path / "record.json"
+        validate.main(["run", "all", "--record", str(path)])
+        assert [entry["commit"] for entry in read_record(path).values()] == ["abc1234"] * 2
 
     def test_list(self, capsys):
         assert validate.main(["list", "--json"]) == 0

@@ -4,6 +4,7 @@ import importlib.util
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from html import unescape
@@ -14,7 +15,7 @@ import gymnasium as gym
 import pytest
 
 import wt_gym
-from validation.record import read_record
+from validation.record import read_record, source_commit, update_record
 from wt_gym.commands import COMMANDS
 from wt_gym.simulation import FIDELITIES, channel_table
 
@@ -122,7 +123,6 @@ def test_the_record_of_the_validation_can_be_read():
 
 def test_a_record_keeps_what_was_not_run_again(tmp_path):
     from validation.case import Case, CaseResult, Check
-    from validation.record import update_record
 
     path = tmp_path / "sub" / "record.json"
     first, second = (Case(name, "a title", "a source", lambda: []) for name in ("b", "a"))
@@ -137,6 +137,52 @@ def test_a_record_keeps_what_was_not_run_again(tmp_path):
     path.write_text(json.dumps([1]))
     with pytest.raises(ValueError, match="no record"):
         read_record(path)
+
+
+def git(folder, *arguments):
+    """Run git in a folder as somebody."""
+    who = ["-c", "user.name=a", "-c", "user.email=a@b.example"]
+    return subprocess.run(["git", *who, *arguments], cwd=folder, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="no git")
+def test_a_record_names_the_commit_of_its_sources(tmp_path, monkeypatch):
+    """Changes count, those of the record do not; a folder in somebody's clone is none."""
+    record = tmp_path / "record.json"
+    git(tmp_path, "init", "-q")
+    (tmp_path / "code.py").write_text("a = 1\n")
+    git(tmp_path, "add", "code.py")
+    git(tmp_path, "commit", "-qm", "first")
+    commit = git(tmp_path, "rev-parse", "--short", "HEAD").strip()
+    record.write_text("{}")
+    assert source_commit(record, tmp_path) == commit
+    (tmp_path / "code.py").write_text("a = 2\n")
+    assert source_commit(record, tmp_path) == f"{commit}+"
+    assert source_commit(tmp_path.parent / "elsewhere.json", tmp_path) == f"{commit}+"
+    (tmp_path / "installed").mkdir()
+    assert source_commit(record, tmp_path / "installed") is None
+    monkeypatch.setenv("PATH", "")
+    assert source_commit(record, tmp_path) is None
+
+
+def test_the_site_shows_commits_where_they_are_known(tmp_path, monkeypatch):
+    from validation.case import Case, CaseResult, Check
+
+    path = tmp_path / "record.json"
+    new, old = (Case(name, "a title", "a source", lambda: []) for name in ("new", "old"))
+    result = CaseResult([Check("x", 1.0, 1.0, 0.1)])
+    update_record(path, [(new, result)], "abc1234+")
+    update_record(path, [(old, result)])
+    cases = json.loads(path.read_text(encoding="utf-8"))
+    assert [case.get("commit") for case in cases["cases"].values()] == ["abc1234+", None]
+    del cases["cases"]["old"]["commit"]  # as records were before
+    path.write_text(json.dumps(cases))
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    site_part = import_module("site_parts.validation_record")
+    monkeypatch.setattr(site_part, "RECORD", path)
+    for text in (site_part.summary(), site_part.checks()):
+        assert text.count("`abc1234+`") == 1
+        assert "None" not in text
 
 
 @pytest.mark.slow
