@@ -28,6 +28,24 @@ def test_random_actions_do_not_break_an_episode(env_id):
     random_episode(gym.make(env_id).unwrapped)
 
 
+def test_mixed_coordinates_keep_the_contract():
+    both_checkers_are_content(IDS[1], fidelity="mixed")
+
+
+def test_mixed_coordinates_continue_bit_for_bit():
+    env = gym.make(IDS[1], fidelity="mixed", wind_speed=8.0, sensor_noise=1.0).unwrapped
+    snapshot_repeats(env)
+    assert len(env.simulator.structure.system.quaternions) == 3  # it is the mixed form that went on
+
+
+def test_random_actions_do_not_break_mixed_coordinates():
+    """Ten turns of the rotor; the blades stay on their constraint equations."""
+    env = gym.make(IDS[1], fidelity="mixed", generator="damper", episode_length=0.4).unwrapped
+    assert random_episode(env)
+    residual, _ = env.simulator.structure.system.constraint_residuals(env.simulator.coupling.integrator.state)
+    assert np.abs(residual).max() < 1e-9
+
+
 def test_mixed_coordinates():
     """Five tower modes, four nodes of a blade with four degrees of freedom, three frames with Euler parameters."""
     simulator = Simulator("nada_small", SteadyInflow(8.0, 0.6, 0.0), "mixed", generator="damper")
