@@ -58,11 +58,11 @@ def copied(case):
 
 def test_table_of_coupled_formulations_is_that_of_the_record():
     """All but the time of a step, which is another one on each machine."""
-    found = rows(section(page("formulations"), "All of them in the environment"))
-    recorded = copied("formulations-coupled")
-    assert [", ".join(row[:2]) for row in found] == [name for name, _ in recorded]
+    found = [row for row in rows(section(page("formulations"), "All of them in the environment")) if len(row) == 7]
+    recorded = [(", ".join([name, *numbers[5:]]), numbers[1:5]) for name, numbers in copied("formulations-coupled")]
+    assert [", ".join(row[:2]) for row in found] == [name for name, _ in recorded]  # and how it ended, if early
     for row, (_, numbers) in zip(found, recorded, strict=True):
-        assert [cell.removesuffix(" %") for cell in row[3:]] == ["–" if x == "nan" else x for x in numbers[1:]]
+        assert [cell.removesuffix(" %") for cell in row[3:]] == ["–" if x == "nan" else x for x in numbers]
 
 
 def test_table_of_the_reduction_study_is_that_of_the_record():
