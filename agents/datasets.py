@@ -19,6 +19,7 @@ from wt_gym.agents.trained_environment import check_environment
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
+from wt_gym.envs.wind_files import with_whole_paths
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -77,6 +78,7 @@ class DatasetConfig:
             )
         if not 0.0 <= self.noise < np.inf:
             raise ValueError(f"noise must be finite and not negative, got {self.noise!r}")
+        object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
 
 
 def record_dataset(

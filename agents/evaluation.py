@@ -24,6 +24,7 @@ from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of, turbine_env_of
+from wt_gym.envs.wind_files import with_whole_paths
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.simulation import Recorder
 from wt_gym.wind.iec import REFERENCE_SPEED
@@ -57,7 +58,7 @@ class EvaluationConfig:
     ----------
     env_id : str
     env_kwargs : dict
-        Arguments of the environment besides episode length.
+        Arguments of the environment besides episode length; files of wind get whole paths.
     winds : tuple of Wind
         By default six held-back turbulence seeds at 15 m/s.
     duration : float
@@ -106,6 +107,7 @@ class EvaluationConfig:
             raise ValueError(f"the seed must lie between 0 and {_MOST_SEED}, got {self.seed!r}")
         if not self.winds or len(set(self.winds)) < len(self.winds):
             raise ValueError(f"winds must be given, each once, got {', '.join(wind.label for wind in self.winds)}")
+        object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
         for name in ("episode_length", "max_episode_steps"):
             if name in self.env_kwargs:
                 raise ValueError(f"{name} follows from the duration of the evaluation; leave it out of env_kwargs")

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from wt_gym.agents.training.hyperparameters import check_hyperparameters, hyperparameters_for
+from wt_gym.envs.wind_files import with_whole_paths
 
 __all__ = ["TrainingConfig"]
 
@@ -24,7 +25,7 @@ class TrainingConfig:
         ``"PPO"``, ``"SAC"`` or ``"TQC"``.
     env_id : str
     env_kwargs : dict
-        Arguments of the environment.
+        Arguments of the environment; files of wind get whole paths.
     hyperparameters : dict
         Of the algorithm; those left out come from ``agents/hyperparameters``.
     total_steps : int
@@ -85,6 +86,7 @@ class TrainingConfig:
             raise ValueError("tensorboard is not installed; it comes with the extra 'train'")
         if not isinstance(self.env_kwargs, dict):
             raise ValueError(f"env_kwargs must map names to values, got {self.env_kwargs!r}")
+        object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
         if self.env_kwargs.get("vector_reward"):
             raise ValueError("training takes one number as reward: leave out vector_reward")
         check_hyperparameters(self.algorithm, self.hyperparameters)

@@ -38,6 +38,7 @@ from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import GENERATORS, with_generator
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from wt_gym.control import Lidar
@@ -228,10 +229,11 @@ class WindTurbineEnv(gym.Env):
         A torque that is demanded, or the damper of the turbine, M = c Ω, which takes no demand; default: what the
         turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the rated
         power (`wt_gym.turbines.damper.with_damper`), and of a controller beneath only pitch and yaw act.
-    inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, sequence of Inflow or callable
+    inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, sequence or callable
         Steady sheared wind, IEC turbulence, IEC transients (EOG, EDC, ECD, EWS), the IEC extreme wind model
         (EWM) steady or turbulent, or inflows of one's own: one, several to draw from, or a function of a random
-        generator.
+        generator. The path of a file of TurbSim, which ends in .bts, is one too; the time in it at which an episode
+        begins is drawn, in a record that is not periodic so that the episode is over before the record is.
     wind_speed : float or (float, float)
         Mean wind speed at hub height, or the range it is drawn from at each reset [m/s]; extreme winds have that of the
         turbine's class.
@@ -328,7 +330,7 @@ class WindTurbineEnv(gym.Env):
     def __init__(
         self,
         turbine: str | Turbine = "nrel_5mw",
-        inflow: str | Inflow = "steady",
+        inflow: str | os.PathLike | Inflow | Sequence[Inflow | str | os.PathLike] | Callable[..., Inflow] = "steady",
         wind_speed: float | tuple[float, float] = (6.0, 18.0),
         shear_exponent: float | None = None,
         turbulence_class: str | None = None,
@@ -407,6 +409,7 @@ class WindTurbineEnv(gym.Env):
         self.control_dt, self.fidelity = float(control_dt), fidelity
         self._inner_dt, self._substeps = self._inner_steps()
         self._max_steps = None
+        self.outer_steps: int | None = None  # after which an episode ends from outside, where that is told
         if episode_length is not None:
             episode_length = check_number("episode_length", episode_length, "s")
             self._max_steps = self._steps_in("episode_length", episode_length, least=1)
@@ -498,7 +501,7 @@ class WindTurbineEnv(gym.Env):
         if "inflow" in options:
             self.episode_wind = self.wind.given(options["inflow"], **wind_options)
         else:
-            self.episode_wind = self.wind.sample(self.np_random, **wind_options)
+            self.episode_wind = self.wind.sample(self.np_random, **wind_options, length=self._longest())
         azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
 
         start = self._start_point()
@@ -513,6 +516,21 @@ class WindTurbineEnv(gym.Env):
             self._renderer.reset()
             self._renderer.record(self.signals)
         return observation, self._info(saturated)
+
+    def _longest(self) -> float | None:
+        """Longest time that an episode can last [s], None without a limit."""
+        steps = self._max_steps if self._max_steps is not None else self._outer_limit()
+        return None if steps is None else steps * self.control_dt
+
+    def _outer_limit(self) -> int | None:
+        """Control steps after which something outside ends an episode, None if nothing is known to.
+
+        A `gymnasium.wrappers.TimeLimit` does not tell what it encloses; that of the id is known.
+        """
+        if self.outer_steps is not None or self.spec is None:
+            return self.outer_steps
+        registered = gym.registry.get(self.spec.id)
+        return None if registered is None else registered.max_episode_steps
 
     def _start_point(self) -> OperatingPoint:
         """Operating point of the episode's wind, or a rotor at rest with feathered blades."""

@@ -76,6 +76,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         kwargs = {name: tuple(v) if isinstance(v, Iterator) else v for name, v in kwargs.items()}  # for all to read
         self.envs = [WindTurbineEnv(**kwargs)]
         self.envs += [WindTurbineEnv(**kwargs | {"turbine": self.envs[0].turbine}) for _ in range(num_envs - 1)]
+        for env in self.envs:
+            env.outer_steps = max_episode_steps
         first = self.envs[0]
         self.num_envs, self.render_mode = num_envs, first.render_mode
         self.layout = first.layout

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from wt_gym.envs.arguments import real_number, real_numbers, shown
+from wt_gym.envs.wind_files import WindFile, is_wind_file
 from wt_gym.errors import InflowError
 from wt_gym.wind import Inflow, SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
 from wt_gym.wind.iec import (
@@ -21,6 +22,7 @@ from wt_gym.wind.iec import (
 )
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Callable, Sequence
 
     from wt_gym.turbines import Turbine
@@ -46,6 +48,7 @@ FASTEST_WANDERING = 1.0
 _BOX_SPEED_STEP = 6.0
 NORMAL_SHEAR = 0.2
 """Exponent of IEC 61400-1 for normal conditions."""
+_ALLOWED = f"{KINDS}, an Inflow, a .bts file, several of these or a callable"
 # As far may hub heights of a turbulence box and its mean wind differ.
 _HUB_HEIGHT_TOLERANCE = 0.01
 
@@ -81,14 +84,16 @@ class WindSampler:
     Parameters
     ----------
     turbine : Turbine
-    kind : "steady", "turbulent", "gusts", "extreme", "extreme-turbulent", Inflow, sequence of Inflow or callable
+    kind : "steady", "turbulent", "gusts", "extreme", "extreme-turbulent", Inflow, path of a .bts file, sequence of \
+Inflow and paths, or callable
         "gusts": a transient of IEC 61400-1 (EOG, EDC, ECD, EWS) on a steady wind, drawn with its sign and its beginning
         (5 to 15 s after the start). "extreme": the steady extreme wind model (EWM), 1.4 reference speeds of the
         turbine's class; "extreme-turbulent": the turbulent one, with the reference speed as mean and a standard
         deviation of 11 %; both with an exponent of 0.11 and for a parked turbine. An inflow of one's own is used as it
         is in every episode; of a sequence one is drawn; a callable gets the random generator and gives the inflow of
-        the episode, for example one of many files with an offset in time. Its mean speed should hold at the hub:
-        another height, by more than 1 %, is a warning.
+        the episode. Its mean speed should hold at the hub: another height, by more than 1 %, is a warning. A file of
+        TurbSim, a path that ends in .bts, has a time drawn at which the episode begins: anywhere if it is periodic,
+        else early enough for the episode to end before the record does.
     wind_speed : float or (float, float)
         Mean speed at hub height [m/s], or a range to draw it from uniformly. Ignored (None) with one's own inflow and
         the extreme winds.
@@ -135,7 +140,7 @@ class WindSampler:
     def __init__(
         self,
         turbine: Turbine,
-        kind: str | Inflow | Sequence[Inflow] | Callable[..., Inflow],
+        kind: str | os.PathLike | Inflow | Sequence[Inflow | str | os.PathLike] | Callable[..., Inflow],
         wind_speed: float | tuple[float, float] | None,
         shear_exponent: float | None = None,
         turbulence_class: str | None = None,
@@ -148,10 +153,12 @@ class WindSampler:
         reference_height: float | None = None,
         turbulence: str = "kaimal",
     ):
-        if isinstance(kind, str) and kind not in KINDS:
-            raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {kind!r}")
         self._turbine = turbine
-        self._kind = kind = kind if isinstance(kind, str) or callable(kind) else self._own_inflows(kind)
+        self._kind: str | Callable[..., Inflow] | tuple[Inflow | WindFile, ...]
+        if callable(kind) or (isinstance(kind, str) and kind in KINDS):
+            self._kind = kind
+        else:
+            self._kind = self._own_inflows(kind)
         self._directions, self._wander = self._checked_direction(direction, wander)
         self._profile = self._checked_profile(shear_exponent, roughness_length)
         self._to_hub = self._share_at_hub(reference_height)
@@ -165,30 +172,37 @@ class WindSampler:
             raise InflowError("wind_seeds must name at least one seed")
         self._check_choices(turbulence_model, return_period, turbulence)
         self._whose = turbulence
-        self._model, self.parks = turbulence_model, isinstance(kind, str) and kind in EXTREME
-        self._turbulent = isinstance(kind, str) and kind in ("turbulent", "extreme-turbulent")
+        self._model, self.parks = turbulence_model, isinstance(self._kind, str) and kind in EXTREME
+        self._turbulent = isinstance(self._kind, str) and kind in ("turbulent", "extreme-turbulent")
         if self.parks:
             hub, gusty = turbine.hub_height, kind == "extreme-turbulent"
             speed = cast(float, extreme_wind_speed(hub, hub, turbine.iec_class, return_period, gusty))
             self.speeds = (speed, speed)
             self._profile = {"shear_exponent": EXTREME_SHEAR_EXPONENT}
-        elif isinstance(kind, str):
+        elif isinstance(self._kind, str):
             self._steady(0.0)  # refuses a profile without meaning now, not at the first reset
             self.speeds = self._range(wind_speed)
             if self._turbulent:
                 self._sigma(self.speeds[0])  # refuses an unknown class now, not at the first reset
-        elif callable(kind):
+        elif callable(self._kind):
             self.speeds = (turbine.cut_in, turbine.cut_out)
         else:
-            means = [inflow.mean_speed for inflow in kind]
+            means = [inflow.mean_speed for inflow in self._kind]
             self.speeds = (min(means), max(means))
-        self.seeds = (self._pool if self._turbulent else ()) if isinstance(kind, str) else None
+        self.seeds = (self._pool if self._turbulent else ()) if isinstance(self._kind, str) else None
 
     @property
     def options(self) -> tuple[str, ...]:
         """What `sample` can be told instead of drawing it."""
+        if self._all_files:
+            return ("time_offset",)
         speed = ("wind_speed",) if isinstance(self._kind, str) and not self.parks else ()
         return (*speed, "wind_seed", "time_offset") if self._turbulent else speed
+
+    @property
+    def _all_files(self) -> bool:
+        """Whether every wind is read from a file."""
+        return isinstance(self._kind, tuple) and all(isinstance(own, WindFile) for own in self._kind)
 
     def sample(
         self,
@@ -196,6 +210,7 @@ class WindSampler:
         wind_speed: float | None = None,
         wind_seed: int | None = None,
         time_offset: float | None = None,
+        length: float | None = None,
     ) -> EpisodeWind:
         """Draw a wind.
 
@@ -205,6 +220,8 @@ class WindSampler:
         wind_speed, wind_seed, time_offset : optional
             Fixed instead of drawn; the speed at the reference height. With a fixed seed the episode starts at the
             beginning of the box unless an offset is given too.
+        length : float, optional
+            Of the episode, where it is known [s].
 
         Returns
         -------
@@ -223,7 +240,7 @@ class WindSampler:
                 (own,) = self._own_inflows(self._kind(rng))
             else:
                 own = self._kind[int(rng.integers(len(self._kind)))]
-            return self._turned(EpisodeWind(own, own.mean_speed, -1, 0.0), rng)
+            return self._turned(_own_wind(own, time_offset, float(drawn_phase), length), rng)
         speed = self._checked_speed(wind_speed) if wind_speed is not None else float(drawn_speed)
         if self._kind == "gusts":
             return self._turned(EpisodeWind(self._gust(speed, rng), speed, -1, 0.0), rng)
@@ -241,7 +258,8 @@ class WindSampler:
 
         Parameters
         ----------
-        inflow : Inflow
+        inflow : Inflow or path of a .bts file
+            The file from its beginning.
         **options
             Of `sample`; none goes with it.
 
@@ -253,7 +271,7 @@ class WindSampler:
         if options:
             raise InflowError(f"a given inflow has {', '.join(options)} already: leave them out of the options")
         (own,) = self._own_inflows([inflow])
-        return EpisodeWind(own, own.mean_speed, -1, 0.0)
+        return _own_wind(own, 0.0)
 
     def _gust(self, speed: float, rng: np.random.Generator) -> TransientInflow:
         """Draw a transient of IEC 61400-1."""
@@ -310,12 +328,14 @@ class WindSampler:
             turned = TurningInflow.wandering(wind.inflow, start, deviation, time_constant, WANDERING, rng)
         return replace(wind, inflow=turned)
 
-    def _own_inflows(self, kind) -> tuple[Inflow, ...]:
-        """Inflows of the user."""
-        own = tuple(kind) if isinstance(kind, Iterable) else (kind,)
-        wrong = [inflow for inflow in own if not isinstance(inflow, Inflow)]
-        if wrong or not own:
-            raise InflowError(f"inflow must be one of {KINDS}, an Inflow, several or a callable, got {wrong or kind!r}")
+    def _own_inflows(self, kind) -> tuple[Inflow | WindFile, ...]:
+        """Inflows of the user; files are looked through."""
+        given = (kind,) if isinstance(kind, str) or not isinstance(kind, Iterable) else tuple(kind)
+        wrong = [one for one in given if not (isinstance(one, Inflow) or is_wind_file(one))]
+        if wrong or not given:
+            refused = wrong[0] if len(wrong) == 1 else wrong or kind
+            raise InflowError(f"inflow must be one of {_ALLOWED}, got {shown(refused)}")
+        own = tuple(WindFile.found(one) if is_wind_file(one) else one for one in given)
         hub = self._turbine.hub_height
         for inflow in own:
             if abs(inflow.hub_height - hub) > _HUB_HEIGHT_TOLERANCE * hub:
@@ -406,8 +426,12 @@ class WindSampler:
 
     def _refuse_useless(self, wind_speed, wind_seed, time_offset) -> None:
         """Refuse options that the kind of wind would ignore."""
-        if not self._turbulent and (wind_seed is not None or time_offset is not None):
-            raise InflowError("wind_seed and time_offset belong to turbulent wind; this environment's wind has none")
+        without_offset = not (self._turbulent or self._all_files)
+        if (wind_seed is not None and not self._turbulent) or (time_offset is not None and without_offset):
+            raise InflowError(
+                "wind_seed and time_offset belong to turbulent wind, time_offset to .bts files too; this environment's "
+                "wind has none"
+            )
         if wind_speed is not None and not isinstance(self._kind, str):
             raise InflowError("wind_speed cannot be chosen: this environment was made with an inflow of its own")
         if wind_speed is not None and self.parks:
@@ -418,3 +442,21 @@ class WindSampler:
         if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
             raise InflowError(f"a wind seed must be an integer of at least 0, got {seed!r}")
         return int(seed)
+
+
+def _own_wind(
+    own: Inflow | WindFile, time_offset: float | None, phase: float = 0.0, length: float | None = None
+) -> EpisodeWind:
+    """Wind of an inflow of the user, or of a file from a time on that is given or drawn by its ``phase`` (0 to 1)."""
+    if not isinstance(own, WindFile):
+        return EpisodeWind(own, own.mean_speed, -1, 0.0)
+    if time_offset is None:
+        if length is not None and not own.periodic and own.duration < length:
+            warnings.warn(
+                f"{own.path} is not periodic and lasts {own.duration:g} s, an episode {length:g} s: the wind jumps "
+                "where the record begins again",
+                stacklevel=2,
+            )
+        time_offset = phase * own.latest_start(length)
+    inflow = own.inflow(time_offset)
+    return EpisodeWind(inflow, inflow.mean_speed, -1, inflow.time_offset)

@@ -1,0 +1,175 @@
+"""Files of TurbSim as the wind of episodes."""
+
+import os
+import re
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from scripted_simulator import ScriptedSimulator
+
+import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.agents.datasets import DatasetConfig
+from wt_gym.agents.evaluation import EvaluationConfig
+from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.commands.evaluate import configuration, parse_arguments
+from wt_gym.envs import turbine_env
+from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.errors import InflowError
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow, TurbulenceBox
+
+TURBINE = load_turbine("nrel_5mw")
+STEADY = "wt_gym/NREL5MW-Steady-v0"
+DURATION = 42.0
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Two periodic files at 12 and 9 m/s and one at 15 m/s that is not."""
+    for name, speed, periodic in (("a", 12.0, True), ("b", 9.0, True), ("once", 15.0, False)):
+        box = TurbulenceBox.kaimal(speed, 90.0, 126.0, seed=1, duration=DURATION, grid=(3, 3), cache=False)
+        replace(box, periodic=periodic).to_bts(tmp_path / f"{name}.bts")
+    return tmp_path
+
+
+@pytest.fixture
+def scripted(monkeypatch):
+    """Environments whose simulator stands still."""
+    monkeypatch.setattr(turbine_env, "Simulator", ScriptedSimulator)
+
+
+def sampled(sampler, n=200, **more):
+    rng = np.random.default_rng(0)
+    return [sampler.sample(rng, **more) for _ in range(n)]
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_periodic_file_is_entered_anywhere(files, kind):
+    sampler = WindSampler(TURBINE, kind(files / "a.bts"), None)
+    assert (sampler.speeds, sampler.seeds, sampler.options) == ((12.0, 12.0), None, ("time_offset",))
+    winds = sampled(sampler, length=120.0)
+    offsets = np.array([wind.time_offset for wind in winds])
+    assert 0.0 <= offsets.min() < 1.0
+    assert DURATION - 1.0 < offsets.max() < DURATION
+    assert {wind.wind_seed for wind in winds} == {-1}
+    box, hub = TurbulenceBox.from_bts(files / "a.bts"), np.array([[0.0, 0.0, 90.0]])
+    first = winds[0]
+    k = 7.0 + first.time_offset
+    expected = np.interp(
+        k,
+        np.arange(169) * 0.25,
+        np.concatenate([box.fluctuation[:, 1, 1, 0], box.fluctuation[:1, 1, 1, 0]]),
+        period=DURATION,
+    )
+    assert first.inflow.velocity(hub, 7.0)[0, 0] == pytest.approx(12.0 + expected, abs=1e-5)
+    assert first.inflow.description.startswith("a.bts: ")
+
+
+def test_episodes_in_a_file_that_is_not_periodic_end_before_it_does(files):
+    sampler = WindSampler(TURBINE, str(files / "once.bts"), None)
+    offsets = np.array([wind.time_offset for wind in sampled(sampler, length=30.0)])
+    assert offsets.min() < 0.5
+    assert 11.0 < offsets.max() <= DURATION - 30.0
+    assert {wind.time_offset for wind in sampled(sampler, 9)} == {0.0}  # it may last as long as it likes
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert sampler.sample(np.random.default_rng(0), length=DURATION).time_offset == 0.0
+    with pytest.warns(UserWarning, match=r"once\.bts is not periodic and lasts 42 s, an episode 43 s"):
+        assert sampler.sample(np.random.default_rng(0), length=43.0).time_offset == 0.0
+
+
+def test_one_of_several_is_drawn_and_inflows_may_be_among_them(files):
+    calm = SteadyInflow(8.0)
+    several = WindSampler(TURBINE, [files / "a.bts", str(files / "b.bts"), calm], None)
+    winds = sampled(several)
+    assert several.speeds == (8.0, 12.0)
+    assert {wind.wind_speed for wind in winds} == {8.0, 9.0, 12.0}
+    assert {wind.inflow.description.split(":")[0] for wind in winds} == {"a.bts", "b.bts", calm.description}
+    assert {wind.time_offset for wind in winds if wind.inflow is calm} == {0.0}
+    assert several.options == ()  # the steady one has no time
+    with pytest.raises(InflowError, match=r"time_offset to \.bts files"):
+        several.sample(np.random.default_rng(0), time_offset=1.0)
+    drawn = WindSampler(TURBINE, lambda rng: files / "b.bts", None).sample(np.random.default_rng(0))
+    assert drawn.wind_speed == 9.0
+
+
+def test_files_do_not_shift_what_else_is_drawn(files):
+    """The direction drawn after a file is that drawn after an inflow."""
+    one, other = np.random.default_rng(3), np.random.default_rng(3)
+    WindSampler(TURBINE, files / "a.bts", None).sample(one)
+    WindSampler(TURBINE, SteadyInflow(8.0), None).sample(other)
+    assert one.random() == other.random()
+
+
+@pytest.mark.usefixtures("scripted")
+def test_environments_know_how_long_their_episodes_are(files):
+    """By their own length, the limit of the id, or that of a vector environment."""
+    once = str(files / "once.bts")
+    for env in (
+        gym.make(STEADY, inflow=once, episode_length=40.0),
+        gym.make("wt_gym/Gusts-v0", inflow=once),
+        gym.make_vec(STEADY, num_envs=2, inflow=once, episode_length=None, max_episode_steps=200).envs[0],
+    ):
+        offsets = []
+        for seed in range(20):
+            env.reset(seed=seed)
+            offsets.append(env.unwrapped.episode_wind.time_offset)
+        assert 1.5 < max(offsets) <= 2.0 + 1e-9
+    env = gym.make(STEADY, inflow=[files / "a.bts"])
+    _, info = env.reset(seed=0, options={"time_offset": 3.5})
+    assert (env.unwrapped.episode_wind.time_offset, info["wind_speed"], info["wind_seed"]) == (3.5, 12.0, -1)
+    env.reset(options={"inflow": files / "b.bts"})
+    assert env.unwrapped.episode_wind.time_offset == 0.0
+    assert env.unwrapped.episode_wind.wind_speed == 9.0
+
+
+@pytest.mark.parametrize("several", [False, True])
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("absent.bts", None, r"cannot read the turbulence file \S+absent\.bts"),
+        ("text.bts", b"wind", r"\S+text\.bts is no \.bts file"),
+        ("cut.bts", "cut", r"\S+cut\.bts is truncated"),
+    ],
+)
+def test_missing_and_damaged_files_are_refused_when_the_environment_is_made(files, name, content, message, several):
+    if content is not None:
+        (files / name).write_bytes((files / "a.bts").read_bytes()[:-6] if content == "cut" else content)
+    given = str(files / name)
+    with pytest.raises(InflowError, match=message) as caught:
+        gym.make(STEADY, inflow=[str(files / "a.bts"), given] if several else given)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_was_replaced_is_read_again(files):
+    sampler = WindSampler(TURBINE, files / "a.bts", None)
+    sampler.sample(np.random.default_rng(0))
+    TurbulenceBox.from_bts(files / "b.bts").to_bts(files / "a.bts")
+    os.utime(files / "a.bts", (1.0, 1.0))
+    assert WindSampler(TURBINE, files / "a.bts", None).speeds == (9.0, 9.0)
+
+
+@pytest.mark.parametrize("given", ["wind", "wind.bts.txt", Path("wind.wnd"), ["steady"]])
+def test_other_words_and_paths_are_refused_with_what_is_allowed(given):
+    with pytest.raises(InflowError, match=re.escape("'extreme-turbulent'), an Inflow, a .bts file")):
+        gym.make(STEADY, inflow=given)
+
+
+def test_paths_outlast_the_working_directory(files, monkeypatch):
+    """Commands pass arguments on as JSON and to processes that may run elsewhere."""
+    monkeypatch.chdir(files)
+    given, whole = {"inflow": [Path("a.bts"), "b.bts"]}, {"inflow": [str(files / "a.bts"), str(files / "b.bts")]}
+    configs = (
+        TrainingConfig(env_kwargs=given),
+        EvaluationConfig(env_kwargs=given),
+        DatasetConfig("x", "y/z-v0", env_kwargs=given),
+    )
+    assert [config.env_kwargs for config in configs] == [whole] * 3
+    words = ["--env-kwargs", '{"inflow": "a.bts"}']
+    assert configuration(parse_arguments(words)).env_kwargs == {"inflow": str(files / "a.bts")}
+    monkeypatch.chdir(files.parent)
+    assert gym.make(STEADY, **configs[0].to_json()["env_kwargs"]).unwrapped.wind.speeds == (9.0, 12.0)
