@@ -16,6 +16,7 @@ import numpy as np
 import wt_gym
 from wt_gym.agents.contenders import Contenders
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS, USUAL_SPEED, met_wind
 from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.progress import ProgressLine, clock
 from wt_gym.analysis.lifetime import WindClimate
@@ -25,7 +26,6 @@ from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of, turbine_env_of
 from wt_gym.envs.wind_files import with_whole_paths
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 from wt_gym.simulation import Recorder
 from wt_gym.wind.iec import REFERENCE_SPEED
 
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DEFAULT_WIND_SEEDS", "FIRST_SEED", "EvaluationConfig", "evaluate"]
 
-DEFAULT_WIND_SEEDS = EVALUATION_WIND_SEEDS[:6]
-"""Turbulence seeds that no training saw; six is what IEC 61400-1 asks for at each mean speed."""
 FIRST_SEED = 2**40
 """Seeds of the environment in evaluations begin here, far beyond those of any training: what a wind seed does not
 decide (gusts, directions, own inflows, noise) is never what a training has drawn."""
@@ -60,7 +58,8 @@ class EvaluationConfig:
     env_kwargs : dict
         Arguments of the environment besides episode length; files of wind get whole paths.
     winds : tuple of Wind
-        By default six held-back turbulence seeds at 15 m/s.
+        What is asked for; by default six held-back turbulence seeds at 15 m/s. Those that fit an environment are given
+        by `wt_gym.agents.evaluation_winds.winds_for`. Runs are labelled by the winds that they had.
     duration : float
         Length of a run [s].
     skip : float
@@ -86,7 +85,7 @@ class EvaluationConfig:
 
     env_id: str = "wt_gym/LoadReduction-v0"
     env_kwargs: dict[str, Any] = field(default_factory=dict)
-    winds: tuple[Wind, ...] = tuple(Wind(15.0, seed) for seed in DEFAULT_WIND_SEEDS)
+    winds: tuple[Wind, ...] = tuple(Wind(USUAL_SPEED, seed) for seed in DEFAULT_WIND_SEEDS)
     duration: float = 600.0
     skip: float = 30.0
     seed: int = 0
@@ -185,9 +184,10 @@ def evaluate(
             for job, run in contenders.results(play, left, executor, code_fingerprint):
                 runs[job] = run
                 if store:
-                    store.keep(run)
+                    name, asked = job
+                    store.keep(name, asked, run)
                 if executor.beside:
-                    line.show(f"{len(runs)} of {len(jobs)}: {run.agent} at {run.wind.label}", final=True)
+                    line.show(f"{len(runs)} of {len(jobs)}: {run.agent} at {run.wind.name}", final=True)
         turbine = layout.turbine
         evaluation = Evaluation(
             turbine=turbine.name,
@@ -201,40 +201,41 @@ def evaluate(
             training={
                 name: record for name, agent in contenders.agents.items() if (record := getattr(agent, "record", None))
             },
-            climate=climate,
+            climate=climate
+            if all(turbine.cut_in <= run.wind.speed <= turbine.cut_out for run in runs.values())
+            else None,
         )
         if store:
-            store.save_tables(evaluation)
+            store.save_tables(evaluation, jobs)
     return evaluation
 
 
 def _climate(turbine: Turbine, config: EvaluationConfig) -> WindClimate | None:
-    """Wind climate of the evaluation; None where a wind lies beyond operation, or the turbine's class has none."""
+    """Wind climate of the evaluation; None where the turbine's class has none."""
     limits = {"shape": config.weibull_shape, "cut_in": turbine.cut_in, "cut_out": turbine.cut_out}
     chosen = config.iec_class or turbine.iec_class
     if config.mean_wind_speed is not None:
-        climate = WindClimate(config.mean_wind_speed, **limits)
-    elif config.iec_class is None and turbine.iec_class not in REFERENCE_SPEED:
+        return WindClimate(config.mean_wind_speed, **limits)
+    if config.iec_class is None and turbine.iec_class not in REFERENCE_SPEED:
         return None
-    else:
-        climate = WindClimate.of_class(chosen, **limits)
-    return climate if all(turbine.cut_in <= wind.speed <= turbine.cut_out for wind in config.winds) else None
+    return WindClimate.of_class(chosen, **limits)
 
 
 def _run(contenders: Contenders, job: tuple[str, Wind], config: EvaluationConfig, line: ProgressLine) -> Run:
     """One agent in one wind."""
-    (name, wind), (env, agent) = job, contenders[job[0]]
+    (name, asked), (env, agent) = job, contenders[job[0]]
     allowed = turbine_env_of(env).wind.options
     options: dict[str, Any] = {"azimuth": 0.0}
     if "wind_speed" in allowed:
-        options["wind_speed"] = wind.speed
-    if wind.seed is not None and "wind_seed" in allowed:
-        options["wind_seed"] = wind.seed
-    observation, info = env.reset(seed=config.seed_in(wind), options=options)
+        options["wind_speed"] = asked.speed
+    if asked.seed is not None and "wind_seed" in allowed:
+        options["wind_seed"] = asked.seed
+    observation, info = env.reset(seed=config.seed_in(asked), options=options)
     turbine_env, started = turbine_env_of(env), time.monotonic()
+    wind = met_wind(turbine_env, asked, config.winds)
     recorder = Recorder(turbine_env.simulator, agent=name, wind_speed=wind.speed, wind_seed=info["wind_seed"])
     recorder.append(turbine_env.signals)
-    kept = config.replay_in(wind)
+    kept = config.replay_in(asked)
     shapes = ReplayRecorder(round(kept / turbine_env.control_dt))
     total = 0.0
     terms: dict[str, float] = {}
@@ -249,7 +250,7 @@ def _run(contenders: Contenders, job: tuple[str, Wind], config: EvaluationConfig
                 shapes.append(info["time"], turbine_env.simulator.geometry())
         simulated, elapsed = info["time"], time.monotonic() - started
         line.show(
-            f"evaluating {name} at {wind.label}: {simulated:.0f} of {config.duration:.0f} s simulated"
+            f"evaluating {name} at {wind.name}: {simulated:.0f} of {config.duration:.0f} s simulated"
             f" in {clock(elapsed)} min ({simulated / max(elapsed, 1e-9):.0f} x real time)",
             final=step.done,
         )

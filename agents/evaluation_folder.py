@@ -17,7 +17,7 @@ from wt_gym.benchmark.tasks import digest
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from contextlib import AbstractContextManager
 
     from wt_gym.agents.evaluation import EvaluationConfig
@@ -31,7 +31,8 @@ __all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder", "code_finger
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
 _AGENTS, _ENVS = Path(wt_gym.agents.__file__).parent, Path(wt_gym.__file__).parent / "envs"
 _SOURCES = (
-    "constant.py", "contenders.py", "controller_agent.py", "environments.py", "evaluation.py", "trained_agent.py",
+    "constant.py", "contenders.py", "controller_agent.py", "environments.py", "evaluation.py",
+    "evaluation_winds.py", "trained_agent.py",
 )  # fmt: skip
 # These weigh what the runs gave, and change no run.
 _ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")
@@ -128,13 +129,13 @@ class EvaluationFolder(FolderLock):
         file = self._file(agent, wind)
         return Run.load(file) if file.exists() else None
 
-    def keep(self, run: Run) -> None:
-        """Write a run."""
-        run.save(self._file(run.agent, run.wind))
+    def keep(self, agent: str, wind: Wind, run: Run) -> None:
+        """Write the run of an agent in a wind that was asked for."""
+        run.save(self._file(agent, wind))
 
-    def save_tables(self, evaluation: Evaluation) -> None:
-        """Write the tables beside the runs."""
-        evaluation.save_tables(self.path, [self._name(run.agent, run.wind) for run in evaluation.runs])
+    def save_tables(self, evaluation: Evaluation, jobs: Sequence[tuple[str, Wind]]) -> None:
+        """Write the tables beside the runs, whose agents and asked winds are given in their order."""
+        evaluation.save_tables(self.path, [self._name(agent, wind) for agent, wind in jobs])
 
     def session(self, tally: Tally, found: int) -> AbstractContextManager[None]:
         """Note in the folder what becomes of the runs that are made in this context."""

@@ -2,24 +2,31 @@
 
 import json
 import re
+import shlex
 from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from scripted_simulator import ScriptedSimulator
 
 from wt_gym.agents import evaluation as module
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.contenders import Contenders
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
+from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS
 from wt_gym.agents.executors import ProcessExecutor
 from wt_gym.agents.sweep_record import SWEEP_FILE
 from wt_gym.agents.trained_environment import check_environment, resolved_arguments
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.analysis.results import Evaluation, Wind
+from wt_gym.commands import evaluate as command
+from wt_gym.envs import turbine_env
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
 
 STEADY = "wt_gym/NREL5MW-Steady-v0"
 CONFIG = EvaluationConfig(env_id=STEADY, winds=(Wind(9.0), Wind(12.0)), duration=4.0, skip=1.0, replay=1.0)
@@ -263,6 +270,103 @@ def test_what_wind_seeds_leave_open_is_drawn_from_seeds_of_no_training(monkeypat
     with pytest.raises(ValueError, match="seed must be"):
         TrainingConfig(seed=2**32)
     assert min(first, second) > 2**32 + 256
+
+
+@pytest.mark.parametrize(
+    ("words", "speeds", "seeds", "draws"),
+    [
+        ("", {15.0}, DEFAULT_WIND_SEEDS, {None}),
+        ("--env wt_gym/MaxPower-v0", {7.5}, DEFAULT_WIND_SEEDS, {None}),
+        ("--env wt_gym/Yaw-v0", {10.0}, DEFAULT_WIND_SEEDS, {None}),
+        ("--wind-speed 12 18 --wind-seeds 3", {12.0, 18.0}, (3,), {None}),
+        ("--env wt_gym/NREL5MW-Steady-v0", {15.0}, (None,), {None}),
+        ("--env wt_gym/NREL5MW-Steady-v0 --env-kwargs '{\"wind_speed\": 9.0}'", {9.0}, (None,), {None}),
+        ("--env wt_gym/Gusts-v0", {15.0}, (None,), {1, 2, 3, 4, 5, 6}),
+        ("--env wt_gym/Gusts-v0 --wind-speed 8 10 --draws 2", {8.0, 10.0}, (None,), {1, 2}),
+        (
+            "--env wt_gym/NREL5MW-Steady-v0 --draws 3 --env-kwargs '{\"wind_direction\": [0.1, 0.2]}'",
+            {15.0}, (None,), {1, 2, 3},
+        ),
+        (
+            "--env wt_gym/NREL5MW-Steady-v0 --env-kwargs "
+            "'{\"inflow\": \"extreme-turbulent\", \"standstill_limit\": -0.5}'",
+            {50.0}, DEFAULT_WIND_SEEDS, {None},
+        ),
+        (
+            "--env wt_gym/NREL5MW-Steady-v0 --env-kwargs "
+            "'{\"reference_height\": 10.0, \"wind_speed\": [6.0, 10.0], \"shear_exponent\": 0.2}'",
+            {8.0}, (None,), {None},
+        ),
+    ],
+)  # fmt: skip
+def test_the_command_asks_for_winds_that_the_environment_has(words, speeds, seeds, draws):
+    winds = command.configuration(command.parse_arguments(shlex.split(words))).winds
+    assert sorted({wind.speed for wind in winds}) == pytest.approx(sorted(speeds))
+    assert {wind.seed for wind in winds} == set(seeds)
+    assert {wind.draw for wind in winds} == draws
+    assert len(winds) == len(speeds) * len(seeds) * len(draws)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--env wt_gym/Gusts-v0 --wind-seeds 3", r"no turbulence seeds, got \[3\]: give a number of draws"),
+        ("--env wt_gym/NREL5MW-Steady-v0 --wind-seeds 3", r"no turbulence seeds, got \[3\]"),
+        ("--draws 2", "nothing is drawn beside its speed and seed: give turbulence seeds"),
+        ("--env wt_gym/NREL5MW-Steady-v0 --draws 2", "one run in it is all"),
+        ("--env wt_gym/Gusts-v0 --draws 0", "at least 1 draw is needed, got 0"),
+        (
+            '--wind-speed 12 --env-kwargs \'{"inflow": "extreme", "standstill_limit": -0.5}\'',
+            r"has a speed of its own, got the speeds \[12.0\] m/s",
+        ),
+    ],
+)
+def test_the_command_refuses_what_the_wind_ignores(words, message):
+    with pytest.raises(ValueError, match=message):
+        command.configuration(command.parse_arguments(shlex.split(words)))
+
+
+class RecordedSimulator(ScriptedSimulator):
+    """Has what a record says of a simulator."""
+
+    time_step = 0.1
+
+    def __init__(self, turbine, inflow, fidelity):
+        super().__init__(turbine, inflow, named_fidelity(fidelity))
+
+
+def drawn_inflow(rng):
+    return SteadyInflow(rng.uniform(9.0, 11.0), 90.0)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "labels"),
+    [
+        ({"inflow": drawn_inflow}, r"(9|10)\.\d+ m/s, draw [12] \(steady (9|10)\.\d+ m/s at 90 m, uniform profile\)"),
+        ({"inflow": SteadyInflow(9.0, 90.0)}, r"9 m/s, draw [12] \(steady 9 m/s at 90 m, uniform profile\)"),
+        ({"inflow": "gusts"}, r"15 m/s, draw [12] \(IEC E.*\)"),
+        ({"inflow": "turbulent"}, r"15 m/s, seed 100[12]"),
+        ({"inflow": "steady"}, r"15 m/s, draw [12]"),
+        ({"inflow": "extreme-turbulent", "standstill_limit": -0.5}, r"50 m/s, seed 100[12]"),
+        ({"inflow": "extreme", "standstill_limit": -0.5}, r"70 m/s, draw [12]"),
+    ],
+)
+def test_runs_are_labelled_by_the_wind_that_they_had(kwargs, labels, monkeypatch, tmp_path):
+    """Asked for two seeds at 15 m/s, whatever the wind of the environment is."""
+    monkeypatch.setattr(turbine_env, "Simulator", RecordedSimulator)
+    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
+    winds = (Wind(15.0, 1001), Wind(15.0, 1002))
+    config = EvaluationConfig(STEADY, kwargs, winds, duration=3.0, skip=1.0, replay=0.0)
+    agents = {"a": "constant", "b": "constant"}
+    result = evaluate(agents, config, folder=tmp_path, progress=False)
+    assert len(result.winds) == 2
+    assert all(re.fullmatch(labels, wind.label) for wind in result.winds), [wind.label for wind in result.winds]
+    for wind in result.winds:  # both agents met it, and its speed is recorded
+        assert {result.run(name, wind).data.attrs["wind_speed"] for name in agents} == {wind.speed}
+    in_operation = all(wind.speed < 25.0 for wind in result.winds)
+    assert (result.climate is not None) == in_operation
+    assert Evaluation.load(tmp_path).winds == result.winds
+    assert evaluate(agents, config, folder=tmp_path, progress=False).winds == result.winds
 
 
 @pytest.mark.parametrize(

@@ -25,15 +25,36 @@ _COMBINE: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max, "min"
 
 @dataclass(frozen=True)
 class Wind:
-    """A wind to evaluate in: mean speed at hub height [m/s] and turbulence seed (None: steady)."""
+    """A wind to evaluate in, or one that a run had.
+
+    Attributes
+    ----------
+    speed : float
+        Mean at hub height [m/s].
+    seed : int or None
+        Of the turbulence; None without.
+    draw : int or None
+        Number of the draw where more is drawn than turbulence: gusts, inflows of one's own, directions.
+    description : str
+        The wind of a run in words, where speed and seed do not tell what it was.
+    """
 
     speed: float
     seed: int | None = None
+    draw: int | None = None
+    description: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name for sentences, without the description."""
+        seed = "" if self.seed is None else f", seed {self.seed}"
+        draw = "" if self.draw is None else f", draw {self.draw}"
+        return f"{self.speed:.4g} m/s{seed}{draw}"
 
     @property
     def label(self) -> str:
-        """Short name for tables."""
-        return f"{self.speed:g} m/s" + ("" if self.seed is None else f", seed {self.seed}")
+        """Name with the description, if there is one."""
+        return f"{self.name} ({self.description})" if self.description else self.name
 
 
 @dataclass(frozen=True)
@@ -44,6 +65,7 @@ class Run:
     ----------
     agent : str
     wind : Wind
+        That it had, whatever was asked for.
     data : xarray.Dataset
         Recorded signals over ``time`` [s].
     metrics : dict
@@ -239,11 +261,11 @@ class Evaluation:
             row["file"] = f"{RUNS_FOLDER}/{file}"
         with whole_file(folder / METRICS_FILE) as partial, partial.open("w", newline="", encoding="utf-8") as text:
             rows = csv.writer(text)
-            rows.writerow(["agent", "wind_speed", "wind_seed", "ending", "duration", *METRICS])
+            rows.writerow(["agent", "wind_speed", "wind_seed", "wind", "ending", "duration", *METRICS])
             for run in self.runs:
                 measured = [run.metrics.get(key, "") for key in METRICS]
                 seed = "" if run.wind.seed is None else run.wind.seed
-                rows.writerow([run.agent, run.wind.speed, seed, run.ending, run.duration, *measured])
+                rows.writerow([run.agent, run.wind.speed, seed, run.wind.label, run.ending, run.duration, *measured])
         path = folder / TABLE_FILE
         write_text_whole(path, json.dumps(table, indent=1) + "\n")
         return path

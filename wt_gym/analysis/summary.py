@@ -246,7 +246,7 @@ def _survival(evaluation: Evaluation, agent: str) -> str:
     if not stopped:
         every = {1: "the wind", 2: "both winds"}.get(len(runs), f"all {_count(len(runs), 'wind')}")
         return f"{agent} kept the turbine running in {every}."
-    reasons = "; ".join(f"{_REASONS[run.ending]} after {run.duration:.0f} s at {run.wind.label}" for run in stopped)
+    reasons = "; ".join(f"{_REASONS[run.ending]} after {run.duration:.0f} s at {run.wind.name}" for run in stopped)
     number = _WORDS.get(len(stopped), len(stopped))
     return f"{agent} lost the turbine in {number} of {_count(len(runs), 'wind')} ({reasons})."
 

@@ -38,10 +38,17 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/evaluation", help="folder for the results (default: %(default)s)")
     parser.add_argument("--overwrite", action="store_true", help="remove the evaluation that is in the folder")
-    parser.add_argument("--wind-speed", type=float, nargs="+", default=[15.0], metavar="M_S", help="mean speeds [m/s]")
+    parser.add_argument(
+        "--wind-speed", type=float, nargs="+", metavar="M_S",
+        help="mean speeds [m/s] (default: 15, or the middle of what the environment draws where that is not in it)",
+    )  # fmt: skip
     parser.add_argument(
         "--wind-seeds", type=int, nargs="+", metavar="SEED", help="turbulence seeds (default: six held back)"
     )
+    parser.add_argument(
+        "--draws", type=int, metavar="N",
+        help="winds at each speed where something else than turbulence is drawn, as gusts or files (default: six)",
+    )  # fmt: skip
     parser.add_argument("--duration", type=float, default=600.0, help="length of a run [s] (default: %(default)s)")
     parser.add_argument(
         "--skip", type=float, default=30.0, help="start left out of the metrics [s] (default: %(default)s)"
@@ -74,17 +81,15 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     """Configuration of the options."""
-    from wt_gym.agents.command_line import chosen_arguments, environment_arguments
-    from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
-    from wt_gym.analysis.results import Wind
+    from wt_gym.agents.command_line import chosen_arguments
+    from wt_gym.agents.evaluation import EvaluationConfig
+    from wt_gym.agents.evaluation_winds import winds_for
 
     kwargs = chosen_arguments(arguments.env, arguments.env_kwargs, arguments.fidelity)
-    turbulent = environment_arguments(arguments.env, kwargs)["inflow"] == "turbulent"
-    seeds = [None] if not turbulent else arguments.wind_seeds or DEFAULT_WIND_SEEDS
     return EvaluationConfig(
         env_id=arguments.env,
         env_kwargs=kwargs,
-        winds=tuple(Wind(speed, seed) for speed in arguments.wind_speed for seed in seeds),
+        winds=winds_for(arguments.env, kwargs, arguments.wind_speed, arguments.wind_seeds, arguments.draws),
         duration=arguments.duration,
         skip=arguments.skip,
         replay=arguments.replay,

@@ -200,6 +200,19 @@ Inflow and paths, or callable
         return (*speed, "wind_seed", "time_offset") if self._turbulent else speed
 
     @property
+    def asked_speeds(self) -> tuple[float, float]:
+        """Range of the mean speeds at the height at which they are asked for [m/s]."""
+        return self.speeds[0] / self._to_hub, self.speeds[1] / self._to_hub
+
+    @property
+    def draws_more(self) -> bool:
+        """Whether speed and turbulence seed leave something open: a gust, a direction, which inflow, a time in it."""
+        turns = self._wander is not None or self._directions[0] != self._directions[1]
+        if isinstance(self._kind, tuple):
+            return turns or len(self._kind) > 1 or self._all_files
+        return turns or self._kind == "gusts" or callable(self._kind)
+
+    @property
     def _all_files(self) -> bool:
         """Whether every wind is read from a file."""
         return isinstance(self._kind, tuple) and all(isinstance(own, WindFile) for own in self._kind)
