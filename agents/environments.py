@@ -12,7 +12,7 @@ from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
 from wt_gym.agents.trained_environment import controller_of_training, observation_of_training
 from wt_gym.control.controllers import make_controller
-from wt_gym.envs.layout import layout_of
+from wt_gym.envs.layout import layout_of, turbine_env_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -107,6 +107,7 @@ class Environments:
             self._made[key] = gym.make(
                 self._id, **self._kwargs | more, episode_length=self._length, max_episode_steps=_ENDLESS
             )
+            turbine_env_of(self._made[key]).outer_steps = _ENDLESS
         return self._made[key]
 
     def close(self) -> None:

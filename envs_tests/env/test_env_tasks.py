@@ -4,18 +4,23 @@ import copy
 import itertools
 import pickle
 import warnings
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from scripted_simulator import ScriptedSimulator
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from wt_gym.agents.closed_loop import run_baseline
+from wt_gym.agents.environments import Environments
+from wt_gym.benchmark.run import make_env
+from wt_gym.benchmark.tasks import load_task
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
 from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.control.controllers import make_controller
-from wt_gym.envs import rewards
+from wt_gym.envs import rewards, turbine_env
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
@@ -85,6 +90,36 @@ def test_the_time_limit_of_a_task_is_a_truncation():
     env.reset(seed=0)
     ends = [env.step(np.zeros(3, dtype=np.float32))[2:4] for _ in range(4)]
     assert ends == [(False, False)] * 3 + [(False, True)]
+
+
+@pytest.mark.parametrize("vector", [False, True])
+def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
+    """Made with episode_length=120 a task of 60 s stays at 60 s."""
+    monkeypatch.setattr(turbine_env, "Simulator", ScriptedSimulator)
+
+    def warned(**kwargs):
+        make = partial(gym.make_vec, num_envs=2) if vector else gym.make
+        env = make("wt_gym/LoadReduction-v0", **kwargs)
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            env.reset(seed=0)
+            env.reset(seed=0)
+        env.close()
+        return [str(w.message) for w in found if "max_episode_steps" in str(w.message)]
+
+    (message,) = warned(episode_length=120.0)
+    assert "the limit of wt_gym/LoadReduction-v0 ends episodes after 300 steps, 60 s, before the" in message
+    assert "episode_length of 120 s: make it with max_episode_steps=600 instead" in message
+    assert warned(max_episode_steps=600) == warned(episode_length=30.0) == warned(episode_length=60.0) == warned() == []
+
+
+def test_evaluations_take_the_limit_away_without_a_warning(monkeypatch):
+    monkeypatch.setattr(turbine_env, "Simulator", ScriptedSimulator)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Environments("wt_gym/LoadReduction-v0", {}, 120.0).plain.reset(seed=0)
+        task = load_task("load-reduction-15")
+        make_env(task, task.winds[0]).reset(seed=0)
 
 
 # ---- a controller beneath ----

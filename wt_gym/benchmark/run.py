@@ -94,7 +94,9 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     given = {**task.env_kwargs, **interface}
     if wind.transient is not None:
         given |= {"inflow": wind.inflow(_turbine(task)), "wind_speed": None}
-    return gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=_ENDLESS)
+    env = gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=_ENDLESS)
+    turbine_env_of(env).outer_steps = _ENDLESS
+    return env
 
 
 def _make_controller(name: str, parameters: dict[str, Any], turbine: Turbine):

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from gymnasium.envs.registration import EnvSpec
+
     from wt_gym.control import Lidar
     from wt_gym.control.controllers import Controller, Readings
     from wt_gym.envs.rewards import RewardTerm
@@ -265,7 +267,8 @@ class WindTurbineEnv(gym.Env):
     control_dt : float
         Control step [s], a multiple of the simulator's step.
     episode_length : float or None
-        Time after which an episode is truncated [s]; None: never, for a time limit from outside.
+        Time after which an episode is truncated [s]; None: never, for a time limit from outside. Tasks have such a
+        limit: their episodes are made longer by ``max_episode_steps`` of `gymnasium.make`.
     action_mode : {"rate", "absolute", "residual"}
     pitch : {"collective", "individual", "fixed-frame", "cyclic"}
     action_components : sequence of {"pitch", "yaw", "torque"}, optional
@@ -485,6 +488,8 @@ class WindTurbineEnv(gym.Env):
         wt_gym.errors.SimulationError
             If there is no steady state to start from, for example because the wind bends the blades too far.
         """
+        if cast("Signals | None", self.signals) is None:  # the first: when it was made, it did not know its id
+            self.warn_of_limit(self.spec, self.outer_steps)
         self._running = False
         super().reset(seed=seed)
         if options is not None and not isinstance(options, dict):
@@ -527,10 +532,25 @@ class WindTurbineEnv(gym.Env):
 
         A `gymnasium.wrappers.TimeLimit` does not tell what it encloses; that of the id is known.
         """
-        if self.outer_steps is not None or self.spec is None:
-            return self.outer_steps
-        registered = gym.registry.get(self.spec.id)
-        return None if registered is None else registered.max_episode_steps
+        return _registered_limit(self.spec) if self.outer_steps is None else self.outer_steps
+
+    def warn_of_limit(self, spec: EnvSpec | None, outer_steps: int | None) -> None:
+        """Warn where the limit of an id ends episodes before the length that they were given.
+
+        Parameters
+        ----------
+        spec : EnvSpec or None
+            What the environment was made of.
+        outer_steps : int or None
+            Control steps that episodes are known to end after from outside; None: the limit of the id may stand.
+        """
+        limit, wanted = _registered_limit(spec), self._max_steps
+        if spec is None or limit is None or wanted is None or outer_steps not in (None, limit) or wanted <= limit:
+            return
+        gym.logger.warn(
+            f"the limit of {spec.id} ends episodes after {limit} steps, {limit * self.control_dt:g} s, before the "
+            f"episode_length of {wanted * self.control_dt:g} s: make it with max_episode_steps={wanted} instead"
+        )
 
     def _start_point(self) -> OperatingPoint:
         """Operating point of the episode's wind, or a rotor at rest with feathered blades."""
@@ -849,3 +869,9 @@ class WindTurbineEnv(gym.Env):
         info = self._info(saturated) | {"reward_terms": terms, "cost": sum(costs.values()), "costs": costs}
         info |= {"termination": "failure", "failure": str(error)}
         return observation, self._returned(reward, info["reward_terms"]), True, False, info
+
+
+def _registered_limit(spec: EnvSpec | None) -> int | None:
+    """Control steps after which episodes of an id end, if it has such a limit; one given to `make` is not known."""
+    registered = None if spec is None else gym.registry.get(spec.id)
+    return None if registered is None else registered.max_episode_steps

@@ -106,6 +106,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             return self._start(k, seeds[k], options)
 
         if not self._begun:  # models are made and kernels loaded one after another
+            self.envs[0].warn_of_limit(self.spec, self._most_steps)
             results = [start(k) for k in chosen]
             self._begun = all(env.simulator is not None for env in self.envs)
             return results
