@@ -124,8 +124,17 @@ def test_seeds_masks_and_numbers_are_checked():
     for name in ("num_envs", "threads", "max_episode_steps"):
         with pytest.raises(ValueError, match=f"{name} must be at least 1, got 0"):
             WindTurbineVectorEnv(**{"num_envs": 1, name: 0})
-    with pytest.raises(ValueError, match="Sometimes"):
-        WindTurbineVectorEnv(1, autoreset_mode="Sometimes")
+    for wrong in ("Sometimes", "same_step", None, 1):
+        allowed = r"one of 'NextStep' \('NEXT_STEP'\), 'SameStep' \('SAME_STEP'\), 'Disabled' \('DISABLED'\), got "
+        with pytest.raises(ValueError, match=f"autoreset_mode must be {allowed}{wrong!r}"):
+            WindTurbineVectorEnv(1, autoreset_mode=wrong)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_modes_of_autoreset_have_a_name_and_a_value(mode):
+    for given in (mode, mode.name, mode.value):
+        env = make(given, n=1)
+        assert env.autoreset_mode is env.metadata["autoreset_mode"] is mode
 
 
 @pytest.mark.parametrize("threads", [1, 2])

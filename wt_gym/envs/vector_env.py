@@ -14,6 +14,7 @@ from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
+from wt_gym.envs.arguments import shown
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
@@ -46,9 +47,10 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
     max_episode_steps : int, optional
         Control steps after which an episode is truncated; `gymnasium.make_vec` passes that of the id.
     autoreset_mode : AutoresetMode or str
-        What happens when an episode has ended. ``"NextStep"``: the next step resets, whatever its action, with reward
-        0. ``"SameStep"``: the same step resets; the last observation and info stand in ``infos["final_obs"]`` and
-        ``infos["final_info"]``. ``"Disabled"``: nothing; ``reset(options={"reset_mask": ...})`` starts those chosen.
+        What happens when an episode has ended; by value or by name, as ``"SAME_STEP"``. ``"NextStep"``: the next step
+        resets, whatever its action, with reward 0. ``"SameStep"``: the same step resets; the last observation and info
+        stand in ``infos["final_obs"]`` and ``infos["final_info"]``. ``"Disabled"``: nothing;
+        ``reset(options={"reset_mask": ...})`` starts those chosen.
         It stands in the attribute ``autoreset_mode`` too, where some trainers look.
     threads : int, optional
         That step turbines at the same time; default: one for every processor at hand, at most one a turbine.
@@ -72,7 +74,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps), ("threads", threads)):
             if number is not None and number < 1:
                 raise ValueError(f"{name} must be at least 1, got {number!r}")
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
         kwargs = {name: tuple(v) if isinstance(v, Iterator) else v for name, v in kwargs.items()}  # for all to read
         self.envs = [WindTurbineEnv(**kwargs)]
         self.envs += [WindTurbineEnv(**kwargs | {"turbine": self.envs[0].turbine}) for _ in range(num_envs - 1)]
@@ -297,6 +299,17 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             self._pool.shutdown()
         for env in self.envs:
             env.close()
+
+
+def _autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
+    """Mode by itself, by its value or by its name."""
+    if isinstance(given, AutoresetMode):
+        return given
+    for mode in AutoresetMode:
+        if given in (mode.value, mode.name):
+            return mode
+    allowed = ", ".join(f"{mode.value!r} ({mode.name!r})" for mode in AutoresetMode)
+    raise ValueError(f"autoreset_mode must be one of {allowed}, got {shown(given)}")
 
 
 def _processors() -> int:
