@@ -17,6 +17,8 @@ from wt_gym.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKED = ("wt_gym", "agents", "pyproject.toml", "README.md", "LICENSE")
+IMPORTS = "import gymnasium as gym\nimport wt_gym\n"
+"""Of the first block of a page: one without imports goes on from there."""
 NOT_PACKED = shutil.ignore_patterns("__pycache__", "*.egg-info")
 
 pytestmark = pytest.mark.slow
@@ -107,10 +109,12 @@ def test_it_takes_no_names_but_its_own(installed):
     assert Path(where.strip()).is_relative_to(installed / "venv")
 
 
-def test_the_quick_start_of_the_readme_runs(installed):
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) >= 2
+def test_the_blocks_of_readme_and_quick_start_run(installed):
+    pages = {page: (ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/quickstart.md")}
+    blocks = {page: re.findall(r"```python\n(.*?)```", text, re.DOTALL) for page, text in pages.items()}
+    assert all(blocks.values())
     python, folder = installed / "venv" / "bin" / "python", installed / "work"
-    for block in blocks:
-        succeeds(python, "-c", block, folder=folder)  # the first one compiles all kernels
-    assert (folder / "run.nc").is_file()
+    for block in (block for found in blocks.values() for block in found):
+        used = block if "import " in block else IMPORTS + block
+        succeeds(python, "-c", used, folder=folder)  # the first one compiles all kernels
+    assert (folder / "run.nc").is_file()  # of the block "Without Gymnasium"
