@@ -27,7 +27,7 @@ from wt_gym.benchmark.fingerprint import sources_digest
 from wt_gym.envs.layout import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.files import require_writable, write_text_whole
-from wt_gym.wind.iec import REFERENCE_SPEED
+from wt_gym.wind.iec import AVERAGE_OVER_REFERENCE_SPEED, REFERENCE_SPEED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -42,6 +42,7 @@ __all__ = ["REPORT_FILE", "RUNS_FOLDER", "TABLE_FILE", "LoadCaseConfig", "run_lo
 REPORT_FILE, TABLE_FILE, RUNS_FOLDER = "report.html", "loadcases.json", "runs"
 _HERE = Path(__file__).parent
 _SOURCES = ("cases.py", "run.py")
+_ANY_SPEED = AVERAGE_OVER_REFERENCE_SPEED * REFERENCE_SPEED["II"]  # to look at the exponent of a climate alone
 _FORMAT = 1
 """Raise when files of runs mean something else."""
 # They belong to what the load cases decide: when and in what wind a run ends.
@@ -78,7 +79,7 @@ class LoadCaseConfig:
     ------
     ValueError
         If a case or turbulence is unknown, no case is given, or the arguments of the environment hold what the cases
-        decide.
+        decide, or no turbine could operate in the wind climate.
     """
 
     env_id: str = "wt_gym/LoadReduction-v0"
@@ -100,6 +101,7 @@ class LoadCaseConfig:
         for name in _OURS:
             if name in self.env_kwargs:
                 raise ValueError(f"{name} follows from the load cases; leave it out of the environment's arguments")
+        WindClimate(_ANY_SPEED if self.mean_wind_speed is None else self.mean_wind_speed, self.weibull_shape)
 
 
 class _LoadCaseFolder(FolderLock):
@@ -192,6 +194,7 @@ def run_load_cases(
     ):
         plain = contenders.env
         turbine = turbine_env_of(plain).turbine
+        climate = _climate(turbine, config)  # which is refused before any run, if at all
         plan = config.plan or plan_of(turbine, config.quick)
         cases = tuple(case for case in CASES if case in config.cases)
         conditions = {case: _conditions(case, turbine, plan, config) for case in cases}
@@ -216,9 +219,7 @@ def run_load_cases(
             for name, condition in _jobs(agents, conditions[case]):
                 result = results[digest(define(name, condition))]
                 runs.setdefault((case, name), []).append(CaseRun(name, condition, result))
-        table = LoadCaseResults(
-            turbine.name, cases, tuple(agents), runs, _climate(turbine, config), _settings(config, plan, plain)
-        )
+        table = LoadCaseResults(turbine.name, cases, tuple(agents), runs, climate, _settings(config, plan, plain))
         write_text_whole(store.path / TABLE_FILE, json.dumps(table.to_json(), indent=1) + "\n")
     return table
 

@@ -96,6 +96,12 @@ def test_climates_without_meaning_are_refused():
         WindClimate.of_class("V")
     with pytest.raises(ValueError, match="mean_speed of a wind climate must be positive and finite, got 0"):
         WindClimate(0.0)
+    for shape in (0.01, 1e3):
+        with pytest.raises(ValueError, match=r"shape of a wind climate must lie in 0.5 to 10.0, got"):
+            WindClimate(8.5, shape)
+    for mean in (1e-300, 1.0, 1e300):
+        with pytest.raises(ValueError, match=r"winds between cut-in and cut-out, 3 to 25 m/s, for 0.001 of the time"):
+            WindClimate(mean)
     with pytest.raises(ValueError, match="ascend from cut-in 3 m/s to cut-out 25 m/s"):
         wind_weights(WindClimate(10.0), [12.0, 8.0])
     with pytest.raises(ValueError, match=r"got \[12.0, 30.0\]"):

@@ -320,10 +320,13 @@ def test_a_damaged_file_is_named(tmp_path, counted):
         (["--env-kwargs", '{"colour": 9}'], "the environment has no arguments"),
         (["no controller=baseline"], "of a name other than 'no controller'"),
         (["--out", "/dev/null/there"], "/dev/null/there"),
+        (["--mean-wind-speed", "-1"], "mean_speed of a wind climate must be positive and finite, got -1.0"),
+        (["--weibull-shape", "nan"], "shape of a wind climate must be positive and finite, got nan"),
     ],
 )
 def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("wt_gym.agents.contenders.Contenders.results", lambda *_: pytest.fail("runs were begun"))
     with pytest.raises(SystemExit) as end:
         main(words)
     assert message in end.value.code

@@ -13,7 +13,12 @@ from wt_gym.wind.iec import AVERAGE_OVER_REFERENCE_SPEED, reference_speed
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["WindClimate", "lifetime_load", "wind_weights"]
+__all__ = ["LEAST_SHARE", "SHAPES", "WindClimate", "lifetime_load", "wind_weights"]
+
+SHAPES = (0.5, 10.0)
+"""Least and largest Weibull exponent of a wind climate [-]; measured ones lie between 1 and 4."""
+LEAST_SHARE = 1e-3
+"""Of the time that the wind has to be one of operation."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +37,8 @@ class WindClimate:
     Raises
     ------
     ValueError
-        If a value is not positive and finite, or cut-out does not exceed cut-in.
+        If mean or exponent is not positive and finite, the exponent is none of `SHAPES`, cut-out does not exceed
+        cut-in, or the wind lies between them for less than a share of `LEAST_SHARE` of the time.
     """
 
     mean_speed: float
@@ -47,6 +53,14 @@ class WindClimate:
                 raise ValueError(f"{name} of a wind climate must be positive and finite, got {value!r}")
         if not 0.0 <= self.cut_in < self.cut_out < math.inf:
             raise ValueError(f"0 <= cut-in < cut-out is needed, got {self.cut_in!r} and {self.cut_out!r} m/s")
+        if not SHAPES[0] <= self.shape <= SHAPES[1]:
+            raise ValueError(f"shape of a wind climate must lie in {SHAPES[0]} to {SHAPES[1]}, got {self.shape!r}")
+        if self.share_below(self.cut_out) - self.share_below(self.cut_in) < LEAST_SHARE:
+            raise ValueError(
+                f"a wind climate must have winds between cut-in and cut-out, {self.cut_in:g} to {self.cut_out:g} m/s, "
+                f"for {LEAST_SHARE:g} of the time; a mean_speed of {self.mean_speed:g} m/s with shape {self.shape:g} "
+                "has not"
+            )
 
     @classmethod
     def of_class(cls, turbine_class: str, shape: float = 2.0, cut_in: float = 3.0, cut_out: float = 25.0):
@@ -60,7 +74,8 @@ class WindClimate:
 
     def share_below(self, speed: float) -> float:
         """Share of the time with a mean wind below a speed [m/s]: 1 − exp(−(v/A)^k)."""
-        return -math.expm1(-((speed / self.scale) ** self.shape))
+        relative = min(speed / self.scale, 1e9)  # beyond it the share is 1, and a power would overflow
+        return -math.expm1(-(relative**self.shape))
 
 
 def wind_weights(climate: WindClimate, speeds: Sequence[float]) -> np.ndarray:
