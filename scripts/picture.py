@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The moving picture of README and site: rotor and wake in turbulent wind, under `load_reduction`, the first of the shipped agents.
+"""The moving picture of README and site: rotor and wake in turbulent wind, under the agent `load_reduction`.
 
     scripts/picture.py                       # docs/data/turbine.gif
     scripts/picture.py --frames 120 --out runs/longer.gif
