@@ -97,7 +97,7 @@ def measure_simulator(fidelity: str, wall: float) -> dict:
         return steps * dt / (time.perf_counter() - start)
 
     run(min(2.0, 0.2 * wall))
-    factors = [run(wall / 4) for _ in range(4)]
+    factors = [run(wall / 5) for _ in range(5)]
     return {
         "real_time_factor": float(np.median(factors)),
         "real_time_factor_best": max(factors),
@@ -134,6 +134,37 @@ def measure_environment(fidelity: str, wall: float) -> dict:
         "env_reset_s": reset_time / (resets + 1),
         "env_peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
+
+
+def measure_outside(fidelity: str, wall: float) -> dict:
+    """Share of a step of LoadReduction that passes outside the simulator: actions, controller, observation, reward."""
+    import gymnasium
+    import numpy as np
+
+    import wt_gym  # noqa: F401 - registers the environments
+
+    env = gymnasium.make("wt_gym/LoadReduction-v0", fidelity=fidelity, disable_env_checker=True)
+    env.reset(seed=0)
+    simulator, within = cast(Any, env.unwrapped).simulator, 0.0
+    advance, action = simulator.advance, np.zeros(cast(tuple, env.action_space.shape), dtype=np.float32)
+
+    def timed(*arguments, **named):
+        nonlocal within
+        start = time.perf_counter()
+        signals = advance(*arguments, **named)
+        within += time.perf_counter() - start
+        return signals
+
+    simulator.advance = timed
+    shares: list[float] = []
+    end = time.perf_counter() + wall
+    while time.perf_counter() < end or not shares:
+        within, start = 0.0, time.perf_counter()
+        for _ in range(100):
+            env.step(action)
+        shares.append(1.0 - within / (time.perf_counter() - start))
+        env.reset()
+    return {"share_outside": float(np.median(shares))}
 
 
 def measure_vector(fidelity: str, wall: float) -> dict:
@@ -302,6 +333,7 @@ WORKERS = {
     "environment": measure_environment,
     "import": measure_import,
     "learning": measure_learning,
+    "outside": measure_outside,
     "start": measure_start,
     "threads": measure_threads,
     "structures": measure_structures,
@@ -407,6 +439,8 @@ def measure(arguments: argparse.Namespace) -> None:
             f"{f['env_steps_per_s']:6.0f} env steps/s, reset {f['env_reset_s']:.2f} s, "
             f"{f['peak_memory_mib']:.0f} MiB simulator, {f['env_peak_memory_mib']:.0f} MiB env"
         )
+    figures["outside"] = in_process("outside", "training", wall / 4)
+    print(f"LoadReduction: {100 * figures['outside']['share_outside']:.1f} % of a step outside the simulator")
     figures["vector"] = v = in_process("vector", "training", wall)
     print(
         f"one turbine: {v['one_per_s']:.0f} steps/s; {v['turbines']}: {v['threads_per_s']:.0f} by threads "
