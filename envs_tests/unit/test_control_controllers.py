@@ -38,7 +38,7 @@ from wt_gym.control.controllers import (
 )
 from wt_gym.control.controllers.drive_mode import drive_mode
 from wt_gym.control.controllers.filters import BandLimitedIntegrator
-from wt_gym.control.controllers.retuned import gain_of_table
+from wt_gym.control.controllers.retuned import found_factor, gain_of_table
 from wt_gym.control.controllers.rosco_like import pitch_schedule
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
 from wt_gym.errors import ControllerError
@@ -439,6 +439,17 @@ def test_low_wind_pitch_of_the_15mw():
     winds, pitch = pitch_schedule(rotor_table(turbine), turbine, rotor_table(turbine).optimum[0])
     assert np.interp(4.0, winds, pitch) > math.radians(1.0)  # the rotor may not turn slower than 5 rpm
     assert np.interp(9.0, winds, pitch) == 0.0
+
+
+def test_a_rotor_has_its_retuned_gain_on_every_tower(turbine):
+    """What was found for the NREL 5-MW on land holds on the monopile, and for no other rotor or gearbox."""
+    gain = retuned_parameters(turbine).torque.region_2_gain
+    assert gain == pytest.approx(0.74 * 2.332287)
+    assert retuned_parameters(load_turbine("nrel_5mw_monopile")).torque.region_2_gain == gain
+    assert found_factor(replace(turbine, name="mine", tower=load_turbine("nrel_5mw_monopile").tower)) == 0.74
+    other = replace(turbine.drivetrain, gear_ratio=90.0)
+    for changed in (load_turbine("iea_15mw"), replace(turbine, drivetrain=other)):
+        assert found_factor(changed) is None
 
 
 def test_retuned_gain(turbine):

@@ -2,8 +2,9 @@
 
 The published gain belongs to the rotor of blade-element momentum theory. The lattice's rotor has its best power at a
 higher tip-speed ratio, so that a smaller gain makes more power. `FOUND` holds the multiple of the published gain that
-made the most power in coupled runs; docs/baselines.md says how it was found. Any other turbine gets the gain of the
-optimum of its own table, ``rho pi R^5 Cp / (2 lambda^3 N^3)`` times the gearbox efficiency.
+made the most power in coupled runs; docs/baselines.md says how it was found. It belongs to the rotor and its drive
+train, whatever tower or monopile these stand on. Any other turbine gets the gain of the optimum of its own table,
+``rho pi R^5 Cp / (2 lambda^3 N^3)`` times the gearbox efficiency.
 """
 
 from __future__ import annotations
@@ -14,14 +15,15 @@ from typing import TYPE_CHECKING
 
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
+from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = ["FOUND", "gain_of_table", "retuned_parameters", "with_region_2_gain"]
+__all__ = ["FOUND", "found_factor", "gain_of_table", "retuned_parameters", "with_region_2_gain"]
 
-FOUND: dict[str, float] = {"NREL 5-MW baseline, land based": 0.74}
-"""Multiple of the published region-2 gain by the name of the turbine."""
+FOUND: dict[str, float] = {"nrel_5mw": 0.74}
+"""Multiple of the published region-2 gain, by the turbine of the catalogue with the rotor and drive train."""
 
 
 def gain_of_table(turbine: Turbine, table: RotorTable) -> float:
@@ -37,6 +39,24 @@ def with_region_2_gain(parameters: BaselineParameters, gain: float) -> BaselineP
     return replace(parameters, torque=replace(parameters.torque, region_2_gain=gain))
 
 
+def found_factor(turbine: Turbine) -> float | None:
+    """Multiple of the published region-2 gain that was found for the rotor and drive train of a turbine, if any.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    """
+    from wt_gym.simulation.state import fingerprint  # the simulator is heavy, and rarely needed here
+
+    def rotor(one: Turbine) -> str:
+        return fingerprint(one.n_blades, one.rotor_diameter, one.blade, one.hub, one.drivetrain)
+
+    for name, factor in FOUND.items():
+        if rotor(load_turbine(name)) == rotor(turbine):
+            return factor
+    return None
+
+
 def retuned_parameters(turbine: Turbine, gain_factor: float | None = None) -> BaselineParameters:
     """Constants of the baseline controller with a region-2 gain for the turbine as simulated.
 
@@ -44,11 +64,11 @@ def retuned_parameters(turbine: Turbine, gain_factor: float | None = None) -> Ba
     ----------
     turbine : Turbine
     gain_factor : float, optional
-        Multiple of the gain of `BaselineParameters.from_turbine`; by default what was found for this turbine, else what
-        its table gives.
+        Multiple of the gain of `BaselineParameters.from_turbine`; by default what was found for this rotor, else what
+        the table of the turbine gives.
     """
     parameters = BaselineParameters.from_turbine(turbine)
-    factor = FOUND.get(turbine.name) if gain_factor is None else gain_factor
+    factor = found_factor(turbine) if gain_factor is None else gain_factor
     if factor is None:
         return with_region_2_gain(parameters, gain_of_table(turbine, rotor_table(turbine)))
     return with_region_2_gain(parameters, factor * parameters.torque.region_2_gain)
