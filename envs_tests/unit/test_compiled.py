@@ -6,10 +6,13 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
 
 from wt_gym.compiled import kernel
 from wt_gym.multibody.tree.rotation_kernels import rotation_exp
@@ -243,3 +246,15 @@ def test_an_environment_without_a_place_for_its_kernels_says_so(tmp_path, nowher
     code = "import gymnasium, wt_gym\ngymnasium.make('wt_gym/NREL5MW-Steady-v0')"
     done = process(code, [package.parent], **nowhere)
     assert Path(no_place(done)).is_relative_to(package)
+
+
+@pytest.mark.parametrize("file", ["constraints.txt", "constraints-ray.txt"])
+def test_numba_is_held_to_the_minor_version_that_was_tested(file):
+    """Its inside is replaced here; any other minor version may have another."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    (allowed,) = (one.specifier for one in map(Requirement, project["dependencies"]) if one.name == "numba")
+    (tested,) = re.findall(r"^numba==(\S+)$", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE)
+    major, minor = Version(tested).release[:2]
+    assert Version(tested) in allowed
+    assert Version(f"{major}.{minor + 1}.0") not in allowed
+    assert Version(f"{major}.{minor - 1}.1") not in allowed
