@@ -56,8 +56,15 @@ def run_controller(
     -------
     Recorder
         Signals at the start and after every interval.
+
+    Raises
+    ------
+    ValueError
+        If interval or duration has no meaning.
     """
-    dt = control_dt or simulator.time_step
+    dt = simulator.time_step if control_dt is None else control_dt
+    if not (dt > 0.0 and 0.0 <= duration < np.inf):
+        raise ValueError(f"a positive interval and a finite duration are needed, got {dt!r} s and {duration!r} s")
     point = operating_point(simulator.turbine, simulator.inflow.mean_speed)
     speed = point.rotor_speed if rotor_speed is None else rotor_speed
     signals = simulator.reset(rotor_speed=speed, pitch=point.pitch)

@@ -11,6 +11,7 @@ from scipy.special import stdtrit
 from wt_gym.agents.closed_loop import run_controller
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control.controllers import make_controller
+from wt_gym.envs.arguments import check_duration
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
@@ -20,7 +21,18 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["COLUMNS", "Case", "ControllerRuns", "change", "in_all_winds", "inflow_of", "run_cases", "table"]
+__all__ = [
+    "COLUMNS",
+    "LEAST_MEASURED",
+    "Case",
+    "ControllerRuns",
+    "change",
+    "check_times",
+    "in_all_winds",
+    "inflow_of",
+    "run_cases",
+    "table",
+]
 
 COLUMNS = (
     ("mean_power", "power"),
@@ -33,6 +45,9 @@ COLUMNS = (
     ("rotor_speed_max", "speed max"),
 )
 """Metrics of `wt_gym.analysis.metrics` and their short names."""
+
+LEAST_MEASURED = 2.0
+"""Shortest time of which metrics are taken, and longest interval of a controller [s]."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +74,7 @@ class ControllerRuns:
 
 def inflow_of(turbine: Turbine, case: Case, shear_exponent: float = 0.2):
     """Wind of a case: sheared, with Kaimal turbulence of the turbine's class if there is a seed."""
-    steady = SteadyInflow(case.wind_speed, turbine.hub_height, shear_exponent=shear_exponent)
+    steady = _steady(turbine, case, shear_exponent)
     if case.seed is None:
         return steady
     box = TurbulenceBox.kaimal(
@@ -67,6 +82,31 @@ def inflow_of(turbine: Turbine, case: Case, shear_exponent: float = 0.2):
         turbine_class=turbine.iec_class,
     )  # fmt: skip
     return TurbulentInflow(box, steady)
+
+
+def _steady(turbine: Turbine, case: Case, shear_exponent: float) -> SteadyInflow:
+    """Mean wind of a case; refuses a speed without meaning."""
+    return SteadyInflow(case.wind_speed, turbine.hub_height, shear_exponent=shear_exponent)
+
+
+def check_times(duration: float, skip: float, control_dt: float | None = None) -> None:
+    """Refuse times of a comparison that have no meaning.
+
+    Parameters
+    ----------
+    duration, skip : float
+        Measured time and time before it [s].
+    control_dt : float, optional
+        Interval of the controllers [s].
+
+    Raises
+    ------
+    ValueError
+    """
+    check_duration("the duration", duration, LEAST_MEASURED)
+    check_duration("the skipped start", skip)
+    if control_dt is not None and not 0.0 < control_dt <= LEAST_MEASURED:
+        raise ValueError(f"the control step must lie above 0 and at most at {LEAST_MEASURED:g} s, got {control_dt!r}")
 
 
 def run_cases(
@@ -97,7 +137,18 @@ def run_cases(
         Called with label and case after every run.
     runs : list of ControllerRuns, optional
         That get the metrics, by default new ones. Whoever gives them has what was done where the series is stopped.
+
+    Raises
+    ------
+    ValueError
+        If a time is out of range.
+    wt_gym.errors.InflowError
+        If a wind cannot be made; nothing has run then.
     """
+    cases = list(cases)
+    check_times(duration, skip, control_dt)
+    for case in cases:
+        _steady(turbine, case, 0.0)
     runs = [] if runs is None else runs
     runs += [ControllerRuns(label, {}, {}) for label in controllers]
     simulator = None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.agents.choices import controller_of, expand_seeds, kind_of, split_name
 from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.planning import ShootingPlanner, check_settings
 from wt_gym.agents.trained_environment import environment_of_training
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.benchmark import INTERFACE
@@ -62,8 +63,6 @@ class Entry:
         if kind == "random":
             return UniformAgent(layout)
         if kind == "planner":
-            from wt_gym.agents.planning import ShootingPlanner
-
             return ShootingPlanner(env, **self.definition["parameters"])
         if kind == "trained":
             from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
@@ -87,7 +86,7 @@ def entry_of(text: str) -> Entry:
     Raises
     ------
     ValueError
-        If it is none of them.
+        If it is none of them, or a setting of a planner is out of range.
     """
     name, choice = split_name(text)
     return _entry(name or _default_name(choice), choice)
@@ -109,7 +108,9 @@ def _entry(name: str, choice: str) -> Entry:
     """Entry of a choice."""
     kind = _kind(choice)
     if kind == "planner":
-        return Entry(name, choice, {"kind": kind, "parameters": controller_of(choice)[1]})
+        parameters = controller_of(choice)[1]
+        check_settings(parameters)
+        return Entry(name, choice, {"kind": kind, "parameters": parameters})
     if kind == "word":
         return Entry(name, choice, {"kind": choice})
     if kind == "trained":

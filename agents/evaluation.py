@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -23,9 +22,11 @@ from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.analysis.results import Evaluation, Run, Wind
+from wt_gym.envs.arguments import check_duration
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of, turbine_env_of
 from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.envs.wind_sampler import LARGEST_WIND_SEED
 from wt_gym.simulation import Recorder
 from wt_gym.wind.iec import REFERENCE_SPEED
 
@@ -79,8 +80,8 @@ class EvaluationConfig:
     Raises
     ------
     ValueError
-        If nothing is left to evaluate, the seed is out of range, winds are missing or stand twice, or the arguments of
-        the environment hold a length of the episodes.
+        If nothing is left to evaluate, a time or seed is out of range, winds are missing or stand twice, or the
+        arguments of the environment hold a length of the episodes.
     """
 
     env_id: str = "wt_gym/LoadReduction-v0"
@@ -100,13 +101,16 @@ class EvaluationConfig:
                 f"nothing is left to evaluate: the duration of {self.duration:g} s must exceed the skipped start of "
                 f"{self.skip:g} s (at least 0) by {_LEAST_MEASURED:g} s or more"
             )
-        if not 0.0 <= self.replay < math.inf:
-            raise ValueError(f"the replay must last 0 s or more, got {self.replay!r} s")
+        check_duration("the duration", self.duration)
+        check_duration("the length of the replay", self.replay)
         if not 0 <= self.seed <= _MOST_SEED:
             raise ValueError(f"the seed must lie between 0 and {_MOST_SEED}, got {self.seed!r}")
         if not self.winds or len(set(self.winds)) < len(self.winds):
             raise ValueError(f"winds must be given, each once, got {', '.join(wind.label for wind in self.winds)}")
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
+        for seed in (wind.seed for wind in self.winds if wind.seed is not None):
+            if not 0 <= seed <= LARGEST_WIND_SEED:
+                raise ValueError(f"a wind seed must lie between 0 and {LARGEST_WIND_SEED}, got {seed!r}")
         for name in ("episode_length", "max_episode_steps"):
             if name in self.env_kwargs:
                 raise ValueError(f"{name} follows from the duration of the evaluation; leave it out of env_kwargs")

@@ -6,18 +6,69 @@ controller of a real turbine does. What it reaches is a bound for those that do 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from inspect import signature
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.layout import turbine_env_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import gymnasium as gym
 
-__all__ = ["ShootingPlanner"]
+__all__ = ["ShootingPlanner", "check_settings"]
 
+LONGEST_HORIZON = 600.0
+"""[s]; a plan takes its horizon once a sample and round, at every action."""
+MOST_ACTIONS = MOST_SAMPLES = MOST_ROUNDS = 1000
+"""Of a plan, of a round, and of a search."""
 _LEAST_SPREAD = 0.05  # of the samples, so that the search goes on
+
+
+def check_settings(settings: Mapping[str, Any]) -> None:
+    """Refuse settings of a `ShootingPlanner` that it would refuse, without an environment.
+
+    Parameters
+    ----------
+    settings : mapping
+        Arguments besides the environment, by name.
+
+    Raises
+    ------
+    ValueError
+    """
+    known = {name: p.default for name, p in signature(ShootingPlanner).parameters.items() if name != "env"}
+    if unknown := [name for name in settings if name not in known]:
+        raise ValueError(f"a planner has no {', '.join(unknown)}; it has {', '.join(known)}")
+    _check(**{**known, **settings})
+
+
+def _check(horizon, hold, samples, elites, rounds, spread, seed) -> None:
+    """Refuse times and numbers without meaning."""
+    times = {"horizon": horizon, "hold": hold, "spread": spread}
+    horizon, hold, spread = (check_number(name, value) for name, value in times.items())
+    for name, value in (("samples", samples), ("elites", elites), ("rounds", rounds), ("seed", seed)):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer):
+            raise ValueError(f"{name} of a planner must be a whole number, got {shown(value)}")
+    if horizon > LONGEST_HORIZON:
+        raise ValueError(f"the horizon of a planner must be at most {LONGEST_HORIZON:g} s, got {horizon:g} s")
+    if not 0.0 < hold <= horizon:
+        raise ValueError(f"hold must be positive and at most the horizon of {horizon!r} s, got {hold!r} s")
+    if horizon / hold > MOST_ACTIONS:
+        raise ValueError(f"a plan must have at most {MOST_ACTIONS} actions, got {horizon!r} s in steps of {hold!r} s")
+    if not (1 <= elites <= samples and rounds >= 1):
+        raise ValueError(f"need 1 <= elites <= samples and a round, got {elites}, {samples} and {rounds}")
+    if samples > MOST_SAMPLES or rounds > MOST_ROUNDS:
+        raise ValueError(
+            f"a planner takes at most {MOST_SAMPLES} samples and {MOST_ROUNDS} rounds, got {samples} and {rounds}"
+        )
+    if not spread > 0.0:
+        raise ValueError(f"spread must be positive and finite, got {spread!r}")
+    if seed < 0:
+        raise ValueError(f"seed of a planner must be at least 0, got {seed}")
 
 
 class ShootingPlanner:
@@ -65,12 +116,7 @@ class ShootingPlanner:
         seed: int = 0,
     ):
         self._env = turbine_env_of(env)
-        if not 0.0 < hold <= horizon:
-            raise ValueError(f"hold must be positive and at most the horizon of {horizon!r} s, got {hold!r} s")
-        if not (1 <= elites <= samples and rounds >= 1):
-            raise ValueError(f"need 1 <= elites <= samples and a round, got {elites}, {samples} and {rounds}")
-        if not 0.0 < spread < np.inf:
-            raise ValueError(f"spread must be positive and finite, got {spread!r}")
+        _check(horizon, hold, samples, elites, rounds, spread, seed)
         self._held = max(1, round(hold / self._env.control_dt))
         self._shape = (max(1, round(horizon / hold)), *self._env.action_space.shape)
         self._samples, self._elites, self._rounds, self._spread = samples, elites, rounds, spread

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.comparison import Case, run_cases
+from wt_gym.agents.comparison import Case, check_times, run_cases
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.errors import SimulationError
 from wt_gym.files import require_writable, write_text_whole
@@ -129,7 +129,7 @@ class TuningTask:
     Raises
     ------
     ValueError
-        If a seed is not one of training, or nothing is known to search.
+        If a seed is not one of training, a time is out of range, or nothing is known to search.
     """
 
     controller: str
@@ -146,6 +146,7 @@ class TuningTask:
         held_back = sorted(set(self.seeds) - set(TRAINING_WIND_SEEDS))
         if held_back:
             raise ValueError(f"tuning takes training seeds (1 … 24) only, got {held_back}")
+        check_times(self.duration, self.skip)
         if self.space is None:
             parts = self.controller.replace("tower_dampers", "fore_aft_damper+side_side_damper").split("+")
             several = len(parts) > 1

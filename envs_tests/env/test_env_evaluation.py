@@ -373,7 +373,10 @@ def test_runs_are_labelled_by_the_wind_that_they_had(kwargs, labels, monkeypatch
     ("changes", "message"),
     [
         ({"seed": -(2**40)}, "the seed must lie between 0 and"),
-        ({"replay": -1.0}, "the replay must last 0 s or more"),
+        ({"replay": -1.0}, "the length of the replay must lie between 0 and"),
+        ({"replay": 1e30}, "the length of the replay must lie between 0 and"),
+        ({"duration": 1e300}, "the duration must lie between 0 and"),
+        ({"winds": (Wind(9.0, 10**23),)}, "a wind seed must lie between 0 and 9223372036854775807, got 1000"),
         ({"winds": (Wind(9.0), Wind(9.0))}, "each once, got 9 m/s, 9 m/s"),
         ({"winds": ()}, "winds must be given"),
         ({"mean_wind_speed": -3.0}, "mean_speed of a wind climate must be positive"),

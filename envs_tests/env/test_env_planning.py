@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents.planning import ShootingPlanner
+from wt_gym.agents.planning import ShootingPlanner, check_settings
 
 SMALL = {"horizon": 0.8, "hold": 0.4, "samples": 3, "elites": 2, "rounds": 2}
 
@@ -98,11 +98,19 @@ def test_plans_end_with_the_episode():
         ({"elites": 13}, "1 <= elites <= samples"),
         ({"rounds": 0}, "a round"),
         ({"spread": -1.0}, "spread must be positive"),
+        ({"horizon": 1e9}, "horizon of a planner must be at most 600 s"),
+        ({"horizon": None}, "horizon must be a finite number"),
+        ({"hold": 1e-9}, "at most 1000 actions"),
+        ({"samples": 2.5}, "samples of a planner must be a whole number"),
+        ({"samples": 10**9}, "at most 1000 samples and 1000 rounds"),
+        ({"seed": -1}, "seed of a planner must be at least 0"),
     ],
 )
 def test_settings_without_meaning_are_refused(env, wrong, message):
     with pytest.raises(ValueError, match=message):
         ShootingPlanner(env, **wrong)
+    with pytest.raises(ValueError, match=message):
+        check_settings(wrong)
 
 
 def test_several_environments_are_refused(env):

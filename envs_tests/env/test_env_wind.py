@@ -134,6 +134,7 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
         ("turbulent", {"wind_speed": 10.0, "turbulence_class": "E"}, "turbulence_class"),
         ("turbulent", {"wind_speed": 10.0, "wind_seeds": ()}, "at least one"),
         ("turbulent", {"wind_speed": 10.0, "wind_seeds": (1.5,)}, "integer"),
+        ("turbulent", {"wind_speed": 10.0, "wind_seeds": (10**23,)}, "at most 9223372036854775807"),
         ("turbulent", {"wind_speed": 10.0, "turbulence_model": "EWM"}, "'NTM', 'ETM'"),
         ("steady", {"wind_speed": 10.0, "turbulence_model": "ETM"}, "belongs to inflow='turbulent'"),
         ("steady", {"wind_speed": 10.0, "return_period": 1}, "belongs to the inflows"),

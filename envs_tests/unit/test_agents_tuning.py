@@ -5,9 +5,10 @@ import math
 
 import pytest
 
-from wt_gym.agents import tuning
-from wt_gym.agents.comparison import Case, ControllerRuns, change, table
+from wt_gym.agents import comparison, tuning
+from wt_gym.agents.comparison import Case, ControllerRuns, change, run_cases, table
 from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
+from wt_gym.errors import InflowError
 from wt_gym.turbines import load_turbine
 
 METRICS = {
@@ -52,6 +53,28 @@ def test_held_back_seeds_and_empty_spaces_are_refused():
     with pytest.raises(ValueError, match="nothing to tune"):
         TuningTask("discon")
     assert set(TuningTask("ipc+yaw").space) >= {"ipc__bandwidth", "yaw__dead_band"}
+
+
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        ({"duration": math.nan}, "the duration must lie between 2 and"),
+        ({"duration": 1e300}, "the duration must lie between 2 and"),
+        ({"skip": -3.0}, "the skipped start must lie between 0 and"),
+    ],
+)
+def test_times_without_meaning_are_refused(times, message, monkeypatch):
+    monkeypatch.setattr(comparison, "Simulator", lambda *_: pytest.fail("a simulator was made"))
+    with pytest.raises(ValueError, match=message):
+        TuningTask("ipc", **times)
+    turbine = load_turbine("nrel_5mw")
+    with pytest.raises(ValueError, match=message):
+        run_cases(turbine, {"discon": ("discon", {})}, [Case(12.0)], **{"duration": 5.0} | times)
+    for step in (0.0, -0.1, math.nan):
+        with pytest.raises(ValueError, match="the control step must lie above 0"):
+            run_cases(turbine, {"discon": ("discon", {})}, [Case(12.0)], 5.0, control_dt=step)
+    with pytest.raises(InflowError, match="speed must lie in"):  # of the last wind, before the first one runs
+        run_cases(turbine, {"discon": ("discon", {})}, [Case(12.0), Case(1e9)], 5.0)
 
 
 def test_changes_and_table():

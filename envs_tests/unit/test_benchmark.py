@@ -374,6 +374,10 @@ def test_entries_of_words():
     assert (entry.name, entry.choice) == ("mine", "constrained_ipc:level=0.1,limit=0.05")
     assert entry.interface["controller"] == ["constrained_ipc", {"level": 0.1, "limit": 0.05}]
     assert entry_of("planner:horizon=1.0").definition["parameters"] == {"horizon": 1.0}
+    with pytest.raises(ValueError, match="a planner must be at most 600 s"):  # before anything is compiled
+        entry_of("planner:horizon=1e9")
+    with pytest.raises(ValueError, match="a planner has no fish; it has horizon, hold"):
+        entry_of("planner:fish=1")
     assert controller_of("ipc+yaw:ipc__limit=0.1") == ("ipc+yaw", {"ipc__limit": 0.1})
 
 

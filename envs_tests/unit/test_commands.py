@@ -153,6 +153,41 @@ def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
     assert not (tmp_path / "run.nc").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--duration", "1e300"], "--duration must lie between 1 and 1e+06 s, got 1e+300"),
+        (["--duration", "nan"], "--duration must lie between 1 and 1e+06 s, got nan"),
+        (["--average", "400"], "--average must lie above 0 and at most at the --duration of 300 s, got 400"),
+        (["--wind-speed", "8", "1e9"], "speed must lie in [0, 200] m/s"),
+        (["--turbulent", "--seed", "-1"], "--seed must lie between 0 and"),
+        (["--fidelity", "none"], "fidelity 'none' is unknown"),
+    ],
+)
+def test_simulate_refuses_numbers_without_meaning_before_it_prints(words, message, capsys):
+    error = ended(simulate.main, words)
+    assert message in error
+    assert "\n" not in error
+    assert capsys.readouterr().out == ""
+
+
+def test_simulate_averages_over_short_runs_as_a_whole():
+    assert simulate.parse_arguments(["--duration", "20"]).average == 20.0
+    assert simulate.parse_arguments([]).average == 60.0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--rotor-speed", "10", "1e9"], "--rotor-speed 1e+09: NREL 5-MW baseline, land based takes at most 60.5 rpm"),
+        (["--wind-speed", "8", "1e9"], "--wind-speed 1e+09: NREL 5-MW baseline, land based takes at most 25 m/s"),
+    ],
+)
+def test_campbell_says_which_speeds_are_allowed_before_it_computes(words, message, monkeypatch):
+    monkeypatch.setattr("wt_gym.simulation.Simulator", lambda *_, **__: pytest.fail("a simulator was made"))
+    assert message in ended(main, ["campbell", *words])
+
+
 def broken_off(*_, **__):
     """Work during which Ctrl-C comes."""
     signal.raise_signal(signal.SIGINT)

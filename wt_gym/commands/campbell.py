@@ -22,6 +22,9 @@ from wt_gym.files import require_writable, whole_file
 
 if TYPE_CHECKING:
     from wt_gym.simulation.campbell import CampbellDiagram
+    from wt_gym.turbines import Turbine
+
+LARGEST_OVERSPEED = 5.0  # in rated rotor speeds
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -81,6 +84,19 @@ def check(parser, arguments) -> None:
             parser.error(f"--out {arguments.out}: endings of figures are {', '.join(sorted(known))}")
 
 
+def check_speeds(arguments: argparse.Namespace, turbine: Turbine) -> None:
+    """Refuse speeds that no rotor of this kind reaches, before anything is compiled."""
+    rated = turbine.drivetrain.rated_rotor_speed * 30.0 / math.pi
+    allowed = (
+        ("--rotor-speed", arguments.rotor_speed, LARGEST_OVERSPEED * rated, f"{LARGEST_OVERSPEED:g} x rated", "rpm"),
+        ("--wind-speed", arguments.wind_speed, turbine.cut_out, "cut-out", "m/s"),
+    )
+    for option, values, largest, what, unit in allowed:
+        for value in values or ():
+            if value > largest:
+                raise ValueError(f"{option} {value:g}: {turbine.name} takes at most {largest:.4g} {unit} ({what})")
+
+
 def compute(arguments: argparse.Namespace) -> CampbellDiagram:
     """Diagram of the options."""
     import numpy as np
@@ -96,6 +112,7 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
             print(f"\r{done} of {count} operating points", end="\n" if done == count else "", file=sys.stderr)
 
     turbine = load_turbine(arguments.turbine)
+    check_speeds(arguments, turbine)
     inflow = SteadyInflow(turbine.rated_wind_speed, hub_height=turbine.hub_height)
     simulator = Simulator(turbine, inflow=inflow, fidelity=arguments.fidelity)
     speeds = arguments.rotor_speed

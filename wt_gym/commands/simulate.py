@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from wt_gym.simulation import Recorder
     from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
+    from wt_gym.wind import Inflow, SteadyInflow
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -37,7 +37,11 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
     parser.add_argument("--wind-speed", type=float, nargs="+", default=[8.0, 15.0], metavar="M_S", help="at the hub")
     parser.add_argument("--duration", type=float, default=300.0, help="simulated time [s] (default: %(default)s)")
-    parser.add_argument("--average", type=float, default=60.0, help="last part averaged [s] (default: %(default)s)")
+    parser.add_argument(
+        "--average",
+        type=float,
+        help="last part averaged [s], at most the duration (default: 60, or a shorter duration)",
+    )
     parser.add_argument("--fidelity", default="training", help=FIDELITIES_HELP)
     parser.add_argument("--shear", type=float, default=0.0, help="power-law exponent (default: %(default)s)")
     parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
@@ -46,12 +50,18 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--scaling",
         default="low_frequency",
-        help="of the turbulence: low_frequency, uniform or none (default: %(default)s)",
+        choices=("low_frequency", "uniform", "none"),
+        help="of the turbulence (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, help="NetCDF file; the wind speed is added to its name for several speeds")
     parser.add_argument("--json", action="store_true", help="print the table as JSON at the end")
-    return parser.parse_args(words)
+    arguments = parser.parse_args(words)
+    if arguments.average is None:
+        arguments.average = min(60.0, arguments.duration)
+    return arguments
 
+
+LEAST_DURATION = 1.0  # s
 
 COLUMNS = (
     ("wind_m_s", "wind", "m/s", 6, 2),
@@ -70,12 +80,22 @@ COLUMNS = (
 
 def check(arguments: argparse.Namespace) -> None:
     """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
-    positive = {"--wind-speed": arguments.wind_speed, "--duration": [arguments.duration]}
-    positive["--average"] = [arguments.average]
-    for option, values in positive.items():
-        for value in values:
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{option} must be positive and finite, got {value:g}")
+    from wt_gym.envs.arguments import check_duration
+    from wt_gym.envs.wind_sampler import LARGEST_WIND_SEED
+    from wt_gym.simulation.fidelity import fidelity
+
+    check_duration("--duration", arguments.duration, LEAST_DURATION)
+    if not 0.0 < arguments.average <= arguments.duration:
+        raise ValueError(
+            f"--average must lie above 0 and at most at the --duration of {arguments.duration:g} s, got "
+            f"{arguments.average:g}"
+        )
+    for value in arguments.wind_speed:
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"--wind-speed must be positive and finite, got {value:g}")
+    if not 0 <= arguments.seed <= LARGEST_WIND_SEED:
+        raise ValueError(f"--seed must lie between 0 and {LARGEST_WIND_SEED}, got {arguments.seed}")
+    fidelity(arguments.fidelity)
     names = Counter(f"{speed:g}" for speed in arguments.wind_speed)
     if arguments.out and len(names) < names.total():
         raise ValueError(f"--wind-speed {names.most_common(1)[0][0]} comes twice, and would be written to one file")
@@ -91,16 +111,23 @@ def file_of(arguments: argparse.Namespace, speed: float) -> Path:
     return out.with_stem(f"{out.stem}_{speed:g}") if len(arguments.wind_speed) > 1 else out
 
 
-def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> Inflow:
-    """Wind of the options."""
-    from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+def steady_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> SteadyInflow:
+    """Mean wind of the options; refuses what has no meaning."""
+    from wt_gym.wind import SteadyInflow
 
-    steady = SteadyInflow(
+    return SteadyInflow(
         speed,
         hub_height=turbine.hub_height,
         shear_exponent=arguments.shear,
         yaw_misalignment=math.radians(arguments.yaw_misalignment),
     )
+
+
+def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> Inflow:
+    """Wind of the options."""
+    from wt_gym.wind import TurbulenceBox, TurbulentInflow
+
+    steady = steady_of(arguments, turbine, speed)
     if not arguments.turbulent:
         return steady
     box = TurbulenceBox.kaimal(
@@ -164,6 +191,8 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.turbines import load_turbine
 
         turbine = load_turbine(arguments.turbine)
+        for speed in arguments.wind_speed:  # all before the first is simulated
+            steady_of(arguments, turbine, speed)
         rows = []
         print(f"{turbine.name}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
         print("  ".join(f"{title:>{width}}" for _, title, _, width, _ in COLUMNS) + "   x real time")

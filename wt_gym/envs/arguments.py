@@ -9,7 +9,20 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["check_flag", "check_mapping", "check_names", "check_number", "real_number", "real_numbers", "shown"]
+__all__ = [
+    "LONGEST",
+    "check_duration",
+    "check_flag",
+    "check_mapping",
+    "check_names",
+    "check_number",
+    "real_number",
+    "real_numbers",
+    "shown",
+]
+
+LONGEST = 1e6
+"""Longest time that is simulated in one run [s], eleven days: hours of computing at least, so that more is a slip."""
 
 
 def check_number(name: str, value: Any, unit: str = "", *, finite: bool = True) -> float:
@@ -33,6 +46,26 @@ def check_number(name: str, value: Any, unit: str = "", *, finite: bool = True) 
     if found is None or (finite and not math.isfinite(found)):
         kind = "a finite number" if finite else "a number"
         raise ValueError(f"{name} must be {kind}{f' in {unit}' if unit else ''}, got {shown(value)}")
+    return found
+
+
+def check_duration(name: str, value: Any, least: float = 0.0) -> float:
+    """Return a time that can be simulated: a number of ``least`` to `LONGEST` [s].
+
+    Parameters
+    ----------
+    name : str
+        Of the argument.
+    value : object
+    least : float
+
+    Raises
+    ------
+    ValueError
+    """
+    found = real_number(value)
+    if found is None or not least <= found <= LONGEST:
+        raise ValueError(f"{name} must lie between {least:g} and {LONGEST:g} s, got {shown(value)}")
     return found
 
 

@@ -27,13 +27,16 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["EVALUATION_WIND_SEEDS", "TRAINING_WIND_SEEDS", "EpisodeWind", "WindSampler"]
+__all__ = ["EVALUATION_WIND_SEEDS", "LARGEST_WIND_SEED", "TRAINING_WIND_SEEDS", "EpisodeWind", "WindSampler"]
 
 TRAINING_WIND_SEEDS = tuple(range(1, 25))
 """Wind seeds from which training episodes draw by default."""
 
 EVALUATION_WIND_SEEDS = tuple(range(1001, 1025))
 """Wind seeds held back for evaluation: no default environment ever trains on them."""
+
+LARGEST_WIND_SEED = 2**63 - 1
+"""Larger ones have no place in the integers of arrays and files."""
 
 EXTREME = ("extreme", "extreme-turbulent")
 KINDS = ("steady", "turbulent", "gusts", *EXTREME)
@@ -454,6 +457,8 @@ Inflow and paths, or callable
     def _checked_seed(seed) -> int:
         if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
             raise InflowError(f"a wind seed must be an integer of at least 0, got {seed!r}")
+        if seed > LARGEST_WIND_SEED:
+            raise InflowError(f"a wind seed must be an integer of at most {LARGEST_WIND_SEED}, got {seed!r}")
         return int(seed)
 
 
