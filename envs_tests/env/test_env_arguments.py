@@ -115,3 +115,17 @@ def test_numbers_of_numpy_are_numbers():
     assert check_flag("x", np.bool_(True)) is True
     assert check_names("x", iter(("a", "b"))) == ("a", "b")
     assert check_mapping("x", {"a": 1}) == {"a": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"history": 1001}, "history must be a whole number of readings, 1 to 1000, got 1001"),
+        ({"history": 1e9}, "history must be a whole number of readings, 1 to 1000, got 1000000000"),
+        ({"sensor_delay": 200.2}, "sensor_delay must be 0 to 1000 control steps, got 1001"),
+        ({"sensor_delay": 1e30}, "sensor_delay must be 0 to 1000 control steps, got"),
+    ],
+)
+def test_memory_of_the_sensors_has_an_end(given, message):
+    with pytest.raises(ValueError, match=message):
+        WindTurbineEnv(**given)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DEFAULT_GROUPS",
+    "MOST_READINGS",
     "OBSERVATION_GROUPS",
     "RESIDUAL_GROUPS",
     "Observer",
@@ -41,6 +42,8 @@ OBSERVATION_GROUPS = (
     "offsets", "lidar", "previous_action",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
+MOST_READINGS = 1000
+"""Most readings in an observation, and most control steps by which they are late: 200 s at the usual step of 0.2 s."""
 _BLADE_SIGNALS = ("tip_out_of_plane", "tip_in_plane", "root_flap_moment", "root_edge_moment")
 _MEMORY = ("_estimator", "_anemometer", "_wind_reading", "_pitch_before", "_pitch_now", "_dt", "_readings")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
@@ -101,9 +104,9 @@ class Observer:
     noise_level : float
         Factor on the noise of every sensor; zero for none.
     delay : int
-        Control steps by which every reading is late.
+        Control steps by which every reading is late, up to `MOST_READINGS`.
     history : int
-        Readings in an observation: this one, then those before it.
+        Readings in an observation, up to `MOST_READINGS`: this one, then those before it.
     lidar : Lidar, optional
     residual : ResidualPitch, optional
         What residual pitch passes, if anything; what acts of it can then be observed.
@@ -127,8 +130,10 @@ class Observer:
     ):
         if not 0.0 <= noise_level < math.inf:
             raise ValueError(f"sensor_noise must be finite and not negative, got {noise_level!r}")
-        if history < 1 or history != int(history):
-            raise ValueError(f"history must be a whole number of readings, at least 1, got {history!r}")
+        if not 1 <= history <= MOST_READINGS or history != int(history):
+            raise ValueError(f"history must be a whole number of readings, 1 to {MOST_READINGS}, got {history!r}")
+        if not 0 <= delay <= MOST_READINGS:
+            raise ValueError(f"sensor_delay must be 0 to {MOST_READINGS} control steps, got {delay}")
         if lidar is not None and not isinstance(lidar, Lidar):
             raise ValueError(f"lidar must be a wt_gym.control.Lidar or None, got {shown(lidar)}")
         self._turbine, self._action, self._noise_level = turbine, action, noise_level

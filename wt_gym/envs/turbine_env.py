@@ -306,9 +306,9 @@ class WindTurbineEnv(gym.Env):
     sensor_noise : float
         Level of white measurement noise; 0 none, 1 typical instruments.
     sensor_delay : float
-        Time by which readings are late [s], a multiple of ``control_dt``.
+        Time by which readings are late [s], a multiple of ``control_dt``, at most 1000 of them.
     history : int
-        Readings in an observation: the present one, then those of the steps before.
+        Readings in an observation, at most 1000: the present one, then those of the steps before.
     lidar : Lidar, optional
         Ranges and cone of the group "lidar"; by default those of the lidar that the controller beneath reads, if it
         does, else `wt_gym.control.Lidar.for_rotor`.
