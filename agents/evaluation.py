@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import time
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS, USUAL_SPEED, met_wind
 from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.progress import ProgressLine, clock
+from wt_gym.agents.training_notes import training_notes
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.replay import ReplayRecorder
@@ -45,6 +47,7 @@ FIRST_SEED = 2**40
 """Seeds of the environment in evaluations begin here, far beyond those of any training: what a wind seed does not
 decide (gusts, directions, own inflows, noise) is never what a training has drawn."""
 _SEEDS_A_WIND, _MOST_SEED = 1000, 2**32
+_log = logging.getLogger(__name__)
 # A metric of a few samples says nothing: runs that end earlier than this after the skipped start have none.
 _LEAST_MEASURED = 2.0
 
@@ -177,6 +180,9 @@ def evaluate(
     with store or nullcontext(), Contenders(agents, *where, allow_other_environment) as contenders:
         env = contenders.env
         layout = layout_of(env)
+        notes = training_notes(contenders.agents, config.winds)
+        for note in notes.values():
+            _log.warning(note)
         climate = _climate(layout.turbine, config)
         if store:  # nothing else can be refused any more
             store.begin(code_fingerprint(layout.turbine, turbine_env_of(env).fidelity), overwrite)
@@ -208,6 +214,7 @@ def evaluate(
             climate=climate
             if all(turbine.cut_in <= run.wind.speed <= turbine.cut_out for run in runs.values())
             else None,
+            notes=notes,
         )
         if store:
             store.save_tables(evaluation, jobs)

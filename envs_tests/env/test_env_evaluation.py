@@ -1,5 +1,6 @@
 """Evaluations kept in a folder: stopped and gone on with, refused, overwritten; controllers as agents."""
 
+import argparse
 import json
 import re
 import shlex
@@ -20,9 +21,11 @@ from wt_gym.agents.executors import ProcessExecutor
 from wt_gym.agents.sweep_record import SWEEP_FILE
 from wt_gym.agents.trained_environment import check_environment, resolved_arguments
 from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.agents.training_notes import training_notes
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.commands import evaluate as command
 from wt_gym.envs import turbine_env
+from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
@@ -270,6 +273,45 @@ def test_what_wind_seeds_leave_open_is_drawn_from_seeds_of_no_training(monkeypat
     with pytest.raises(ValueError, match="seed must be"):
         TrainingConfig(seed=2**32)
     assert min(first, second) > 2**32 + 256
+
+
+class OfRecord(ConstantAgent):
+    """A model with the record of its training, if there is one."""
+
+    def __init__(self, layout, record):
+        super().__init__(layout)
+        self.record = record
+
+
+@pytest.mark.parametrize(
+    ("record", "note"),
+    [
+        ({"wind_seeds": [1, 5, 7]}, "Model was trained on wind seeds 5, 7 of this evaluation"),
+        (None, "Nothing is known of the training of Model: there is no training.json beside its model. It runs on"),
+        ({"wind_seeds": [1]}, None),
+        ({"wind_seeds": None}, None),
+    ],
+)
+def test_what_a_training_has_met_is_said(record, note, monkeypatch, caplog):
+    played = []
+    monkeypatch.setattr(Contenders, "results", lambda self, play, jobs, *_: played.append(len(caplog.records)) or ())
+    env = gym.make(STEADY)
+    agents = {"Baseline": "baseline", "Model": OfRecord(layout_of(env), record)}
+    env.close()
+    winds = tuple(Wind(9.0, seed) for seed in (5, 7, 1001))
+    with pytest.raises(KeyError):  # no run is made
+        evaluate(agents, replace(CONFIG, winds=winds), progress=False)
+    found = [entry.getMessage() for entry in caplog.records]
+    assert played == [len(found)]  # before any run
+    assert len(found) == (0 if note is None else 1)
+    assert all(text.startswith(note) and "\n" not in text for text in found)
+
+
+def test_notes_on_trainings_name_some_seeds_only():
+    agents = {"A": argparse.Namespace(record={"wind_seeds": list(range(1, 25))}), "B": object()}
+    notes = training_notes(agents, [Wind(9.0, seed) for seed in range(1, 11)])
+    assert list(notes) == ["A"]
+    assert "trained on wind seeds 1, 2, 3, 4, 5, 6 and 4 more of" in notes["A"]
 
 
 @pytest.mark.parametrize(

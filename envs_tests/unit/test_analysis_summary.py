@@ -145,6 +145,18 @@ def test_seeds_that_nobody_knows_are_not_called_unseen():
     assert not unseen(evaluation(training={"PPO": record(wind_seeds=None)}))
 
 
+def test_notes_on_trainings_are_shown_and_no_wind_is_called_unseen_then(tmp_path):
+    note = "PPO was trained on wind seed 1001 of this evaluation: <its> figures there are no test in unseen winds."
+    result = replace(evaluation(training={"PPO": record()}), notes={"PPO": note})
+    assert note in summarise(result)
+    assert not unseen(result)
+    assert result.to_json()["notes"] == {"PPO": note}
+    page = write_report(result, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert note.replace("<its>", "&lt;its&gt;") in page
+    result.save(tmp_path)
+    assert Evaluation.load(tmp_path).notes == {"PPO": note}
+
+
 def test_a_checkpoint_is_named_as_such():
     assert "its checkpoint after 18\u202f000 steps" in agent_text(
         evaluation(training={"PPO": record(checkpoint=18_000)})

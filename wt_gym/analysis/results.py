@@ -166,6 +166,9 @@ class Evaluation:
         Agent name to how it was trained (see `wt_gym.agents.train`), for agents that were.
     climate : WindClimate or None
         How often each wind speed blows, for loads over a life.
+    notes : dict
+        Agent name to a sentence that its figures are to be read with: it has met these winds in its training, or
+        nothing is known of that.
     """
 
     turbine: str
@@ -175,6 +178,7 @@ class Evaluation:
     limits: dict[str, float] = field(default_factory=dict)
     training: dict[str, dict[str, Any]] = field(default_factory=dict)
     climate: WindClimate | None = None
+    notes: dict[str, str] = field(default_factory=dict)
 
     @property
     def agents(self) -> list[str]:
@@ -230,6 +234,7 @@ class Evaluation:
             "limits": self.limits,
             "training": self.training,
             "climate": None if self.climate is None else asdict(self.climate),
+            "notes": self.notes,
             "mean": {agent: self.mean_metrics(agent) for agent in self.agents},
             "runs": [run.to_json() for run in self.runs],
         }

@@ -144,7 +144,11 @@ def unseen(evaluation: Evaluation) -> bool:
     """Whether no agent was trained on a turbulence seed of the evaluation; a wind without a seed may have been met."""
     seeds = {wind.seed for wind in evaluation.winds}
     trained = [training.get("wind_seeds") for training in evaluation.training.values()]
-    return None not in seeds and all(known is not None and seeds.isdisjoint(known) for known in trained)
+    return (
+        not evaluation.notes
+        and None not in seeds
+        and all(known is not None and seeds.isdisjoint(known) for known in trained)
+    )
 
 
 @dataclass(frozen=True)
@@ -187,7 +191,7 @@ def verdict(evaluation: Evaluation, agent: str) -> Verdict:
 
 
 def summarise(evaluation: Evaluation) -> list[str]:
-    """Describe what was found, one paragraph an agent and one on how far the result carries.
+    """Describe what was found, one paragraph an agent, one a note and one on how far the result carries.
 
     Returns
     -------
@@ -196,7 +200,7 @@ def summarise(evaluation: Evaluation) -> list[str]:
     """
     paragraphs = [_baseline_paragraph(evaluation)]
     paragraphs += [_agent_paragraph(evaluation, a) for a in evaluation.agents if a != evaluation.baseline]
-    return [*paragraphs, _reach_paragraph(evaluation)]
+    return [*paragraphs, *evaluation.notes.values(), _reach_paragraph(evaluation)]
 
 
 def _baseline_paragraph(evaluation: Evaluation) -> str:
