@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wt_gym.agents import benchmark_runs
-from wt_gym.agents.benchmark_runs import definition_of
+from wt_gym.agents.benchmark_runs import definition_of, jobs_of
 from wt_gym.agents.choices import controller_of
 from wt_gym.agents.entries import LEVELS, entries_of, entry_of
 from wt_gym.agents.front import (
@@ -430,6 +430,27 @@ def sweeps(monkeypatch):
     monkeypatch.setattr(benchmark_runs, "_run", run)
     monkeypatch.setattr(benchmark_runs, "run_jobs", note)
     return asked
+
+
+def test_runs_that_will_have_no_score_are_warned_of_before_the_first(sweeps, monkeypatch, tmp_path, capsys):
+    made = make_reference(TASK, results(TASK), {"ipc": results(TASK, {"blade_flap_del": 0.9})})
+    present = definition_of(jobs_of([TASK], entries_of(["zero"]))[0])["fingerprint"]
+    fits = dataclasses.asdict(dataclasses.replace(made, fingerprint=present))
+    older = dataclasses.asdict(dataclasses.replace(made, fingerprint=present | {"wind": "x", "control": "y"}))
+    said, run_jobs = [], benchmark_runs.run_jobs
+    monkeypatch.setattr(benchmark_runs, "run_jobs", lambda *a: said.append(capsys.readouterr().err) or run_jobs(*a))
+    for number, reference in enumerate((fits, older, None)):
+        task = dataclasses.replace(TASK, reference=reference)
+        monkeypatch.setattr(command, "chosen", lambda names, task=task: [task])
+        command.main(["run", "zero", "--out", str(tmp_path / str(number))])
+    assert said[0] == ""
+    assert said[1].startswith(
+        "warning: runs of load-reduction-15 will have no score: the reference numbers were made with another control, "
+        "wind; "
+    )
+    assert "benchmark reference --task load-reduction-15 --confirm takes them over" in said[1]
+    assert said[2].startswith("warning: the task load-reduction-15-v2 has no reference numbers yet")
+    assert [text.count("\n") for text in said] == [0, 1, 1]
 
 
 @pytest.mark.parametrize("words", [["front"], ["reference"], ["reference", "--confirm"]])

@@ -14,6 +14,7 @@ stops a command and starts it again loses no finished run. docs/benchmark.md has
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 from wt_gym.commands.engine_options import add_engine_options, executor_of
@@ -79,13 +80,42 @@ def tasks(_: argparse.Namespace) -> None:
         print(f"{task.id}: {task.goal} {len(task.winds)} winds of {task.duration:g} s; {known}")
 
 
+def warnings_of_scores(tasks: list) -> list[str]:
+    """Lines on tasks in which what is run now can have no score: their reference numbers do not fit the sources."""
+    from wt_gym.benchmark import reference_of, run_definition
+    from wt_gym.benchmark.fingerprint import differing
+    from wt_gym.errors import BenchmarkError
+
+    lines: list[str] = []
+    others: dict[str, list[str]] = {}
+    for task in tasks:
+        try:
+            known = reference_of(task)
+        except BenchmarkError as error:
+            lines.append(str(error))
+            continue
+        if parts := differing(known.fingerprint, run_definition(task, task.winds[0], {})["fingerprint"]):
+            others.setdefault(", ".join(parts), []).append(task.name)
+    where = "" if IN_CLONE else "in a clone of the project "
+    renew = f"{where}{as_called('wt-gym benchmark')} reference"
+    return lines + [
+        f"runs of {', '.join(names)} will have no score: the reference numbers were made with another {parts}; {renew} "
+        f"--task {' '.join(names)} --confirm takes them over where no number has changed, without --confirm they are "
+        "made anew"
+        for parts, names in others.items()
+    ]
+
+
 def run(arguments: argparse.Namespace) -> dict:
     """Run agents."""
     from wt_gym.agents.benchmark_runs import jobs_of, run_jobs
     from wt_gym.agents.entries import entries_of
     from wt_gym.benchmark import ResultFolder
 
-    jobs = jobs_of(chosen(arguments.task), entries_of(arguments.agents))
+    tasks = chosen(arguments.task)
+    jobs = jobs_of(tasks, entries_of(arguments.agents))
+    for line in warnings_of_scores(tasks):
+        print(f"warning: {line}", file=sys.stderr, flush=True)
     with executor_of(arguments) as executor:
         made = run_jobs(jobs, ResultFolder(arguments.out), executor)
     print(f"{made} runs made, {len(jobs) - made} were there")
