@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.commands import COMMANDS, bench, evaluate, loadcases, main, simulate
+from wt_gym.commands import COMMANDS, bench, evaluate, loadcases, main, program, simulate
 from wt_gym.commands.program import OneLineParser, as_called, json_value, stoppable, user_errors
 
 
@@ -59,12 +59,28 @@ def test_in_a_clone_commands_are_called_as_scripts(monkeypatch):
     assert as_called(text) == "scripts/train.py, scripts/compare_controllers.py runs/ppo"
 
 
-def test_what_is_not_installed_is_named_with_its_extra():
+@pytest.mark.parametrize(
+    ("in_clone", "hints"),
+    [
+        (
+            True,
+            {"optuna": ".venv/bin/pip install -e '.[tune]'", "ray": ".venv-ray/bin/pip install -c constraints-ray.txt"},
+        ),
+        (False, {"optuna": "pip install 'wt_gym[tune]'", "minari": "pip install 'wt_gym[data]'"}),
+    ],
+)
+def test_what_is_not_installed_is_named_with_its_extra(in_clone, hints, monkeypatch):
+    monkeypatch.setattr(program, "IN_CLONE", in_clone)
+
     def without(name):
         with user_errors():
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
-    assert ended(without, "optuna") == "error: optuna is not installed; pip install 'wt_gym[tune]'"
+    for name, hint in hints.items():
+        found = ended(without, name)
+        assert found.startswith(f"error: {name} is not installed; ")
+        assert hint in found
+        assert ("-e" in found) is in_clone
     with pytest.raises(ModuleNotFoundError):  # a fault of the package, to be shown whole
         without("wt_gym.nowhere")
 

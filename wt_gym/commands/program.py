@@ -53,6 +53,15 @@ _EXTRAS = {
 }
 
 
+def _installation(extra: str) -> str:
+    """Command that installs an extra: in a clone from its folder, where the package is installed by its name."""
+    if not IN_CLONE:
+        return f"pip install 'wt_gym[{extra}]'"
+    if extra == "ray":  # its pins are others: an environment of its own, see docs/ray.md
+        return "python3 -m venv .venv-ray && .venv-ray/bin/pip install -c constraints-ray.txt -e '.[ray]'"
+    return f".venv/bin/pip install -e '.[{extra}]'"
+
+
 def as_called(text: str) -> str:
     """Text in which commands are named the way this one was called: those of a clone are scripts.
 
@@ -103,7 +112,7 @@ def user_errors() -> Iterator[None]:
     except ModuleNotFoundError as error:
         if error.name not in _EXTRAS:
             raise
-        sys.exit(f"error: {error.name} is not installed; pip install 'wt_gym[{_EXTRAS[error.name]}]'")
+        sys.exit(f"error: {error.name} is not installed; {_installation(_EXTRAS[error.name])}")
     except (WtGymError, ValueError, OSError, gym.error.Error) as error:
         sys.exit(f"error: {' '.join(str(error).split())}")
 
