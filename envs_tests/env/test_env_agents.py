@@ -375,8 +375,8 @@ def test_scripts_explain_themselves(script):
         (["train", "--max-seconds", "nan"], "max_seconds must be a number"),
         (["train", "--hyper", "gama=0.9"], "PPO has no 'gama'; known are"),
         (["simulate", "--wind-speed", "0"], "--wind-speed must be positive"),
-        (["simulate", "--duration", "0"], "--duration must be positive"),
-        (["simulate", "--duration", "-5"], "--duration must be positive"),
+        (["simulate", "--duration", "0"], "--duration must lie between 1 and 1e+06 s, got 0.0"),
+        (["simulate", "--duration", "-5"], "--duration must lie between 1 and 1e+06 s, got -5.0"),
     ],
 )
 def test_errors_of_the_user_take_one_line(command, message, tmp_path):
