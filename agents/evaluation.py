@@ -198,6 +198,12 @@ def evaluate(
                     store.keep(name, asked, run)
                 if executor.beside:
                     line.show(f"{len(runs)} of {len(jobs)}: {run.agent} at {run.wind.name}", final=True)
+        for asked in config.winds:
+            if len(met := dict.fromkeys(runs[name, asked].wind for name in agents)) > 1:
+                raise ValueError(
+                    f"agents met different winds where one was asked for, {' and '.join(w.label for w in met)}: the "
+                    "inflow must follow from the random generator that it is given, and from nothing else"
+                )
         turbine = layout.turbine
         evaluation = Evaluation(
             turbine=turbine.name,
@@ -241,6 +247,9 @@ def _run(contenders: Contenders, job: tuple[str, Wind], config: EvaluationConfig
         options["wind_speed"] = asked.speed
     if asked.seed is not None and "wind_seed" in allowed:
         options["wind_seed"] = asked.seed
+    if asked.draw is not None and (pieces := turbine_env_of(env).wind.pieces(config.duration)):
+        file, start = pieces[(asked.draw - 1) % len(pieces)]  # drawn ones would overlap, or be the same
+        options["inflow"] = file.inflow(start)
     observation, info = env.reset(seed=config.seed_in(asked), options=options)
     turbine_env, started = turbine_env_of(env), time.monotonic()
     wind = met_wind(turbine_env, asked, config.winds)

@@ -14,6 +14,7 @@ from wt_gym.agents.sweep_record import SWEEP_FILE, sweep_recorded
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing, sources_digest
 from wt_gym.benchmark.tasks import digest
+from wt_gym.envs.wind_files import wind_files_of
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
@@ -91,6 +92,7 @@ class EvaluationFolder(FolderLock):
         configuration = {
             "agents": {name: fingerprint(cast(str, choice)) for name, choice in agents.items()},
             **{name: value for name, value in asdict(config).items() if name not in _ONLY_WEIGH},
+            "wind_files": wind_files_of(config.env_kwargs),
         }
         # through JSON, so that it can be compared with what a file says
         self._configuration: dict[str, Any] = json.loads(json.dumps(configuration, default=str))

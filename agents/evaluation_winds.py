@@ -33,11 +33,12 @@ def winds_for(
     speeds: Sequence[float] | None = None,
     seeds: Sequence[int] | None = None,
     draws: int | None = None,
+    length: float | None = None,
 ) -> tuple[Wind, ...]:
     """Winds of an environment by id; see `winds_of`."""
     env = gym.make(env_id, **env_kwargs)
     try:
-        return winds_of(turbine_env_of(env).wind, speeds, seeds, draws)
+        return winds_of(turbine_env_of(env).wind, speeds, seeds, draws, length)
     finally:
         env.close()
 
@@ -47,6 +48,7 @@ def winds_of(
     speeds: Sequence[float] | None = None,
     seeds: Sequence[int] | None = None,
     draws: int | None = None,
+    length: float | None = None,
 ) -> tuple[Wind, ...]:
     """Every speed with every turbulence seed, or with every draw of what else an environment draws.
 
@@ -60,7 +62,9 @@ def winds_of(
         Turbulence seeds, by default `DEFAULT_WIND_SEEDS`.
     draws : int, optional
         Of gusts, of several inflows, of the time in a file, of the direction of a wind without turbulence; by default
-        six.
+        six, or as many as files have pieces of the length of a run.
+    length : float, optional
+        Of a run [s].
 
     Returns
     -------
@@ -82,6 +86,12 @@ def winds_of(
         raise ValueError(f"of the wind of this environment nothing is drawn beside its speed and seed: {instead}")
     if draws is not None and draws < 1:
         raise ValueError(f"at least 1 draw is needed, got {draws!r}")
+    if drawn and length is not None and (pieces := wind.pieces(length)):
+        if draws is not None and draws > len(pieces):
+            raise ValueError(
+                f"the files hold {len(pieces)} pieces of {length:g} s, got {draws} draws: make runs shorter"
+            )
+        draws = min(draws or _DRAWS, len(pieces))
     return tuple(
         Wind(speed, seed, draw)
         for speed in (speeds or (_usual_speed(*wind.asked_speeds),))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
     from wt_gym.analysis.results import Wind
     from wt_gym.envs.episode import Agent
@@ -30,7 +31,8 @@ def training_notes(agents: Mapping[str, Agent], winds: Iterable[Wind]) -> dict[s
         By the name of the agent; nothing of agents of which nothing is to be said.
     """
     seeds = list(dict.fromkeys(wind.seed for wind in winds if wind.seed is not None))
-    trained = {name: agent.record or {} for name, agent in agents.items() if hasattr(agent, "record")}
+    records = {name: getattr(agent, "record", ...) for name, agent in agents.items()}
+    trained = {name: record or {} for name, record in records.items() if record is None or isinstance(record, Mapping)}
     notes = {name: _unknown(name) if not record else _met(name, record, seeds) for name, record in trained.items()}
     return {name: note for name, note in notes.items() if note}
 

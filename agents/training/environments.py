@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from wt_gym.agents.training.config import TrainingConfig
 
-__all__ = ["make_training_env", "monitored"]
+__all__ = ["make_training_env", "monitored", "normalised"]
 
 
 def make_training_env(config: TrainingConfig) -> VecNormalize:
@@ -42,6 +42,11 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
     else:
         compile_kernels(first)
         venv = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * config.n_envs, start_method="forkserver")
+    return normalised(venv, config)
+
+
+def normalised(venv: VecEnv, config: TrainingConfig) -> VecNormalize:
+    """Statistics of rewards, and of observations where the configuration wants them, around environments."""
     hyperparameters = config.resolved
     return VecNormalize(
         venv,

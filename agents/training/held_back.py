@@ -95,7 +95,9 @@ def _winds(config: TrainingConfig, wind: WindSampler) -> tuple[Wind, ...]:
     low, high = wind.speeds
     n = config.eval_winds
     speeds = [low + (k + 0.5) / n * (high - low) for k in range(n)]
-    if not wind.seeds:  # steady, gusts, or inflows of the user
+    if not wind.seeds and wind.draws_more:  # gusts, or several inflows of the user
+        return tuple(Wind(speed, draw=k) for k, speed in enumerate(speeds, 1))
+    if not wind.seeds:
         return tuple(Wind(speed) for speed in dict.fromkeys(speeds))
     seeds = [seed for seed in SELECTION_WIND_SEEDS if seed not in wind.seeds]
     if len(seeds) < n:

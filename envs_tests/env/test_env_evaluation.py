@@ -411,6 +411,16 @@ def test_runs_are_labelled_by_the_wind_that_they_had(kwargs, labels, monkeypatch
     assert evaluate(agents, config, folder=tmp_path, progress=False).winds == result.winds
 
 
+def test_agents_that_did_not_meet_one_wind_are_not_compared(monkeypatch):
+    monkeypatch.setattr(turbine_env, "Simulator", RecordedSimulator)
+    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
+    count = iter(range(100))
+    kwargs = {"inflow": lambda rng: SteadyInflow(9.0 + 0.1 * next(count), 90.0)}
+    config = EvaluationConfig(STEADY, kwargs, (Wind(9.0),), duration=3.0, skip=1.0, replay=0.0)
+    with pytest.raises(ValueError, match=r"met different winds .* must follow from the random generator"):
+        evaluate({"a": "constant", "b": "constant"}, config, progress=False)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

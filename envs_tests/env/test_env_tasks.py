@@ -94,23 +94,30 @@ def test_the_time_limit_of_a_task_is_a_truncation():
 
 @pytest.mark.parametrize("vector", [False, True])
 def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
-    """Made with episode_length=120 a task of 60 s stays at 60 s."""
+    """Made with episode_length=120 a task of 60 s stays at 60 s, which shows when its first episode has ended there."""
     monkeypatch.setattr(turbine_env, "Simulator", ScriptedSimulator)
 
-    def warned(**kwargs):
+    def warned(steps=300, **kwargs):
         make = partial(gym.make_vec, num_envs=2) if vector else gym.make
         env = make("wt_gym/LoadReduction-v0", **kwargs)
         with warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always")
-            env.reset(seed=0)
-            env.reset(seed=0)
+            for seed in range(3):
+                env.reset(seed=seed)
+                for _ in range(steps):
+                    *_, truncated, _ = env.step(np.zeros(env.action_space.shape))
+                    if np.any(truncated):
+                        break
         env.close()
         return [str(w.message) for w in found if "max_episode_steps" in str(w.message)]
 
     (message,) = warned(episode_length=120.0)
     assert "the limit of wt_gym/LoadReduction-v0 ends episodes after 300 steps, 60 s, before the" in message
     assert "episode_length of 120 s: make it with max_episode_steps=600 instead" in message
-    assert warned(max_episode_steps=600) == warned(episode_length=30.0) == warned(episode_length=60.0) == warned() == []
+    for quiet in ({"max_episode_steps": 600}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
+        assert warned(**quiet) == []
+    assert warned(600, episode_length=120.0, max_episode_steps=600) == []
+    assert vector or warned(299, episode_length=120.0) == []  # ended by its user
 
 
 def test_evaluations_take_the_limit_away_without_a_warning(monkeypatch):

@@ -12,13 +12,19 @@ import pytest
 from scripted_simulator import ScriptedSimulator
 
 import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.agents import evaluation
 from wt_gym.agents.datasets import DatasetConfig
-from wt_gym.agents.evaluation import EvaluationConfig
+from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.evaluation_folder import EvaluationFolder
+from wt_gym.agents.evaluation_winds import winds_of
 from wt_gym.agents.training.config import TrainingConfig
+from wt_gym.agents.training.held_back import HeldBackEvaluation
+from wt_gym.analysis.results import Wind
 from wt_gym.commands.evaluate import configuration, parse_arguments
 from wt_gym.envs import turbine_env
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import InflowError
+from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox
 
@@ -173,3 +179,57 @@ def test_paths_outlast_the_working_directory(files, monkeypatch):
     assert configuration(parse_arguments(words)).env_kwargs == {"inflow": str(files / "a.bts")}
     monkeypatch.chdir(files.parent)
     assert gym.make(STEADY, **configs[0].to_json()["env_kwargs"]).unwrapped.wind.speeds == (9.0, 12.0)
+
+
+def test_evaluations_take_pieces_of_files_that_have_nothing_in_common(files):
+    sampler = WindSampler(TURBINE, [files / "a.bts", files / "once.bts"], None)
+    names = [(Path(file.path).name, start) for file, start in sampler.pieces(20.0)]
+    assert names == [("a.bts", 0.0), ("once.bts", 0.0), ("a.bts", 20.0), ("once.bts", 20.0)]
+    assert [start for _, start in sampler.pieces(60.0)] == [0.0, 0.0]
+    assert WindSampler(TURBINE, [files / "a.bts", SteadyInflow(9.0, 90.0)], None).pieces(20.0) == ()
+    assert WindSampler(TURBINE, files / "a.bts", None, direction=(-0.1, 0.1)).pieces(20.0) == ()
+    assert [wind.draw for wind in winds_of(sampler, length=20.0)] == [1, 2, 3, 4]
+    assert [wind.draw for wind in winds_of(sampler, draws=3, length=20.0)] == [1, 2, 3]
+    with pytest.raises(ValueError, match="the files hold 4 pieces of 20 s, got 5 draws"):
+        winds_of(sampler, draws=5, length=20.0)
+
+
+def test_runs_of_an_evaluation_begin_where_the_pieces_do(files, monkeypatch):
+    begun = []
+
+    class Watched(ScriptedSimulator):
+        time_step = 0.1
+
+        def __init__(self, turbine, inflow, fidelity):
+            super().__init__(turbine, inflow, named_fidelity(fidelity))
+
+        def reset(self, **given):
+            begun.append(self.inflow.time_offset)
+            return super().reset(**given)
+
+    monkeypatch.setattr(turbine_env, "Simulator", Watched)
+    monkeypatch.setattr(evaluation, "_metrics", lambda *_: {"mean_power": 1.0})
+    winds = tuple(Wind(15.0, draw=k) for k in (1, 2))
+    config = EvaluationConfig(STEADY, {"inflow": str(files / "once.bts")}, winds, duration=20.0, skip=1.0, replay=0.0)
+    evaluate({"a": "constant"}, config, progress=False)
+    assert begun[-2:] == [0.0, 20.0]
+
+
+def test_an_evaluation_is_another_one_where_a_file_has_changed(files, tmp_path):
+    config = EvaluationConfig(STEADY, {"inflow": str(files / "a.bts")}, (Wind(12.0, draw=1),))
+
+    def kept():
+        with EvaluationFolder(tmp_path / "kept", {"a": "constant"}, config) as folder:
+            folder.begin({}, False)
+
+    kept()
+    kept()
+    (files / "a.bts").write_bytes((files / "b.bts").read_bytes())
+    with pytest.raises(ValueError, match="holds another evaluation, with other wind_files"):
+        kept()
+
+
+def test_training_is_watched_in_several_pieces_of_a_file(files):
+    config = TrainingConfig(env_id=STEADY, env_kwargs={"inflow": str(files / "a.bts")}, eval_winds=2)
+    winds = HeldBackEvaluation(config, WindSampler(TURBINE, files / "a.bts", None)).winds
+    assert [wind.draw for wind in winds] == [1, 2]

@@ -213,16 +213,16 @@ def measure_learning(fidelity: str, steps: float) -> dict:
 
     A tenth of the steps in turn, so that a machine that changes its pace changes the ratio little.
     """
-    from stable_baselines3.common.vec_env import SubprocVecEnv, VecNormalize
+    from stable_baselines3.common.vec_env import SubprocVecEnv
 
     from wt_gym.agents.training.config import TrainingConfig
-    from wt_gym.agents.training.environments import make_training_env, monitored
+    from wt_gym.agents.training.environments import make_training_env, monitored, normalised
     from wt_gym.agents.training.models import make_model
 
     number = min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
     config = TrainingConfig(env_kwargs={"fidelity": fidelity}, n_envs=number)
     processes = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * number, start_method="forkserver")
-    environments = {"threads": make_training_env(config), "processes": VecNormalize(processes)}
+    environments = {"threads": make_training_env(config), "processes": normalised(processes, config)}
     models = {way: make_model(config, venv) for way, venv in environments.items()}
     elapsed, share = dict.fromkeys(models, 0.0), math.ceil(steps / 10)
     for _ in range(10):

@@ -89,7 +89,9 @@ def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     return EvaluationConfig(
         env_id=arguments.env,
         env_kwargs=kwargs,
-        winds=winds_for(arguments.env, kwargs, arguments.wind_speed, arguments.wind_seeds, arguments.draws),
+        winds=winds_for(
+            arguments.env, kwargs, arguments.wind_speed, arguments.wind_seeds, arguments.draws, arguments.duration
+        ),
         duration=arguments.duration,
         skip=arguments.skip,
         replay=arguments.replay,

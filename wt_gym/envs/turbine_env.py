@@ -461,7 +461,8 @@ class WindTurbineEnv(gym.Env):
                 overspeed_limit=overspeed_limit, standstill_limit=standstill_limit, observation=("rotor",),
             )  # fmt: skip
         self._renderer = self._make_renderer()
-        self._running = self._failed = False
+        self._running = self._failed = self._told_of_limit = False
+        self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Start an episode.
@@ -488,8 +489,8 @@ class WindTurbineEnv(gym.Env):
         wt_gym.errors.SimulationError
             If there is no steady state to start from, for example because the wind bends the blades too far.
         """
-        if cast("Signals | None", self.signals) is None:  # the first: when it was made, it did not know its id
-            self.warn_of_limit(self.spec, self.outer_steps)
+        if self._running and self.outer_steps is None and self._steps == _registered_limit(self.spec):
+            self.warn_of_limit(self.spec, None)  # whether the limit of the id stands is known only now
         self._running = False
         super().reset(seed=seed)
         if options is not None and not isinstance(options, dict):
@@ -547,6 +548,9 @@ class WindTurbineEnv(gym.Env):
         limit, wanted = _registered_limit(spec), self._max_steps
         if spec is None or limit is None or wanted is None or outer_steps not in (None, limit) or wanted <= limit:
             return
+        if self._told_of_limit:
+            return
+        self._told_of_limit = True
         gym.logger.warn(
             f"the limit of {spec.id} ends episodes after {limit} steps, {limit * self.control_dt:g} s, before the "
             f"episode_length of {wanted * self.control_dt:g} s: make it with max_episode_steps={wanted} instead"

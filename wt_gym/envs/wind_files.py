@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ from typing import Any
 from wt_gym.errors import InflowError
 from wt_gym.wind import TurbulenceBox, TurbulentInflow
 
-__all__ = ["WindFile", "is_wind_file", "with_whole_paths"]
+__all__ = ["WindFile", "is_wind_file", "wind_files_of", "with_whole_paths"]
 
 _SUFFIX = ".bts"
 # A file of ten minutes takes some ten to a hundred megabytes in memory.
@@ -44,6 +45,26 @@ def with_whole_paths(arguments: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(given, list | tuple):
         return {**arguments, "inflow": [os.path.abspath(one) if is_wind_file(one) else one for one in given]}
     return dict(arguments)
+
+
+def wind_files_of(arguments: Mapping[str, Any]) -> dict[str, str]:
+    """Digests of the files of wind among the arguments of an environment, by their whole paths.
+
+    Raises
+    ------
+    InflowError
+        If one cannot be read.
+    """
+    given: Any = arguments.get("inflow")
+    return {os.path.abspath(one): _digest(one) for one in (given if isinstance(given, list | tuple) else [given])
+            if is_wind_file(one)}  # fmt: skip
+
+
+def _digest(path: str | os.PathLike) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise InflowError(f"{os.fspath(path)} cannot be read: {error.strerror}") from error
 
 
 @dataclass(frozen=True)
@@ -98,7 +119,9 @@ class WindFile:
         """Time in the record before which an episode can begin [s].
 
         A periodic record can be entered anywhere. One that is not jumps at its end, which no gust does: episodes begin
-        early enough to be over by then, and at its beginning where their length is not known.
+        early enough to be over by then at the rotor, and at its beginning where their length is not known. What lies
+        far ahead of the rotor or behind it, for a lidar or the wake, meets the jump the time of its way earlier or
+        later.
 
         Parameters
         ----------

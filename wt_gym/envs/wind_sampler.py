@@ -210,15 +210,32 @@ Inflow and paths, or callable
     @property
     def draws_more(self) -> bool:
         """Whether speed and turbulence seed leave something open: a gust, a direction, which inflow, a time in it."""
-        turns = self._wander is not None or self._directions[0] != self._directions[1]
         if isinstance(self._kind, tuple):
-            return turns or len(self._kind) > 1 or self._all_files
-        return turns or self._kind == "gusts" or callable(self._kind)
+            return self._turns or len(self._kind) > 1 or self._all_files
+        return self._turns or self._kind == "gusts" or callable(self._kind)
+
+    @property
+    def _turns(self) -> bool:
+        """Whether a direction is drawn."""
+        return self._wander is not None or self._directions[0] != self._directions[1]
 
     @property
     def _all_files(self) -> bool:
         """Whether every wind is read from a file."""
         return isinstance(self._kind, tuple) and all(isinstance(own, WindFile) for own in self._kind)
+
+    def pieces(self, length: float) -> tuple[tuple[WindFile, float], ...]:
+        """Winds of a length [s] without anything in common: a file and a time in it, the beginnings of all files first.
+
+        None unless every wind is read from a file and nothing else of it is drawn. A record that is shorter is one.
+        """
+        if not self._all_files or self._turns:
+            return ()
+        files = cast("tuple[WindFile, ...]", self._kind)
+        counts = [max(1, int(file.duration / length + 1e-9)) for file in files]
+        return tuple(
+            (file, k * length) for k in range(max(counts)) for file, n in zip(files, counts, strict=True) if k < n
+        )
 
     def sample(
         self,
