@@ -33,7 +33,7 @@ from wt_gym.simulation import Recorder
 from wt_gym.wind.iec import REFERENCE_SPEED
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from wt_gym.agents.executors import Executor
@@ -198,12 +198,7 @@ def evaluate(
                     store.keep(name, asked, run)
                 if executor.beside:
                     line.show(f"{len(runs)} of {len(jobs)}: {run.agent} at {run.wind.name}", final=True)
-        for asked in config.winds:
-            if len(met := dict.fromkeys(runs[name, asked].wind for name in agents)) > 1:
-                raise ValueError(
-                    f"agents met different winds where one was asked for, {' and '.join(w.label for w in met)}: the "
-                    "inflow must follow from the random generator that it is given, and from nothing else"
-                )
+        _require_common_winds(runs, agents, config.winds)
         turbine = layout.turbine
         evaluation = Evaluation(
             turbine=turbine.name,
@@ -236,6 +231,16 @@ def _climate(turbine: Turbine, config: EvaluationConfig) -> WindClimate | None:
     if config.iec_class is None and turbine.iec_class not in REFERENCE_SPEED:
         return None
     return WindClimate.of_class(chosen, **limits)
+
+
+def _require_common_winds(runs: Mapping[tuple[str, Wind], Run], agents: Iterable[str], winds: Iterable[Wind]) -> None:
+    """Refuse to compare agents that did not meet the same wind where the same was asked for."""
+    for asked in winds:
+        if len(met := dict.fromkeys(runs[name, asked].wind for name in agents)) > 1:
+            raise ValueError(
+                f"agents met different winds where one was asked for, {' and '.join(w.label for w in met)}: the "
+                "inflow must follow from the random generator that it is given, and from nothing else"
+            )
 
 
 def _run(contenders: Contenders, job: tuple[str, Wind], config: EvaluationConfig, line: ProgressLine) -> Run:

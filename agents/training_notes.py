@@ -31,10 +31,13 @@ def training_notes(agents: Mapping[str, Agent], winds: Iterable[Wind]) -> dict[s
         By the name of the agent; nothing of agents of which nothing is to be said.
     """
     seeds = list(dict.fromkeys(wind.seed for wind in winds if wind.seed is not None))
-    records = {name: getattr(agent, "record", ...) for name, agent in agents.items()}
-    trained = {name: record or {} for name, record in records.items() if record is None or isinstance(record, Mapping)}
-    notes = {name: _unknown(name) if not record else _met(name, record, seeds) for name, record in trained.items()}
-    return {name: note for name, note in notes.items() if note}
+    notes = {}
+    for name, agent in agents.items():
+        if not isinstance(record := getattr(agent, "record", False), Mapping | None):
+            continue  # no trained model
+        if note := _met(name, record, seeds) if record else _unknown(name):
+            notes[name] = note
+    return notes
 
 
 def _unknown(name: str) -> str:
