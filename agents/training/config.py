@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
@@ -117,6 +118,24 @@ class TrainingConfig:
         if not isinstance(values, dict) or not set(values) <= names:
             raise ValueError(f"a training configuration has the fields {', '.join(sorted(names))}, got {values!r:.200}")
         return cls(**values)
+
+    def continues(self, record: Any) -> bool:
+        """Whether this is the training of a record's configuration, but for seed and limits.
+
+        Parameters
+        ----------
+        record : Any
+            What `to_json` gave, perhaps before a field was added; anything else is another training.
+        """
+        free = dict.fromkeys(("seed", "total_steps", "max_seconds"))
+        if not isinstance(record, dict):
+            return False
+        # through JSON: of a tuple a record has a list
+        mine, kept = (
+            json.loads(json.dumps(config.to_json() | free, default=str))
+            for config in (self.with_hyperparameters(), TrainingConfig.from_json(record))
+        )
+        return mine == kept
 
     def _check_whole(self, name: str, low: int, high: int) -> None:
         value = getattr(self, name)

@@ -108,7 +108,7 @@ def resume_seeds(
     def go_on(seed: int, stop: StopRequest) -> dict[str, Any]:
         run = RunFolder(seed_folder(folder, seed))
         record = run.record() if run.model.exists() else None  # none: stopped by force before anything was saved
-        if record is None or not _same_training(record.get("config"), plan["config"]):
+        if record is None or not config.continues(record.get("config")):
             anew = replace(config, seed=seed)
             return train(anew, run.path, overwrite=True, progress=progress, stop=stop, learner=learner)
         if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
@@ -119,15 +119,6 @@ def resume_seeds(
     with RunFolder(folder), stop_on_signals() as stop:
         _write(folder, plan)  # the next one to resume goes on with these limits, however this ends
         return _collect(folder, plan, seeds, (go_on(seed, stop) for seed in seeds), stop)
-
-
-def _same_training(config: Any, plan: dict[str, Any]) -> bool:
-    """Whether a seed was trained by this plan, and not by one that was overwritten before the seed's turn came."""
-    free = dict.fromkeys(("seed", "total_steps", "max_seconds"))
-    if not isinstance(config, dict):
-        return False
-    # read and written again: a record of before a field was added has its default
-    return TrainingConfig.from_json(config).to_json() | free == plan | free
 
 
 def seeds_table(runs: list[dict[str, Any]]) -> list[str]:

@@ -25,6 +25,7 @@ from wt_gym.agents.training import seeds as seeds_module
 from wt_gym.agents.training.held_back import SELECTION_WIND_SEEDS, HeldBackEvaluation
 from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.agents.training.seeds import resume_seeds, seeds_table, train_seeds
+from wt_gym.commands import train as train_command
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.files import whole_file, write_whole
 
@@ -501,3 +502,91 @@ def test_clearing_takes_only_what_a_training_wrote(tmp_path):
         run.clear()
     assert mine.exists()
     assert not left.exists()
+
+
+# ---- the same words again ----
+
+FILE = """
+algo: ppo
+env: wt_gym/NREL5MW-Steady-v0
+env_kwargs: {wind_speed: 12.0, episode_length: 5.0}
+hyper: {n_steps: 32, batch_size: 32, n_epochs: 1, net_arch: [8, 8], learning_rate: 1.0e-3}
+steps: 64
+eval_every: 0
+tensorboard: false
+"""
+
+
+def run_train(capsys, *words):
+    """Call the command in this process; give the record it prints."""
+    train_command.main([*map(str, words), "--json"])
+    return json.loads(capsys.readouterr().out.splitlines()[-1])
+
+
+def test_a_file_has_the_options_and_typed_ones_come_after(tmp_path, capsys):
+    file = tmp_path / "run.yml"
+    file.write_text(FILE)
+    record = run_train(capsys, "--config", file, "--steps", "32", "--hyper", "n_epochs=2", "--out", tmp_path / "a")
+    config = record["config"]
+    assert (config["algorithm"], config["total_steps"], config["eval_every"], config["tensorboard"]) == (
+        "PPO", 32, 0, False,
+    )  # fmt: skip
+    assert config["env_kwargs"] == {"wind_speed": 12.0, "episode_length": 5.0}
+    chosen = {"n_steps": 32, "n_epochs": 2, "net_arch": [8, 8], "learning_rate": 1e-3}
+    assert {name: config["hyperparameters"][name] for name in chosen} == chosen
+
+
+def test_the_same_words_begin_and_go_on(tmp_path, capsys):
+    file = tmp_path / "run.yml"
+    file.write_text(FILE + f"out: {tmp_path / 'run'}\ngo_on: true\nseeds: [3, 5]\n")
+    first = run_train(capsys, "--config", file)
+    assert [(run["seed"], run["steps"]) for run in first["runs"]] == [(3, 64), (5, 64)]
+    before = parameters(tmp_path / "run" / "seed-5")
+    again = run_train(capsys, "--config", file)  # done: nothing happens
+    assert again["runs"] == first["runs"]
+    assert torch.equal(parameters(tmp_path / "run" / "seed-5"), before)
+    more = run_train(capsys, "--config", file, "--steps", "96")
+    assert [run["steps"] for run in more["runs"]] == [96, 96]
+    assert not torch.equal(parameters(tmp_path / "run" / "seed-5"), before)
+    with pytest.raises(SystemExit, match="holds a training with another configuration"):
+        run_train(capsys, "--config", file, "--hyper", "gamma=0.5")
+    with pytest.raises(SystemExit, match=r"the seeds \[3, 5\], not \[7\]"):
+        run_train(capsys, "--config", file, "--seeds", "7")
+
+
+def test_one_seed_goes_on_too(tmp_path, capsys):
+    file = tmp_path / "run.yml"
+    file.write_text(FILE)
+    words = ("--config", file, "--go-on", "--out", tmp_path / "run")
+    assert run_train(capsys, *words)["steps"] == 64
+    assert len(run_train(capsys, *words)["sessions"]) == 1
+    more = run_train(capsys, *words, "--steps", "96")
+    assert [(s["from_step"], s["to_step"]) for s in more["sessions"]] == [(0, 64), (64, 96)]
+    with pytest.raises(SystemExit, match="the seed 0, not 1"):
+        run_train(capsys, *words, "--seed", "1")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("- algo", "must map options of the training to values"),
+        ("algo: [", "is not valid YAML"),
+        ("resume: runs/ppo", "resume belongs on the command line"),
+        ("steps: {a: 1}", "steps must be a number, a word, a list or true or false"),
+    ],
+)
+def test_bad_files_are_refused(text, message, tmp_path):
+    file = tmp_path / "run.yml"
+    file.write_text(text)
+    with pytest.raises(SystemExit, match=message):
+        train_command.parse_arguments(["--config", str(file)])
+
+
+@pytest.mark.parametrize("text", ["colour: red", "steps: many", "go_on: true\noverwrite: true"])
+def test_options_of_a_file_are_checked_like_typed_ones(text, tmp_path, capsys):
+    file = tmp_path / "run.yml"
+    file.write_text(text)
+    with pytest.raises(SystemExit) as caught:
+        train_command.parse_arguments(["--config", str(file)])
+    assert caught.value.code == 2
+    assert text.split(":")[0].replace("_", "-") in capsys.readouterr().err

@@ -20,7 +20,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```", TEXT + README, re.MULTILINE | re.DOTALL)
 LINES = [line for language, block in BLOCKS if not language for line in block.splitlines()]
 COMMANDS = [line.split("#")[0].strip() for line in LINES if re.match(r"scripts/(train|search|evaluate)\.py", line)]
-YAML = re.search(r"```yaml\n(.*?)```", TEXT, re.DOTALL)[1]
+TRAINING, YAML = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
 
 
 def test_examples_run():
@@ -37,7 +37,11 @@ def arguments_of(command):
 
 @pytest.mark.parametrize("command", dict.fromkeys(COMMANDS))
 def test_commands_are_accepted(command, tmp_path):
-    arguments = arguments_of(command)
+    file = tmp_path / "training.yml"
+    file.write_text(TRAINING)
+    arguments = arguments_of(
+        command.replace("--config mine.yml", f"--config {file}").replace("agents/", f"{ROOT}/agents/")
+    )
     if "evaluate" in command or getattr(arguments, "resume", None):
         return
     if "hyperparameters" in arguments:

@@ -5,6 +5,7 @@
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
     wt-gym train --engine ray --address ray-head:6379 --n-envs 64 --out runs/rllib
     wt-gym train --resume runs/ppo --steps 500000
+    wt-gym train --config wind.yml --go-on
 
 Writes the model, the statistics of its rewards, checkpoints, the best model by evaluations in other winds, figures for
 TensorBoard and a record of the training into a folder that wt-gym evaluate takes. Ctrl-C and SIGTERM end the training
@@ -22,6 +23,7 @@ from typing import Any
 
 from wt_gym.commands.engine_options import add_address_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
+from wt_gym.commands.training_file import words_of
 from wt_gym.commands.training_options import add_training_options, config_from
 
 
@@ -34,6 +36,10 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--resume", metavar="FOLDER", help="go on with a training, as it is configured; --steps and "
         "--max-seconds can change")  # fmt: skip
     add_training_options(parser)
+    parser.add_argument("--config", metavar="FILE", help="YAML file with any of these options, by name; those typed "
+        "come after them")  # fmt: skip
+    parser.add_argument("--go-on", action="store_true", help="resume where the folder holds this training already, "
+        "else begin: the same words again and again")  # fmt: skip
     options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
     options.add_argument("--steps", type=int, help="environment steps (default: 200000)")
     options.add_argument("--max-seconds", type=float, metavar="S", help="stop after this wall time")
@@ -56,9 +62,17 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "(default: the processors of the cluster, at most --n-envs)",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the record of the training as JSON at the end")
+    words = sys.argv[1:] if words is None else words
     arguments = parser.parse_args(words)
+    if arguments.config is not None:
+        with user_errors():
+            in_file = words_of(arguments.config)
+        arguments = parser.parse_args([*in_file, *words])
+    if arguments.go_on and arguments.overwrite:
+        parser.error("--go-on keeps the training that is in the folder, --overwrite removes it: give one of them")
     if arguments.resume is not None:
         kept = {"resume", "steps", "max_seconds", "json", "overwrite", "engine", "address", "runners"}
+        kept |= {name for name in ("config", "go_on") if not getattr(arguments, name)}
         fixed = [f"--{name.replace('_', '-')}" for name in vars(arguments) if name not in kept]
         fixed += ["--overwrite"] * arguments.overwrite
         if fixed:
@@ -81,6 +95,7 @@ def learner_of(arguments: argparse.Namespace):
 def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
     """Train; give the folder and the record, or the summary of several seeds."""
     from wt_gym.agents.train import train  # torch takes seconds to import: not for --help
+    from wt_gym.agents.training.again import train_or_go_on
     from wt_gym.agents.training.seeds import train_seeds
 
     given = vars(arguments)
@@ -89,10 +104,12 @@ def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
     }
     config = config_from(arguments, **{field: given[name] for name, field in names.items() if name in given})
     folder = Path(given.get("out", f"runs/{config.algorithm.lower()}"))
-    if "seeds" in given:
-        seeds, learner = arguments.seeds, learner_of(arguments)
+    seeds, learner = given.get("seeds"), learner_of(arguments)
+    if arguments.go_on:
+        return folder, train_or_go_on(config, folder, seeds, learner=learner)
+    if seeds is not None:
         return folder, train_seeds(config, folder, seeds, overwrite=arguments.overwrite, learner=learner)
-    return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner_of(arguments))
+    return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner)
 
 
 def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:

@@ -1,0 +1,68 @@
+"""A training in a file: the options of the command in YAML, so that the same words begin it, and begin it again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+__all__ = ["words_of"]
+
+_ONLY_TYPED = ("config", "resume")
+
+
+def words_of(path: str | Path) -> list[str]:
+    """Options of a training file as words of a command line.
+
+    Parameters
+    ----------
+    path : str or path
+        YAML that maps names of options, with ``_`` or ``-``, to values: numbers, words, lists of them, true or false
+        for switches, a mapping for ``env_kwargs`` and for ``hyper``.
+
+    Returns
+    -------
+    list of str
+        What the parser of the command checks like words that were typed.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no such mapping.
+    """
+    import yaml  # in the extra "train"
+
+    try:
+        options = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is not valid YAML: {error}") from error
+    if not isinstance(options, dict) or not all(isinstance(name, str) for name in options):
+        raise ValueError(f"{path} must map options of the training to values, as 'algo: sac', got {options!r:.80}")
+    words = []
+    for name, value in options.items():
+        words += _option(name.replace("_", "-"), value, path)
+    return words
+
+
+def _option(name: str, value: Any, path: str | Path) -> list[str]:
+    """Words of one option."""
+    if name in _ONLY_TYPED:
+        raise ValueError(f"{path}: {name} belongs on the command line")
+    match value:
+        case bool():
+            return [f"--{name}" if value else f"--no-{name}"]
+        case dict() if name == "env-kwargs":
+            return [f"--{name}={json.dumps(value)}"]
+        case dict() if name == "hyper":
+            return [f"--{name}", *(f"{key}={json.dumps(entry)}" for key, entry in value.items())]
+        case list():
+            return [f"--{name}", *map(_word, value)]
+        case int() | float() | str():
+            return [f"--{name}={_word(value)}"]
+    raise ValueError(f"{path}: {name} must be a number, a word, a list or true or false, got {value!r:.80}")
+
+
+def _word(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
