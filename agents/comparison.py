@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from wt_gym.agents.closed_loop import run_controller
-from wt_gym.analysis.metrics import run_metrics
+from wt_gym.benchmark.run import benchmark_metrics
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs.arguments import check_duration
 from wt_gym.errors import SimulationError
@@ -161,7 +161,7 @@ def run_cases(
             controller = make_controller(choice, turbine, **parameters)
             try:
                 recorder = run_controller(simulator, controller, skip + duration, control_dt, name=run.name)
-                run.metrics[case] = run_metrics(recorder.to_dataset(), turbine, skip)
+                run.metrics[case] = benchmark_metrics(recorder.to_dataset(), turbine, skip)
             except SimulationError as error:
                 run.failures[case] = str(error)
             if progress is not None:

@@ -7,6 +7,7 @@ takes few trials well). The result is a record: cost, search space, winds, versi
 from __future__ import annotations
 
 import json
+import math
 import platform
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 
 import wt_gym
 from wt_gym.agents.comparison import Case, check_times, run_cases
+from wt_gym.control.controllers.catalogue import SHORT_FOR
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.errors import SimulationError
 from wt_gym.files import require_writable, write_text_whole
@@ -56,6 +58,7 @@ SPACES: dict[str, dict[str, Range]] = {
         "bandwidth": Range(0.03, 1.0, log=True),
         "lead": Range(0.0, 0.5),
         "leak_time": Range(1.0, 60.0, log=True),
+        "proportional_time": Range(0.0, 1.0),
     },
     "lidar": {
         "gain": Range(0.2, 1.2),
@@ -73,32 +76,37 @@ SPACES: dict[str, dict[str, Range]] = {
 class Cost:
     """Weighted sum of the changes against a reference in the same wind, averaged over the winds; less is better.
 
-    ``sum w_k (x_k / x_k,ref - 1)``; power counts as a loss. The duty cycle is absolute (its reference is nearly zero).
+    ``sum w_k (x_k / x_k,ref - 1)``. What a drive does (duty cycle of the pitch, rate of the torque) counts over its
+    full use instead, ``w_k (x_k - x_k,ref) / full``: the reference's own may be nearly zero.
 
     Attributes
     ----------
     weights : dict
-        By the keys of `wt_gym.analysis.metrics`.
+        By the keys of `wt_gym.benchmark.run.benchmark_metrics`. By default those of the lifetime cost of
+        docs/rewards.md, by which the load-reduction tasks of the benchmark score too: one per cent of energy is one per
+        cent of cost.
     """
 
     weights: dict[str, float] = field(
         default_factory=lambda: {
-            "mean_power": -5.0,
-            "blade_flap_del": 1.0,
-            "tower_fore_aft_del": 0.5,
-            "tower_side_side_del": 0.1,
-            "pitch_duty_cycle": 0.5,
+            "captured_power": -1.0,
+            "blade_flap_del": 0.2,
+            "blade_edge_del": 0.05,
+            "tower_fore_aft_del": 0.15,
+            "tower_side_side_del": 0.05,
+            "pitch_duty_cycle": 0.1,
+            "torque_rate": 0.05,
         }
     )
 
-    def of(self, metrics: dict[str, float], reference: dict[str, float]) -> float:
+    def of(self, metrics: dict[str, float], reference: dict[str, float], turbine: Turbine) -> float:
         """Cost of a run against the reference in the same wind."""
-        total = 0.0
-        for key, weight in self.weights.items():
-            absolute = key == "pitch_duty_cycle"
-            change = metrics[key] - reference[key] if absolute else metrics[key] / reference[key] - 1.0
-            total += weight * change
-        return float(total)
+        full_use = {"pitch_duty_cycle": 1.0, "torque_rate": turbine.drivetrain.max_torque_rate or math.inf}
+        changes = (
+            weight * (metrics[key] - reference[key]) / full_use.get(key, reference[key])
+            for key, weight in self.weights.items()
+        )
+        return float(sum(changes))
 
 
 FAILURE_COST = 10.0
@@ -148,7 +156,7 @@ class TuningTask:
             raise ValueError(f"tuning takes training seeds (1 … 24) only, got {held_back}")
         check_times(self.duration, self.skip)
         if self.space is None:
-            parts = self.controller.replace("tower_dampers", "fore_aft_damper+side_side_damper").split("+")
+            parts = [part for name in self.controller.split("+") for part in SHORT_FOR.get(name, (name,))]
             several = len(parts) > 1
             found = {
                 f"{part}__{name}" if several else name: interval
@@ -170,7 +178,7 @@ def tune(
 ) -> dict[str, Any]:
     """Search the parameters of least cost.
 
-    The first trial is the controller's defaults, where they lie in the search space.
+    The first trial is the controller's defaults, where they are numbers and lie in the search space.
 
     Parameters
     ----------
@@ -200,8 +208,6 @@ def tune(
     """
     import optuna  # in the extra "tune"
 
-    from wt_gym.control.controllers import controller_parameters
-
     if trials < 1:
         raise ValueError(f"at least 1 trial is needed, got {trials}")
     if output is not None:
@@ -229,17 +235,15 @@ def tune(
         }
         run = runs(task.controller, parameters)
         single = [
-            task.cost.of(run.metrics[case], reference.metrics[case]) if case in run.metrics else FAILURE_COST
+            task.cost.of(run.metrics[case], reference.metrics[case], turbine) if case in run.metrics else FAILURE_COST
             for case in cases
         ]
         return float(np.mean(single))
 
     optuna.logging.set_verbosity(optuna.logging.ERROR)  # it warns of a trial that Ctrl-C ends by a traceback
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed))
-    if "+" not in task.controller and "tower_dampers" not in task.controller:
-        defaults = controller_parameters(task.controller)
-        usable = {k: defaults[k] for k in space if isinstance(defaults.get(k), float)}
-        study.enqueue_trial({k: v for k, v in usable.items() if space[k].low <= v <= space[k].high})
+    defaults = _defaults(task.controller, space)
+    study.enqueue_trial({key: value for key, value in defaults.items() if space[key].low <= value <= space[key].high})
     record: dict[str, Any] = {
         "task": asdict(task),
         "turbine": turbine.name,
@@ -258,3 +262,13 @@ def tune(
 
     study.optimize(cost, n_trials=trials, callbacks=[note])
     return record
+
+
+def _defaults(controller: str, space: dict[str, Range]) -> dict[str, float]:
+    """Numbers that a controller has by default for what is searched, as far as they are numbers and not rules."""
+    from wt_gym.control.controllers import controller_parameters
+
+    parts = [part for name in controller.split("+") for part in SHORT_FOR.get(name, (name,))]
+    known = {key: value for part in parts for key, value in controller_parameters(part).items()}
+    known |= {f"{part}__{key}": value for part in parts for key, value in controller_parameters(part).items()}
+    return {key: known[key] for key in space if isinstance(known.get(key), float)}

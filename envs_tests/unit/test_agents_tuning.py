@@ -2,17 +2,19 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
 from wt_gym.agents import comparison, tuning
 from wt_gym.agents.comparison import Case, ControllerRuns, change, run_cases, table
 from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
+from wt_gym.benchmark import load_task
 from wt_gym.errors import InflowError
 from wt_gym.turbines import load_turbine
 
 METRICS = {
-    "mean_power": 5e6, "blade_flap_del": 6e6, "blade_edge_del": 6e6, "tower_fore_aft_del": 1.5e7,
+    "mean_power": 5e6, "captured_power": 5e6, "blade_flap_del": 6e6, "blade_edge_del": 6e6, "tower_fore_aft_del": 1.5e7,
     "tower_side_side_del": 6e6, "pitch_duty_cycle": 0.04, "torque_rate": 400.0, "rotor_speed_max": 1.3,
 }  # fmt: skip
 
@@ -32,19 +34,40 @@ def test_the_search_finds_the_least_cost_and_says_how(monkeypatch, tmp_path):
     task = TuningTask("ipc", seeds=(3,), space={"bandwidth": Range(0.03, 1.0, log=True)})
     path = tmp_path / "tuned.json"
     record = tune(load_turbine("nrel_5mw"), task, trials=30, output=path)
-    assert record["best"]["cost"] == pytest.approx(-0.2, abs=0.01)
+    assert record["best"]["cost"] == pytest.approx(-0.2 * 0.2, abs=0.002)
     assert record["best"]["parameters"]["bandwidth"] == pytest.approx(0.3, rel=0.15)
     assert record["trials"][0]["parameters"] == {"bandwidth": 0.2}  # the default comes first
     read = json.loads(path.read_text())
     assert read["task"]["seeds"] == [3]
-    assert read["task"]["cost"]["weights"]["mean_power"] == -5.0
+    assert read["task"]["cost"]["weights"]["captured_power"] == -1.0
     assert read["versions"]["optuna"] == optuna.__version__
     assert len(read["trials"]) == 30
 
 
 def test_cost():
-    worse = METRICS | {"mean_power": 0.99 * 5e6, "blade_flap_del": 0.9 * 6e6, "pitch_duty_cycle": 0.14}
-    assert Cost().of(worse, METRICS) == pytest.approx(5 * 0.01 - 0.1 + 0.5 * 0.1)
+    turbine = load_turbine("nrel_5mw")
+    worse = METRICS | {"captured_power": 0.99 * 5e6, "blade_flap_del": 0.9 * 6e6, "pitch_duty_cycle": 0.14}
+    assert Cost().of(worse, METRICS, turbine) == pytest.approx(0.01 - 0.2 * 0.1 + 0.1 * 0.1)
+    restless = METRICS | {"torque_rate": 400.0 + 0.2 * turbine.drivetrain.max_torque_rate}
+    assert Cost().of(restless, METRICS, turbine) == pytest.approx(0.05 * 0.2)
+    passive = replace(turbine, drivetrain=replace(turbine.drivetrain, max_torque_rate=0.0, generator_damping=1e7))
+    assert Cost().of(restless, METRICS, passive) == 0.0  # its torque is nobody's choice
+
+
+def test_the_cost_is_what_the_benchmark_scores():
+    task, turbine = load_task("load-reduction-15"), load_turbine("nrel_5mw")
+    other = {key: value * (1.0 + 0.01 * k) for k, (key, value) in enumerate(METRICS.items())}
+    assert Cost().of(other, METRICS, turbine) == pytest.approx(-task.improvement(other, METRICS), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["constrained_ipc+tower_dampers", "lidar+constrained_ipc+tower_dampers", "retuned"])
+def test_the_first_trial_are_the_defaults(name):
+    space = TuningTask(name).space
+    defaults = tuning._defaults(name, space)
+    assert set(defaults) == {key for key in space if not key.endswith(("lead", "gain_factor"))}  # those are rules
+    if "+" in name:
+        assert defaults["constrained_ipc__level"] == 0.1
+        assert defaults["side_side_damper__damping"] == 0.03
 
 
 def test_held_back_seeds_and_empty_spaces_are_refused():
