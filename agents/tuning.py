@@ -39,6 +39,7 @@ class Range:
     log: bool = False
 
 
+_FADE = Range(math.radians(0.5), math.radians(6.0), log=True)  # the default acts in full from 3 degrees on
 SPACES: dict[str, dict[str, Range]] = {
     "retuned": {"gain_factor": Range(0.5, 1.2)},
     "rosco": {
@@ -56,9 +57,9 @@ SPACES: dict[str, dict[str, Range]] = {
     "constrained_ipc": {
         "level": Range(0.02, 0.3),
         "bandwidth": Range(0.03, 1.0, log=True),
-        "lead": Range(0.0, 0.5),
         "leak_time": Range(1.0, 60.0, log=True),
         "proportional_time": Range(0.0, 1.0),
+        "fade": _FADE,
     },
     "lidar": {
         "gain": Range(0.2, 1.2),
@@ -76,6 +77,8 @@ SPACES: dict[str, dict[str, Range]] = {
 class Cost:
     """Weighted sum of the changes against a reference in the same wind, averaged over the winds; less is better.
 
+    What falls short of the least power costs ten times its share more, so that no search sells power for loads.
+
     ``sum w_k (x_k / x_k,ref - 1)``. What a drive does (duty cycle of the pitch, rate of the torque) counts over its
     full use instead, ``w_k (x_k - x_k,ref) / full``: the reference's own may be nearly zero.
 
@@ -85,6 +88,8 @@ class Cost:
         By the keys of `wt_gym.benchmark.run.benchmark_metrics`. By default those of the lifetime cost of
         docs/rewards.md, by which the load-reduction tasks of the benchmark score too: one per cent of energy is one per
         cent of cost.
+    least_power : float
+        Captured power over that of the reference; the benchmark's load-reduction tasks allow no less either.
     """
 
     weights: dict[str, float] = field(
@@ -98,6 +103,7 @@ class Cost:
             "torque_rate": 0.05,
         }
     )
+    least_power: float = 0.995
 
     def of(self, metrics: dict[str, float], reference: dict[str, float], turbine: Turbine) -> float:
         """Cost of a run against the reference in the same wind."""
@@ -106,9 +112,11 @@ class Cost:
             weight * (metrics[key] - reference[key]) / full_use.get(key, reference[key])
             for key, weight in self.weights.items()
         )
-        return float(sum(changes))
+        missing = max(self.least_power - metrics["captured_power"] / reference["captured_power"], 0.0)
+        return float(sum(changes) + _OF_MISSING_POWER * missing)
 
 
+_OF_MISSING_POWER = 10.0
 FAILURE_COST = 10.0
 """Of a wind in which the simulation failed."""
 
@@ -266,9 +274,10 @@ def tune(
 
 def _defaults(controller: str, space: dict[str, Range]) -> dict[str, float]:
     """Numbers that a controller has by default for what is searched, as far as they are numbers and not rules."""
-    from wt_gym.control.controllers import controller_parameters
+    from wt_gym.control.controllers import FadeParameters, controller_parameters
 
     parts = [part for name in controller.split("+") for part in SHORT_FOR.get(name, (name,))]
     known = {key: value for part in parts for key, value in controller_parameters(part).items()}
     known |= {f"{part}__{key}": value for part in parts for key, value in controller_parameters(part).items()}
-    return {key: known[key] for key in space if isinstance(known.get(key), float)}
+    faded = {key: FadeParameters().pitch[1] for key in known if key.endswith("fade")}
+    return {key: value for key, value in (known | faded).items() if key in space and isinstance(value, float)}

@@ -46,8 +46,10 @@ def test_the_search_finds_the_least_cost_and_says_how(monkeypatch, tmp_path):
 
 def test_cost():
     turbine = load_turbine("nrel_5mw")
-    worse = METRICS | {"captured_power": 0.99 * 5e6, "blade_flap_del": 0.9 * 6e6, "pitch_duty_cycle": 0.14}
-    assert Cost().of(worse, METRICS, turbine) == pytest.approx(0.01 - 0.2 * 0.1 + 0.1 * 0.1)
+    worse = METRICS | {"captured_power": 0.996 * 5e6, "blade_flap_del": 0.9 * 6e6, "pitch_duty_cycle": 0.14}
+    assert Cost().of(worse, METRICS, turbine) == pytest.approx(0.004 - 0.2 * 0.1 + 0.1 * 0.1)
+    sold = METRICS | {"captured_power": 0.98 * 5e6}
+    assert Cost().of(sold, METRICS, turbine) == pytest.approx(0.02 + 10 * 0.015)
     restless = METRICS | {"torque_rate": 400.0 + 0.2 * turbine.drivetrain.max_torque_rate}
     assert Cost().of(restless, METRICS, turbine) == pytest.approx(0.05 * 0.2)
     passive = replace(turbine, drivetrain=replace(turbine.drivetrain, max_torque_rate=0.0, generator_damping=1e7))
@@ -68,6 +70,7 @@ def test_the_first_trial_are_the_defaults(name):
     if "+" in name:
         assert defaults["constrained_ipc__level"] == 0.1
         assert defaults["side_side_damper__damping"] == 0.03
+        assert defaults["constrained_ipc__fade"] == pytest.approx(math.radians(3.0))
 
 
 def test_held_back_seeds_and_empty_spaces_are_refused():

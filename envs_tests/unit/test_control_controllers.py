@@ -177,6 +177,18 @@ def test_fade(turbine):
     assert share == 1.0
 
 
+def test_a_fade_by_its_end(turbine):
+    assert AboveRated.of_turbine(turbine, 0.03).parameters == FadeParameters(pitch=(0.005, 0.03))
+    assert AboveRated.of_turbine(turbine, math.radians(3.0)).parameters == FadeParameters()  # the default
+    assert AboveRated.of_turbine(turbine, False) is None
+    for fade in (0.0, 1, 0.6, math.nan, "full"):
+        with pytest.raises(ValueError, match="fade must be True, False, FadeParameters or a pitch"):
+            AboveRated.of_turbine(turbine, fade)
+    early = make_controller("ipc+tower_dampers", turbine, ipc__fade=0.01, fore_aft_damper__fade=False)
+    assert early.additions[0].fade.parameters.pitch[1] == 0.01
+    assert early.additions[1].fade is None
+
+
 # ---- the baseline behind the contract ----
 
 

@@ -275,7 +275,7 @@ class WindTurbineEnv(gym.Env):
         By default all that the turbine has.
     action_spans : mapping, optional
         Other rates and limits, see `wt_gym.control.ActionMap`.
-    residual_fade : bool or FadeParameters
+    residual_fade : bool, float or FadeParameters
         Let residual pitch act only above rated wind, as additions to industrial controllers do
         (`wt_gym.control.controllers.fading.AboveRated`): blades at fine pitch stay where they make the most power.
         The share that acts can be observed as "residual_share". Other modes have none to fade.
@@ -349,7 +349,7 @@ class WindTurbineEnv(gym.Env):
         pitch: str = "collective",
         action_components: Sequence[str] | None = None,
         action_spans: Mapping[str, float] | None = None,
-        residual_fade: bool | FadeParameters = False,
+        residual_fade: bool | float | FadeParameters = False,
         residual_washout: float | None = None,
         controller: str | Controller | Callable = "discon",
         reward: Mapping[str, float] | Iterable[RewardTerm] | None = None,
@@ -757,11 +757,10 @@ class WindTurbineEnv(gym.Env):
 
     def _make_residual(self, action: ActionMap, fade, washout) -> ResidualPitch | None:
         """What residual pitch passes on its way to the blades, if there is such a pitch and anything to pass."""
-        if not isinstance(fade, bool | FadeParameters):
-            raise ValueError(f"residual_fade must be True, False or FadeParameters, got {fade!r}")
-        above = None
-        if fade is not False:
-            above = AboveRated.of_turbine(self.turbine, None if fade is True else fade)
+        try:
+            above = AboveRated.of_turbine(self.turbine, fade)
+        except ValueError as error:
+            raise ValueError(f"residual_{error}") from error
         residual = ResidualPitch(above, washout, action.n_mean)
         has_pitch = action.mode == "residual" and "pitch" in action.components
         return residual if has_pitch and (residual.fades or residual.washes) else None

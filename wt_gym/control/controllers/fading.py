@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from wt_gym.control.sensors import LowPass
 
+if TYPE_CHECKING:
+    from wt_gym.turbines import Turbine
+
 __all__ = ["AboveRated", "FadeParameters"]
+
+_LEAST_FADE, _MOST_FADE = 0.001, 0.5  # [rad]
 
 
 def _ramp(value: float, low: float, high: float) -> float:
@@ -61,10 +67,33 @@ class AboveRated:
         self._pitch = LowPass(parameters.time_constant)
 
     @classmethod
-    def of_turbine(cls, turbine, parameters: FadeParameters | None = None) -> AboveRated:
-        """Of a turbine."""
+    def of_turbine(cls, turbine: Turbine, fade: FadeParameters | bool | float = True) -> AboveRated | None:
+        """Of a turbine; None where nothing is to fade.
+
+        Parameters
+        ----------
+        turbine : Turbine
+        fade : FadeParameters, bool or float
+            True: the default parameters; False: none; a number: the collective pitch above fine pitch from which on the
+            addition acts in full [rad], beginning at a sixth of it as by default.
+
+        Raises
+        ------
+        ValueError
+            For a pitch that is no number from 0.001 to 0.5 rad.
+        """
+        if fade is False:
+            return None
+        parameters = FadeParameters() if fade is True else fade
+        if not isinstance(parameters, FadeParameters):
+            if not (isinstance(fade, int | float) and _LEAST_FADE <= fade <= _MOST_FADE):
+                raise ValueError(
+                    f"fade must be True, False, FadeParameters or a pitch from {_LEAST_FADE:g} to {_MOST_FADE:g} rad, "
+                    f"got {fade!r}"
+                )
+            parameters = FadeParameters(pitch=(fade / 6.0, float(fade)))
         fine = max(turbine.pitch.min_pitch, 0.0)
-        return cls(parameters or FadeParameters(), fine, turbine.drivetrain.rated_rotor_speed)
+        return cls(parameters, fine, turbine.drivetrain.rated_rotor_speed)
 
     def start(self, pitch: float) -> None:
         """Start in steady state at a collective pitch [rad]."""

@@ -203,7 +203,7 @@ class IndividualPitch:
         lead: float | None = None,
         simulator_step: float | None = None,
         second_harmonic: float = 0.0,
-        fade: FadeParameters | bool = True,
+        fade: FadeParameters | bool | float = True,
     ) -> IndividualPitch:
         """Gains by rule for a turbine.
 
@@ -225,8 +225,8 @@ class IndividualPitch:
             See the class.
         second_harmonic : float
             Gain of the second harmonic over that of the first; zero leaves it out. Its limit is half that of the first.
-        fade : FadeParameters or bool
-            False: always in full.
+        fade : FadeParameters, bool or float
+            As of `AboveRated.of_turbine`; False: always in full.
         """
         speed, sensitivity = turbine.drivetrain.rated_rotor_speed, flap_moment_sensitivity(turbine)
         gain = bandwidth * speed / sensitivity
@@ -244,9 +244,7 @@ class IndividualPitch:
             second = {"harmonic": 2, "integral_gain": second_harmonic * gain, "limit": 0.5 * limit}
             second |= {"proportional_gain": second_harmonic * first.proportional_gain, "level": 0.5 * first.level}
             harmonics.append(HarmonicPitchParameters(**{**asdict(first), **second}))
-        fading = None
-        if fade is not False:
-            fading = AboveRated.of_turbine(turbine, None if fade is True else fade)
+        fading = AboveRated.of_turbine(turbine, fade)
         return cls(harmonics, fading, turbine.pitch, turbine.n_blades, lead, simulator_step)
 
     def start(self, signals: Readings) -> None:

@@ -113,7 +113,7 @@ class LidarFeedforward:
         delay: float = 0.5,
         gain: float = 0.6,
         lidar: Lidar | None = None,
-        fade: FadeParameters | bool = True,
+        fade: FadeParameters | bool | float = True,
     ) -> LidarFeedforward:
         """By rule for a turbine.
 
@@ -127,8 +127,8 @@ class LidarFeedforward:
             See the class.
         lidar : Lidar, optional
             By default `Lidar.for_rotor`, that of the observations.
-        fade : FadeParameters or bool
-            False: always in full.
+        fade : FadeParameters, bool or float
+            As of `AboveRated.of_turbine`; False: always in full.
 
         Raises
         ------
@@ -141,7 +141,7 @@ class LidarFeedforward:
             )
         if not 0.0 < filter_length < math.inf:
             raise ValueError(f"filter_length must be positive and finite, got {filter_length!r}")
-        fading = None if fade is False else AboveRated.of_turbine(turbine, None if fade is True else fade)
+        fading = AboveRated.of_turbine(turbine, fade)
         return cls(
             base,
             _WINDS,

@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from wt_gym.control.controllers.discon import BaselineParameters
+from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
 from wt_gym.turbines import load_turbine
 
@@ -46,13 +47,8 @@ def found_factor(turbine: Turbine) -> float | None:
     ----------
     turbine : Turbine
     """
-    from wt_gym.simulation.state import fingerprint  # the simulator is heavy, and rarely needed here
-
-    def rotor(one: Turbine) -> str:
-        return fingerprint(one.n_blades, one.rotor_diameter, one.blade, one.hub, one.drivetrain)
-
     for name, factor in FOUND.items():
-        if rotor(load_turbine(name)) == rotor(turbine):
+        if same_rotor(load_turbine(name), turbine):
             return factor
     return None
 

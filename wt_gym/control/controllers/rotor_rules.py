@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from wt_gym.turbines import Support, Tower, Turbine
 
-__all__ = ["TowerTop", "flap_moment_sensitivity", "tower_top"]
+__all__ = ["TowerTop", "flap_moment_sensitivity", "same_rotor", "tower_top"]
 
 
 def flap_moment_sensitivity(turbine: Turbine) -> float:
@@ -25,6 +25,16 @@ def flap_moment_sensitivity(turbine: Turbine) -> float:
     radius = blade.root_radius + along
     lift = math.pi * turbine.air_density * speed**2 * radius**2 * blade.chord_at(along)
     return float(np.trapezoid(lift * along, along))
+
+
+def same_rotor(one: Turbine, other: Turbine) -> bool:
+    """Whether two turbines have the same rotor and drive train, whatever tower or monopile these stand on."""
+    from wt_gym.simulation.state import fingerprint  # the simulator is heavy, and rarely needed here
+
+    def rotor(turbine: Turbine) -> str:
+        return fingerprint(turbine.n_blades, turbine.rotor_diameter, turbine.blade, turbine.hub, turbine.drivetrain)
+
+    return rotor(one) == rotor(other)
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ class ForeAftDamper:
         turbine: Turbine,
         damping: float = 0.05,
         limit: float = math.radians(1.5),
-        fade: FadeParameters | bool = True,
+        fade: FadeParameters | bool | float = True,
     ) -> ForeAftDamper:
         """Gain by rule: ``2 damping omega m / |dT/dtheta|``.
 
@@ -73,15 +73,13 @@ class ForeAftDamper:
             Damping ratio of the first fore-aft mode to be added [-].
         limit : float
             [rad].
-        fade : FadeParameters or bool
-            False: always in full.
+        fade : FadeParameters, bool or float
+            As of `AboveRated.of_turbine`; False: always in full.
         """
         tower = tower_top(turbine)
         power = abs(design_point(turbine).pitch_sensitivity) * rated_mechanical_power(turbine)
         gain = 2.0 * damping * tower.fore_aft * tower.mass * turbine.rated_wind_speed / power
-        fading = None
-        if fade is not False:
-            fading = AboveRated.of_turbine(turbine, None if fade is True else fade)
+        fading = AboveRated.of_turbine(turbine, fade)
         limits = (max(turbine.pitch.min_pitch, 0.0), turbine.pitch.max_pitch)
         return cls(gain, CORNER * tower.fore_aft, limit, fading, limits)
 
