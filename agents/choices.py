@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.controllers import CONTROLLERS
+from wt_gym.control.controllers import CONTROLLERS, name_and_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -93,19 +92,7 @@ def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
     ValueError
         If a parameter is not of the form ``key=value`` with a number, or True, False or None as its value.
     """
-    name, _, rest = choice.removeprefix(_PREFIX).partition(":")
-    parameters = {}
-    for pair in filter(None, rest.split(",")):
-        key, separator, value = pair.partition("=")
-        if not (separator and key):
-            raise ValueError(f"a parameter of a controller is key=value, got {pair!r} in {choice!r}")
-        try:
-            parameters[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError) as error:
-            raise ValueError(
-                f"the value of {key!r} in {choice!r} must be a number, True, False or None, got {value!r}"
-            ) from error
-    return name, parameters
+    return name_and_parameters(choice.removeprefix(_PREFIX))
 
 
 def named_choices(choices: list[str]) -> dict[str, str]:

@@ -552,6 +552,18 @@ def test_names_and_parameters(turbine):
     assert set(BASES) <= set(CONTROLLERS)
 
 
+def test_parameters_stand_behind_the_name_too(turbine):
+    one = make_controller("constrained_ipc+yaw:level=0.2,fade=False,yaw__dead_band=0.05", turbine)
+    other = make_controller("constrained_ipc+yaw", turbine, level=0.2, fade=False, yaw__dead_band=0.05)
+    assert one.additions[0].harmonics[0].parameters == other.additions[0].harmonics[0].parameters
+    assert one.additions[0].fade is other.additions[0].fade is None
+    assert one.additions[1].dead_band == other.additions[1].dead_band == 0.05
+    with pytest.raises(ValueError, match="level of controller 'ipc' is given twice"):
+        make_controller("ipc:level=0.2", turbine, level=0.1)
+    with pytest.raises(ValueError, match="a parameter of a controller is key=value, got 'level'"):
+        make_controller("ipc:level", turbine)
+
+
 @pytest.mark.parametrize("name", ["pid", "ipc+discon", "ipc+ipc", "", "discon+"])
 def test_unknown_names_list_those_allowed(name, turbine):
     with pytest.raises(ValueError, match="discon, retuned, rosco"):

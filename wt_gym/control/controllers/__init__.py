@@ -11,6 +11,7 @@ from wt_gym.control.controllers.catalogue import (
     WRAPPERS,
     controller_parameters,
     make_controller,
+    name_and_parameters,
 )
 from wt_gym.control.controllers.controller import (
     Addition,
@@ -70,6 +71,7 @@ __all__ = [
     "from_harmonic",
     "lidar_of",
     "make_controller",
+    "name_and_parameters",
     "readings_of",
     "retuned_parameters",
     "rotor_table",

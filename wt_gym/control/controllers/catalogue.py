@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,15 @@ from wt_gym.control.controllers.yaw import YawByDeadBand
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = ["ADDITIONS", "BASES", "CONTROLLERS", "WRAPPERS", "controller_parameters", "make_controller"]
+__all__ = [
+    "ADDITIONS",
+    "BASES",
+    "CONTROLLERS",
+    "WRAPPERS",
+    "controller_parameters",
+    "make_controller",
+    "name_and_parameters",
+]
 
 
 def _discon(turbine: Turbine) -> Controller:
@@ -140,6 +149,39 @@ def _parts(choice: str) -> tuple[str, ...]:
     return tuple(sorted(parts, key=lambda part: 0 if part in BASES else 1 if part in WRAPPERS else 2))
 
 
+def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
+    """Name and parameters of a controller from ``name:key=value,key=value``.
+
+    Parameters
+    ----------
+    choice : str
+        Values are Python literals: numbers, True, False or None.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is not of the form ``key=value`` with such a value.
+
+    Examples
+    --------
+    >>> name_and_parameters("constrained_ipc+yaw:level=0.1,dead_band=0.05")
+    ('constrained_ipc+yaw', {'level': 0.1, 'dead_band': 0.05})
+    """
+    name, _, rest = choice.partition(":")
+    parameters = {}
+    for pair in filter(None, rest.split(",")):
+        key, separator, value = pair.partition("=")
+        if not (separator and key):
+            raise ValueError(f"a parameter of a controller is key=value, got {pair!r} in {choice!r}")
+        try:
+            parameters[key] = ast.literal_eval(value)
+        except (ValueError, SyntaxError) as error:
+            raise ValueError(
+                f"the value of {key!r} in {choice!r} must be a number, True, False or None, got {value!r}"
+            ) from error
+    return name, parameters
+
+
 def make_controller(
     choice: str | Controller | Callable[[Turbine], Controller], turbine: Turbine, **parameters
 ) -> Controller:
@@ -149,8 +191,9 @@ def make_controller(
     ----------
     choice : str, Controller or callable
         Names of `CONTROLLERS` joined with ``+``: one of `BASES` (by default "discon") and additions, for example
-        ``"discon"``, ``"ipc"`` (the same as ``"discon+ipc"``), ``"rosco+constrained_ipc+tower_dampers+yaw"``. Or a
-        controller, which is returned as it is, or a function that makes one for the turbine.
+        ``"discon"``, ``"ipc"`` (the same as ``"discon+ipc"``), ``"rosco+constrained_ipc+tower_dampers+yaw"``; with
+        parameters behind a colon as `name_and_parameters` reads them: ``"constrained_ipc:level=0.1"``. Or a controller,
+        which is returned as it is, or a function that makes one for the turbine.
     turbine : Turbine
     **parameters
         Of the parts, see `controller_parameters`. One that belongs to several parts of the name is told apart by the
@@ -175,6 +218,10 @@ def make_controller(
     >>> controller = make_controller("ipc+yaw", load_turbine("nrel_5mw"), bandwidth=0.3)
     """
     if isinstance(choice, str):
+        choice, beside = name_and_parameters(choice)
+        if both := [key for key in beside if key in parameters]:
+            raise ValueError(f"{', '.join(both)} of controller {choice!r} is given twice")
+        parameters = beside | parameters
         parts = _parts(choice)
         given = _distribute(parts, parameters)
         base = BASES[parts[0]](turbine, **given[parts[0]])
