@@ -1,13 +1,17 @@
 """Controllers against their formulas: filters, transforms, limits, starts, copies and names."""
 
 import copy
+import inspect
+import json
 import math
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from wt_gym.agents.tuning import Cost
 from wt_gym.control import Demand, LowPass, Notch
 from wt_gym.control.controllers import (
     BASES,
@@ -41,6 +45,8 @@ from wt_gym.control.controllers.filters import BandLimitedIntegrator
 from wt_gym.control.controllers.retuned import found_factor, gain_of_table
 from wt_gym.control.controllers.rosco_like import pitch_schedule
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
+from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.errors import ControllerError
 from wt_gym.turbines import catalogue, load_turbine
 
@@ -562,6 +568,38 @@ def test_parameters_stand_behind_the_name_too(turbine):
         make_controller("ipc:level=0.2", turbine, level=0.1)
     with pytest.raises(ValueError, match="a parameter of a controller is key=value, got 'level'"):
         make_controller("ipc:level", turbine)
+
+
+@pytest.mark.parametrize("name", TUNED)
+def test_a_tuned_controller_has_the_parameters_of_its_record(name, turbine):
+    path = Path(inspect.getfile(tuned_parameters)).with_name("data") / f"{name}.json"
+    record = json.loads(path.read_text(encoding="utf-8"))
+    task = record["task"]
+    assert set(task["seeds"]) <= set(TRAINING_WIND_SEEDS)
+    assert Cost(**task["cost"]) == Cost()
+    assert record["best"] == min(record["trials"], key=lambda trial: trial["cost"])
+    assert record["best"]["cost"] < record["trials"][0]["cost"]  # of the defaults
+    best = record["best"]["parameters"]
+    assert make_controller(name, turbine).additions[0].harmonics[0].parameters == (
+        make_controller(task["controller"], turbine, **best).additions[0].harmonics[0].parameters
+    )
+    assert tuned_parameters(name, load_turbine("nrel_5mw_monopile")) == best  # the same rotor
+    wider = make_controller(f"{name}+yaw:level=0.2", turbine)  # what is given wins
+    assert wider.additions[0].harmonics[0].parameters == (
+        make_controller(task["controller"], turbine, **best | {"constrained_ipc__level": 0.2})
+        .additions[0]
+        .harmonics[0]
+        .parameters
+    )
+
+
+def test_on_another_turbine_tuned_times_go_with_its_turn(turbine):
+    other = load_turbine("iea_15mw")
+    home, away = tuned_parameters("tuned_lidar", turbine), tuned_parameters("tuned_lidar", other)
+    slower = turbine.drivetrain.rated_rotor_speed / other.drivetrain.rated_rotor_speed
+    assert slower > 1.5
+    times = {"constrained_ipc__leak_time", "constrained_ipc__proportional_time", "lidar__delay"}
+    assert away == pytest.approx({key: value * (slower if key in times else 1.0) for key, value in home.items()})
 
 
 @pytest.mark.parametrize("name", ["pid", "ipc+discon", "ipc+ipc", "", "discon+"])

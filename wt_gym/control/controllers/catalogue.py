@@ -14,6 +14,7 @@ from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
+from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
 from wt_gym.control.controllers.yaw import YawByDeadBand
 
 if TYPE_CHECKING:
@@ -93,8 +94,8 @@ ADDITIONS: dict[str, Callable[..., Addition]] = {
 """What changes the demand of a controller."""
 WRAPPERS: dict[str, Callable[..., Controller]] = {"lidar": _lidar}
 """What works on the inside of a base, before all additions."""
-SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper")}
-"""Names that stand for several additions."""
+SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper"), **TUNED}
+"""Names that stand for several parts; those of `TUNED` bring parameters with them."""
 CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
 """Every name; what is no base stands on "discon" where there is none."""
 
@@ -223,7 +224,8 @@ def make_controller(
             raise ValueError(f"{', '.join(both)} of controller {choice!r} is given twice")
         parameters = beside | parameters
         parts = _parts(choice)
-        given = _distribute(parts, parameters)
+        tuned = (tuned_parameters(name, turbine) for name in choice.split("+") if name in TUNED)
+        given = _distribute(parts, {key: value for found in tuned for key, value in found.items()} | parameters)
         base = BASES[parts[0]](turbine, **given[parts[0]])
         for part in parts:
             if part in WRAPPERS:
