@@ -17,8 +17,9 @@ id                                   turbine and wind
 ===================================  ==============================================================
 
 and the tasks of `wt_gym.tasks`: ``wt_gym/LoadReduction-v0``, ``wt_gym/FullRange-v0``, ``wt_gym/MaxPower-v0``,
-``wt_gym/Yaw-v0``, ``wt_gym/Gusts-v0`` and ``wt_gym/IEA15MW-LoadReduction-v1``. The blades of the 15-MW turbine twist in
-the ids of version 1; those of version 0, which stay for a while, have blades that only bend.
+``wt_gym/Yaw-v0``, ``wt_gym/Gusts-v1`` and ``wt_gym/IEA15MW-LoadReduction-v1``. The blades of the 15-MW turbine twist in
+the ids of version 1; those of version 0, which stay for a while, have blades that only bend. Version 0 of the gusts has
+no extreme turbulence.
 
 Examples
 --------
@@ -28,7 +29,7 @@ Examples
 
 from gymnasium.envs.registration import register
 
-from wt_gym.tasks import TASKS
+from wt_gym.tasks import TASKS, TWISTING
 
 __all__ = ["__version__"]
 __version__ = "0.1.0"
@@ -37,14 +38,13 @@ _TURBINES = {"NREL5MW": "nrel_5mw", "IEA15MW": "iea_15mw", "Gebhardt45m": "gebha
 _OWN = {"nada_small": {"wind_speed": (6.0, 10.0), "control_dt": 0.02, "episode_length": 4.0}}
 """Arguments of turbines for which the defaults do not fit: four seconds are a hundred turns of the small rotor."""
 _INFLOWS = {"Steady": "steady", "Turbulent": "turbulent"}
+_VERSIONS: dict[str, tuple[dict, ...]] = {"iea_15mw": ({}, TWISTING)}
+"""What each version of a turbine's plain ids adds; turbines without an entry have version 0. Tasks tell their own."""
 
-_TWISTING = {"iea_15mw": {"fidelity": "training-torsion"}}
-"""What version 1 of the ids of a turbine adds. Blades that long twist by degrees, which takes a tenth of the thrust."""
 
-
-def _register(name, turbine, arguments, **limits):
+def _register(name, versions, arguments, **limits):
     """Register an id in all its versions; ``arguments`` go to the environment."""
-    for version, more in enumerate([{}, _TWISTING[turbine]] if turbine in _TWISTING else [{}]):
+    for version, more in enumerate(versions):
         register(
             id=f"wt_gym/{name}-v{version}",
             entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
@@ -57,7 +57,7 @@ def _register(name, turbine, arguments, **limits):
 for _label, _turbine in _TURBINES.items():
     for _inflow_label, _inflow in _INFLOWS.items():
         _arguments = {"turbine": _turbine, "inflow": _inflow, **_OWN.get(_turbine, {})}
-        _register(f"{_label}-{_inflow_label}", _turbine, _arguments)
+        _register(f"{_label}-{_inflow_label}", _VERSIONS.get(_turbine, ({},)), _arguments)
 
 for _task in TASKS.values():
-    _register(_task.name, _task.arguments["turbine"], _task.arguments, max_episode_steps=_task.max_episode_steps)
+    _register(_task.name, _task.versions, _task.arguments, max_episode_steps=_task.max_episode_steps)

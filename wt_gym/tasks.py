@@ -1,16 +1,18 @@
 """Tasks: environments as people train on them, each with its wind, its action and its score.
 
-Importing this module loads nothing heavy; `wt_gym` registers the tasks under ``wt_gym/<name>-v0``. Any argument of
-`wt_gym.envs.turbine_env.WindTurbineEnv` can be given to ``gymnasium.make`` on top.
+Importing this module loads nothing heavy; `wt_gym` registers the tasks under ``wt_gym/<name>-v<version>``. Any argument
+of `wt_gym.envs.turbine_env.WindTurbineEnv` can be given to ``gymnasium.make`` on top.
 """
 
 import math
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["TASKS", "Task"]
+__all__ = ["TASKS", "TWISTING", "Task"]
 
 _CONTROL_DT = 0.2
+TWISTING = {"fidelity": "training-torsion"}
+"""What version 1 of the ids of the IEA 15-MW adds: blades that long twist by degrees, a tenth of the thrust."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,7 @@ class Task:
     Attributes
     ----------
     name : str
-        ``wt_gym/<name>-v0`` is the id.
+        ``wt_gym/<name>-v<version>`` are the ids.
     goal : str
         What is to be done, in one sentence.
     score : str
@@ -29,6 +31,8 @@ class Task:
         Length of an episode [s]; ``max_episode_steps`` of the id.
     arguments : dict
         Of the environment.
+    versions : tuple of dict
+        What each version changes of the arguments: version 0 first, the newest last.
     """
 
     name: str
@@ -36,6 +40,12 @@ class Task:
     score: str
     episode: float
     arguments: dict[str, Any] = field(default_factory=dict)
+    versions: tuple[dict[str, Any], ...] = ({},)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Id of each version, the newest last."""
+        return tuple(f"wt_gym/{self.name}-v{version}" for version in range(len(self.versions)))
 
     @property
     def max_episode_steps(self) -> int:
@@ -117,7 +127,8 @@ TASKS = {
         ),
         Task(
             "Gusts",
-            "Survive the transients of IEC 61400-1 (gust, change of direction, both, shear) with the least loads.",
+            "Survive the gusts of IEC 61400-1 (gust, change of direction, both, shear; from version 1 on extreme "
+            "turbulence too) with the least loads.",
             "share of survived episodes, largest flap and tower moments, largest rotor speed",
             40.0,
             {
@@ -126,6 +137,7 @@ TASKS = {
                 "action_components": ("pitch", "torque"),
                 "wind_speed": (6.0, 22.0),
             },
+            versions=({}, {"gusts": ("EOG", "EDC", "ECD", "EWS", "ETM")}),
         ),
         Task(
             "IEA15MW-LoadReduction",
@@ -133,6 +145,7 @@ TASKS = {
             "as LoadReduction",
             60.0,
             {**_LOAD_REDUCTION, "turbine": "iea_15mw", "wind_speed": (11.0, 20.0)},
+            versions=({}, TWISTING),
         ),
     )
 }

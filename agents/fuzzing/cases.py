@@ -10,6 +10,7 @@ import numpy as np
 
 from wt_gym.control.actions import ACTION_MODES
 from wt_gym.envs.observations import OBSERVATION_GROUPS
+from wt_gym.envs.wind_sampler import GUSTS
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -96,7 +97,7 @@ WINDS: dict[str, Callable[[Turbine, np.random.Generator], dict[str, Any]]] = {
     "steady": lambda t, rng: _operating(t, shear_exponent=float(rng.choice([0.0, 0.2, 0.5]))),
     "turbulent": lambda t, rng: _turbulent(t),
     "extreme turbulence": lambda t, rng: _turbulent(t, turbulence_model="ETM"),
-    "gusts": lambda t, rng: _operating(t, inflow="gusts"),
+    "gusts": lambda t, rng: _turbulent(t, inflow="gusts", gusts=GUSTS),
     "from behind": lambda t, rng: _operating(t, wind_direction=(0.75 * math.pi, math.pi)),
     "from the side": lambda t, rng: _turbulent(t, wind_direction=(-0.6 * math.pi, 0.6 * math.pi)),
     "wandering": lambda t, rng: _turbulent(t, wind_wander=(0.5, 10.0)),

@@ -13,7 +13,7 @@ from wt_gym.envs import rewards as terms
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.tasks import TASKS
 
-_WIND = {"steady": "steady, sheared", "turbulent": "Kaimal turbulence", "gusts": "IEC transients"}
+_WIND = {"steady": "steady, sheared", "turbulent": "Kaimal turbulence", "gusts": "IEC gusts"}
 
 
 def ids():
@@ -32,9 +32,7 @@ def ids():
              f"{length:g}\u00a0s by {env.control_dt:g}\u00a0s")
         )  # fmt: skip
     headings = ("id", "turbine", "wind", "actions / observations", "episode by control step")
-    goals = table(
-        ("task", "goal", "score"), [(f"`wt_gym/{t.name}-v0`", t.goal, t.score) for t in TASKS.values()], "options"
-    )
+    goals = table(("task", "goal", "score"), [(f"`{t.ids[-1]}`", t.goal, t.score) for t in TASKS.values()], "options")
     return table(headings, rows, "options") + "\n## Goals of the tasks\n\n" + goals
 
 

@@ -325,6 +325,7 @@ def test_notes_on_trainings_name_some_seeds_only():
         ("--env wt_gym/NREL5MW-Steady-v0 --env-kwargs '{\"wind_speed\": 9.0}'", {9.0}, (None,), {None}),
         ("--env wt_gym/Gusts-v0", {15.0}, (None,), {1, 2, 3, 4, 5, 6}),
         ("--env wt_gym/Gusts-v0 --wind-speed 8 10 --draws 2", {8.0, 10.0}, (None,), {1, 2}),
+        ("--env wt_gym/Gusts-v1", {15.0}, DEFAULT_WIND_SEEDS, {None}),  # of which extreme turbulence has one
         (
             "--env wt_gym/NREL5MW-Steady-v0 --draws 3 --env-kwargs '{\"wind_direction\": [0.1, 0.2]}'",
             {15.0}, (None,), {1, 2, 3},

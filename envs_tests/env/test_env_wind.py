@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from wt_gym.envs import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import GUSTS, WindSampler
 from wt_gym.errors import InflowError
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import SteadyInflow
+from wt_gym.wind import SteadyInflow, TransientInflow
 from wt_gym.wind.iec import turbulence_sigma
 
 TURBINE = load_turbine("nrel_5mw")
@@ -106,6 +106,55 @@ def test_gusts_stand_on_the_shear_asked_for(exponent):
     assert len(kinds) == 5
 
 
+def kind_of(wind):
+    """Short name of a gust."""
+    return wind.inflow.kind[:3] if isinstance(wind.inflow, TransientInflow) else "ETM"
+
+
+def draw_gusts(n=40, **kwargs):
+    sampler = WindSampler(TURBINE, "gusts", 10.0, wind_seeds=(5, 6), **kwargs)
+    return [sampler.sample(np.random.default_rng(seed)) for seed in range(n)]
+
+
+@pytest.mark.parametrize("gusts", [*((name,) for name in GUSTS), ("ECD", "ETM"), GUSTS])
+def test_gusts_are_those_that_are_named(gusts):
+    winds = draw_gusts(gusts=gusts)
+    assert {kind_of(wind) for wind in winds} == set(gusts)
+    assert {wind.wind_seed for wind in winds if kind_of(wind) == "ETM"} == ({5, 6} if "ETM" in gusts else set())
+    assert {wind.wind_seed for wind in winds if kind_of(wind) != "ETM"} <= {-1}
+
+
+def test_gusts_follow_from_the_seed_and_not_from_the_order_of_their_names():
+    told = [[wind.inflow.description for wind in draw_gusts(gusts=gusts)] for gusts in (GUSTS, GUSTS, GUSTS[::-1])]
+    assert told[0] == told[1] == told[2]
+    assert len(set(told[0])) > 20
+
+
+def test_default_gusts_are_what_they_were():
+    """The first winds of version 0 of the task, as drawn before there was a choice."""
+    kinds = [wind.inflow.kind for wind in draw_gusts(6)]
+    assert kinds == ["EDC", "EWS-horizontal", "EDC", "EDC", "ECD", "EWS-horizontal"]
+    assert [round(wind.inflow.start_time, 3) for wind in draw_gusts(3)] == [13.133, 8.118, 11.001]
+
+
+def test_extreme_turbulence_among_gusts_is_that_of_turbulent_wind():
+    """Its seed and its time are drawn, and can be fixed; transients know neither."""
+    sampler = WindSampler(TURBINE, "gusts", 10.0, gusts=("ETM",), wind_seeds=(5,))
+    alone = WindSampler(TURBINE, "turbulent", 10.0, turbulence_model="ETM", wind_seeds=(5,))
+    winds = [one.sample(np.random.default_rng(3)) for one in (sampler, alone)]
+    points = np.array([[0.0, 0.0, 90.0], [0.0, 20.0, 60.0]])
+    assert winds[0].time_offset == winds[1].time_offset > 0.0
+    np.testing.assert_array_equal(*(wind.inflow.velocity(points, 7.0) for wind in winds))
+    assert (sampler.options, sampler.seeds) == (alone.options, (5,))
+    fixed = sampler.sample(np.random.default_rng(3), wind_seed=6)
+    assert (fixed.wind_seed, fixed.time_offset) == (6, 0.0)
+    mixed = WindSampler(TURBINE, "gusts", 10.0, gusts=("EOG", "ETM"))
+    held_back = {mixed.sample(np.random.default_rng(seed), wind_seed=1001).wind_seed for seed in range(12)}
+    assert held_back == {-1, 1001}
+    with pytest.raises(InflowError, match="belong to turbulent wind"):
+        WindSampler(TURBINE, "gusts", 10.0).sample(np.random.default_rng(0), wind_seed=5)
+
+
 def test_fixing_one_draw_leaves_the_others():
     sampler = WindSampler(TURBINE, "turbulent", (6.0, 18.0))
     free = sampler.sample(np.random.default_rng(4))
@@ -137,6 +186,11 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
         ("turbulent", {"wind_speed": 10.0, "wind_seeds": (10**23,)}, "at most 9223372036854775807"),
         ("turbulent", {"wind_speed": 10.0, "turbulence_model": "EWM"}, "'NTM', 'ETM'"),
         ("steady", {"wind_speed": 10.0, "turbulence_model": "ETM"}, "belongs to inflow='turbulent'"),
+        ("gusts", {"wind_speed": 10.0, "gusts": ("EOG", "NTM")}, "'EOG', 'EDC', 'ECD', 'EWS', 'ETM'"),
+        ("gusts", {"wind_speed": 10.0, "gusts": ()}, "each once"),
+        ("gusts", {"wind_speed": 10.0, "gusts": ("EOG", "EOG")}, "each once"),
+        ("turbulent", {"wind_speed": 10.0, "gusts": ("EOG",)}, "belongs to inflow='gusts'"),
+        ("gusts", {"wind_speed": 10.0, "turbulence": "mann"}, "'gusts' with ETM"),
         ("steady", {"wind_speed": 10.0, "return_period": 1}, "belongs to the inflows"),
         ("extreme", {"wind_speed": None, "return_period": 10}, "return_period must be 1 or 50"),
         ("steady", {"wind_speed": 10.0, "direction": iter((0.1, 0.2))}, "wind_direction must be an angle"),

@@ -28,7 +28,7 @@ from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_
 from wt_gym.envs.costs import Costs
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, Situation
-from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, WindSampler
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, TRANSIENTS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drives import available_torque, pitch_delay
@@ -259,6 +259,10 @@ class WindTurbineEnv(gym.Env):
         Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``.
     turbulence : {"kaimal", "mann"}
         Spectra of turbulent winds: Kaimal's, or Mann's uniform shear model (``docs/wind.md``).
+    gusts : sequence of {"EOG", "EDC", "ECD", "EWS", "ETM"}
+        What ``inflow="gusts"`` draws: extreme operating gust, extreme direction change, coherent gust with direction
+        change, wind shear (vertical or horizontal, together twice as often as each of the others), and turbulence of
+        the extreme turbulence model. Default: all but ETM.
     return_period : {50, 1}
         Of extreme winds, in years.
     fidelity : str or Fidelity
@@ -368,6 +372,7 @@ class WindTurbineEnv(gym.Env):
         roughness_length: float | None = None,
         reference_height: float | None = None,
         turbulence: str = "kaimal",
+        gusts: Sequence[str] = TRANSIENTS,
     ):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
@@ -399,7 +404,7 @@ class WindTurbineEnv(gym.Env):
             raise ValueError(f"standstill_limit must be at least -1 and below 1, got {standstill_limit!r}")
         self.wind = WindSampler(
             self.turbine, inflow, wind_speed, shear_exponent, turbulence_class, wind_seeds, wind_direction, wind_wander,
-            turbulence_model, return_period, roughness_length, reference_height, turbulence,
+            turbulence_model, return_period, roughness_length, reference_height, turbulence, gusts,
         )  # fmt: skip
         if self.wind.parks and standstill_limit >= 0.0:
             raise ValueError(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from wt_gym.envs.arguments import real_number, real_numbers, shown
+from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
 from wt_gym.envs.wind_files import WindFile, is_wind_file
 from wt_gym.errors import InflowError
 from wt_gym.wind import Inflow, SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
@@ -40,6 +40,12 @@ LARGEST_WIND_SEED = 2**63 - 1
 
 EXTREME = ("extreme", "extreme-turbulent")
 KINDS = ("steady", "turbulent", "gusts", *EXTREME)
+TRANSIENTS = ("EOG", "EDC", "ECD", "EWS")
+"""Deterministic transients of IEC 61400-1, which the inflow "gusts" draws by default."""
+GUSTS = (*TRANSIENTS, "ETM")
+"""What the inflow "gusts" can draw: extreme turbulence beside the transients."""
+# As many forms a kind has, as often it is drawn; the order decides which seed has which gust.
+_FORMS = {"EOG": ("eog",), "EDC": ("edc",), "ECD": ("ecd",), "EWS": ("vertical", "horizontal"), "ETM": ("turbulence",)}
 TURBULENCE_MODELS = ("NTM", "ETM")
 TURBULENCE = ("kaimal", "mann")
 """Whose turbulence: `wt_gym.wind.kaimal` or `wt_gym.wind.mann`."""
@@ -90,7 +96,8 @@ class WindSampler:
     kind : "steady", "turbulent", "gusts", "extreme", "extreme-turbulent", Inflow, path of a .bts file, sequence of \
 Inflow and paths, or callable
         "gusts": a transient of IEC 61400-1 (EOG, EDC, ECD, EWS) on a steady wind, drawn with its sign and its beginning
-        (5 to 15 s after the start). "extreme": the steady extreme wind model (EWM), 1.4 reference speeds of the
+        (5 to 15 s after the start); which of them, and whether extreme turbulence is among them, say ``gusts``.
+        "extreme": the steady extreme wind model (EWM), 1.4 reference speeds of the
         turbine's class; "extreme-turbulent": the turbulent one, with the reference speed as mean and a standard
         deviation of 11 %; both with an exponent of 0.11 and for a parked turbine. An inflow of one's own is used as it
         is in every episode; of a sequence one is drawn; a callable gets the random generator and gives the inflow of
@@ -123,6 +130,10 @@ Inflow and paths, or callable
     turbulence : {"kaimal", "mann"}
         Of the turbulent kinds: Kaimal's spectra with an exponential coherence, or Mann's uniform shear model, both with
         the parameters of IEC 61400-1. Mann's too depends on frequency only through ``f / V``.
+    gusts : sequence of {"EOG", "EDC", "ECD", "EWS", "ETM"}
+        Of the kind "gusts": which are drawn, each once. EWS has two forms, vertical and horizontal, and is drawn twice
+        as often as each of the others. ETM is turbulence of the extreme turbulence model, with its seed and time drawn
+        as those of the kind "turbulent"; seeds and times that are fixed have no effect where a transient is drawn.
 
     Attributes
     ----------
@@ -155,6 +166,7 @@ Inflow and paths, or callable
         roughness_length: float | None = None,
         reference_height: float | None = None,
         turbulence: str = "kaimal",
+        gusts: Sequence[str] = TRANSIENTS,
     ):
         self._turbine = turbine
         self._kind: str | Callable[..., Inflow] | tuple[Inflow | WindFile, ...]
@@ -173,10 +185,13 @@ Inflow and paths, or callable
         self._pool = tuple(self._checked_seed(seed) for seed in wind_seeds)
         if not self._pool:
             raise InflowError("wind_seeds must name at least one seed")
+        self._gusts = self._checked_gusts(gusts)
+        self._turbulent = isinstance(self._kind, str) and (
+            kind in ("turbulent", "extreme-turbulent") or (kind == "gusts" and "turbulence" in self._gusts)
+        )
         self._check_choices(turbulence_model, return_period, turbulence)
-        self._whose = turbulence
-        self._model, self.parks = turbulence_model, isinstance(self._kind, str) and kind in EXTREME
-        self._turbulent = isinstance(self._kind, str) and kind in ("turbulent", "extreme-turbulent")
+        self._whose, self._model = turbulence, "ETM" if kind == "gusts" else turbulence_model
+        self.parks = isinstance(self._kind, str) and kind in EXTREME
         if self.parks:
             hub, gusty = turbine.hub_height, kind == "extreme-turbulent"
             speed = cast(float, extreme_wind_speed(hub, hub, turbine.iec_class, return_period, gusty))
@@ -275,8 +290,8 @@ Inflow and paths, or callable
                 own = self._kind[int(rng.integers(len(self._kind)))]
             return self._turned(_own_wind(own, time_offset, float(drawn_phase), length), rng)
         speed = self._checked_speed(wind_speed) if wind_speed is not None else float(drawn_speed)
-        if self._kind == "gusts":
-            return self._turned(EpisodeWind(self._gust(speed, rng), speed, -1, 0.0), rng)
+        if self._kind == "gusts" and (gust := self._gust(speed, rng)) is not None:
+            return self._turned(EpisodeWind(gust, speed, -1, 0.0), rng)
         steady = self._steady(speed)
         if not self._turbulent:
             return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng)
@@ -306,10 +321,12 @@ Inflow and paths, or callable
         (own,) = self._own_inflows([inflow])
         return _own_wind(own, 0.0)
 
-    def _gust(self, speed: float, rng: np.random.Generator) -> TransientInflow:
-        """Draw a transient of IEC 61400-1."""
-        turbine, make = self._turbine, ("eog", "edc", "ecd", "vertical", "horizontal")[int(rng.integers(5))]
+    def _gust(self, speed: float, rng: np.random.Generator) -> TransientInflow | None:
+        """Draw a transient of IEC 61400-1; None where extreme turbulence is drawn."""
+        turbine, make = self._turbine, self._gusts[int(rng.integers(len(self._gusts)))]
         sign, start = 1 if rng.random() < 0.5 else -1, 5.0 + 10.0 * rng.random()
+        if make == "turbulence":
+            return None
         where = speed, turbine.hub_height, turbine.rotor_diameter
         if make == "eog":
             gust = TransientInflow.eog(*where, self._class, turbine.iec_class, start_time=start)
@@ -399,6 +416,15 @@ Inflow and paths, or callable
             )
         return deviation, time_constant
 
+    def _checked_gusts(self, gusts) -> tuple[str, ...]:
+        """Forms of the gusts that are drawn, in the order of `GUSTS` however they are given."""
+        names = check_names("gusts", gusts)
+        if not names or len(set(names)) < len(names) or not set(names) <= set(GUSTS):
+            raise InflowError(f"gusts must name some of {GUSTS}, each once, got {shown(names)}")
+        if set(names) != set(TRANSIENTS) and self._kind != "gusts":
+            raise InflowError(f"gusts={names} belongs to inflow='gusts'")
+        return tuple(form for name in GUSTS if name in names for form in _FORMS[name])
+
     def _check_choices(self, turbulence_model, return_period, turbulence) -> None:
         """Refuse choices that are unknown or that the kind of wind would ignore."""
         if turbulence_model not in TURBULENCE_MODELS:
@@ -409,8 +435,11 @@ Inflow and paths, or callable
             raise InflowError(f"return_period must be 1 or 50 years, got {return_period!r}")
         if turbulence not in TURBULENCE:
             raise InflowError(f"turbulence must be one of {TURBULENCE}, got {turbulence!r}")
-        if turbulence != "kaimal" and not (isinstance(self._kind, str) and self._kind.endswith("turbulent")):
-            raise InflowError(f"turbulence={turbulence!r} belongs to the inflows 'turbulent' and 'extreme-turbulent'")
+        if turbulence != "kaimal" and not self._turbulent:
+            raise InflowError(
+                f"turbulence={turbulence!r} belongs to the inflows 'turbulent' and 'extreme-turbulent', and to 'gusts' "
+                "with ETM among them"
+            )
         if return_period != 50 and not (isinstance(self._kind, str) and self._kind in EXTREME):
             raise InflowError(f"return_period belongs to the inflows {EXTREME}")
 
