@@ -1,0 +1,339 @@
+"""What controllers and shipped agents score in the tasks: runs in held-back winds, kept in a record, and tables of it.
+
+A study is what a page about a task shows in one table: agents in the same winds, the first of them the controller
+beneath with actions that rest. `measure` runs it and gives plain data; `score_table` makes the table of them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from wt_gym.agents.environments import Environments
+from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.uniform import UniformAgent
+from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
+from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.paired import LIFETIME_EXPONENTS
+from wt_gym.analysis.results import Wind
+from wt_gym.envs.layout import layout_of
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
+from wt_gym.tasks import TASKS
+from wt_gym.turbines import load_turbine
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from wt_gym.analysis.results import Run
+
+__all__ = ["STUDIES", "Column", "Part", "Study", "contender_label", "kinds_table", "measure", "score_table"]
+
+RANDOM = "random"
+"""Word for even draws of the actions."""
+_TRAINED = "agents/trained/"
+_DASH = "–"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    key : str
+        Of `wt_gym.analysis.metrics.METRICS`, or "yaw_error_rms".
+    heading : str
+    how : {"change", "total", "life", "level", "most"}
+        Relative change against the first agent in each wind, mean and 95 % interval over the winds; the change of the
+        sum over the winds; that of the load over a life in the turbine's wind climate; the mean itself; the largest.
+    """
+
+    key: str
+    heading: str
+    how: str
+
+
+@dataclass(frozen=True)
+class Part:
+    """Winds of a study with arguments of the environment of their own."""
+
+    winds: tuple[Wind, ...]
+    name: str = ""
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Agents in the winds of a task.
+
+    Attributes
+    ----------
+    task : str
+        Of `wt_gym.tasks.TASKS`, whose newest id runs.
+    contenders : tuple of str
+        Words and paths as for `wt_gym.agents.environments.load_agent`, or `RANDOM`; the controller beneath first.
+    parts : tuple of Part
+    columns : tuple of Column
+    duration, skip : float
+        Length of a run, and of its start that does not count [s].
+    arguments : dict
+        Arguments of the environment for single contenders.
+    """
+
+    task: str
+    contenders: tuple[str, ...]
+    parts: tuple[Part, ...]
+    columns: tuple[Column, ...]
+    duration: float = 330.0
+    skip: float = 30.0
+    arguments: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @property
+    def env_id(self) -> str:
+        """The newest id of the task."""
+        return TASKS[self.task].ids[-1]
+
+
+def _winds(speeds: Iterable[float], n_seeds: int) -> tuple[Wind, ...]:
+    """Each speed with each of some held-back seeds, in the order in which ``wt-gym evaluate`` takes them."""
+    return tuple(Wind(speed, seed) for speed in speeds for seed in EVALUATION_WIND_SEEDS[:n_seeds])
+
+
+def _gusts(kind: str, speeds: Iterable[float], draws: int) -> Part:
+    """Draws of one kind of gust."""
+    seeds = EVALUATION_WIND_SEEDS if kind == "ETM" else (None,) * draws
+    winds = tuple(
+        Wind(speed, seed, None if kind == "ETM" else draw)
+        for speed in speeds
+        for draw, seed in zip(range(1, draws + 1), seeds, strict=False)
+    )
+    return Part(winds, kind, {"gusts": (kind,)})
+
+
+_ENERGY = Column("corrected_power", "mean power", "total")
+_FLAP, _FORE_AFT, _SIDE = (
+    Column(f"{name}_del", f"{label} DEL", "change")
+    for name, label in (("blade_flap", "flap"), ("tower_fore_aft", "fore-aft"), ("tower_side_side", "side-side"))
+)
+_TRAVEL = Column("pitch_travel", "pitch travel", "level")
+_LOADS = (_ENERGY, _FLAP, _FORE_AFT, _SIDE, _TRAVEL)
+_LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP, _FORE_AFT, _SIDE))
+
+STUDIES: dict[str, Study] = {
+    "LoadReduction": Study(
+        "LoadReduction",
+        ("discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "lidar+constrained_ipc+tower_dampers",
+         f"{_TRAINED}load_reduction", f"{_TRAINED}load_reduction_on_ipc", f"{_TRAINED}load_reduction_on_lidar"),
+        (Part(_winds((12.0, 16.0, 20.0), 2)),),
+        _LOADS,
+    ),
+    "FullRange": Study(
+        "FullRange",
+        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
+         f"{_TRAINED}load_reduction_on_ipc"),
+        (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2)),),
+        (_ENERGY, *_LIFE, _TRAVEL),
+        # trained without torque, which it leaves to the controller beneath
+        arguments={f"{_TRAINED}load_reduction_on_ipc": {"action_components": ["pitch"]}},
+    ),
+    "MaxPower": Study(
+        "MaxPower",
+        ("discon", RANDOM, "retuned", "rosco"),
+        (Part(_winds((6.0, 8.0, 10.0), 2)),),
+        (_ENERGY, _FLAP, _FORE_AFT, _SIDE),
+    ),
+    "Yaw": Study(
+        "Yaw",
+        ("discon+yaw", RANDOM, "discon", "discon+yaw:dead_band=0.07", "discon+yaw:dead_band=0.21"),
+        (Part(_winds((7.0, 9.0, 11.0, 13.0), 1)),),
+        (_ENERGY, Column("yaw_error_rms", "yaw error, rms", "level"), Column("yaw_travel", "yaw travel", "level")),
+        duration=630.0,
+    ),
+    "Gusts": Study(
+        "Gusts",
+        ("discon", RANDOM, "ipc", "lidar+ipc", "rosco:thrust_limit=0.95"),
+        tuple(_gusts(kind, (8.0, 14.0, 20.0), 4) for kind in GUSTS),
+        (Column("blade_flap_max", "largest flap moment", "most"), Column("tower_base_max", "of the tower base", "most"),
+         Column("rotor_speed_max", "largest rotor speed", "most")),
+        duration=40.0,
+        skip=5.0,  # the earliest gust begins then
+    ),
+    "IEA15MW-LoadReduction": Study(
+        "IEA15MW-LoadReduction",
+        ("discon", RANDOM, "ipc", "rosco"),
+        (Part(_winds((12.0, 18.0), 2)),),
+        _LOADS,
+    ),
+    "IEA15MW-LoadReduction below its range": Study(
+        "IEA15MW-LoadReduction",
+        ("discon", "rosco"),
+        (Part(_winds((4.0, 5.0, 6.0), 1), arguments={"wind_speed": [4.0, 6.0]}),),
+        (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
+    ),
+}  # fmt: skip
+"""What the pages of the tasks show, by the name of the table."""
+
+
+def contender_label(contender: str, beneath: bool = False) -> str:
+    """How a contender is called in a table."""
+    if beneath:
+        return f"`{contender}`, beneath: actions that rest"
+    if contender == RANDOM:
+        return "random actions"
+    return f"`{contender.removeprefix(_TRAINED)}`" + (", trained" if contender.startswith(_TRAINED) else "")
+
+
+def measure(study: Study, told: Callable[[str], None] = lambda text: None) -> list[dict[str, Any]]:
+    """Run every agent of a study in each of its winds.
+
+    Parameters
+    ----------
+    study : Study
+    told : callable
+        Gets a line after each agent.
+
+    Returns
+    -------
+    list of dict
+        A run each, JSON values: the contender, part and wind, how it ended, its return, and metrics in SI units.
+    """
+    return [
+        run for part in study.parts for contender in study.contenders for run in _runs_of(study, part, contender, told)
+    ]
+
+
+def _runs_of(study: Study, part: Part, contender: str, told: Callable[[str], None]) -> list[dict[str, Any]]:
+    kwargs = part.arguments | study.arguments.get(contender, {})
+    config = EvaluationConfig(study.env_id, kwargs, part.winds, duration=study.duration, skip=study.skip, replay=0.0)
+    agent: Any = contender
+    if contender.startswith(_TRAINED):
+        agent = str(Path(__file__).resolve().parents[1] / contender)
+    if contender == RANDOM:
+        plain = Environments(study.env_id, kwargs)
+        agent = UniformAgent(layout_of(plain.plain))
+        plain.close()
+    runs = evaluate({contender: agent}, config, progress=False).runs
+    told(f"{study.env_id}{part.name and ', ' + part.name}: {contender}")
+    return [_kept(run, part, study) for run in runs]
+
+
+def _kept(run: Run, part: Part, study: Study) -> dict[str, Any]:
+    """Plain data of a run."""
+    values, keys = dict(run.metrics), [column.key for column in study.columns]
+    if values and "yaw_error_rms" in keys:
+        error = run.data["yaw_error"].values[run.data["time"].values > study.skip]
+        values["yaw_error_rms"] = float(np.sqrt(np.mean(error**2)))
+    return {
+        "agent": run.agent,
+        "part": part.name,
+        "wind": run.wind.label,
+        "speed": run.wind.speed,
+        "ending": run.ending,
+        "duration": round(run.duration, 3),
+        "return": float(f"{run.episode_return:.6g}"),
+        "metrics": {key: float(f"{values[key]:.6g}") for key in keys if key in values},
+    }
+
+
+def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
+    """Table of a study, Markdown.
+
+    The return is that of an episode as long as those of the task: of a run that lasted its share, of one that ended
+    early all of it.
+
+    Parameters
+    ----------
+    name : str
+        Of `STUDIES`.
+    runs : sequence of mapping
+        As `measure` gives them.
+    """
+    study = STUDIES[name]
+    headings = ("", *(column.heading for column in study.columns), "return of an episode", "survived")
+    rows = [_row(study, contender, runs) for contender in study.contenders]
+    return _markdown(headings, rows)
+
+
+def _row(study: Study, contender: str, runs: Sequence[Mapping[str, Any]]) -> list[str]:
+    base, own = (_by_wind(runs, agent) for agent in (study.contenders[0], contender))
+    first = contender == study.contenders[0]
+    survived = sum(run["ending"] == "time" for run in own.values())
+    share = TASKS[study.task].episode / study.duration
+    returns = [run["return"] * (share if run["ending"] == "time" else 1.0) for run in own.values()]
+    cells = [_cell(study, column, own, base, first) for column in study.columns]
+    return [contender_label(contender, first), *cells, _signed(np.mean(returns), 1, plus=False),
+            f"{survived} of {len(own)}"]  # fmt: skip
+
+
+def _by_wind(runs: Sequence[Mapping[str, Any]], agent: str) -> dict[tuple[str, str], Mapping[str, Any]]:
+    return {(run["part"], run["wind"]): run for run in runs if run["agent"] == agent}
+
+
+def _cell(study: Study, column: Column, own: Mapping, base: Mapping, first: bool) -> str:
+    """A figure over the winds that both agents came through; that of the first in its unit, of the others a change."""
+    winds = [wind for wind in base if all(runs[wind]["ending"] == "time" for runs in (own, base))]
+    if not winds:
+        return _DASH
+    mine, theirs = (np.array([runs[wind]["metrics"][column.key] for wind in winds]) for runs in (own, base))
+    if column.how == "life":
+        if len(winds) < len(base):
+            return _DASH
+        weights, exponent = _weights(study, [base[wind]["speed"] for wind in winds]), LIFETIME_EXPONENTS[column.key]
+        mine, theirs = (np.atleast_1d(lifetime_load(values, weights, exponent)) for values in (mine, theirs))
+    if first or column.how in ("level", "most"):
+        return _level(column, mine)
+    if column.how == "change":
+        changes = mine / theirs - 1.0
+        half = student.ppf(0.975, len(changes) - 1) * changes.std(ddof=1) / math.sqrt(len(changes))
+        return f"{_signed(100.0 * changes.mean(), 1)} ± {100.0 * half:.1f} %"
+    return f"{_signed(100.0 * (mine.sum() / theirs.sum() - 1.0), 2 if column.how == 'total' else 1)} %"
+
+
+def _weights(study: Study, speeds: list[float]) -> np.ndarray:
+    """Share of the time of each wind in the climate of the task's turbine; the winds of a speed share its weight."""
+    turbine = load_turbine(TASKS[study.task].arguments["turbine"])
+    climate = WindClimate.of_class(turbine.iec_class, cut_in=turbine.cut_in, cut_out=turbine.cut_out)
+    single = sorted(set(speeds))
+    shares = dict(zip(single, wind_weights(climate, single), strict=True))
+    return np.array([shares[speed] / speeds.count(speed) for speed in speeds])
+
+
+def _level(column: Column, values: np.ndarray) -> str:
+    """A figure in its unit: the mean, or the largest."""
+    value = values.max() if column.how == "most" else values.mean()
+    if column.key == "yaw_error_rms":
+        return f"{math.degrees(value):.1f}°"
+    metric = METRICS[column.key]
+    unit = "°" if metric.unit == "deg" else f" {metric.unit}"
+    return f"{_signed(value * metric.factor, metric.digits, plus=False)}{unit}"
+
+
+def kinds_table(name: str, key: str, runs: Sequence[Mapping[str, Any]]) -> str:
+    """The largest of a metric in each part of a study, Markdown; how many runs ended early, where some did."""
+    study, metric = STUDIES[name], METRICS[key]
+
+    def cell(part: Part, contender: str) -> str:
+        found = [run for run in runs if (run["part"], run["agent"]) == (part.name, contender)]
+        ended = sum(run["ending"] != "time" for run in found)
+        largest = max(run["metrics"].get(key, -math.inf) for run in found) * metric.factor
+        return f"{largest:.{metric.digits}f}" + (f" ({ended} of {len(found)} ended)" if ended else "")
+
+    headings = (f"{metric.label.lower()} [{metric.unit}]", *(contender_label(c) for c in study.contenders))
+    rows = [[part.name, *(cell(part, contender) for contender in study.contenders)] for part in study.parts]
+    return _markdown(headings, rows)
+
+
+def _markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = (headings, ["---"] * len(headings), *rows)
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _signed(value: float, digits: int, plus: bool = True) -> str:
+    """Number with the minus sign of text; one that rounds to zero has no sign."""
+    text = f"{value:+.{digits}f}" if plus else f"{value:.{digits}f}"
+    return (text.lstrip("+-") if float(text) == 0.0 else text).replace("-", "−")
