@@ -111,6 +111,23 @@ def test_fewer_corrector_passes_take_shorter_steps():
         assert signals.rotor_speed == pytest.approx(runs[2][0].rotor_speed, rel=1e-4)
 
 
+def test_blades_that_twist_are_damped_more_at_high_frequencies():
+    """The default is resolved where the scheme is made; what is given stands."""
+    bends, twists = (replace(Fidelity(), integrator="generalised_alpha", blade_modes=m) for m in ((2, 1, 0), (2, 1, 1)))
+    assert (bends.spectral_radius, bends.scheme_radius, twists.scheme_radius) == (None, 0.8, 0.3)
+    assert [replace(f, spectral_radius=0.6).scheme_radius for f in (bends, twists)] == [0.6, 0.6]
+    assert replace(twists, spectral_radius=0.0).scheme_radius == 0.0
+    named = {name: f.scheme_radius for name, f in FIDELITIES.items() if f.integrator == "generalised_alpha"}
+    assert named == {"training-torsion": 0.3, "engineering-torsion": 0.3}
+    for fidelity in (bends, twists):
+        simulator = Simulator("nrel_5mw", SteadyInflow(9.0), fidelity)
+        simulator.reset(rotor_speed=1.1)
+        given = Simulator("nrel_5mw", SteadyInflow(9.0), replace(fidelity, spectral_radius=fidelity.scheme_radius))
+        given.reset(rotor_speed=1.1)
+        ends = [s.advance(1.0, 0.0, generator_torque=2e4)["root_flap_moment_1"] for s in (simulator, given)]
+        assert ends[0] == ends[1]
+
+
 def test_a_snapshot_with_a_stretched_quaternion_is_refused():
     simulator = Simulator("nrel_5mw", SteadyInflow(9.0), "gebhardt")
     simulator.reset(rotor_speed=1.1)

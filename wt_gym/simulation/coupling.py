@@ -162,7 +162,7 @@ def _integrator(system, h, fidelity, n_substeps, length):
         options["tangent"] = "structure"
     if fidelity.integrator == "newmark":
         return NewmarkIntegrator(system, h, **options)
-    return GeneralizedAlphaIntegrator(system, h, fidelity.spectral_radius, **options)
+    return GeneralizedAlphaIntegrator(system, h, fidelity.scheme_radius, **options)
 
 
 class Coupling:

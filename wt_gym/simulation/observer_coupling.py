@@ -86,7 +86,7 @@ class ObserverCoupling(Coupling):
         except ObserverFrameError as error:
             raise SimulationError(f"the turbine has no form in local observer frames: {error}") from error
         if fidelity.integrator == "generalised_alpha":
-            model.rule[:] = generalised_alpha(fidelity.spectral_radius)
+            model.rule[:] = generalised_alpha(fidelity.scheme_radius)
         markers = self.translation.observed._markers
         for i in range(len(model.n)):
             model.load_section[i] = markers.index((i, FRAME))
