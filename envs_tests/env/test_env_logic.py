@@ -58,7 +58,7 @@ def test_terminations(make_env, script, reason):
     env = make_env(script)
     steps, (_, reward, terminated, truncated, info) = run(env)
     assert (steps, terminated, truncated, info["termination"]) == (5, True, False, reason)
-    assert info["reward_terms"]["termination"] == -100.0
+    assert info["reward_terms"]["termination"] == -120.0
     assert reward == pytest.approx(sum(info["reward_terms"].values()))
     assert reward < -95.0
     with pytest.raises(ResetNeeded):
@@ -98,7 +98,7 @@ def test_failed_simulation_terminates_with_the_last_good_observation(make_env, b
     assert (terminated, truncated, info["termination"]) == (True, False, "failure")
     assert "1.0 s" in info["failure"]
     assert np.array_equal(last, observation)
-    assert reward == sum(info["reward_terms"].values()) == -100.0
+    assert reward == sum(info["reward_terms"].values()) == -120.0
     env.reset()
     env.step(HOLD)
 

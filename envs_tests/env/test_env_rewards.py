@@ -331,7 +331,7 @@ def test_every_term_is_bounded(power, speed, moment, tip, travel, torque, yaw_ra
 
 def test_ending_early_never_pays():
     terms = rewards.compose(None)
-    assert rewards.worst_rate(terms) == pytest.approx(-4.2)
+    assert rewards.worst_rate(terms) == pytest.approx(-5.0)
     discounted_worst = rewards.worst_rate(terms) * DT / (1 - 0.99)
     assert -WindTurbineEnv(turbine=TURBINE).termination_penalty < discounted_worst
     assert rewards.worst_rate(rewards.compose({"damage": 0.1})) == -math.inf

@@ -85,6 +85,26 @@ def test_ending_a_task_early_never_pays(name):
     assert -rewards.worst_rate(env.reward_terms) * env.control_dt / (1.0 - 0.99) < env.termination_penalty
 
 
+def test_what_tasks_pay():
+    """Power, blades, tower fore-aft and side-side, actuators, overspeed, an early end: as before."""
+    paid = {}
+    for name, task in TASKS.items():
+        env = gym.make(task.ids[-1]).unwrapped
+        weights = [term.weight for term in env.reward_terms if term.weight]
+        paid[name] = (*weights, env.termination_penalty)
+    load_reduction, default = (1.0, 1.5, 1.0, 1.0, 0.5, 0.4, 120.0), (1.0, 1.5, 1.0, 1.0, 0.1, 0.4, 120.0)
+    assert paid == {
+        "LoadReduction": load_reduction,
+        "FullRange": default,
+        "MaxPower": (1.0, 0.3, 0.2, 0.05, 0.1, 0.4, 100.0),
+        "Yaw": (1.0, 1.5, 1.0, 0.2, 0.1, 0.4, 100.0),
+        "Gusts": default,
+        "IEA15MW-LoadReduction": load_reduction,
+    }
+    plain = gym.make("wt_gym/NREL5MW-Steady-v0").unwrapped
+    assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == default
+
+
 def test_the_time_limit_of_a_task_is_a_truncation():
     env = gym.make("wt_gym/LoadReduction-v0", max_episode_steps=4)
     env.reset(seed=0)

@@ -172,7 +172,7 @@ class WindTurbineEnv(gym.Env):
     | power                   | 1      | w (1 + (min(P, R) + dE/dt - P_available) / R), from -w to 2 w         |
     | blade_fatigue           | 1.5    | x = flap moments / (0.35 M), blade by blade and as tilt and yaw       |
     | tower_fore_aft_fatigue  | 1      | x = fore-aft moment / (0.33 T)                                        |
-    | tower_side_side_fatigue | 0.2    | x = side-side moment / (0.08 T)                                       |
+    | tower_side_side_fatigue | 1      | x = side-side moment / (0.08 T)                                       |
     | actuator_use            | 0.1    | -w mean of abs(rate)/greatest rate of pitch, yaw and torque           |
     | overspeed               | 0.4    | x = (rotor speed / rated - 1.02) / 0.1 where positive                 |
 
@@ -180,8 +180,8 @@ class WindTurbineEnv(gym.Env):
     what there is and feels no load earns 1 per second in any wind. Further terms, ``tip_deflection``, ``tower_load``
     and ``damage`` (rainflow counting), have weight 0. See `wt_gym.envs.rewards` and ``docs/rewards.md``.
 
-    A terminated episode gets the further term ``termination`` = ``-termination_penalty`` (default 100). An early end
-    never pays: the worst operation costs 4.2 per second, which is 84 altogether at a discount of 0.99 per 0.2 s, less
+    A terminated episode gets the further term ``termination`` = ``-termination_penalty`` (default 120). An early end
+    never pays: the worst operation costs 5 per second, which is 100 altogether at a discount of 0.99 per 0.2 s, less
     than the penalty; and without a discount an idling turbine, feathered and without torque, earns no less than about
     0 per second (0 above rated wind, more below) once its rotor has stopped turning fast, which costs 7.
 
@@ -359,7 +359,7 @@ class WindTurbineEnv(gym.Env):
         reward: Mapping[str, float] | Iterable[RewardTerm] | None = None,
         relative_reward: bool = False,
         vector_reward: bool = False,
-        termination_penalty: float = 100.0,
+        termination_penalty: float = 120.0,
         overspeed_limit: float = 1.25,
         standstill_limit: float | None = None,
         observation: Sequence[str] | None = None,

@@ -143,7 +143,7 @@ class TowerSideSideFatigue(_TowerFatigue):
 
     def __init__(
         self,
-        weight: float = 0.2,
+        weight: float = 1.0,
         scale: float = 0.08,
         time_constant: float = 10.0,
         name: str = "tower_side_side_fatigue",
