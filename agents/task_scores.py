@@ -157,7 +157,7 @@ STUDIES: dict[str, Study] = {
     "Gusts": Study(
         "Gusts",
         ("discon", RANDOM, "ipc", "lidar+ipc", "rosco:thrust_limit=0.95"),
-        tuple(_gusts(kind, (8.0, 14.0, 20.0), 4) for kind in GUSTS),
+        tuple(_gusts(kind, (8.0, 14.0, 20.0), 6) for kind in GUSTS),
         (Column("blade_flap_max", "largest flap moment", "most"), Column("tower_base_max", "of the tower base", "most"),
          Column("rotor_speed_max", "largest rotor speed", "most")),
         duration=40.0,

@@ -20,7 +20,7 @@ import use_venv  # noqa: F401 - finds packages and interpreter
 ROOT = Path(__file__).resolve().parent.parent
 RECORD = ROOT / "docs" / "data" / "task_scores.json"
 PAGES = ROOT / "docs" / "tasks"
-_MARKED = re.compile(r"(<!-- (scores|kinds): ([^>]+?) -->\n).*?(\n<!-- end -->)", re.DOTALL)
+_MARKED = re.compile(r"(<!-- (scores|kinds): ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def parse_arguments(studies) -> argparse.Namespace:
@@ -80,9 +80,9 @@ def tables(text: str, record: dict) -> str:
     def table(found: re.Match) -> str:
         head, kind, words, end = found.groups()
         if kind == "scores":
-            return head + score_table(words, record[words]["runs"]) + end
+            return f"{head}{score_table(words, record[words]['runs'])}\n{end}"
         name, key = words.split()
-        return head + kinds_table(name, key, record[name]["runs"]) + end
+        return f"{head}{kinds_table(name, key, record[name]['runs'])}\n{end}"
 
     return _MARKED.sub(table, text)
 
