@@ -14,9 +14,11 @@ from wt_gym.envs.wind_sampler import KINDS
 from wt_gym.tasks import TASKS
 from wt_gym.wind import TurbulenceBox, TurbulentInflow
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "environments.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE, TASK_PAGE = ((DOCS / name).read_text(encoding="utf-8") for name in ("environments.md", "tasks/index.md"))
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 TABLES = re.findall(r"^\| `([^`|]+)` \|.*\| ([^|]*) \|$", PAGE, re.MULTILINE)
+TASK_ROWS = re.findall(r"^\| \[`([^`|]+)`\]\((\w+\.md)\) \|.*\| ([^|]*) \|$", TASK_PAGE, re.MULTILINE)
 
 
 @pytest.fixture(scope="module")
@@ -55,13 +57,13 @@ def test_examples_run(left):
 
 
 def test_every_task_and_every_wind_stands_on_the_page():
-    rows = [name for name, _ in TABLES]
-    assert {task.ids[-1] for task in TASKS.values()} == {name for name in rows if name.startswith("wt_gym/")}
-    assert {f'"{kind}"' for kind in KINDS} == {name for name in rows if name.startswith('"')}
+    assert [task.ids[-1] for task in TASKS.values()] == [name for name, *_ in TASK_ROWS]
+    assert all(task.ids[-1].removeprefix("wt_gym/") in PAGE for task in TASKS.values())
+    assert {f'"{kind}"' for kind in KINDS} == {name for name, _ in TABLES if name.startswith('"')}
 
 
 def test_lengths_of_episodes_are_those_of_the_tasks():
-    lengths = {name: last for name, last in TABLES if name.startswith("wt_gym/")}
+    lengths = {name: last for name, _, last in TASK_ROWS}
     assert {name: gym.spec(name).max_episode_steps * 0.2 for name in lengths} == {
         name: float(length.removesuffix(" s")) for name, length in lengths.items()
     }

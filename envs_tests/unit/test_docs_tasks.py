@@ -1,0 +1,116 @@
+"""The pages of the tasks: tables are those of the record, the record is of today's tasks, commands are accepted."""
+
+import importlib.util
+import re
+import shlex
+from importlib import import_module
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+from wt_gym.agents.task_scores import RANDOM, STUDIES, score_table
+from wt_gym.envs.wind_sampler import GUSTS, TRAINING_WIND_SEEDS
+from wt_gym.tasks import TASKS
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "tasks").glob("*.md"))}
+TASK_PAGES = {stem: text for stem, text in PAGES.items() if stem != "index"}
+COMMANDS = [
+    line
+    for text in PAGES.values()
+    for block in re.findall(r"^```\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    for line in block.splitlines()
+]
+
+
+def load_script():
+    """The command that makes tables and record."""
+    spec = importlib.util.spec_from_file_location("task_scores_script", ROOT / "scripts" / "task_scores.py")
+    module = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "scripts"))
+        spec.loader.exec_module(module)
+    return module
+
+
+SCRIPT = load_script()
+RECORD = SCRIPT.read_record()
+
+
+@pytest.mark.parametrize("page", TASK_PAGES)
+def test_tables_are_those_of_the_record(page):
+    text = TASK_PAGES[page]
+    assert "<!-- scores: " in text
+    assert SCRIPT.tables(text, RECORD) == text
+
+
+def test_every_task_has_its_page_and_every_study_its_table():
+    titles = {re.match(r"# (\S+)\n", text)[1]: text for text in TASK_PAGES.values()}
+    assert set(titles) == set(TASKS)
+    for name, text in titles.items():
+        assert f"`{TASKS[name].ids[-1]}`" in text
+        assert f"{TASKS[name].episode:g} s of 0.2 s a step" in text
+    shown = re.findall(r"<!-- scores: ([^>]+?) -->", "".join(TASK_PAGES.values()))
+    assert sorted(shown) == sorted(STUDIES) == sorted(RECORD)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_the_record_is_that_of_the_study(name):
+    study, runs = STUDIES[name], RECORD[name]["runs"]
+    assert RECORD[name]["env_id"] == study.env_id
+    assert [run["agent"] for run in runs] == [
+        contender for part in study.parts for contender in study.contenders for _ in part.winds
+    ]
+    for contender in study.contenders:
+        own = [run for run in runs if run["agent"] == contender]
+        assert [run["speed"] for run in own] == [wind.speed for part in study.parts for wind in part.winds]
+        assert [run["wind"] for run in own] == [run["wind"] for run in runs if run["agent"] == study.contenders[0]]
+    seeds = {wind.seed for part in study.parts for wind in part.winds} - {None}
+    assert seeds.isdisjoint(TRAINING_WIND_SEEDS)
+    assert study.contenders[0] == TASKS[study.task].arguments.get("controller", "discon")
+
+
+def test_gusts_of_every_kind_and_both_signs_were_met():
+    runs = [run for run in RECORD["Gusts"]["runs"] if run["agent"] == "discon"]
+    assert {run["part"] for run in runs} == set(GUSTS)
+    forms = {"EDC": "turning ", "ECD": "turning ", "EWS-vertical at": "amplitude ", "EWS-horizontal at": "amplitude "}
+    for form, before in forms.items():
+        winds = [run["wind"] for run in runs if f"IEC {form}" in run["wind"]]
+        assert {wind.split(before)[1].startswith("-") for wind in winds} == {True, False}, form
+    assert all("seed" in run["wind"] for run in runs if run["part"] == "ETM")
+
+
+def test_ranges_of_speeds_are_those_of_the_tasks():
+    """Tables of a task are in its winds, unless their name says that they are not."""
+    for name, study in STUDIES.items():
+        if name in TASKS:
+            low, high = TASKS[name].arguments["wind_speed"]
+            speeds = [wind.speed for part in study.parts for wind in part.winds]
+            assert low <= min(speeds) < max(speeds) <= high
+            assert len(speeds) >= 4
+            assert RANDOM in study.contenders
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_commands_are_accepted(line):
+    program, *words = shlex.split(line)
+    options = import_module(f"wt_gym.commands.{Path(program).stem}").parse_arguments(words)
+    assert options.env in gym.registry
+
+
+def test_runs_that_ended_early_are_counted_and_not_compared():
+    """Figures over the winds that both came through; the return of a short run counts whole."""
+    study = STUDIES["MaxPower"]
+    winds = [wind.label for wind in study.parts[0].winds]
+
+    def run(agent, wind, power, ending="time"):
+        metrics = {column.key: 1e6 for column in study.columns} | {"corrected_power": power}
+        made = {"agent": agent, "part": "", "wind": wind, "speed": 8.0, "ending": ending, "return": 330.0}
+        return made | {"metrics": metrics if ending == "time" else {}}
+
+    runs = [run(agent, wind, 1e6) for agent in study.contenders if agent != "rosco" for wind in winds]
+    runs += [run("rosco", wind, 1.1e6, "time" if k else "overspeed") for k, wind in enumerate(winds)]
+    row = next(line for line in score_table("MaxPower", runs).splitlines() if "rosco" in line)
+    assert "| +10.00 % | 0.0 ± 0.0 % |" in row
+    assert f"| {(330.0 + 5 * 60.0) / 6:.1f} | 5 of 6 |" in row
