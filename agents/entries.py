@@ -28,7 +28,15 @@ LEVELS = (0.03, 0.06, 0.1, 0.15, 0.2)
 """Bands of constrained individual pitch in the word "baselines", in `reference_flap_moment`."""
 
 WORDS = {
-    "baselines": ("zero", "random", BASELINE, "retuned", "tuned", "ipc", *(f"constrained_ipc:level={x:g}" for x in LEVELS)),
+    "baselines": (
+        "zero",
+        "random",
+        BASELINE,
+        "retuned",
+        "tuned",
+        "ipc",
+        *(f"constrained_ipc:level={x:g}" for x in LEVELS),
+    ),
 }
 """Words that stand for several entries."""
 
