@@ -17,7 +17,7 @@ id                                   turbine and wind
 ===================================  ==============================================================
 
 and the tasks of `wt_gym.tasks`: ``wt_gym/LoadReduction-v0``, ``wt_gym/FullRange-v0``, ``wt_gym/MaxPower-v0``,
-``wt_gym/Yaw-v0``, ``wt_gym/Gusts-v1`` and ``wt_gym/IEA15MW-LoadReduction-v1``. The blades of the 15-MW turbine twist in
+``wt_gym/Yaw-v1``, ``wt_gym/Gusts-v1`` and ``wt_gym/IEA15MW-LoadReduction-v1``. The blades of the 15-MW turbine twist in
 the ids of version 1; those of version 0, which stay for a while, have blades that only bend. Version 0 of the gusts has
 no extreme turbulence.
 

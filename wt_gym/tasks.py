@@ -67,6 +67,13 @@ _LOAD_REDUCTION = {
     "reward": {"actuator_use": 0.5},
 }
 
+_ENERGY_FIRST = {
+    "blade_fatigue": 0.3,
+    "tower_fore_aft_fatigue": 0.2,
+    "tower_side_side_fatigue": 0.05,
+    "actuator_use": 0.02,
+}
+
 TASKS = {
     task.name: task
     for task in (
@@ -120,6 +127,9 @@ TASKS = {
                 "reward": {"tower_side_side_fatigue": 0.2},  # yaw can do little about it
                 "termination_penalty": 100.0,
             },
+            # With the weights of version 0 a nacelle that stands still earns more than one that follows the wind, for
+            # 1.6 % less energy: what fatigue and the drive cost when it turns outweighs the energy it wins.
+            versions=({}, {"reward": _ENERGY_FIRST}),
         ),
         Task(
             "Gusts",
