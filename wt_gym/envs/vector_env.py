@@ -93,8 +93,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._over = np.ones(num_envs, dtype=np.bool_)  # episodes that have ended or not begun
         self._begun = False
-        threads = min(threads or _processors(), num_envs)
-        self._pool = ThreadPoolExecutor(threads, "turbine") if threads > 1 else None
+        self._threads = min(threads or _processors(), num_envs)
+        self._pool = ThreadPoolExecutor(self._threads - 1, "turbine") if self._threads > 1 else None
 
     # ---- single turbines ----
 
@@ -136,16 +136,17 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         actions = np.asarray(actions)
         if actions.shape[:1] != (self.num_envs,):
             raise ValueError(f"{self.num_envs} actions are needed, got an array of shape {actions.shape}")
-        resets = self._over & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
         if not self._begun:
             raise ResetNeeded("no episodes were started: call reset() before step()")
-        if np.any(self._over & ~resets):
-            raise ResetNeeded(f"the episodes of turbines {np.flatnonzero(self._over & ~resets).tolist()} are over")
-        for k in np.flatnonzero(~resets):
-            self.layout.action.validate(actions[k])
+        over = np.flatnonzero(self._over).tolist()
+        if over and self.autoreset_mode != AutoresetMode.NEXT_STEP:
+            raise ResetNeeded(f"the episodes of turbines {over} are over")
+        for k, action in enumerate(actions):
+            if k not in over:
+                self.layout.action.validate(action)
 
         def step(k: int) -> Outcome:
-            if resets[k]:
+            if k in over:
                 observation, info = self._start(k)
                 return Outcome(observation, self._no_reward(), False, False, info)
             return self._step(k, actions[k])
@@ -167,8 +168,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         observation, reward, terminated, truncated, info = self.envs[k].step(action)
         self._steps[k] += 1
         truncated = truncated or bool(self._steps[k] == self._most_steps)
-        self._over[k] = terminated or truncated
-        if self._over[k] and self.autoreset_mode == AutoresetMode.SAME_STEP:
+        self._over[k] = over = terminated or truncated
+        if over and self.autoreset_mode == AutoresetMode.SAME_STEP:
             first, beginning = self._start(k)
             return Outcome(first, reward, terminated, truncated, beginning, (observation, info))
         return Outcome(observation, reward, terminated, truncated, info)
@@ -180,16 +181,32 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         """Do something with the chosen turbines; an error comes once none of them is at work any more."""
         if self._pool is None:
             return [work(k) for k in chosen]
-        futures = [self._pool.submit(work, k) for k in chosen]
+        turbines = list(chosen)
+        turns = iter(enumerate(turbines))  # taken one by one by all threads, this one among them
+        results: dict[int, Any] = {}
+        errors: dict[int, Exception] = {}
+
+        def serve() -> None:
+            for place, k in turns:
+                try:
+                    results[place] = work(k)
+                except Exception as error:
+                    errors[place] = error
+
+        helpers = [self._pool.submit(serve) for _ in range(min(self._threads, len(turbines)) - 1)]
         try:
-            wait(futures)
+            serve()
+            for helper in helpers:
+                helper.result()
         except BaseException:  # as KeyboardInterrupt: no thread may be left at work in a turbine
-            for future in futures:
-                future.cancel()
-            wait(futures)
+            for _ in turns:  # none that has not begun will
+                pass
+            wait(helpers)
             self._over[:] = True  # who has moved is not known to the caller
             raise
-        return [future.result() for future in futures]
+        if errors:
+            raise errors[min(errors)]
+        return [results[place] for place in range(len(turbines))]
 
     # ---- Gymnasium ----
 
