@@ -77,7 +77,7 @@ class ResidualPitch:
             [s].
         """
         if self._fade is not None:
-            self.share = self._fade.update(base_pitch, rotor_speed, dt)
+            self.share = self._fade.update(base_pitch.tolist(), rotor_speed, dt)
         if self._lasting is not None:
             own = offsets[: self._n_mean]
             mean = float(np.add.reduce(own)) / len(own)

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 __all__ = [
     "DEFAULT_GROUPS",
@@ -76,7 +75,8 @@ class Situation:
         Of the controller beneath.
     action : numpy.ndarray, shape (n_act,)
         That led here.
-    inflow : Inflow
+    seen : numpy.ndarray, shape (n_ranges,), optional
+        By the lidar, for an observer that `Observer.sees_lidar` [m/s].
     residual : ResidualPitch, optional
         What residual pitch passes.
     """
@@ -86,7 +86,7 @@ class Situation:
     aim: Aim
     base: Demand | None
     action: np.ndarray
-    inflow: Inflow
+    seen: np.ndarray | None = None
     residual: ResidualPitch | None = None
 
 
@@ -110,6 +110,11 @@ class Observer:
     lidar : Lidar, optional
     residual : ResidualPitch, optional
         What residual pitch passes, if anything; what acts of it can then be observed.
+
+    Attributes
+    ----------
+    sees_lidar : bool
+        Whether there is a channel of the lidar.
 
     Raises
     ------
@@ -196,7 +201,7 @@ class Observer:
         self._functions_at = np.array([k for k, _ in functions], dtype=np.int64)
         if "rotor_wind" in names and self._estimator is None:  # another turbine's table takes a while to make
             self._estimator = WindEstimator.of_turbine(self._turbine)
-        self._sees_lidar = any(name.startswith("lidar_") for name in names)
+        self.sees_lidar = any(name.startswith("lidar_") for name in names)
         self._size = len(names)
 
     def __getstate__(self):
@@ -258,10 +263,6 @@ class Observer:
         if len(self._cyclic_at):
             of_blades = signals.values[self._cyclic_from]
             values[self._cyclic_at] = to_single_coordinates(of_blades, self._cyclic_part, signals["azimuth"])
-        if self._sees_lidar:
-            self._lidar_reading = self.lidar.read(
-                situation.inflow, signals["time"], signals["yaw"], self._turbine.hub_height
-            )
         values[self._functions_at] = [function(situation) for function in self._functions]
         if self._noise_level > 0:
             values += self._noise_level * self._noise * rng.standard_normal(self._size)
@@ -283,7 +284,7 @@ class Observer:
             return lambda s: s.action[k]
         if name.startswith("lidar_"):
             k = int(name.removeprefix("lidar_")) - 1
-            return lambda s: self._lidar_reading[k]
+            return lambda s: s.seen[k]
         if name.startswith("pitch_demand_"):
             b = int(name.rsplit("_", 1)[1]) - 1
             return lambda s: s.demand.pitch[b]

@@ -17,10 +17,10 @@ from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.controllers import (
     AboveRated,
     FadeParameters,
+    WithLidar,
     checked_demand,
     lidar_of,
     make_controller,
-    readings_of,
 )
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.envs import rewards
@@ -455,6 +455,7 @@ class WindTurbineEnv(gym.Env):
         self._faults = self._sensor_faults = self._drive_faults = ()
         self._observation: np.ndarray | None
         self._saturated: tuple[str, ...]
+        self._look: tuple[tuple, np.ndarray] | None = None
         self._twin: WindTurbineEnv | None = None
         self._twin_terms: dict[str, float] = {}
         if relative_reward:
@@ -791,7 +792,8 @@ class WindTurbineEnv(gym.Env):
         return count
 
     def _place_simulator(self) -> None:
-        """Put the simulator into the wind of the episode."""
+        """Put the simulator into the wind of the episode, at which the lidar has not looked yet."""
+        self._look = None
         if cast("Simulator | None", self.simulator) is None:
             self.simulator = Simulator(self.turbine, inflow=self.episode_wind.inflow, fidelity=self.fidelity)
             self._drive_faults = ()
@@ -823,13 +825,20 @@ class WindTurbineEnv(gym.Env):
 
     def _read_by(self, controller: Controller, signals: Signals) -> Readings:
         """What a controller reads: measured signals, with those of its lidar if it has one."""
-        return readings_of(controller, signals, self.episode_wind.inflow, self.turbine.hub_height)
+        return signals if lidar_of(controller) is None else WithLidar(signals, self._ahead(signals))
+
+    def _ahead(self, signals: Signals) -> np.ndarray:
+        """What the lidar sees at an instant [m/s]: a look is for the observation and for the controller's next step."""
+        instant = signals["time"], signals["yaw"]
+        if self._look is None or self._look[0] != instant:
+            seen = self._observer.lidar.read(self.episode_wind.inflow, *instant, self.turbine.hub_height)
+            self._look = instant, seen
+        return self._look[1]
 
     def _situation(self) -> Situation:
-        return Situation(
-            self._measured(self.signals), self.demand, self.aim, self.base, self._action, self.episode_wind.inflow,
-            self._residual,
-        )  # fmt: skip
+        signals = self._measured(self.signals)
+        seen = self._ahead(signals) if self._observer.sees_lidar else None
+        return Situation(signals, self.demand, self.aim, self.base, self._action, seen, self._residual)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from functools import cache
 from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
@@ -115,6 +116,12 @@ class Addition(Protocol):
         ...
 
 
+@cache
+def _gates(count: int) -> tuple[str, ...]:
+    """Names of what the gates of a lidar see."""
+    return tuple(f"lidar_{k + 1}" for k in range(count))
+
+
 class WithLidar:
     """Signals, and what a lidar sees as ``lidar_1`` … by gate [m/s]."""
 
@@ -122,7 +129,7 @@ class WithLidar:
 
     def __init__(self, signals: Readings, seen):
         self._signals = signals
-        self._seen = {f"lidar_{k + 1}": float(speed) for k, speed in enumerate(seen)}
+        self._seen = dict(zip(_gates(len(seen)), map(float, seen), strict=True))
 
     def __getitem__(self, name: str) -> float:
         seen = self._seen.get(name)

@@ -8,7 +8,7 @@ units; `DisconController` puts it behind the contract of `wt_gym.control.control
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -267,11 +267,12 @@ class BaselineController:
         belongs to the new pitch.
         """
         p, state = self.parameters, cast(BaselineState, self.state)
-        before = float(state.pitch[0])
-        pitch = np.clip(state.pitch + change, p.min_pitch, p.max_pitch)
-        moved = float(pitch[0]) - before
+        angles = state.pitch.tolist()  # arrays of three are slow
+        pitch = [min(max(angle + change, p.min_pitch), p.max_pitch) for angle in angles]
+        before, moved = angles[0], pitch[0] - angles[0]
         integral = self._gain_factor(before) * state.speed_integral + moved / p.integral_gain
-        self.state = replace(state, pitch=pitch, speed_integral=integral / self._gain_factor(before + moved))
+        integral /= self._gain_factor(before + moved)
+        self.state = BaselineState(state.filtered_speed, integral, np.array(pitch), state.torque)
 
     def _torque(self, filtered_speed: float, pitch: float, dt: float) -> float:
         """Torque command [N m]: law of the region, saturation, rate limit."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.actions import Demand
-from wt_gym.control.coleman import from_harmonic, to_harmonic
+from wt_gym.control.coleman import harmonic_of_blades, to_harmonic
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity
 from wt_gym.control.reference_loads import reference_flap_moment
@@ -116,6 +116,10 @@ class HarmonicPitch:
         share : float
             Of the gains and of the limit that may be used, 0 … 1; at 0 the pitch returns at the rate limit.
         """
+        return np.array(self.turn(moments, azimuth, dt, lead, share))
+
+    def turn(self, moments, azimuth: float, dt: float, lead: float = 0.0, share: float = 1.0) -> list[float]:
+        """The same as a list, for those who go on with numbers one by one."""
         p = self.parameters
         self._moment = to_harmonic(moments, azimuth, p.harmonic)
         size = math.hypot(*self._moment)
@@ -132,7 +136,7 @@ class HarmonicPitch:
         self._pitch = (now[0] + move[0], now[1] + move[1])
         # without saturation this is the integral again; what did not get through does not pile up
         self._integral = tuple(x - proportional * m for x, m in zip(self._pitch, self._moment, strict=True))
-        return from_harmonic(*self._pitch, azimuth + lead, len(moments), p.harmonic)
+        return harmonic_of_blades(*self._pitch, azimuth + lead, len(moments), p.harmonic)
 
 
 def _within(vector: list[float], size: float) -> list[float]:
@@ -257,13 +261,16 @@ class IndividualPitch:
         """Add the pitch of all harmonics."""
         speed, azimuth = signals["rotor_speed"], signals["azimuth"]
         moments = [signals[name] for name in self._moment_names]
+        before = demand.pitch.tolist()  # arrays of three are slow
         self.share = 1.0
         if self.fade is not None:
             if self._fresh:
                 self.fade.start(float(np.mean(demand.pitch)))
-            self.share = self.fade.update(demand.pitch, speed, dt)
+            self.share = self.fade.update(before, speed, dt)
         self._fresh = False
         lead = speed * (pitch_delay(self.drive, dt, self.simulator_step) if self.lead is None else self.lead)
-        added = sum(h.step(moments, azimuth, dt, lead, self.share) for h in self.harmonics)
-        pitch = np.minimum(np.maximum(demand.pitch + added, self.drive.min_pitch), self.drive.max_pitch)
+        added = zip(*(h.turn(moments, azimuth, dt, lead, self.share) for h in self.harmonics), strict=True)
+        wanted = [angle + sum(own) for angle, own in zip(before, added, strict=True)]
+        low, high = self.drive.min_pitch, self.drive.max_pitch
+        pitch = np.array([min(max(angle, low), high) for angle in wanted])
         return Demand(pitch, demand.yaw_rate, demand.generator_torque)

@@ -91,16 +91,17 @@ class ForeAftDamper:
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
         """Add the pitch."""
         velocity = self._velocity.update(signals["nacelle_acceleration_fore_aft"], dt)
+        before = demand.pitch.tolist()  # arrays of three are slow
         share = 1.0
         if self.fade is not None:
             if self._fresh:
                 self.fade.start(float(np.mean(demand.pitch)))
-            share = self.fade.update(demand.pitch, signals["rotor_speed"], dt)
+            share = self.fade.update(before, signals["rotor_speed"], dt)
         self._fresh = False
         added = share * min(max(self.gain * velocity, -self.limit), self.limit)
         # the damper takes no blade below fine pitch, but leaves one there that the controller has put there
-        low = np.minimum(demand.pitch, self.pitch_limits[0])
-        pitch = np.clip(demand.pitch + added, low, self.pitch_limits[1])
+        low, high = self.pitch_limits
+        pitch = np.array([min(max(angle + added, min(angle, low)), high) for angle in before])
         return Demand(pitch, demand.yaw_rate, demand.generator_torque)
 
 
