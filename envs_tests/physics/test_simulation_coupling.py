@@ -270,7 +270,7 @@ def test_the_speed_limit_holds_for_both_ends_of_a_flexible_shaft():
     sim = Simulator("nrel_5mw", inflow=SteadyInflow(9.0), fidelity=replace(FIDELITIES["training"], stiffest_shaft=50.0))
     sim.reset(rotor_speed=1.0)
     coupling, structure, y = sim.coupling, sim.structure, sim.coupling.integrator.state
-    rest = coupling.exchange, coupling._monitor, coupling.exchange.pieces, coupling._gauges
+    rest = coupling.exchange, coupling._monitor, coupling.exchange.pieces, coupling.gauges
     assert check_range(y, *rest) == OK
     torsion = structure.system.n_q + structure.system.index(structure.hub, "joint_u")
     y[torsion] = 1.1 * coupling.exchange.max_speed - coupling.generator_speed

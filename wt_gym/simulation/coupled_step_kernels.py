@@ -13,6 +13,7 @@ from wt_gym.multibody.tree.rate_kernels import rates
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion, tower_drag
 from wt_gym.simulation.energy_kernels import check_energy
+from wt_gym.simulation.measurement_kernels import fill_channels
 from wt_gym.simulation.monitor_kernels import rotor_speed, watch_steps
 
 # Beyond the codes of the multibody kernels
@@ -116,7 +117,8 @@ def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
         code = correct_step(air, motion, x, scheme, blade_wind)
     if code == OK:
         accept(air.planform, air.constants, air.arrays, air.work, bool(True), bool(False), air.bodies, air.body_work)
-        code = end_step(motion, x, scheme, gauges, monitor, blade_wind)
+        shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+        code = end_step(motion, x, scheme, gauges, monitor, air.arrays.forces.reshape(shape), blade_wind)
     return code
 
 
@@ -274,12 +276,14 @@ def secant_share(new, passes, share, memory):
 
 
 @kernel(separate=True)
-def end_step(motion, x, scheme, gauges, monitor, blade_wind):
-    """Rates that belong to the stored state and the final loads; extremes; is anything out of range or balance?"""
+def end_step(motion, x, scheme, gauges, monitor, forces, blade_wind):
+    """Rates that belong to the stored state and the final loads; signals; is anything out of range or balance?"""
     code = final_rates(motion)
     if code != OK:
         return code
     watch_steps(motion, scheme.n_sub, gauges, monitor)
+    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+    fill_channels(motion.state, x.nodes.reshape(shape), forces, motion.tree, motion.work, gauges)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
     code = check_range(motion.state, x, monitor, x.pieces, gauges)
     return check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt) if code == OK else code

@@ -179,6 +179,8 @@ class Coupling:
         Of the structure, with its state and inputs.
     aero : AeroState
     exchange : Exchange
+    gauges : Gauges
+        With the signals of the last step, but for those that `Measurement.complete` fills in.
     extremes : Extremes
         Since they were last told to ``restart``.
     scheme : Scheme
@@ -195,7 +197,7 @@ class Coupling:
         self.integrator = _integrator(system, h, fidelity, models.n_substeps, models.turbine.blade.length)
         self.aero = models.lattice.new_state()
         self.exchange = Exchange.of(models, self.integrator.inputs.body_loads)
-        self._gauges = Gauges.of(models.turbine, models.structure)
+        self.gauges = Gauges.of(models.turbine, models.structure)
         self._monitor = Monitor.of(models.structure, self.integrator.inputs.body_loads, models.turbine.n_blades)
         self._earlier_velocities = np.zeros(models.lattice.nodes_shape)
         self._saved = type(self.integrator.history)(*(np.zeros_like(x) for x in self.integrator.history))
@@ -309,9 +311,9 @@ class Coupling:
         self._start_structure(y)
         self.move_lattice(self.integrator.state)
         self._earlier_velocities[:] = self.exchange.velocities
-        self._monitor.loads[:] = self.integrator.inputs.body_loads[1]
         y, dy, tree, work = self.integrator.state, self.integrator.state_rate, system.tree, self.integrator.work
-        monitor_kernels.watch(y, dy, tree, work, self._gauges, self._monitor)
+        loads = self.integrator.inputs.body_loads[1]
+        monitor_kernels.watch(y, dy, loads, tree, work, self.gauges, self._monitor)
 
     def _start_structure(self, y):
         self.integrator.start(y)
@@ -401,7 +403,7 @@ class Coupling:
         kernels = coupled_step_kernels
         return (
             (kernels.predict_step, (air, motion, x, scheme)),
-            (kernels.end_step, (motion, x, scheme, gauges, monitor, self._blade_wind)),
+            (kernels.end_step, (motion, x, scheme, gauges, monitor, self.blade_forces, self._blade_wind)),
         )
 
     def bundle(self):
@@ -413,7 +415,7 @@ class Coupling:
             implicit = Implicit(i.scratch, i.scheme, i.tolerance, ROUGH * i.tolerance, i.max_iterations, i.difference)
         motion = Motion(i.history, self._saved, i.state, i.state_rate, implicit, i.inputs, system.tree, i.work,
                         system.constrained)  # fmt: skip
-        return air, motion, self.exchange, self._scheme, self._gauges, self._monitor
+        return air, motion, self.exchange, self._scheme, self.gauges, self._monitor
 
     def _advance_split(self, blade_wind):
         air, motion, x, scheme, gauges, monitor = self._bundles
@@ -423,7 +425,7 @@ class Coupling:
             code = coupled_step_kernels.correct_step(air, motion, x, scheme, blade_wind)
         if code == tree_kernels.OK:
             self.models.lattice.accept(self.aero)
-            code = coupled_step_kernels.end_step(motion, x, scheme, gauges, monitor, blade_wind)
+            code = coupled_step_kernels.end_step(motion, x, scheme, gauges, monitor, self.blade_forces, blade_wind)
         return code
 
     def _failure(self, code):
@@ -433,7 +435,7 @@ class Coupling:
             speed, generator = monitor_kernels.rotor_speed(y, self._monitor), self.generator_speed
             return f"rotor speed {speed:.2f} rad/s (generator {generator:.2f}) is beyond {x.max_speed:.2f} rad/s"
         if code == coupled_step_kernels.DEFLECTION:
-            largest = np.linalg.norm(self._gauges.deflection, axis=1).max()
+            largest = np.linalg.norm(self.gauges.deflection, axis=1).max()
             if x.pieces is None:
                 largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"

@@ -12,55 +12,6 @@ from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
 __all__ = ["Gauges", "Instant", "Measurement"]
 
 
-class Gauges(NamedTuple):
-    """Where a turbine is measured, and what was read there last."""
-
-    hub: int  # body
-    nacelle: int  # body
-    blades: np.ndarray  # (n_blades,) bodies
-    tip_bodies: np.ndarray  # (n_blades,) bodies that carry the tips
-    tip_points: tuple  # Points: the tip of a blade
-    tip_rest: np.ndarray  # (3,) the undeformed tip in the axes of the pitched root [m]
-    root_rotation: np.ndarray  # (n_blades, 3, 3) orientation of the unpitched blade roots in the hub
-    tower_base: np.ndarray  # (3,) [m]
-    tower_height: np.ndarray  # (n,) above the base [m]
-    tower_radius: np.ndarray  # (n,) [m]
-    wrench: np.ndarray  # (n_b, 6) forces and moments in the joints, body axes [N, N m]
-    tips: np.ndarray  # (n_blades, 3) [m]
-    tip_velocity: np.ndarray  # (n_blades, 3) [m/s]
-    deflection: np.ndarray  # (n_blades, 3) of the tips, axes of the unpitched roots [m]
-    tower_view: np.ndarray  # (n_blades, 4) of the tips, see coupling_kernels.view_from_tower [m]
-    clearance: np.ndarray  # (n_blades,) signed distance of the tips from the tower [m]
-    nacelle_acceleration: np.ndarray  # (3,) nacelle axes [m/s²]
-
-    @classmethod
-    def of(cls, turbine, structure):
-        """Gauges of a turbine."""
-        n, cone = turbine.n_blades, rotation_y(-turbine.hub.cone)
-        return cls(
-            hub=structure.hub, nacelle=structure.nacelle, blades=np.array(structure.blades),
-            tip_bodies=np.array([parts[-1] for parts in structure.parts]), tip_points=structure.tip_points,
-            tip_rest=structure.tip_rest,
-            root_rotation=np.array([rotation_x(2.0 * np.pi * i / n) @ cone for i in range(n)]),
-            tower_base=np.array([0.0, 0.0, turbine.tower.base_height]),
-            tower_height=np.ascontiguousarray(structure.tower_points.position[:, 2]),
-            tower_radius=structure.tower_radius, wrench=np.zeros((len(structure.system.bodies), 6)),
-            tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)),
-            tower_view=np.zeros((n, 4)), clearance=np.zeros(n), nacelle_acceleration=np.zeros(3),
-        )  # fmt: skip
-
-
-class Instant(NamedTuple):
-    """What is measured: structure and air at one time."""
-
-    y: np.ndarray  # (n_state,) state of the structure
-    dy: np.ndarray  # (n_state,) its rate
-    body_loads: np.ndarray  # (n_b, 6 + n_f) loads of the air on the bodies
-    work: tuple  # Work: scratch of the system
-    nodes: np.ndarray  # (n_blades, n_points, 3) lattice points [m]
-    forces: np.ndarray  # the same, forces of the air on them [N]
-
-
 class Places(NamedTuple):
     """Where in the state what is measured stands, and constants of the drive train."""
 
@@ -89,6 +40,62 @@ class Places(NamedTuple):
         )  # fmt: skip
 
 
+class Gauges(NamedTuple):
+    """Where a turbine is measured, and what was read there last."""
+
+    hub: int  # body
+    nacelle: int  # body
+    blades: np.ndarray  # (n_blades,) bodies
+    tip_bodies: np.ndarray  # (n_blades,) bodies that carry the tips
+    tip_points: tuple  # Points: the tip of a blade
+    tip_rest: np.ndarray  # (3,) the undeformed tip in the axes of the pitched root [m]
+    root_rotation: np.ndarray  # (n_blades, 3, 3) orientation of the unpitched blade roots in the hub
+    tower_base: np.ndarray  # (3,) [m]
+    tower_height: np.ndarray  # (n,) above the base [m]
+    tower_radius: np.ndarray  # (n,) [m]
+    wrench: np.ndarray  # (n_b, 6) forces and moments in the joints, body axes [N, N m]
+    tips: np.ndarray  # (n_blades, 3) [m]
+    tip_velocity: np.ndarray  # (n_blades, 3) [m/s]
+    deflection: np.ndarray  # (n_blades, 3) of the tips, axes of the unpitched roots [m]
+    tower_view: np.ndarray  # (n_blades, 4) of the tips, see coupling_kernels.view_from_tower [m]
+    clearance: np.ndarray  # (n_blades,) signed distance of the tips from the tower [m]
+    nacelle_acceleration: np.ndarray  # (3,) nacelle axes [m/s²]
+    places: Places
+    values: np.ndarray  # (n_channels,) in the order of `wt_gym.simulation.channels.channel_table`
+    at: np.ndarray  # where the channels of `measurement_kernels` stand among them
+
+    @classmethod
+    def of(cls, turbine, structure):
+        """Gauges of a turbine."""
+        n, cone = turbine.n_blades, rotation_y(-turbine.hub.cone)
+        values, at = new_values(n)
+        single = [at[name] for name in measurement_kernels.SINGLE]
+        return cls(
+            hub=structure.hub, nacelle=structure.nacelle, blades=np.array(structure.blades),
+            tip_bodies=np.array([parts[-1] for parts in structure.parts]), tip_points=structure.tip_points,
+            tip_rest=structure.tip_rest,
+            root_rotation=np.array([rotation_x(2.0 * np.pi * i / n) @ cone for i in range(n)]),
+            tower_base=np.array([0.0, 0.0, turbine.tower.base_height]),
+            tower_height=np.ascontiguousarray(structure.tower_points.position[:, 2]),
+            tower_radius=structure.tower_radius, wrench=np.zeros((len(structure.system.bodies), 6)),
+            tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)),
+            tower_view=np.zeros((n, 4)), clearance=np.zeros(n), nacelle_acceleration=np.zeros(3),
+            places=Places.of(turbine, structure), values=values,
+            at=np.array(single + [at[name].start for name in measurement_kernels.PER_BLADE]),
+        )  # fmt: skip
+
+
+class Instant(NamedTuple):
+    """What is measured: structure and air at one time."""
+
+    y: np.ndarray  # (n_state,) state of the structure
+    dy: np.ndarray  # (n_state,) its rate
+    body_loads: np.ndarray  # (n_b, 6 + n_f) loads of the air on the bodies
+    work: tuple  # Work: scratch of the system
+    nodes: np.ndarray  # (n_blades, n_points, 3) lattice points [m]
+    forces: np.ndarray  # the same, forces of the air on them [N]
+
+
 class Measurement:
     """Channel values of one simulator.
 
@@ -96,25 +103,27 @@ class Measurement:
     ----------
     turbine : Turbine
     structure : TurbineStructure
+    gauges : Gauges, optional
+        Those that the compiled step reads; by default others.
 
     Attributes
     ----------
     gauges : Gauges
     values : array (n_channels,)
-        In the order of :func:`wt_gym.simulation.channels.channel_table`, as of the last :meth:`take`.
+        In the order of :func:`wt_gym.simulation.channels.channel_table`, as of the last :meth:`take` or
+        :meth:`complete`.
     """
 
-    def __init__(self, turbine, structure):
+    def __init__(self, turbine, structure, gauges=None):
         self._structure = structure
-        self.gauges, self._places = Gauges.of(turbine, structure), Places.of(turbine, structure)
-        self.values, at = new_values(turbine.n_blades)
-        single = [at[name] for name in measurement_kernels.SINGLE]
-        self._at = np.array(single + [at[name].start for name in measurement_kernels.PER_BLADE])
+        self.gauges = Gauges.of(turbine, structure) if gauges is None else gauges
+        self.values = self.gauges.values
+        _, at = new_values(turbine.n_blades)
         self._travel = at["pitch_travel"]
         self._measure = None  # compiled for the types of this turbine
 
-    def take(self, time, instant, torque, command, inflow, extremes=None):
-        """Fill ``values``; the kinematics of the system are brought up to date.
+    def take(self, time, instant, torque, command, inflow):
+        """Fill ``values``; the kinematics of the system are brought up to date. Extremes are the present values.
 
         Parameters
         ----------
@@ -126,22 +135,29 @@ class Measurement:
         command : array (2 + n_blades,)
             Of the drives: generator torque [N m], yaw and pitch [rad].
         inflow : Inflow
-        extremes : Extremes, optional
-            Since the last sample; by default the present values.
         """
-        i, structure = instant, self._structure
-        # the hub stands where the kinematics have it, which belong to the instant already
-        wind = np.asarray(inflow.velocity(i.work.r[structure.hub], time), dtype=np.float64)
-        self.values[0] = time
-        arguments = (
-            i.y, i.dy, i.body_loads, i.nodes, i.forces, structure.system.tree, i.work, self.gauges, self._places,
-            command, wind, float(torque), self.values, self._at,
-        )  # fmt: skip
+        i = instant
+        arguments = i.y, i.dy, i.body_loads, i.nodes, i.forces, self._structure.system.tree, i.work, self.gauges
         if self._measure is None:
             self._measure = compiled_for(measurement_kernels.measure, arguments)
         self._measure(*arguments)
+        self.complete(time, instant, torque, command, inflow)
+
+    def complete(self, time, instant, torque, command, inflow, extremes=None):
+        """Fill in what the compiled step, or the first part of `take`, has left; arguments as there.
+
+        Parameters
+        ----------
+        extremes : Extremes, optional
+            Since the last sample; by default the present values stay.
+        """
+        g = self.gauges
+        wind = np.asarray(inflow.velocity(instant.work.r[self._structure.hub], time), dtype=np.float64)
+        self.values[0] = time
+        efficiency = g.places.generator_efficiency
+        measurement_kernels.measure_rest(wind, float(torque), efficiency, command, self.values, g.at)
         if extremes is not None:
-            measurement_kernels.measure_extremes(extremes, self.values, self._at)
+            measurement_kernels.measure_extremes(extremes, self.values, g.at)
 
     def set_travel(self, travel):
         """Way of the pitch of the blades (n_blades,) since the last sample [rad]."""

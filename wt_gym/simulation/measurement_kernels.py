@@ -1,4 +1,7 @@
-"""From the state of the coupled system to the signals an engineer reads, in one compiled call."""
+"""From the state of the coupled system to the signals an engineer reads: the end of the compiled step.
+
+What asks laws and winds written in Python, torque and wind at the hub, is filled in after it (`measure_rest`).
+"""
 
 import math
 
@@ -27,8 +30,8 @@ PER_BLADE = (
 
 
 @kernel(fastmath=False)
-def measure(y, dy, body_loads, nodes, forces, tree, work, g, places, command, wind, torque, values, at):
-    """Fill the channels; those of extremes with the present values. The kinematics are brought up to date.
+def measure(y, dy, body_loads, nodes, forces, tree, work, g):
+    """Read the gauges and fill the channels, see `fill_channels`; the kinematics are brought up to date.
 
     Parameters
     ----------
@@ -36,46 +39,68 @@ def measure(y, dy, body_loads, nodes, forces, tree, work, g, places, command, wi
         See `measurement.Instant`.
     tree, work : arrays of the multibody system
     g : Gauges
-    places : Places
-    command : (2 + n_blades,)
-        Of the drives: generator torque [N m], yaw and pitch [rad].
-    wind : (3,)
-        Undisturbed, at the hub [m/s].
-    torque : float
-        Of the generator [N m, high-speed shaft].
-    values : (n_channels,)
-    at : int64 (n,)
-        Where the channels stand in it, in the order of `SINGLE` and `PER_BLADE`.
     """
     read_gauges(y, dy, body_loads, tree, work, g)
-    n_y = tree.n_q + tree.n_u
-    _rotor(y, torque, g, places, values, at)
+    fill_channels(y, nodes, forces, tree, work, g)
+
+
+@kernel(separate=True, fastmath=False)
+def fill_channels(y, nodes, forces, tree, work, g):
+    """Fill the channels but those of `measure_rest`, those of extremes with the present values.
+
+    Kinematics and gauges are up to date; arguments as for `measure`.
+    """
+    n_y, places, values, at = tree.n_q + tree.n_u, g.places, g.values, g.at
+    _rotor(y, g, places, values, at)
     thrust, moment = rotor_resultant(nodes, forces, work.r[g.hub], work.rot[g.hub, :, 0])
     values[at[AERO_THRUST]], values[at[AERO_TORQUE]] = thrust, moment
     values[at[AERO_POWER]] = moment * values[at[ROTOR_SPEED]]
     yaw, rate = y[n_y], y[n_y + tree.n_servo]
     if places.yaw_q >= 0:
         yaw, rate = yaw + y[places.yaw_q], rate + y[places.yaw_u]
-    for c in range(3):
-        values[at[WIND_X] + c] = wind[c]
     values[at[YAW]], values[at[YAW_RATE]] = yaw, rate
-    error = math.atan2(wind[1], wind[0]) - yaw
-    values[at[YAW_ERROR]] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
     _tower(work, g, places, values, at)
-    _blades(y, n_y, tree.n_servo, command, g, values, at)
+    _blades(y, n_y, tree.n_servo, g, values, at)
 
 
 @kernel(fastmath=False)
-def _rotor(y, torque, g, places, values, at):
-    """Speeds, torques and electrical power."""
+def measure_rest(wind, torque, efficiency, command, values, at):
+    """Fill in what the compiled step does not know.
+
+    Parameters
+    ----------
+    wind : (3,)
+        Undisturbed, at the hub [m/s].
+    torque : float
+        Of the generator [N m, high-speed shaft].
+    efficiency : float
+        Of the generator.
+    command : (2 + n_blades,)
+        Of the drives: generator torque [N m], yaw and pitch [rad].
+    values : (n_channels,)
+    at : int64 (n,)
+        Where the channels stand in it, in the order of `SINGLE` and `PER_BLADE`.
+    """
+    for c in range(3):
+        values[at[WIND_X] + c] = wind[c]
+    error = math.atan2(wind[1], wind[0]) - values[at[YAW]]
+    values[at[YAW_ERROR]] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
+    values[at[GENERATOR_TORQUE]] = torque
+    values[at[GENERATOR_POWER]] = values[at[GENERATOR_SPEED]] * torque * efficiency
+    for i in range(command.shape[0] - 2):
+        values[at[PITCH_COMMAND] + i] = command[2 + i]
+
+
+@kernel(fastmath=False)
+def _rotor(y, g, places, values, at):
+    """Speeds and what the shaft bears."""
     generator_speed, azimuth = y[places.azimuth_u], y[places.azimuth_q]
     speed = generator_speed
     if places.torsion_q >= 0:
         azimuth, speed = azimuth + y[places.torsion_q], speed + y[places.torsion_u]
     values[at[ROTOR_SPEED]] = values[at[ROTOR_SPEED_MAX]] = speed
     values[at[AZIMUTH]] = azimuth - 2.0 * math.pi * math.floor(azimuth / (2.0 * math.pi))
-    values[at[GENERATOR_SPEED]], values[at[GENERATOR_TORQUE]] = generator_speed * places.gear_ratio, torque
-    values[at[GENERATOR_POWER]] = generator_speed * places.gear_ratio * torque * places.generator_efficiency
+    values[at[GENERATOR_SPEED]] = generator_speed * places.gear_ratio
     values[at[SHAFT_TORQUE]], values[at[ROTOR_THRUST]] = -g.wrench[g.hub, 3], -g.wrench[g.hub, 0]
 
 
@@ -92,13 +117,12 @@ def _tower(work, g, places, values, at):
 
 
 @kernel(fastmath=False)
-def _blades(y, n_y, n_servo, command, g, values, at):
+def _blades(y, n_y, n_servo, g, values, at):
     """Pitch, tip deflections, root moments and clearances."""
     for i in range(g.blades.shape[0]):
         root = g.wrench[g.blades[i]]
         # the yaw drive is the first servo, the pitch drives follow
         values[at[PITCH] + i], values[at[PITCH_RATE] + i] = y[n_y + 1 + i], y[n_y + n_servo + 1 + i]
-        values[at[PITCH_COMMAND] + i] = command[2 + i]
         values[at[TIP_OUT_OF_PLANE] + i] = values[at[TIP_OUT_OF_PLANE_MAX] + i] = g.deflection[i, 0]
         values[at[TIP_IN_PLANE] + i] = g.deflection[i, 1]
         values[at[ROOT_EDGE] + i], values[at[ROOT_FLAP] + i] = -root[3], -root[4]

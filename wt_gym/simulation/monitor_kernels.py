@@ -20,15 +20,13 @@ def watch_steps(motion, n_sub, g, m):
     m : Monitor
     """
     loads = motion.inputs.body_loads
-    for k in range(n_sub):
+    for k in range(n_sub - 1):
         share = (k + 1.0) / n_sub
         for b in range(loads.shape[1]):
             for i in range(loads.shape[2]):
                 m.loads[b, i] = loads[0, b, i] + share * (loads[1, b, i] - loads[0, b, i])
-        if k < n_sub - 1:
-            watch(motion.work.trail[k], motion.work.trail_rate[k], motion.tree, motion.work, g, m)
-        else:  # rates under the final loads
-            watch(motion.state, motion.rate, motion.tree, motion.work, g, m)
+        watch(motion.work.trail[k], motion.work.trail_rate[k], m.loads, motion.tree, motion.work, g, m)
+    watch(motion.state, motion.rate, loads[1], motion.tree, motion.work, g, m)  # rates under the final loads
 
 
 @kernel
@@ -38,9 +36,9 @@ def rotor_speed(y, m):
 
 
 @kernel(separate=True)
-def watch(y, dy, tree, work, g, m):
-    """Let one state count, under the loads in ``m.loads``, and the way of the tips to it from the state before."""
-    read_gauges(y, dy, m.loads, tree, work, g)
+def watch(y, dy, loads, tree, work, g, m):
+    """Let one state count, under loads of the air (n_b, 6 + n_f), and the way of the tips to it from that before."""
+    read_gauges(y, dy, loads, tree, work, g)
     e = m.extremes
     e.rotor_speed_max[0] = max(e.rotor_speed_max[0], rotor_speed(y, m))
     base = g.wrench[m.tower]

@@ -157,7 +157,7 @@ class ObserverCoupling(Coupling):
         kernels = observer_coupling_kernels
         return (
             (kernels.predict_observed, (air, motion, observed, x, scheme)),
-            (kernels.end_observed, (motion, observed, x, scheme, gauges, monitor, self._blade_wind)),
+            (kernels.end_observed, (motion, observed, x, scheme, gauges, monitor, self.blade_forces, self._blade_wind)),
         )
 
     def _advance_split(self, blade_wind):
@@ -169,7 +169,8 @@ class ObserverCoupling(Coupling):
             code = kernels.correct_observed(air, motion, observed, x, scheme, blade_wind)
         if code == tree_kernels.OK:
             self.models.lattice.accept(self.aero)
-            code = kernels.end_observed(motion, observed, x, scheme, gauges, monitor, blade_wind)
+            forces = self.blade_forces
+            code = kernels.end_observed(motion, observed, x, scheme, gauges, monitor, forces, blade_wind)
         return code
 
 

@@ -22,6 +22,7 @@ from wt_gym.simulation.coupled_step_kernels import (
 )
 from wt_gym.simulation.coupling_kernels import rotor_loads, tower_drag
 from wt_gym.simulation.energy_kernels import check_energy
+from wt_gym.simulation.measurement_kernels import fill_channels
 from wt_gym.simulation.monitor_kernels import watch_steps
 
 # ---- what acts -----------------------------------------------------------------------------------------------------
@@ -182,7 +183,8 @@ def observed_step(air, motion, o, x, scheme, gauges, monitor, blade_wind):
         code = correct_observed(air, motion, o, x, scheme, blade_wind)
     if code == OK:
         accept(air.planform, air.constants, air.arrays, air.work, bool(True), bool(False), air.bodies, air.body_work)
-        code = end_observed(motion, o, x, scheme, gauges, monitor, blade_wind)
+        shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+        code = end_observed(motion, o, x, scheme, gauges, monitor, air.arrays.forces.reshape(shape), blade_wind)
     return code
 
 
@@ -227,14 +229,16 @@ def correct_observed(air, motion, o, x, scheme, blade_wind):
 
 
 @kernel(separate=True)
-def end_observed(motion, o, x, scheme, gauges, monitor, blade_wind):
-    """Accelerations under the final loads; extremes; is anything out of range or balance?"""
+def end_observed(motion, o, x, scheme, gauges, monitor, forces, blade_wind):
+    """Accelerations under the final loads; signals; is anything out of range or balance?"""
     act(motion, o, 1.0)
     code = accelerations(o.loads, o.model, o.state, o.work)
     if code != OK:
         return code
     tell_tree(motion, o)
     watch_steps(motion, scheme.n_sub, gauges, monitor)
+    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+    fill_channels(motion.state, x.nodes.reshape(shape), forces, motion.tree, motion.work, gauges)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
     code = check_range(motion.state, x, monitor, x.pieces, gauges)
     return check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt) if code == OK else code

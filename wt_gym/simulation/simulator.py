@@ -75,7 +75,7 @@ class Simulator:
         self.time_step, self.structure, self.lattice = models.time_step, models.structure, models.lattice
         self.coupling = kind(models)
         self._starter = Starter(self.coupling, self.drives)
-        self._measurement = Measurement(self.turbine, self.structure)
+        self._measurement = Measurement(self.turbine, self.structure, self.coupling.gauges)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
         self._n_steps, self._started, self._faults = 0, False, ()
         self._compiled = False
@@ -208,7 +208,9 @@ class Simulator:
             now = coupling.pitch.tolist()
             travel = [way + abs(new - old) for way, new, old in zip(travel, now, before, strict=True)]
             before = now
-        self._measure(coupling.extremes, travel)
+        torque, measurement = drives.torque(coupling.generator_speed), self._measurement
+        measurement.complete(self.time, coupling.instant, torque, drives.command, self.inflow, coupling.extremes)
+        measurement.set_travel(travel)
         return self.signals
 
     # ---- snapshots and pictures ----
@@ -334,9 +336,9 @@ class Simulator:
         if not self._started:
             raise SimulationError("the simulator is not running: call reset() first, also after a failed simulation")
 
-    def _measure(self, extremes=None, travel=0.0):
-        """Fill the channel values from the current state and what was seen since the last sample."""
+    def _measure(self):
+        """Fill the channel values from the current state, without a past."""
         coupling, drives = self.coupling, self.drives
         torque = drives.torque(coupling.generator_speed)
-        self._measurement.take(self.time, coupling.instant, torque, drives.command, self.inflow, extremes)
-        self._measurement.set_travel(travel)
+        self._measurement.take(self.time, coupling.instant, torque, drives.command, self.inflow)
+        self._measurement.set_travel(0.0)
