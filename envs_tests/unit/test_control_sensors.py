@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from wt_gym.control import Channel, LowPass, NacelleAnemometer
-from wt_gym.control.coleman import to_fixed_frame, to_single_coordinates
+from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.envs.layout import ObservationLayout
+from wt_gym.envs.observation_kernels import read_signals
 
 
 def test_low_pass_step_response_is_exact():
@@ -39,12 +40,17 @@ def test_impossible_sensors_are_refused():
         Channel("speed", "m/s", 0.0, 0.0, 0.0, 1.0, 0.0, "")
 
 
-def test_single_coordinates_of_the_blades_are_those_of_the_fixed_frame():
+def test_what_is_observed_of_the_blades_are_the_coordinates_of_the_fixed_frame():
     random = np.random.default_rng(4)
-    values, parts = random.normal(size=(6, 3)) * 1e6, [0, 1, 2, 2, 0, 1]
+    signals, parts = random.normal(size=20) * 1e6, np.array([0, 1, 2, 2, 0, 1])
+    blades = random.permutation(20)[:18].reshape(6, 3)
+    places, into, cyclic_into = np.array([19, 3]), np.array([7, 0]), np.arange(1, 7)
     for azimuth in random.uniform(0.0, 7.0, 50):
-        whole = to_fixed_frame(values, azimuth)
-        assert to_single_coordinates(values, parts, azimuth) == [whole[k, part] for k, part in enumerate(parts)]
+        values = np.full(8, np.nan)
+        read_signals(signals, places, into, blades, parts, azimuth, cyclic_into, values)
+        np.testing.assert_array_equal(values[[7, 0]], signals[[19, 3]])
+        whole = to_fixed_frame(signals[blades], azimuth)
+        np.testing.assert_array_equal(values[1:7], whole[np.arange(6), parts])
 
 
 def test_an_observation_stays_within_its_bounds_after_rounding():

@@ -17,23 +17,15 @@ import numpy as np
 
 __all__ = [
     "FIXED_FRAME", "from_harmonic", "harmonic_of_blades", "to_blades", "to_fixed_frame", "to_harmonic",
-    "to_single_coordinates",
 ]  # fmt: skip
 
 FIXED_FRAME = ("mean", "tilt", "yaw")
 
 
-def _direction_rows(azimuth: float, n_blades: int) -> tuple[list[float], list[float], list[float]]:
-    """One, cosine and sine of the azimuth of every blade, blade 1 at ``azimuth`` [rad]."""
-    # numbers one by one: arrays of three are slow
-    psi = [azimuth + 2.0 * math.pi / n_blades * b for b in range(n_blades)]
-    return [1.0] * n_blades, [math.cos(p) for p in psi], [math.sin(p) for p in psi]
-
-
 def _directions(azimuth: float, n_blades: int) -> np.ndarray:
-    """The same as an array (3, n_blades)."""
-    ones, cosines, sines = _direction_rows(azimuth, n_blades)
-    return np.array(ones + cosines + sines).reshape(3, n_blades)
+    """One, cosine and sine of the azimuth of every blade, shape (3, n_blades), blade 1 at ``azimuth`` [rad]."""
+    psi = [azimuth + 2.0 * math.pi / n_blades * b for b in range(n_blades)]
+    return np.array([[1.0] * n_blades, [math.cos(p) for p in psi], [math.sin(p) for p in psi]])
 
 
 def to_fixed_frame(values, azimuth: float) -> np.ndarray:
@@ -41,29 +33,6 @@ def to_fixed_frame(values, azimuth: float) -> np.ndarray:
     values = np.asarray(values, dtype=np.float64)
     n_blades = values.shape[-1]
     return (values[..., None, :] * _directions(azimuth, n_blades)).sum(axis=-1) * (np.array([1.0, 2.0, 2.0]) / n_blades)
-
-
-def to_single_coordinates(values: np.ndarray, parts, azimuth: float) -> list[float]:
-    """One coordinate each of several quantities of the blades, as `to_fixed_frame` gives it.
-
-    Parameters
-    ----------
-    values : numpy.ndarray, shape (n, n_blades)
-    parts : sequence of int, length n
-        Which of `FIXED_FRAME`.
-    azimuth : float
-        Of blade 1 [rad].
-    """
-    # numbers one by one: arrays of three are slow
-    n_blades = values.shape[1]
-    directions, factors = _direction_rows(azimuth, n_blades), (1.0 / n_blades, 2.0 / n_blades, 2.0 / n_blades)
-    coordinates = []
-    for of_blades, part in zip(values.tolist(), parts, strict=True):
-        total = 0.0
-        for value, direction in zip(of_blades, directions[part], strict=True):
-            total += value * direction
-        coordinates.append(total * factors[part])
-    return coordinates
 
 
 def to_blades(coordinates, azimuth: float, n_blades: int) -> list[float]:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from wt_gym.envs.observation_kernels import normalise
+
 if TYPE_CHECKING:
     import gymnasium as gym
 
@@ -96,10 +98,11 @@ class ObservationLayout:
         saturated : tuple of str
             Channels whose value lies outside the range of the sensor.
         """
-        kept = np.minimum(np.maximum(values, self._low), self._high)
-        outside = () if (kept == values).all() else np.flatnonzero((values < self._low) | (values > self._high))
+        observation = np.empty(len(self.names), dtype=np.float32)
         # It stays within the bounds: they were made by the same steps, each of which keeps the order of two values.
-        observation = ((kept - self._offset) / self._scale).astype(np.float32)
+        if not normalise(values, self._low, self._high, self._offset, self._scale, observation):
+            return observation, ()
+        outside = np.flatnonzero((values < self._low) | (values > self._high))
         return observation, tuple(self.names[i] for i in outside)
 
     def table(self) -> list[dict]:

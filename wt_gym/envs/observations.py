@@ -12,11 +12,12 @@ import numpy as np
 
 from wt_gym.constants import GRAVITY
 from wt_gym.control import ActionMap, Aim, Channel, Demand, Lidar, NacelleAnemometer, torque_curve
-from wt_gym.control.coleman import FIXED_FRAME, to_single_coordinates
+from wt_gym.control.coleman import FIXED_FRAME
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs.arguments import shown
 from wt_gym.envs.layout import ObservationLayout
+from wt_gym.envs.observation_kernels import read_signals
 from wt_gym.simulation.channels import channel_table
 
 if TYPE_CHECKING:
@@ -193,12 +194,10 @@ class Observer:
         self._from = np.array([index[name] for name in own], dtype=np.int64)
         cyclic = [(k, *part) for k, name in enumerate(names) if (part := self._fixed_frame_part(name))]
         self._cyclic_at = np.array([k for k, _, _ in cyclic], dtype=np.int64)
-        self._cyclic_part = [part for _, _, part in cyclic]
+        self._cyclic_part = np.array([part for _, _, part in cyclic], dtype=np.int64)
         first = np.array([index[f"{signal}_1"] for _, signal, _ in cyclic], dtype=np.int64)
         self._cyclic_from = first[:, None] + np.arange(self._turbine.n_blades)
-        functions = [(k, f) for k, name in enumerate(names) if callable(f := self._special(name))]
-        self._functions = [f for _, f in functions]
-        self._functions_at = np.array([k for k, _ in functions], dtype=np.int64)
+        self._functions = [(k, f) for k, name in enumerate(names) if callable(f := self._special(name))]
         if "rotor_wind" in names and self._estimator is None:  # another turbine's table takes a while to make
             self._estimator = WindEstimator.of_turbine(self._turbine)
         self.sees_lidar = any(name.startswith("lidar_") for name in names)
@@ -259,17 +258,20 @@ class Observer:
             Sensors at the end of their range.
         """
         values, signals = np.empty(self._size), situation.signals
-        values[self._at] = signals.values[self._from]
-        if len(self._cyclic_at):
-            of_blades = signals.values[self._cyclic_from]
-            values[self._cyclic_at] = to_single_coordinates(of_blades, self._cyclic_part, signals["azimuth"])
-        values[self._functions_at] = [function(situation) for function in self._functions]
+        read_signals(
+            signals.values, self._from, self._at, self._cyclic_from, self._cyclic_part, signals["azimuth"],
+            self._cyclic_at, values,
+        )  # fmt: skip
+        for k, function in self._functions:
+            values[k] = function(situation)
         if self._noise_level > 0:
             values += self._noise_level * self._noise * rng.standard_normal(self._size)
         readings = self._readings
         readings.append(values)
+        if self._history == 1:
+            return self.layout.normalise(readings[0])
         late = [readings[max(len(readings) - 1 - self._delay - k, 0)] for k in range(self._history)]
-        return self.layout.normalise(late[0] if self._history == 1 else np.concatenate(late))
+        return self.layout.normalise(np.concatenate(late))
 
     @staticmethod
     def _fixed_frame_part(name) -> tuple[str, int] | None:
