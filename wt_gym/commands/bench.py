@@ -32,6 +32,8 @@ from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser, stoppable, u
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
 RUNGS = ["training", "engineering", "reference"]
+LIDAR_CONTROLLER = "lidar+constrained_ipc+tower_dampers"
+LIDAR_OBSERVATION = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets", "lidar")
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -137,26 +139,48 @@ def measure_environment(fidelity: str, wall: float) -> dict:
 
 
 def measure_outside(fidelity: str, wall: float) -> dict:
-    """Share of a step of LoadReduction that passes outside the simulator: actions, controller, observation, reward."""
+    """Share of a step of LoadReduction that passes outside the simulator: actions, controller, observation, reward.
+
+    Of a single turbine, of one on the best controller with its lidar, and of four in a vector environment on one
+    thread, a third of the wall time each.
+    """
     import gymnasium
-    import numpy as np
 
     import wt_gym  # noqa: F401 - registers the environments
 
-    env = gymnasium.make("wt_gym/LoadReduction-v0", fidelity=fidelity, disable_env_checker=True)
+    name = "wt_gym/LoadReduction-v0"
+    lidar: dict[str, Any] = {"controller": LIDAR_CONTROLLER, "observation": LIDAR_OBSERVATION}
+    single = gymnasium.make(name, disable_env_checker=True, fidelity=fidelity)
+    seeing = gymnasium.make(name, disable_env_checker=True, fidelity=fidelity, **lidar)
+    several = gymnasium.make_vec(name, 4, threads=1, fidelity=fidelity)
+    return {
+        "share_outside": share_outside(single, [single.unwrapped], wall / 3),
+        "share_outside_lidar": share_outside(seeing, [seeing.unwrapped], wall / 3),
+        "share_outside_vector": share_outside(several, cast(Any, several).envs, wall / 3),
+    }
+
+
+def share_outside(env, turbines: list, wall: float) -> float:
+    """Median share of hundred steps without an action that is not spent in the simulators of an environment."""
+    import numpy as np
+
     env.reset(seed=0)
-    simulator, within = cast(Any, env.unwrapped).simulator, 0.0
-    advance, action = simulator.advance, np.zeros(cast(tuple, env.action_space.shape), dtype=np.float32)
+    within = 0.0
 
-    def timed(*arguments, **named):
-        nonlocal within
-        start = time.perf_counter()
-        signals = advance(*arguments, **named)
-        within += time.perf_counter() - start
-        return signals
+    def timed(advance):
+        def call(*arguments, **named):
+            nonlocal within
+            start = time.perf_counter()
+            signals = advance(*arguments, **named)
+            within += time.perf_counter() - start
+            return signals
 
-    simulator.advance = timed
+        return call
+
+    for turbine in turbines:
+        turbine.simulator.advance = timed(turbine.simulator.advance)
     shares: list[float] = []
+    action = np.zeros(env.action_space.shape, dtype=np.float32)
     end = time.perf_counter() + wall
     while time.perf_counter() < end or not shares:
         within, start = 0.0, time.perf_counter()
@@ -164,7 +188,8 @@ def measure_outside(fidelity: str, wall: float) -> dict:
             env.step(action)
         shares.append(1.0 - within / (time.perf_counter() - start))
         env.reset()
-    return {"share_outside": float(np.median(shares))}
+    env.close()
+    return float(np.median(shares))
 
 
 def measure_vector(fidelity: str, wall: float) -> dict:
@@ -439,8 +464,13 @@ def measure(arguments: argparse.Namespace) -> None:
             f"{f['env_steps_per_s']:6.0f} env steps/s, reset {f['env_reset_s']:.2f} s, "
             f"{f['peak_memory_mib']:.0f} MiB simulator, {f['env_peak_memory_mib']:.0f} MiB env"
         )
-    figures["outside"] = in_process("outside", "training", wall / 4)
-    print(f"LoadReduction: {100 * figures['outside']['share_outside']:.1f} % of a step outside the simulator")
+    figures["outside"] = in_process("outside", "training", wall / 2)
+    o = figures["outside"]
+    print(
+        f"LoadReduction: {100 * o['share_outside']:.1f} % of a step outside the simulator, "
+        f"{100 * o['share_outside_lidar']:.1f} % with a lidar, "
+        f"{100 * o['share_outside_vector']:.1f} % of four turbines in one vector environment"
+    )
     figures["vector"] = v = in_process("vector", "training", wall)
     print(
         f"one turbine: {v['one_per_s']:.0f} steps/s; {v['turbines']}: {v['threads_per_s']:.0f} by threads "
