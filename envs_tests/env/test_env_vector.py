@@ -8,6 +8,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from wt_gym.agents.training.turbine_vec_env import TurbineVecEnv
+from wt_gym.control import Lidar
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.errors import ActionError, ControllerError
 
@@ -154,6 +155,40 @@ def test_a_turbine_whose_step_fails_has_to_begin_anew(threads, monkeypatch):
     env.reset(options={"reset_mask": np.array([False, True])})
     *_, infos = env.step(np.zeros((2, 3)))
     np.testing.assert_allclose(infos["time"], [0.4, 0.2])
+
+
+def test_after_an_interrupt_all_turbines_have_to_begin_anew(monkeypatch):
+    env = make(AutoresetMode.DISABLED, n=3, threads=2)
+    env.reset(seed=0)
+
+    def interrupt(action):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(env.envs[1], "step", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            env.step(np.zeros((3, 3)))
+    with pytest.raises(ResetNeeded, match=r"turbines \[0, 1, 2\] are over"):
+        env.step(np.zeros((3, 3)))
+
+
+def test_a_lidar_looks_once_for_observation_and_controller(monkeypatch):
+    env = gym.make(ID, controller="lidar", observation=("rotor", "lidar")).unwrapped
+    env.reset(seed=0)
+    looks, read = [], Lidar.read
+
+    def looked(lidar, inflow, time, yaw, height):
+        looks.append(time)
+        return read(lidar, inflow, time, yaw, height)
+
+    monkeypatch.setattr(Lidar, "read", looked)
+    observation, *_ = env.step(np.zeros(3))
+    np.testing.assert_allclose(looks, [0.1, 0.2], rtol=1e-12)  # at 0 s it has looked for the reset
+    seen = read(env.layout.lidar, env.episode_wind.inflow, 0.2, env.signals["yaw"], env.turbine.hub_height)
+    observed = [env.layout.observation.value(observation, f"lidar_{k}") for k in (1, 2, 3)]
+    np.testing.assert_allclose(observed, seen, rtol=1e-6)
+    env.reset(seed=1)
+    assert looks[-1] == 0.0  # in another wind
 
 
 def test_iterators_serve_all_turbines():

@@ -13,6 +13,7 @@ from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody.tree.tree_kernels import OK
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
 from wt_gym.simulation.blade_lattice import blade_planform
+from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.coupled_step_kernels import OVERSPEED, check_range
 from wt_gym.simulation.turbine_bodies import turbine_bodies
 from wt_gym.turbines import load_turbine
@@ -264,6 +265,17 @@ def test_a_linear_damper_loads_the_rotor():
     assert signals.rotor_speed == pytest.approx(first.rotor_speed, rel=2e-3)
     with pytest.raises(ActionError, match="takes no demand"):
         damped.advance(0.1, pitch=0.0, generator_torque=1e3)
+
+
+@pytest.mark.parametrize("formulation", ["embedded", "observer"])
+def test_signals_of_the_compiled_step_are_those_of_a_measurement(formulation):
+    fidelity = replace(FIDELITIES["training"], formulation=formulation)
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(11.0, shear_exponent=0.2), fidelity=fidelity)
+    sim.reset(rotor_speed=1.2, pitch=0.02)
+    found = sim.advance(0.2, pitch=0.03, yaw_rate=0.004, generator_torque=38e3)
+    sim._measure()
+    channels = [c.name for c in channel_table(3) if not any(part in c.name for part in ("_max", "_min", "travel"))]
+    assert [found[name] for name in channels] == [sim.signals[name] for name in channels]
 
 
 def test_the_speed_limit_holds_for_both_ends_of_a_flexible_shaft():
