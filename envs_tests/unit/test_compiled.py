@@ -1,5 +1,6 @@
 """Separate kernels: called through a symbol, loaded before their callers, compiled anew when their sources change."""
 
+import ast
 import os
 import pickle
 import re
@@ -9,6 +10,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from packaging.requirements import Requirement
@@ -206,6 +208,27 @@ def test_the_callers_of_a_renamed_separate_kernel_are_compiled_anew(modules):
     assert run(modules, code) == [18.0]
     (modules / "leaf_module.py").write_text(LEAF.replace("def leaf", "def renamed") + "current = renamed\n")
     assert run(modules, code) == [18.0]
+
+
+def test_an_index_below_zero_counts_from_the_end_outside_of_kernels_only(modules, monkeypatch):
+    (modules / "index_module.py").write_text(
+        "from wt_gym.compiled import kernel\n@kernel\ndef at(x, i):\n    return x[i]\n"
+    )
+    monkeypatch.syspath_prepend(modules)
+    from index_module import at
+
+    x = np.arange(4.0)
+    assert numba.njit(at.py_func)(x[1:], -1) == 3.0
+    assert at(x[1:], -1) == 0.0
+
+
+def test_no_kernel_names_an_index_below_zero():
+    for path in (ROOT / "wt_gym").rglob("*_kernels.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Subscript):
+                for index in node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]:
+                    # numba takes the bounds of slices as Python does
+                    assert not isinstance(index, ast.UnaryOp), f"{path.name}:{node.lineno}: {ast.unparse(node)}"
 
 
 def test_a_pickled_kernel_is_that_of_the_other_process():

@@ -133,7 +133,8 @@ def view_from_tower(tip, base, top, axis, height, radius, out):
     out[0] = -(dx * axis[0] + dy * axis[1]) * level
     out[1] = (dy * axis[0] - dx * axis[1]) * level
     out[2] = tip[2] - top[2]
-    z, n, k = s * height[-1], height.shape[0], 0
+    n, k = height.shape[0], 0
+    z = s * height[n - 1]
     while k < n - 2 and height[k + 1] < z:
         k += 1
     w = (z - height[k]) / (height[k + 1] - height[k])
