@@ -288,6 +288,14 @@ class _SeparateCompiler(_KernelCompiler):
     _library_pass = _UseSeparate
 
 
+class _DistinctCompiler(_SeparateCompiler):
+    """The same for those whose arguments share no memory."""
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.state.flags.noalias = True
+
+
 class _KernelCacheImpl(CompileResultCacheImpl):
     """What of a compiled kernel goes to disk and comes back."""
 
@@ -370,7 +378,7 @@ def _stamp():
     return f"{numba.__version__} {math.fsum(s.st_mtime for s in stats)} {sum(s.st_size for s in stats)}"
 
 
-def kernel(function=None, separate=False, **options):
+def kernel(function=None, separate=False, distinct=False, **options):
     """Compile a function on plain arrays that stands at the top level of its module.
 
     Reference counting is off (arrays live in the caller), which trebles the speed of functions that pass many arrays;
@@ -382,6 +390,10 @@ def kernel(function=None, separate=False, **options):
     separate : bool
         Compile it once for all its callers, which then call it: some nanoseconds and as many for each array among the
         arguments. For big kernels outside of inner loops. Others become part of each caller.
+    distinct : bool
+        Of a separate kernel: what it writes into one of the arrays among its arguments can be seen in no other. The
+        compiler then need not read everything again that has gone past a write, a quarter of the time of the equations
+        of motion. With arrays that do overlap the result is wrong without notice.
     **options
         Further options of ``numba.njit``. ``inline="always"`` suits a kernel with a single caller: it is then compiled
         once, not on its own and again within its caller.
@@ -392,11 +404,12 @@ def kernel(function=None, separate=False, **options):
         If a kernel is defined within a function or class, is a generator or takes any number of arguments.
     """
     if function is None:
-        return lambda f: kernel(f, separate, **options)
+        return lambda f: kernel(f, separate, distinct, **options)
     _check(function)
-    dispatcher = _dispatcher(
-        function, _SeparateCompiler if separate else _InnerCompiler, options | {"no_cpython_wrapper": True}
-    )
+    compiler = _InnerCompiler
+    if separate:
+        compiler = _DistinctCompiler if distinct else _SeparateCompiler
+    dispatcher = _dispatcher(function, compiler, options | {"no_cpython_wrapper": True})
     dispatcher.__class__ = _KernelDispatcher  # which numba cannot be asked for
     dispatcher._given = options
     dispatcher._cache.separate = separate

@@ -46,6 +46,30 @@ def test_power_leaving_the_air_enters_the_structure(running):
     assert structure == pytest.approx(air, rel=1e-6)
 
 
+def arrays_of(arguments):
+    """Arrays, not empty, in nested tuples."""
+    if isinstance(arguments, np.ndarray):
+        return [arguments] if arguments.size else []
+    return [array for part in arguments for array in arrays_of(part)] if isinstance(arguments, tuple) else []
+
+
+@pytest.mark.parametrize("change", [{}, {"formulation": "constrained"}, {"blade_bodies": 2, "integrator": "newmark"}])
+def test_arguments_of_distinct_kernels_share_no_memory(change):
+    """What these kernels write into one of their arrays may be seen in no other."""
+    coupling = Simulator("nrel_5mw", SteadyInflow(8.0), replace(FIDELITIES["training"], **change)).coupling
+    _, motion, x, _, gauges, monitor = coupling.bundle()
+    gauges = gauges._replace(tip_rest=None)  # a view of the tip's place, which nothing writes
+    for arguments in (
+        (motion.history, motion.inputs, motion.tree, motion.work),  # hamming_advance, kinematics, inertia_terms
+        (motion.state, motion.tree, motion.work, x),  # move_lattice
+        (motion.state, motion.rate, monitor.loads, motion.tree, motion.work, gauges),  # read_gauges, joint_wrenches
+    ):
+        arrays = arrays_of(arguments)
+        assert len(arrays) > 40
+        shared = [(i, j) for i, a in enumerate(arrays) for j, b in enumerate(arrays[:i]) if np.may_share_memory(a, b)]
+        assert not shared
+
+
 def test_powers_are_torque_times_speed(running):
     """Powers are products of the torques and speeds beside them."""
     signals = running.signals

@@ -26,7 +26,7 @@ FORGET = 0.9  # a step: what the share of the loads' change remembers of the ste
 LEAST_SHARE, LARGEST_SHARE = 0.05, 1.5
 
 
-@kernel(separate=True)
+@kernel(separate=True, distinct=True)
 def move_lattice(y, tree, work, x):
     """Lattice nodes and their velocities for the state y; the kinematics are then up to date. x: `Exchange`."""
     kinematics(y, tree, work)

@@ -190,7 +190,7 @@ def tip_deflection(tip, root, hub_rotation, root_rotation, rest, pitch, out):
             out[k] += in_hub * root_rotation[c, k]
 
 
-@kernel(separate=True)
+@kernel(separate=True, distinct=True)
 def read_gauges(y, dy, body_loads, tree, work, g):
     """What is measured on the structure beyond its state, into the gauges; kinematics are brought up to date.
 

@@ -18,7 +18,7 @@ from wt_gym.multibody.tree.rate_kernels import keep_drift, prescribe_servos, pro
 from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, OK, SPHERICAL
 
 
-@kernel(separate=True)
+@kernel(separate=True, distinct=True)
 def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, constrained=None, last_rate=True):
     """Advance the state by n_steps of length h while the inputs run linearly from their start to their end.
 

@@ -2,7 +2,7 @@
 
 from wt_gym.compiled import kernel
 from wt_gym.multibody.tree.rotation_kernels import cross_add
-from wt_gym.multibody.tree.tree_kernels import body_terms, kinematics
+from wt_gym.multibody.tree.tree_kernels import inertia_terms, kinematics
 
 
 @kernel(separate=True)
@@ -11,9 +11,9 @@ def energies(y, tree, work):
     n_q, n_u = tree.n_q, tree.n_u
     yd = y[n_q : n_q + n_u]
     kinematics(y, tree, work)
+    inertia_terms(y, yd, tree, work)
     kinetic, elastic, potential = 0.0, 0.0, 0.0
     for b in range(tree.parent.shape[0]):
-        body_terms(b, y, yd, tree, work)
         v, w, mc, jj, rot = work.v[b], work.omega[b], work.mc[b], work.jj[b], work.rot[b]
         m, nf, u0, q0 = tree.mass[b], tree.n_elastic[b], tree.elastic_u[b], tree.elastic_q[b]
         for i in range(3):
@@ -38,7 +38,7 @@ def energies(y, tree, work):
     return kinetic, elastic, potential
 
 
-@kernel(separate=True)
+@kernel(separate=True, distinct=True)
 def joint_wrenches(y, acceleration, loads, tree, work, wrench):
     """Force and moment that each joint exerts on its body, at the body frame origin in body components.
 
@@ -50,8 +50,8 @@ def joint_wrenches(y, acceleration, loads, tree, work, wrench):
     yd = y[n_q : n_q + tree.n_u]
     wrench[:, :] = 0.0
     a, al = work.a, work.al
+    inertia_terms(y, yd, tree, work)
     for b in range(tree.parent.shape[0] - 1, -1, -1):
-        body_terms(b, y, yd, tree, work)
         m, nf, mc, jj, h, rot = tree.mass[b], tree.n_elastic[b], work.mc[b], work.jj[b], work.h[b], work.rot[b]
         for i in range(3):
             a[i] = (

@@ -58,7 +58,7 @@ def attachment(b, p, y, yd, tree, work):
     tangent_bias(t, td, work.wb)
 
 
-@kernel(separate=True)
+@kernel(separate=True, distinct=True)
 def kinematics(y, tree, work):
     """Frames, velocities, velocity transformation and acceleration bias of all bodies for the state y."""
     n_q = tree.n_q
@@ -317,7 +317,14 @@ def elastic_mass(b, y, tree, work):
                 mff[j, k] += value
 
 
-@kernel(separate=True)
+@kernel(separate=True, distinct=True)
+def inertia_terms(y, yd, tree, work):
+    """State-dependent inertia of all bodies and their velocity-dependent forces, see `body_terms`."""
+    for b in range(tree.parent.shape[0]):
+        body_terms(b, y, yd, tree, work)
+
+
+@kernel(inline="always")
 def body_terms(b, y, yd, tree, work):
     """State-dependent inertia of body b: mc, J, C, D, M and the velocity-dependent forces h (elastic ones too)."""
     nf = tree.n_elastic[b]
@@ -400,8 +407,8 @@ def assemble(y, loads, tree, work):
     mass, force = work.mass, work.force
     mass[:, :] = 0.0
     force[:] = 0.0
+    inertia_terms(y, yd, tree, work)
     for b in range(tree.parent.shape[0]):
-        body_terms(b, y, yd, tree, work)
         m, nf, nc = tree.mass[b], tree.n_elastic[b], tree.n_col[b]
         mc, jj, h, cols = work.mc[b], work.jj[b], work.h[b], tree.cols[b]
         rot = work.rot[b]
