@@ -192,7 +192,7 @@ class _Session:
             self._evaluations = Evaluations(
                 config.eval_every,
                 self._evaluation,
-                lambda: TrainedAgent(model, venv),
+                lambda: TrainedAgent(model, venv, {"wind_seeds": list(self._wind.seeds)}),
                 _curve({"curve": evaluated.get("curve", {})}, _EVALUATION_CURVE, self._first_step),
                 self._save_best,
                 on_evaluation,

@@ -504,6 +504,13 @@ def test_clearing_takes_only_what_a_training_wrote(tmp_path):
     assert not left.exists()
 
 
+def test_evaluations_on_the_way_know_their_training(tmp_path, caplog):
+    """No word that nothing is known of the model, and none that it has met its winds."""
+    record = train(replace(SMALL, eval_every=64, eval_winds=1), tmp_path, progress=False)
+    assert record["evaluation"]["curve"]["steps"] == [64]
+    assert not [entry for entry in caplog.records if "training" in entry.getMessage()]
+
+
 # ---- the same words again ----
 
 FILE = """
