@@ -234,7 +234,7 @@ def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch,
     metrics |= dict.fromkeys(key for key, _ in comparison.COLUMNS if key not in metrics) | metrics
     monkeypatch.setattr(comparison, "Simulator", ScriptedSimulator)
     monkeypatch.setattr(comparison, "run_controller", run)
-    monkeypatch.setattr(comparison, "run_metrics", lambda *_: {key: 1e6 for key in metrics})
+    monkeypatch.setattr(comparison, "benchmark_metrics", lambda *_: {key: 1e6 for key in metrics})
     words = ["compare-controllers", "discon", "ipc", "--winds", "8", "12", "15", "--seeds", "--json"]
     out, _ = stopped_in_one_line(words, capsys)
     rows = json.loads(out.splitlines()[-1])
@@ -256,7 +256,8 @@ def test_a_stopped_search_keeps_its_trials(monkeypatch, tmp_path, capsys):
         calls.append(controllers)
         if len(calls) == 4:  # the reference, two trials, and then
             signal.raise_signal(signal.SIGINT)
-        return [ControllerRuns("x", {case: {key: 1.0 for key, _ in COLUMNS} for case in cases}, {})]
+        numbers = dict.fromkeys(("captured_power", *(key for key, _ in COLUMNS)), 1.0)
+        return [ControllerRuns("x", dict.fromkeys(cases, numbers), {})]
 
     monkeypatch.setattr(tuning, "run_cases", runs)
     record = tmp_path / "new" / "tuned.json"
