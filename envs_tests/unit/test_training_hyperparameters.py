@@ -35,7 +35,7 @@ def test_models_are_made_with_what_the_files_say(algorithm):
     assert model.lr_schedule(0.5) == pytest.approx(0.5e-3)
     assert isinstance(model.learning_rate, LinearSchedule)
     assert "ELU" in str(model.policy)
-    assert "out_features=64" in str(model.policy)
+    assert f"out_features={config.resolved['net_arch'][0]}" in str(model.policy)
 
 
 def test_files_lie_on_top_of_the_package_and_options_on_top_of_files(tmp_path):
