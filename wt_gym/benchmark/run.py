@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
+import warnings
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -94,7 +95,9 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     given = {**task.env_kwargs, **interface}
     if wind.transient is not None:
         given |= {"inflow": wind.inflow(_turbine(task)), "wind_speed": None}
-    env = gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=_ENDLESS)
+    with warnings.catch_warnings():  # a frozen task keeps the version of its id
+        warnings.filterwarnings("ignore", ".*is out of date", DeprecationWarning)
+        env = gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=_ENDLESS)
     turbine_env_of(env).outer_steps = _ENDLESS
     return env
 
