@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BASELINE",
+    "PREFIX",
     "controller_of",
     "expand_seeds",
     "fingerprint",
@@ -23,13 +24,13 @@ __all__ = [
 
 BASELINE = "Baseline PI"
 _WORDS = {"baseline": BASELINE, "constant": "Constant action"}
-_PREFIX = "controller:"
+PREFIX = "controller:"
 
 
 def is_controller_name(choice: str) -> bool:
     """Whether a choice names a controller of the library: ``controller:`` in front, or a name of `CONTROLLERS`."""
     names = choice.partition(":")[0].split("+")
-    return choice.startswith(_PREFIX) or all(name in CONTROLLERS for name in names)
+    return choice.startswith(PREFIX) or all(name in CONTROLLERS for name in names)
 
 
 def split_name(text: str) -> tuple[str, str]:
@@ -92,7 +93,7 @@ def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
     ValueError
         If a parameter is not of the form ``key=value`` with a number, or True, False or None as its value.
     """
-    return name_and_parameters(choice.removeprefix(_PREFIX))
+    return name_and_parameters(choice.removeprefix(PREFIX))
 
 
 def named_choices(choices: list[str]) -> dict[str, str]:
@@ -198,7 +199,7 @@ def _default_name(choice: str) -> str:
     if kind == "word":
         return _WORDS[choice]
     if kind == "controller":
-        return choice.removeprefix(_PREFIX)
+        return choice.removeprefix(PREFIX)
     from wt_gym.agents.trained_agent import RECORD_FILE, read_record
 
     path = Path(choice)

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
-from wt_gym.agents.choices import controller_of, is_controller_name
+from wt_gym.agents.choices import PREFIX, controller_of, is_controller_name
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.trained_environment import controller_of_training, observation_of_training
-from wt_gym.control.controllers import make_controller
+from wt_gym.agents.trained_environment import controller_of_training, interface_of_training
 from wt_gym.envs.layout import layout_of, turbine_env_of
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ class Environments:
     def beneath(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
         """Environment for an agent: the plain one, except for a controller that has to run beneath the actions.
 
-        A trained model sees what it saw in its training.
+        A trained model sees what it saw in its training, and its residual actions mean what they meant.
 
         Parameters
         ----------
@@ -88,22 +87,19 @@ class Environments:
             Of the agent's training, empty without one: a trained model runs on the controller of its training, a
             controller by name beneath actions that rest.
         as_given : bool
-            A trained model runs on the controller that is there.
+            A trained model runs on the controller that is there, and its actions mean what they mean there.
         """
         own = None if as_given else controller_of_training(record, self.plain)
         residual = layout_of(self.plain).action.mode == "residual"
         choice = given if residual and isinstance(given, str) and is_controller_name(given) else own
-        return self._make(choice, observation_of_training(record, self.plain))
+        return self._make(choice, interface_of_training(record, self.plain, meaning=not as_given))
 
     def _make(self, choice: str | None, seen: Mapping[str, Any]) -> gym.Env:
         key = choice, json.dumps(seen, sort_keys=True)
         if key not in self._made:
             more = dict(seen)
             if choice is not None:
-                name, parameters = controller_of(choice)
-                more["controller"] = name
-                if parameters:
-                    more["controller"] = lambda turbine: make_controller(name, turbine, **parameters)
+                more["controller"] = choice.removeprefix(PREFIX)
             self._made[key] = gym.make(
                 self._id, **self._kwargs | more, episode_length=self._length, max_episode_steps=_ENDLESS
             )

@@ -21,7 +21,7 @@ __all__ = [
     "check_environment",
     "controller_of_training",
     "environment_of_training",
-    "observation_of_training",
+    "interface_of_training",
     "resolved_arguments",
     "trained_arguments",
 ]
@@ -30,6 +30,7 @@ KEPT = ("action_spans", "residual_fade", "residual_washout", "controller", "sens
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
 inflow and wind are no part of them: to carry an agent over to others is an experiment."""
 _SEEN = ("observation", "history")
+_MEANT = ("action_spans", "residual_fade", "residual_washout")
 
 
 def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
@@ -114,10 +115,11 @@ def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | Non
     return trained if trained != here and isinstance(trained, str) and is_controller_name(trained) else None
 
 
-def observation_of_training(record: Mapping[str, Any], env: gym.Env) -> dict[str, Any]:
-    """Observation and history that a model was trained on, where an environment shows others.
+def interface_of_training(record: Mapping[str, Any], env: gym.Env, meaning: bool = True) -> dict[str, Any]:
+    """What a model saw and what its residual actions meant in its training, where an environment has it otherwise.
 
-    They belong to the model, which cannot read others.
+    Both belong to the model, as in the benchmark: it cannot read other observations, and offsets from a controller are
+    nobody else's business.
 
     Parameters
     ----------
@@ -125,14 +127,18 @@ def observation_of_training(record: Mapping[str, Any], env: gym.Env) -> dict[str
         As of `trained_arguments`.
     env : gymnasium.Env
         Made by `gymnasium.make`.
+    meaning : bool
+        False: observation and history only.
 
     Returns
     -------
     dict
-        Arguments of the environment; empty where it shows the same, or the record does not say.
+        Arguments of the environment; empty where it has the same, or the record does not say.
     """
-    trained = environment_of_training(record, _SEEN)
-    here = _with_defaults(cast(EnvSpec, env.spec).kwargs, _SEEN)
+    residual = layout_of(env).action.mode == "residual"
+    names = (*_SEEN, *_MEANT) if meaning and residual else _SEEN
+    trained = environment_of_training(record, names)
+    here = _with_defaults(cast(EnvSpec, env.spec).kwargs, names)
     return trained if trained != here else {}
 
 

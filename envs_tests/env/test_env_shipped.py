@@ -9,8 +9,7 @@ import wt_gym
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.results import Wind
-from wt_gym.commands.train import parse_arguments
-from wt_gym.commands.training_options import config_from
+from wt_gym.commands.train import configuration, parse_arguments
 
 FOLDERS = sorted(path.parent for path in (Path(wt_gym.agents.__file__).parent / "trained").glob("*/model.zip"))
 
@@ -35,8 +34,7 @@ def test_it_spares_the_blades_in_a_wind_it_has_not_seen(folder):
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
 def test_its_file_is_the_training_of_its_record(folder):
-    arguments = parse_arguments(["--config", str(folder / "training.yml")])
-    config = config_from(arguments, total_steps=arguments.steps, seed=arguments.seed)
+    config = configuration(parse_arguments(["--config", str(folder / "training.yml")]))
     record = TrainedAgent.load(folder).record["config"]
     assert config.continues(record)
     assert (config.seed, config.total_steps) == (record["seed"], record["total_steps"])

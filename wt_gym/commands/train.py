@@ -14,17 +14,22 @@ after the present step, with everything written; docs/training.md has more.
 Exit status: 0 done or out of time, 1 refused, 2 a wrong option, 130 ended by Ctrl-C, 143 by SIGTERM.
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import signal
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.engine_options import add_address_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
 from wt_gym.commands.training_file import words_of
 from wt_gym.commands.training_options import add_training_options, config_from
+
+if TYPE_CHECKING:
+    from wt_gym.agents.training.config import TrainingConfig
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -92,17 +97,22 @@ def learner_of(arguments: argparse.Namespace):
     return None
 
 
+def configuration(arguments: argparse.Namespace) -> TrainingConfig:
+    """Configuration of a training from the options that were given."""
+    given = vars(arguments)
+    names = {"steps": "total_steps"} | {
+        name: name for name in ("max_seconds", "seed", "checkpoint_steps", "checkpoint_minutes", "tensorboard")
+    }
+    return config_from(arguments, **{field: given[name] for name, field in names.items() if name in given})
+
+
 def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
     """Train; give the folder and the record, or the summary of several seeds."""
     from wt_gym.agents.train import train  # torch takes seconds to import: not for --help
     from wt_gym.agents.training.again import train_or_go_on
     from wt_gym.agents.training.seeds import train_seeds
 
-    given = vars(arguments)
-    names = {"steps": "total_steps"} | {
-        name: name for name in ("max_seconds", "seed", "checkpoint_steps", "checkpoint_minutes", "tensorboard")
-    }
-    config = config_from(arguments, **{field: given[name] for name, field in names.items() if name in given})
+    given, config = vars(arguments), configuration(arguments)
     folder = Path(given.get("out", f"runs/{config.algorithm.lower()}"))
     seeds, learner = given.get("seeds"), learner_of(arguments)
     if arguments.go_on:
