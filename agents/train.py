@@ -13,7 +13,7 @@ from stable_baselines3.common.logger import Logger, configure
 
 import wt_gym
 from wt_gym.agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALISATION_FILE, RECORD_FILE, TrainedAgent
-from wt_gym.agents.trained_environment import resolved_arguments
+from wt_gym.agents.trained_environment import resolved_arguments, with_pay
 from wt_gym.agents.training.callbacks import Checkpoints, Evaluations, Watch, stop_on_signals
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.environments import make_training_env
@@ -141,7 +141,8 @@ def resume(
             raise ValueError(f"the training in {run.path} began with the engine {engine}: go on with --engine {engine}")
         learner.check(config)
         arguments = resolved_arguments(config.env_id, config.env_kwargs)
-        before = record.get("environment", arguments)
+        arguments = with_pay(arguments)
+        before = with_pay(record.get("environment", arguments))
         if differing := [name for name in {**before, **arguments} if before.get(name) != arguments.get(name)]:
             raise ValueError(
                 f"{config.env_id} has other arguments now than when the training in {run.path} began: "
@@ -192,7 +193,7 @@ class _Session:
             self._evaluations = Evaluations(
                 config.eval_every,
                 self._evaluation,
-                lambda: TrainedAgent(model, venv, {"wind_seeds": list(self._wind.seeds)}),
+                lambda: TrainedAgent(model, venv, {"wind_seeds": list(self._wind.seeds or ())}),
                 _curve({"curve": evaluated.get("curve", {})}, _EVALUATION_CURVE, self._first_step),
                 self._save_best,
                 on_evaluation,

@@ -11,6 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from wt_gym.agents.choices import is_controller_name
 from wt_gym.envs.layout import layout_of
+from wt_gym.envs.rewards import DEFAULT_WEIGHTS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ __all__ = [
     "interface_of_training",
     "resolved_arguments",
     "trained_arguments",
+    "with_pay",
 ]
 
 KEPT = ("action_spans", "residual_fade", "residual_washout", "controller", "sensor_noise", "sensor_delay")
@@ -44,6 +46,20 @@ def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, 
         If the environment is not registered.
     """
     return json.loads(json.dumps({**gym.spec(env_id).kwargs, **env_kwargs}, default=str))
+
+
+def with_pay(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments with every weight of the reward and the penalty for an early end written out.
+
+    Parameters
+    ----------
+    arguments : mapping
+        As of `resolved_arguments`; a reward of one's own terms stays as it is.
+    """
+    weights, penalty = arguments.get("reward"), _default("termination_penalty")
+    if weights is None or isinstance(weights, dict):
+        weights = DEFAULT_WEIGHTS | (weights or {})
+    return {"termination_penalty": penalty, **arguments, "reward": weights}
 
 
 def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -178,6 +194,9 @@ def _kept(arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 def _with_defaults(arguments: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """Arguments of these names, the environment's defaults where they are not given, as JSON values."""
-    parameters = inspect.signature(WindTurbineEnv).parameters
-    values = {name: arguments.get(name, parameters[name].default) for name in names}
+    values = {name: arguments.get(name, _default(name)) for name in names}
     return json.loads(json.dumps(values, default=str))
+
+
+def _default(name: str) -> Any:
+    return inspect.signature(WindTurbineEnv).parameters[name].default

@@ -279,5 +279,7 @@ def _defaults(controller: str, space: dict[str, Range]) -> dict[str, float]:
     parts = [part for name in controller.split("+") for part in SHORT_FOR.get(name, (name,))]
     known = {key: value for part in parts for key, value in controller_parameters(part).items()}
     known |= {f"{part}__{key}": value for part in parts for key, value in controller_parameters(part).items()}
-    faded = {key: FadeParameters().pitch[1] for key in known if key.endswith("fade")}
+    for name in controller.split("+"):
+        known |= controller_parameters(name)  # of tuned ones what was found
+    faded = {key: FadeParameters().pitch[1] for key, value in known.items() if key.endswith("fade") and value is True}
     return {key: value for key, value in (known | faded).items() if key in space and isinstance(value, float)}

@@ -401,10 +401,13 @@ def kernel(function=None, separate=False, distinct=False, **options):
     Raises
     ------
     ValueError
-        If a kernel is defined within a function or class, is a generator or takes any number of arguments.
+        If a kernel is defined within a function or class, is a generator or takes any number of arguments, or is to be
+        distinct and not separate.
     """
     if function is None:
         return lambda f: kernel(f, separate, distinct, **options)
+    if distinct and not separate:
+        raise ValueError(f"{function.__name__}: arrays are told apart in separate kernels only")
     _check(function)
     compiler = _InnerCompiler
     if separate:

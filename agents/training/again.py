@@ -52,6 +52,8 @@ def train_or_go_on(
         if plan["seeds"] != list(seeds):
             raise ValueError(f"{folder} holds a training with the seeds {plan['seeds']}, not {list(seeds)}")
         return resume_seeds(folder, **limits, learner=learner)
+    if (folder / SEEDS_FILE).is_file():
+        raise ValueError(f"{folder} holds a training with the seeds {read_plan(folder)['seeds']}: give --seeds")
     run = RunFolder(folder)
     if not run.model.is_file():  # nothing, or stopped by force before anything was saved
         return train(config, folder, overwrite=run.used, learner=learner)

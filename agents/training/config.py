@@ -128,13 +128,12 @@ class TrainingConfig:
             What `to_json` gave, perhaps before a field was added; anything else is another training.
         """
         free = dict.fromkeys(("seed", "total_steps", "max_seconds"))
-        if not isinstance(record, dict):
+        try:
+            configs = (self.with_hyperparameters(), TrainingConfig.from_json(record).with_hyperparameters())
+        except (TypeError, ValueError):
             return False
         # through JSON: of a tuple a record has a list
-        mine, kept = (
-            json.loads(json.dumps(config.to_json() | free, default=str))
-            for config in (self.with_hyperparameters(), TrainingConfig.from_json(record))
-        )
+        mine, kept = (json.loads(json.dumps(config.to_json() | free, default=str)) for config in configs)
         return mine == kept
 
     def _check_whole(self, name: str, low: int, high: int) -> None:

@@ -14,6 +14,7 @@ from scripted_simulator import ScriptedSimulator
 from wt_gym.agents import evaluation as module
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.contenders import Contenders
+from wt_gym.agents.environments import Environments
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS
@@ -157,7 +158,6 @@ class Trained(ConstantAgent):
     [
         ({"sensor_noise": 1.0}, {}, r"mine: .* sensor_noise 1.0, here 0.0; give"),
         ({}, {"sensor_delay": 0.2}, r"sensor_delay 0.0, here 0.2;"),
-        ({"action_spans": {"pitch_rate": 0.02}}, {}, r"action_spans \{'pitch_rate': 0.02\}, here \{\};"),
         ({"controller": "ipc"}, {"sensor_noise": 0.5}, r"another environment: with sensor_noise 0.0, here 0.5;"),
     ],
 )
@@ -171,6 +171,24 @@ def test_models_are_not_taken_into_another_environment_unasked(trained, here, me
     assert count_runs[0] == []
     evaluate(agents, config, allow_other_environment=True, progress=False)
     assert count_runs[0] == [("mine", 9.0)]
+
+
+def test_residual_actions_of_a_model_mean_what_they_meant(count_runs):
+    """Those of another mode are the environment's."""
+    config = replace(CONFIG, env_kwargs={"action_mode": "residual"}, winds=(Wind(9.0),), duration=2.0, skip=0.0)
+    meant = {"action_spans": {"pitch_rate": 0.02}, "residual_fade": 0.02, "controller": "ipc:bandwidth=0.3"}
+    layout = gym.make(STEADY, **config.env_kwargs).unwrapped.layout
+    mine = Trained(layout, STEADY, action_mode="residual", **meant)
+    environments = Environments(STEADY, config.env_kwargs)
+    env = environments.beneath(mine, mine.record)
+    assert {name: env.spec.kwargs[name] for name in meant} == meant
+    assert environments.beneath(mine, mine.record, as_given=True) is environments.plain
+    environments.close()
+    evaluate({"mine": mine}, config, progress=False)
+    assert count_runs[0] == [("mine", 9.0)]
+    rates = Trained(gym.make(STEADY).unwrapped.layout, STEADY, action_spans={"pitch_rate": 0.02})
+    with pytest.raises(ValueError, match=r"action_spans \{'pitch_rate': 0.02\}, here \{\};"):
+        evaluate({"rates": rates}, replace(config, env_kwargs={}), progress=False)
 
 
 @pytest.mark.parametrize("allow", [False, True])

@@ -28,6 +28,7 @@ from wt_gym.agents.training.seeds import resume_seeds, seeds_table, train_seeds
 from wt_gym.commands import train as train_command
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.files import whole_file, write_whole
+from wt_gym.wind import SteadyInflow
 
 ROOT = Path(__file__).parents[2]
 STEADY = "wt_gym/NREL5MW-Steady-v0"
@@ -101,7 +102,7 @@ def test_off_policy_training_keeps_its_replay_buffer(algorithm, tmp_path):
     train(replace(SMALL, algorithm=algorithm, hyperparameters=OFF_POLICY), tmp_path, progress=False)
     record = resume(tmp_path, total_steps=96, progress=False)
     assert record["algorithm"] == algorithm == type(TrainedAgent.load(tmp_path).model).__name__
-    assert record["config"]["hyperparameters"]["tau"] == 0.02  # of the package's file
+    assert record["config"]["hyperparameters"]["tau"] == 0.005  # of the package's file
     buffer = tmp_path / "replay_buffer.pkl"
     with buffer.open("rb") as file:
         assert pickle.load(file).pos == 96
@@ -511,6 +512,29 @@ def test_evaluations_on_the_way_know_their_training(tmp_path, caplog):
     assert not [entry for entry in caplog.records if "training" in entry.getMessage()]
 
 
+def test_evaluations_on_the_way_in_winds_of_ones_own(tmp_path):
+    kwargs = {"inflow": [SteadyInflow(12.0), SteadyInflow(13.0)], "episode_length": 5.0}
+    record = train(replace(SMALL, env_kwargs=kwargs, eval_every=64, eval_winds=1), tmp_path, progress=False)
+    assert record["evaluation"]["curve"]["steps"] == [64]
+
+
+def test_a_training_goes_on_where_only_the_spelling_of_its_pay_has_changed(tmp_path):
+    config = replace(SMALL, env_id="wt_gym/LoadReduction-v0", env_kwargs={"inflow": "steady", "wind_speed": 14.0})
+    train(config, tmp_path, progress=False)
+    record = json.loads((tmp_path / "training.json").read_text())
+    assert "termination_penalty" not in record["environment"]
+    record["environment"] |= {
+        "reward": {"actuator_use": 0.5, "tower_side_side_fatigue": 1.0},
+        "termination_penalty": 120.0,
+    }
+    (tmp_path / "training.json").write_text(json.dumps(record))
+    assert resume(tmp_path, total_steps=96, progress=False)["steps"] == 96
+    record["environment"]["reward"]["tower_side_side_fatigue"] = 0.2
+    (tmp_path / "training.json").write_text(json.dumps(record))
+    with pytest.raises(ValueError, match=r"has other arguments now .* reward; start anew"):
+        resume(tmp_path, total_steps=128, progress=False)
+
+
 # ---- the same words again ----
 
 FILE = """
@@ -559,6 +583,9 @@ def test_the_same_words_begin_and_go_on(tmp_path, capsys):
         run_train(capsys, "--config", file, "--hyper", "gamma=0.5")
     with pytest.raises(SystemExit, match=r"the seeds \[3, 5\], not \[7\]"):
         run_train(capsys, "--config", file, "--seeds", "7")
+    with pytest.raises(SystemExit, match=r"the seeds \[3, 5\]: give --seeds"):
+        run_train(capsys, "--config", file, "--seed", "3")
+    assert (tmp_path / "run" / "seeds.json").is_file()
 
 
 def test_one_seed_goes_on_too(tmp_path, capsys):
@@ -579,6 +606,7 @@ def test_one_seed_goes_on_too(tmp_path, capsys):
         ("- algo", "must map options of the training to values"),
         ("algo: [", "is not valid YAML"),
         ("resume: runs/ppo", "resume belongs on the command line"),
+        ("conf: other.yml", "conf belongs on the command line"),
         ("steps: {a: 1}", "steps must be a number, a word, a list or true or false"),
     ],
 )
@@ -587,6 +615,18 @@ def test_bad_files_are_refused(text, message, tmp_path):
     file.write_text(text)
     with pytest.raises(SystemExit, match=message):
         train_command.parse_arguments(["--config", str(file)])
+
+
+def test_a_file_gives_way_to_what_is_typed(tmp_path):
+    file = tmp_path / "run.yml"
+    file.write_text("seed: 3\ngo_on: true\njson: false\ntensorboard: false\nhyper: {learning_rate: 3e-4}\n")
+    parsed = train_command.parse_arguments(["--config", str(file)])
+    assert (parsed.seed, parsed.go_on, parsed.json, parsed.tensorboard) == (3, True, False, False)
+    assert train_command.configuration(parsed).resolved["learning_rate"] == 3e-4  # which YAML takes for a word
+    assert train_command.parse_arguments(["--config", str(file), "--seeds", "0", "1"]).seeds == [0, 1]
+    parsed = train_command.parse_arguments(["--config", str(file), "--overwrite"])
+    assert (parsed.overwrite, parsed.go_on) == (True, False)
+    assert not train_command.parse_arguments(["--config", str(file), "--no-go-on"]).go_on
 
 
 @pytest.mark.parametrize("text", ["colour: red", "steps: many", "go_on: true\noverwrite: true"])

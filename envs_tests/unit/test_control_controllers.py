@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.agents.tuning import Cost
+from wt_gym.agents.tuning import Cost, TuningTask, _defaults
 from wt_gym.control import Demand, LowPass, Notch
 from wt_gym.control.controllers import (
     BASES,
@@ -566,8 +566,13 @@ def test_parameters_stand_behind_the_name_too(turbine):
     assert one.additions[1].dead_band == other.additions[1].dead_band == 0.05
     with pytest.raises(ValueError, match="level of controller 'ipc' is given twice"):
         make_controller("ipc:level=0.2", turbine, level=0.1)
-    with pytest.raises(ValueError, match="a parameter of a controller is key=value, got 'level'"):
-        make_controller("ipc:level", turbine)
+    for text, message in (
+        ("level", "a parameter of a controller is key=value, got 'level'"),
+        ("level='a'", "the value of 'level' .* must be a number, True, False or None"),
+        ("level=0.1,level=0.2", "level stands twice"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            make_controller(f"ipc:{text}", turbine)
 
 
 @pytest.mark.parametrize("name", TUNED)
@@ -584,6 +589,8 @@ def test_a_tuned_controller_has_the_parameters_of_its_record(name, turbine):
         make_controller(task["controller"], turbine, **best).additions[0].harmonics[0].parameters
     )
     assert tuned_parameters(name, load_turbine("nrel_5mw_monopile")) == best  # the same rotor
+    assert best.items() <= controller_parameters(name).items()
+    assert _defaults(name, TuningTask(name).space) == pytest.approx(best)  # with which a search of it begins
     wider = make_controller(f"{name}+yaw:level=0.2", turbine)  # what is given wins
     assert wider.additions[0].harmonics[0].parameters == (
         make_controller(task["controller"], turbine, **best | {"constrained_ipc__level": 0.2})

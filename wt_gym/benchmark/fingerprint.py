@@ -61,7 +61,7 @@ def _sources() -> dict[str, str]:
     rooms = {
         "model": _modules("aerodynamics", "multibody", "simulation", "structure"),
         "wind": {*_modules("wind"), _ROOT / "envs" / "wind_sampler.py"},
-        "control": _modules("control"),
+        "control": {*_modules("control"), *(_ROOT / "control").rglob("tuned*.json")},
         "environment": {_ROOT / "tasks.py", *(_ROOT / "envs" / name for name in _ENVIRONMENT)},
         "metrics": {_ROOT / "analysis" / "metrics.py", _ROOT / "benchmark" / "run.py"},
     }

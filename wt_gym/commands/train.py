@@ -43,8 +43,10 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     add_training_options(parser)
     parser.add_argument("--config", metavar="FILE", help="YAML file with any of these options, by name; those typed "
         "come after them")  # fmt: skip
-    parser.add_argument("--go-on", action="store_true", help="resume where the folder holds this training already, "
-        "else begin: the same words again and again")  # fmt: skip
+    parser.add_argument(
+        "--go-on", action=argparse.BooleanOptionalAction, default=False, help="resume where the folder holds this "
+        "training already, else begin: the same words again and again"
+    )  # fmt: skip
     options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
     options.add_argument("--steps", type=int, help="environment steps (default: 200000)")
     options.add_argument("--max-seconds", type=float, metavar="S", help="stop after this wall time")
@@ -71,7 +73,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     arguments = parser.parse_args(words)
     if arguments.config is not None:
         with user_errors():
-            in_file = words_of(arguments.config)
+            in_file = words_of(arguments.config, words)
         arguments = parser.parse_args([*in_file, *words])
     if arguments.go_on and arguments.overwrite:
         parser.error("--go-on keeps the training that is in the folder, --overwrite removes it: give one of them")

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = ["words_of"]
 
 _ONLY_TYPED = ("config", "resume")
+_WITH_NO = ("go-on", "tensorboard")
+_EITHER = (("--seed", "--seeds"), ("--go-on", "--overwrite"))
 
 
-def words_of(path: str | Path) -> list[str]:
+def words_of(path: str | Path, typed: Sequence[str] = ()) -> list[str]:
     """Options of a training file as words of a command line.
 
     Parameters
@@ -19,6 +24,8 @@ def words_of(path: str | Path) -> list[str]:
     path : str or path
         YAML that maps names of options, with ``_`` or ``-``, to values: numbers, words, lists of them, true or false
         for switches, a mapping for ``env_kwargs`` and for ``hyper``.
+    typed : sequence of str
+        Words that come after them; what they exclude is left out, as ``seed`` by ``--seeds``.
 
     Returns
     -------
@@ -42,21 +49,29 @@ def words_of(path: str | Path) -> list[str]:
         raise ValueError(f"{path} must map options of the training to values, as 'algo: sac', got {options!r:.80}")
     words = []
     for name, value in options.items():
-        words += _option(name.replace("_", "-"), value, path)
+        option = name.replace("_", "-")
+        if not _typed_instead(option, typed):
+            words += _option(option, value, path)
     return words
+
+
+def _typed_instead(name: str, typed: Sequence[str]) -> bool:
+    """Whether an option was typed that excludes this one."""
+    options = {word.partition("=")[0] for word in typed}
+    return any(f"--{name}" in pair and options & (set(pair) - {f"--{name}"}) for pair in _EITHER)
 
 
 def _option(name: str, value: Any, path: str | Path) -> list[str]:
     """Words of one option."""
-    if name in _ONLY_TYPED:
+    if any(only.startswith(name) for only in _ONLY_TYPED):  # the parser takes beginnings of names too
         raise ValueError(f"{path}: {name} belongs on the command line")
     match value:
         case bool():
-            return [f"--{name}" if value else f"--no-{name}"]
+            return [f"--{name}" if value else f"--no-{name}"] if value or name in _WITH_NO else []
         case dict() if name == "env-kwargs":
             return [f"--{name}={json.dumps(value)}"]
         case dict() if name == "hyper":
-            return [f"--{name}", *(f"{key}={json.dumps(entry)}" for key, entry in value.items())]
+            return [f"--{name}", *(f"{key}={_word(entry)}" for key, entry in value.items())]
         case list():
             return [f"--{name}", *map(_word, value)]
         case int() | float() | str():

@@ -232,7 +232,7 @@ class WindTurbineEnv(gym.Env):
         turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the rated
         power (`wt_gym.turbines.damper.with_damper`), and of a controller beneath only pitch and yaw act.
     inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, sequence or callable
-        Steady sheared wind, IEC turbulence, IEC transients (EOG, EDC, ECD, EWS), the IEC extreme wind model
+        Steady sheared wind, IEC turbulence, gusts of IEC 61400-1 (see ``gusts``), the IEC extreme wind model
         (EWM) steady or turbulent, or inflows of one's own: one, several to draw from, or a function of a random
         generator. The path of a file of TurbSim, which ends in .bts, is one too; the time in it at which an episode
         begins is drawn, in a record that is not periodic so that the episode is over before the record is.

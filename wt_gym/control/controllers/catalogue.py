@@ -14,7 +14,7 @@ from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
-from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
+from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
 from wt_gym.control.controllers.yaw import YawByDeadBand
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ _BEHIND = {
 
 
 def controller_parameters(name: str) -> dict[str, Any]:
-    """Parameters of one name of the catalogue with their defaults.
+    """Parameters of one name of the catalogue with their defaults; of tuned ones with what was found.
 
     Examples
     --------
@@ -128,7 +128,10 @@ def controller_parameters(name: str) -> dict[str, Any]:
         for key, parameter in inspect.signature(maker).parameters.items():
             if parameter.kind is not inspect.Parameter.VAR_KEYWORD and key not in ("turbine", "base", "rate"):
                 found.setdefault(key, parameter.default)
-    return found
+    tuned = record_of(name)["best"]["parameters"] if name in TUNED else {}
+    for key in tuned:
+        found.pop(key.rpartition("__")[2], None)
+    return found | tuned
 
 
 def _parts(choice: str) -> tuple[str, ...]:
@@ -174,12 +177,14 @@ def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
         key, separator, value = pair.partition("=")
         if not (separator and key):
             raise ValueError(f"a parameter of a controller is key=value, got {pair!r} in {choice!r}")
+        if key in parameters:
+            raise ValueError(f"{key} stands twice in {choice!r}")
         try:
             parameters[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError) as error:
-            raise ValueError(
-                f"the value of {key!r} in {choice!r} must be a number, True, False or None, got {value!r}"
-            ) from error
+        except (ValueError, SyntaxError):
+            parameters[key] = value
+        if not isinstance(parameters[key], int | float | None):
+            raise ValueError(f"the value of {key!r} in {choice!r} must be a number, True, False or None, got {value!r}")
     return name, parameters
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
 
@@ -208,7 +209,7 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
         )
     if not finite:
         raise ControllerError(f"the controller {_name(controller)} demands what is not finite: {demand!r}")
-    return demand
+    return demand if demand.pitch is pitch else replace(demand, pitch=pitch)
 
 
 def _name(controller) -> str:

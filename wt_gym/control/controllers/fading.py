@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:
@@ -86,7 +88,7 @@ class AboveRated:
             return None
         parameters = FadeParameters() if fade is True else fade
         if not isinstance(parameters, FadeParameters):
-            if not (isinstance(fade, int | float) and _LEAST_FADE <= fade <= _MOST_FADE):
+            if not (isinstance(fade, int | float | np.floating) and _LEAST_FADE <= fade <= _MOST_FADE):
                 raise ValueError(
                     f"fade must be True, False, FadeParameters or a pitch from {_LEAST_FADE:g} to {_MOST_FADE:g} rad, "
                     f"got {fade!r}"

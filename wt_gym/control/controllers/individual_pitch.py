@@ -261,7 +261,7 @@ class IndividualPitch:
         """Add the pitch of all harmonics."""
         speed, azimuth = signals["rotor_speed"], signals["azimuth"]
         moments = [signals[name] for name in self._moment_names]
-        before = demand.pitch.tolist()  # arrays of three are slow
+        before = list(map(float, demand.pitch))  # arrays of three are slow
         self.share = 1.0
         if self.fade is not None:
             if self._fresh:

@@ -172,7 +172,7 @@ class LidarFeedforward:
                 self.base.shift_pitch(self._share * (self._pitch_in(self.wind) - self._pitch_in(before)))
         demand = self.base.step(signals, dt)
         if self.fade is not None:
-            self._share = self.fade.update(demand.pitch.tolist(), signals["rotor_speed"], dt)
+            self._share = self.fade.update(list(map(float, demand.pitch)), signals["rotor_speed"], dt)
         self._travelled += max(self._travel_speed.update(self._mean(self._seen[-1]), dt), 0.0) * dt
         return demand
 

@@ -91,7 +91,7 @@ class ForeAftDamper:
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
         """Add the pitch."""
         velocity = self._velocity.update(signals["nacelle_acceleration_fore_aft"], dt)
-        before = demand.pitch.tolist()  # arrays of three are slow
+        before = list(map(float, demand.pitch))  # arrays of three are slow
         share = 1.0
         if self.fade is not None:
             if self._fresh:

@@ -18,7 +18,7 @@ from wt_gym.turbines import load_turbine
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = ["TUNED", "tuned_parameters"]
+__all__ = ["TUNED", "record_of", "tuned_parameters"]
 
 TUNED: dict[str, tuple[str, ...]] = {
     "tuned": ("constrained_ipc", "fore_aft_damper", "side_side_damper"),
@@ -40,7 +40,7 @@ def tuned_parameters(name: str, turbine: Turbine) -> dict[str, float]:
     turbine : Turbine
         Another one than that of the record gets them scaled, see above.
     """
-    found: dict[str, float] = _record(name)["best"]["parameters"]
+    found: dict[str, float] = record_of(name)["best"]["parameters"]
     home = load_turbine(_HOME)
     if same_rotor(home, turbine):
         return dict(found)
@@ -53,6 +53,7 @@ def _name(key: str) -> str:
 
 
 @cache
-def _record(name: str) -> dict[str, Any]:
+def record_of(name: str) -> dict[str, Any]:
+    """Record of the search behind a name of `TUNED`, as `wt_gym.agents.tuning.tune` writes it."""
     path = Path(__file__).with_name("data") / f"{name}.json"
     return json.loads(path.read_text(encoding="utf-8"))
