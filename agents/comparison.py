@@ -28,6 +28,7 @@ __all__ = [
     "ControllerRuns",
     "change",
     "check_times",
+    "half_width",
     "in_all_winds",
     "inflow_of",
     "run_cases",
@@ -210,11 +211,15 @@ def change(run: ControllerRuns, reference: ControllerRuns, wind_speed: float, me
         return float("nan"), float("nan")
     if ratios.size < _LEAST_FOR_INTERVAL:
         return float(ratios.mean()), float("nan")
-    half = stdtrit(ratios.size - 1, 0.975) * ratios.std(ddof=1) / np.sqrt(ratios.size)
-    return float(ratios.mean()), float(half)
+    return float(ratios.mean()), half_width(ratios)
 
 
 _LEAST_FOR_INTERVAL = 3
+
+
+def half_width(values: np.ndarray) -> float:
+    """Half width of the 95 % interval of a mean, by Student's t; of two values at least."""
+    return float(stdtrit(values.size - 1, 0.975) * values.std(ddof=1) / np.sqrt(values.size))
 
 
 def _pairs(run: ControllerRuns, reference: ControllerRuns, wind_speed: float, metric: str) -> list[tuple[float, float]]:

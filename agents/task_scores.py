@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import t as student
 
+from wt_gym.agents.comparison import half_width
 from wt_gym.agents.environments import Environments
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.uniform import UniformAgent
@@ -289,8 +289,7 @@ def _cell(study: Study, column: Column, own: Mapping, base: Mapping, first: bool
         return _level(column, mine)
     if column.how == "change":
         changes = mine / theirs - 1.0
-        half = student.ppf(0.975, len(changes) - 1) * changes.std(ddof=1) / math.sqrt(len(changes))
-        return f"{_signed(100.0 * changes.mean(), 1)} ± {100.0 * half:.1f} %"
+        return f"{_signed(100.0 * changes.mean(), 1)} ± {100.0 * half_width(changes):.1f} %"
     return f"{_signed(100.0 * (mine.sum() / theirs.sum() - 1.0), 2 if column.how == 'total' else 1)} %"
 
 

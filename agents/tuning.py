@@ -164,7 +164,7 @@ class TuningTask:
             raise ValueError(f"tuning takes training seeds (1 … 24) only, got {held_back}")
         check_times(self.duration, self.skip)
         if self.space is None:
-            parts = [part for name in self.controller.split("+") for part in SHORT_FOR.get(name, (name,))]
+            parts = _parts(self.controller)
             several = len(parts) > 1
             found = {
                 f"{part}__{name}" if several else name: interval
@@ -272,13 +272,16 @@ def tune(
     return record
 
 
+def _parts(controller: str) -> list[str]:
+    """Parts of a name, those that it is short for among them."""
+    return [part for name in controller.split("+") for part in SHORT_FOR.get(name, (name,))]
+
+
 def _defaults(controller: str, space: dict[str, Range]) -> dict[str, float]:
     """Numbers that a controller has by default for what is searched, as far as they are numbers and not rules."""
     from wt_gym.control.controllers import FadeParameters, controller_parameters
 
-    parts = [part for name in controller.split("+") for part in SHORT_FOR.get(name, (name,))]
-    known = {key: value for part in parts for key, value in controller_parameters(part).items()}
-    known |= {f"{part}__{key}": value for part in parts for key, value in controller_parameters(part).items()}
+    known = {f"{part}__{key}": v for part in _parts(controller) for key, v in controller_parameters(part).items()}
     for name in controller.split("+"):
         known |= controller_parameters(name)  # of tuned ones what was found
     faded = {key: FadeParameters().pitch[1] for key, value in known.items() if key.endswith("fade") and value is True}
