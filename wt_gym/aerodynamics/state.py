@@ -10,6 +10,7 @@ from wt_gym.aerodynamics.induction.aligned import aligned_zeros
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.lattice.edges import SheddingEdge, bound_segments
 from wt_gym.aerodynamics.lattice.planform import LatticePlanform
+from wt_gym.aerodynamics.lattice.ring_work import RingWork
 from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.options import AeroOptions
 from wt_gym.aerodynamics.wake.far_wake_kernels import N_CELL, N_FAR, N_TUBE
@@ -154,7 +155,7 @@ class AeroWork(NamedTuple):
     n_turn: np.ndarray  # int64 (1,) their number
     corners: np.ndarray  # (2, n_blade, n_corner, 3) ring nodes and newest wake row, and their mirror images
     points: np.ndarray  # (3, n_point)
-    part: np.ndarray  # (3, n_point) velocity of one segment
+    rings: RingWork
     flow: np.ndarray  # (3, n_point)
     normal: np.ndarray  # (n_ring, 3)
     area: np.ndarray  # (n_ring,)
@@ -193,7 +194,8 @@ class AeroWork(NamedTuple):
             rows=aligned_zeros(n_max + 1, dtype=np.int64),
             row_points=aligned_zeros((n_max + 1, n_blade, n_edge + 1, 3)), n_turn=aligned_zeros(1, dtype=np.int64),
             corners=aligned_zeros((2, n_blade, n_corner, 3)),
-            points=aligned_zeros((3, n_point)), part=aligned_zeros((3, n_point)), flow=aligned_zeros((3, n_point)),
+            points=aligned_zeros((3, n_point)), rings=RingWork.empty(n_ring, n_corner, n_point),
+            flow=aligned_zeros((3, n_point)),
             normal=aligned_zeros((n_ring, 3)), area=aligned_zeros(n_ring), swap=aligned_zeros(n_ring, dtype=np.int64),
             panel=aligned_zeros((n_ring, 4)), pivots=aligned_zeros((4, n_ring)),
             through=aligned_zeros(n_ring), axes=aligned_zeros((n_strip, 3)), normals=aligned_zeros((n_strip, 3)),

@@ -140,14 +140,9 @@ def prepare_boundary(p, o, a, w, nodes, bodies=None, body_work=None):
     """Influence of the bound rings with their newest wake rings, and the inverse of the boundary condition."""
     n_blade, n_row, n_node, _ = nodes.shape
     gather_corners(nodes, a.wake, o.ground, w.corners)
-    for r in range(a.influence.shape[0]):
-        for c in range(3):
-            for i in range(a.influence.shape[2]):
-                a.influence[r, c, i] = 0.0
     has_wake = 1 if a.n_rows[0] > 0 else 0
-    for image in range(2 if o.has_ground else 1):
-        bound_influence(w.corners[image], p.segments[has_wake], p.segment_core[has_wake], p.n_segments[has_wake],
-                        w.points, w.part, 1.0 - 2.0 * image, a.influence)  # fmt: skip
+    bound_influence(w.corners[: 2 if o.has_ground else 1], p.segments[has_wake], p.segment_core[has_wake],
+                    p.n_segments[has_wake], w.points, w.rings, a.influence)  # fmt: skip
     if bodies is not None:
         answer_of_bodies(p, o, a, w, bodies, body_work)
     invert_boundary_condition(a.influence, w.normal, n_blade, n_row - 1, n_node - 1, w.swap, w.panel, w.pivots,
@@ -184,15 +179,12 @@ def cut_wake(p, o, bodies, flags, wake, n_rows, w):
 def answer_of_bodies(p, o, a, w, bodies, body_work):
     """Eliminate the bodies: influence of the rings and velocity of the wake with the sources that answer them."""
     n_rows = a.n_rows[0]
-    for r in range(a.influence.shape[0]):
-        for c in range(3):
-            for i in range(bodies.centre.shape[1]):
-                body_work.ring_influence[r, c, i] = 0.0
-                body_work.wake_flow[c, i] = 0.0
-    for image in range(2 if o.has_ground else 1):
-        has_wake = 1 if n_rows > 0 else 0
-        bound_influence(w.corners[image], p.segments[has_wake], p.segment_core[has_wake], p.n_segments[has_wake],
-                        bodies.centre, body_work.part, 1.0 - 2.0 * image, body_work.ring_influence)  # fmt: skip
+    for c in range(3):
+        for i in range(bodies.centre.shape[1]):
+            body_work.wake_flow[c, i] = 0.0
+    has_wake = 1 if n_rows > 0 else 0
+    bound_influence(w.corners[: 2 if o.has_ground else 1], p.segments[has_wake], p.segment_core[has_wake],
+                    p.n_segments[has_wake], bodies.centre, body_work.rings, body_work.ring_influence)  # fmt: skip
     if n_rows > 0:
         velocity_at_points(p, o, a, w, w.bound_sheet[:0], 1, bodies.centre, body_work.wake_flow)
     couple_bodies(bodies, body_work, w.points, o.ground, o.has_ground, a.influence, a.wake_flow)

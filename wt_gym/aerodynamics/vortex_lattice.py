@@ -102,7 +102,8 @@ class VortexLattice:
                     f"the bodies stand on a ground at {ground} m, the lattice has ground_height {options.ground_height}"
                 )
             n_ring, wake_shape = n_blades * planform.n_chord * planform.n_span, (options.wake_rows + 1, n_blades)
-            work = bodies.work(n_ring, self.work.points.shape[1], (*wake_shape, self.n_edge + 1))
+            n_point, n_corner = self.work.points.shape[1], self.work.corners.shape[2]
+            work = bodies.work(n_ring, n_point, (*wake_shape, self.n_edge + 1), n_corner)
             self.body_arrays = bodies.arrays, work
             self.body_wind = work.wind
         if threads < 1:

@@ -14,6 +14,7 @@ import numpy as np
 from wt_gym.aerodynamics.bodies import body_kernels
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.lattice.bound_kernels import invert
+from wt_gym.aerodynamics.lattice.ring_work import RingWork
 
 __all__ = [
     "BodyArrays",
@@ -66,7 +67,7 @@ class BodyWork(NamedTuple):
     source_influence: np.ndarray  # (n_panel, 3, n_point) velocity of each unit panel at the points of the blades
     eliminated: np.ndarray  # (n_ring, n_panel) strengths that answer a unit ring, with opposite sign
     start: np.ndarray  # (n_panel,) strengths without rings [m/s]
-    part: np.ndarray  # (3, n_panel) velocity of one segment
+    rings: RingWork
     flags: np.ndarray  # int8 (n_max + 1, n_blade, n_edge + 1), see tower_kernels.flag_wake_segments
 
 
@@ -354,13 +355,15 @@ class BodySet:
             a.axis[1] = vertices[level == high].mean(axis=0)
         self._bent = True
 
-    def work(self, n_ring: int, n_point: int, wake_shape=(0, 0, 0)) -> BodyWork:
-        """Work arrays for the coupling with a lattice of that many rings, points, and wake nodes (row, blade, node)."""
+    def work(self, n_ring: int, n_point: int, wake_shape=(0, 0, 0), n_corner: int = 0) -> BodyWork:
+        """Work arrays for the coupling with a lattice of that many rings, points, wake nodes (row, blade, node), and
+        corners of the rings of a blade.
+        """
         n = self.n_panels
         return BodyWork(
             ring_influence=np.zeros((n_ring, 3, n)), wind=np.zeros((n, 3)), wake_flow=np.zeros((3, n)),
             through=np.zeros(n), source_influence=np.zeros((n, 3, n_point)), eliminated=np.zeros((n_ring, n)),
-            start=np.zeros(n), part=np.zeros((3, n)), flags=np.zeros(wake_shape, dtype=np.int8),
+            start=np.zeros(n), rings=RingWork.empty(n_ring, n_corner, n), flags=np.zeros(wake_shape, dtype=np.int8),
         )  # fmt: skip
 
     def strengths(self, flow) -> np.ndarray:

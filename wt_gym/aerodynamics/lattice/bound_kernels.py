@@ -13,32 +13,42 @@ from wt_gym.aerodynamics.induction.induction_kernels import FAST, FOUR_PI
 from wt_gym.compiled import kernel
 
 
-@kernel(fastmath=FAST)
-def _segment_influence(a, b, core2, points, out):
-    """Velocity of a unit segment from a to b at all points (3, n), float64; ``core2`` is rc^2."""
+@kernel(fastmath=FAST, separate=True, distinct=True)
+def distances(corner, points, out):
+    """Distance of a corner from all points (3, n)."""
+    x, y, z = corner[0], corner[1], corner[2]
+    for i in range(out.shape[0]):
+        dx, dy, dz = points[0, i] - x, points[1, i] - y, points[2, i] - z
+        out[i] = np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@kernel(fastmath=FAST, separate=True, distinct=True)
+def add_segment(a, b, from_a, from_b, core2, points, circulation, plus, minus):
+    """Add the velocity of a segment from a to b at all points (3, n) to one ring (3, n), take it from another.
+
+    ``from_a`` and ``from_b`` (n,) are the distances of its ends; ``core2`` is rc^2. With r2 = r1 - l the product
+    r1 x r2 of the law is l x r1.
+    """
     lx, ly, lz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     soft = core2 * (lx * lx + ly * ly + lz * lz) + 1e-300
+    strength = circulation / FOUR_PI
     for i in range(points.shape[1]):
-        ax = points[0, i] - a[0]
-        ay = points[1, i] - a[1]
-        az = points[2, i] - a[2]
-        bx = points[0, i] - b[0]
-        by = points[1, i] - b[1]
-        bz = points[2, i] - b[2]
-        ra = np.sqrt(ax * ax + ay * ay + az * az)
-        rb = np.sqrt(bx * bx + by * by + bz * bz)
+        x = points[0, i] - a[0]
+        y = points[1, i] - a[1]
+        z = points[2, i] - a[2]
+        ra, rb = from_a[i], from_b[i]
         ab = ra * rb
-        k = (ra + rb) / (FOUR_PI * (ab * (ab + ax * bx + ay * by + az * bz) + soft))
-        out[0, i] = k * (ay * bz - az * by)
-        out[1, i] = k * (az * bx - ax * bz)
-        out[2, i] = k * (ax * by - ay * bx)
-
-
-@kernel(fastmath=FAST)
-def _add(total, sign, part):
-    for c in range(3):
-        for i in range(part.shape[1]):
-            total[c, i] += sign * part[c, i]
+        dot = x * (x - lx) + y * (y - ly) + z * (z - lz)
+        k = strength * (ra + rb) / (ab * (ab + dot) + soft)
+        u = k * (ly * z - lz * y)
+        v = k * (lz * x - lx * z)
+        w = k * (lx * y - ly * x)
+        plus[0, i] += u
+        plus[1, i] += v
+        plus[2, i] += w
+        minus[0, i] -= u
+        minus[1, i] -= v
+        minus[2, i] -= w
 
 
 @kernel(fastmath=False)
@@ -113,22 +123,49 @@ def relative_wind(nodes, velocities, wind, line_rows, flow):
                         r += 1
 
 
-@kernel(fastmath=FAST)
-def bound_influence(corners, segments, core2, n_segment, points, part, sign, influence):
-    """Add ``sign`` times the velocity of each unit ring at all points to influence (n_ring, 3, n_point).
+@kernel(fastmath=False, separate=True)
+def bound_influence(corners, segments, core2, n_segment, points, work, influence):
+    """Velocity of each unit ring, and of its images, at all points.
 
-    corners (n_blade, n_corner, 3) are the ring nodes and the newest wake row; segments and core2 the table of
-    :func:`wt_gym.aerodynamics.lattice.edges.bound_segments`.
+    Segments meet in corners: the distance of a corner from the points is computed once for all of them. Rings that are
+    not there, beyond the edges of a blade, are the last one of ``work.rings``.
+
+    Parameters
+    ----------
+    corners : (n_image, n_blade, n_corner, 3)
+        Ring nodes and the newest wake row, and their mirror images if there is a ground [m].
+    segments : (at least n_segment, 4); core2 : (at least n_segment,)
+        The table of :func:`wt_gym.aerodynamics.lattice.edges.bound_segments`.
+    points : (3, n_point)
+        [m].
+    work : RingWork
+    influence : (n_ring, 3, n_point)
+        Receives the velocity.
     """
-    n_blade = corners.shape[0]
-    per_blade = influence.shape[0] // n_blade
-    for b in range(n_blade):
-        for m in range(n_segment):
-            _segment_influence(corners[b, segments[m, 0]], corners[b, segments[m, 1]], core2[m], points, part)
-            if segments[m, 2] >= 0:
-                _add(influence[b * per_blade + segments[m, 2]], sign, part)
-            if segments[m, 3] >= 0:
-                _add(influence[b * per_blade + segments[m, 3]], -sign, part)
+    rings, n_ring, n_point = work.rings, influence.shape[0], points.shape[1]
+    per_blade = n_ring // corners.shape[1]
+    for r in range(n_ring):
+        for c in range(3):
+            for i in range(rings.shape[2]):
+                rings[r, c, i] = 0.0
+    for c in range(3):
+        for i in range(rings.shape[2]):
+            work.points[c, i] = points[c, min(i, n_point - 1)]
+    for image in range(corners.shape[0]):
+        for b in range(corners.shape[1]):
+            at = corners[image, b]
+            for m in range(at.shape[0]):
+                distances(at[m], work.points, work.distance[m])
+            for m in range(n_segment):
+                start, end, plus, minus = segments[m, 0], segments[m, 1], segments[m, 2], segments[m, 3]
+                plus = b * per_blade + plus if plus >= 0 else n_ring
+                minus = b * per_blade + minus if minus >= 0 else n_ring
+                add_segment(at[start], at[end], work.distance[start], work.distance[end], core2[m], work.points,
+                            1.0 - 2.0 * image, rings[plus], rings[minus])  # fmt: skip
+    for r in range(n_ring):
+        for c in range(3):
+            for i in range(n_point):
+                influence[r, c, i] = rings[r, c, i]
 
 
 @kernel(fastmath=FAST)
