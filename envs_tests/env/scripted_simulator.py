@@ -48,8 +48,8 @@ class ScriptedSimulator:
         self._set_speed(rotor_speed)
         return scripted_signals(self._values, self.turbine.n_blades)
 
-    def advance(self, duration, pitch, yaw_rate, generator_torque):
-        """Take over the demands and the scripted values."""
+    def advance(self, duration, pitch, yaw_rate, generator_torque, go_on=False):
+        """Take over the demands and the scripted values; extremes and ways go on where that is asked for."""
         self.time = round(self.time + duration, 9)
         if self.break_at is not None and self.time >= self.break_at:
             raise SimulationError(f"scripted failure at {self.time} s")
@@ -63,7 +63,20 @@ class ScriptedSimulator:
         self._set_speed(self._values["rotor_speed"])
         if "rotor_speed_max" in scripted:
             self._values["rotor_speed_max"] = scripted["rotor_speed_max"]
-        return scripted_signals(self._values, self.turbine.n_blades)
+        self._seen = self._combined() if go_on else dict(self._values)
+        return scripted_signals(self._seen, self.turbine.n_blades)
+
+    def _combined(self) -> dict[str, float]:
+        """The present values, with extremes and ways since the interval began."""
+        seen = dict(self._values)
+        for name, before in self._seen.items():
+            if "_max" in name:
+                seen[name] = max(seen[name], before)
+            elif "_min" in name:
+                seen[name] = min(seen[name], before)
+            elif "_travel" in name:
+                seen[name] += before
+        return seen
 
     def _set_speed(self, rotor_speed: float) -> None:
         drivetrain = self.turbine.drivetrain

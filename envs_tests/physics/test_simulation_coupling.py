@@ -299,7 +299,11 @@ def test_signals_of_the_compiled_step_are_those_of_a_measurement(formulation):
     found = sim.advance(0.2, pitch=0.03, yaw_rate=0.004, generator_torque=38e3)
     sim._measure()
     channels = [c.name for c in channel_table(3) if not any(part in c.name for part in ("_max", "_min", "travel"))]
-    assert [found[name] for name in channels] == [sim.signals[name] for name in channels]
+    winds = [name for name in channels if name.startswith("wind_") or name == "yaw_error"]
+    others = [name for name in channels if name not in winds]
+    assert [found[name] for name in others] == [sim.signals[name] for name in others]
+    # the step asks for the wind where the hub will be, a millimetre from where it comes to be
+    np.testing.assert_allclose([found[n] for n in winds], [sim.signals[n] for n in winds], rtol=0.0, atol=2e-5)
 
 
 def test_the_speed_limit_holds_for_both_ends_of_a_flexible_shaft():

@@ -135,9 +135,28 @@ def test_way_of_the_pitch_counts_what_happens_between_two_samples():
         signals = sim.advance(0.2, pitch=demand, generator_torque=40e3)
         np.testing.assert_allclose(signals.pitch_rate, 0.0, atol=1e-5)
         np.testing.assert_allclose(signals.pitch_travel, step if k < 2 else [0.0, step, 0.0], atol=1e-6)
+    start = sim.state()
     there, back = sim.advance(0.1, 0.08, generator_torque=40e3), sim.advance(0.1, 0.07, generator_torque=40e3)
-    both = back.after(there)
+    sim.restore(start)
+    sim.advance(0.1, 0.08, generator_torque=40e3)
+    both = sim.advance(0.1, 0.07, generator_torque=40e3, go_on=True)
     np.testing.assert_allclose(both.pitch_travel, there.pitch_travel + back.pitch_travel)
     np.testing.assert_array_equal(both.tip_clearance_min, np.minimum(there.tip_clearance_min, back.tip_clearance_min))
     assert both.rotor_speed_max == max(there.rotor_speed_max, back.rotor_speed_max)
     assert (both.time, both.rotor_speed) == (back.time, back.rotor_speed)
+
+
+def test_an_interval_begins_with_a_reset_and_a_snapshot():
+    """Extremes of another episode do not go on, whatever is asked for."""
+    sim = Simulator("nrel_5mw", inflow=SteadyInflow(12.0))
+    sim.reset(rotor_speed=1.2, pitch=0.07)
+    start = sim.state()
+    first = sim.advance(0.1, 0.07, generator_torque=40e3)
+    for _ in range(3):
+        sim.advance(0.2, 0.12, generator_torque=40e3)
+    sim.restore(start)
+    assert sim.advance(0.1, 0.07, generator_torque=40e3, go_on=True) == first
+    sim.reset(rotor_speed=1.2, pitch=0.07)
+    again = sim.advance(0.1, 0.07, generator_torque=40e3, go_on=True)
+    assert again.rotor_speed_max == first.rotor_speed_max
+    np.testing.assert_array_equal(again.pitch_travel, 0.0)

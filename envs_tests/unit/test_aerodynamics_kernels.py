@@ -138,7 +138,7 @@ def cylinder(points, ring=1.0, line=0.0, radius=1.0):
 
 def velocity_of(wake, points):
     targets, velocity = np.ascontiguousarray(points.T, dtype=np.float32), np.zeros((3, len(points)), dtype=np.float32)
-    far_wake_velocity(wake, cylinder_table(), targets, velocity, len(points), np.zeros((8, len(points)), np.float32))
+    far_wake_velocity(wake, cylinder_table(), targets, velocity, np.zeros((8, len(points)), np.float32))
     return velocity.T
 
 

@@ -320,10 +320,7 @@ class VortexLattice:
             If the inflow is not finite or has another shape than the points.
         """
         a, w = state.arrays, self.work
-        step = a.n_steps[0]
-        stride = self.options.wind_stride if step > 0 else 1
-        count = rows_for_wind(a.wake, a.shed, state.n_rows, step, stride, w.rows, w.row_points)
-        points = w.row_points[:count]
+        points = w.row_points[: rows_for_wind(*self.turn_of_rows(state))]
         wind = np.ascontiguousarray(inflow.velocity(points, time), dtype=np.float64)
         if wind.shape != points.shape:
             raise AerodynamicsError(
@@ -332,6 +329,11 @@ class VortexLattice:
             )
         if not store_wind(wind, w.rows, a.wind):
             raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
+
+    def turn_of_rows(self, state: AeroState) -> tuple:
+        """Arguments of `wake_kernels.rows_for_wind`: the same arrays in every step."""
+        a, w = state.arrays, self.work
+        return a.wake, a.shed, a.n_rows, a.n_steps, self.options.wind_stride, w.rows, w.row_points
 
     def solve(self, state: AeroState, nodes, velocities, wind, dt: float) -> np.ndarray:
         """Circulation and loads for the given motion at the end of the step; may be repeated.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,11 +35,7 @@ def advance_under(
     Signals
         At the end, with the extremes and ways of all the steps.
     """
-    seen = None
     for k in range(1, count + 1):
         demand = demand_at(k, signals)
-        signals = simulator.advance(
-            step, pitch=demand.pitch, yaw_rate=demand.yaw_rate, generator_torque=demand.generator_torque
-        )
-        seen = signals if seen is None else signals.after(seen)
-    return cast("Signals", seen)  # there is a step at least
+        signals = simulator.advance(step, demand.pitch, demand.yaw_rate, demand.generator_torque, go_on=k > 1)
+    return signals

@@ -97,14 +97,10 @@ def _layout(n_blades):
 
 
 @cache
-def since_last_sample(n_blades):
-    """Channels that speak of an interval: indices of its largest values, smallest values and sums."""
-    ends = {"_max": [], "_min": [], "_travel": []}
-    for i, channel in enumerate(channel_table(n_blades)):
-        for end, places in ends.items():
-            if channel.group.endswith(end):
-                places.append(i)
-    return tuple(np.array(places) for places in ends.values())
+def _places(n_blades):
+    """Index of each channel and slice of each group, by name."""
+    index, groups = _layout(n_blades)
+    return {**groups, **index}
 
 
 class Signals:
@@ -119,10 +115,11 @@ class Signals:
     n_blades : int
     """
 
-    __slots__ = ("n_blades", "values")
+    __slots__ = ("_places", "n_blades", "values")
 
     def __init__(self, values, n_blades):
         self.values, self.n_blades = values, n_blades
+        self._places = _places(n_blades)
 
     def __getattr__(self, name):
         if name in Signals.__slots__ or name.startswith("__"):  # asked for while a copy is being made
@@ -135,13 +132,9 @@ class Signals:
         raise AttributeError(f"no signal {name!r}; the signals are {', '.join(index)}")
 
     def __getitem__(self, name):
-        index, groups = _layout(self.n_blades)
-        place = index.get(name)
+        place = self._places.get(name)
         if place is not None:
-            return self.values.item(place)
-        place = groups.get(name)
-        if place is not None:
-            return self.values[place]
+            return self.values.item(place) if place.__class__ is int else self.values[place]
         try:
             return getattr(self, name)
         except AttributeError as error:
@@ -158,25 +151,6 @@ class Signals:
             f"power {self.generator_power / 1e3:.0f} kW)"
         )
 
-    def after(self, earlier):
-        """These signals as those of the interval that ``earlier`` signals began: extremes and ways of both.
-
-        Parameters
-        ----------
-        earlier : Signals
-            Of the sample before this one.
-
-        Returns
-        -------
-        Signals
-        """
-        values = self.values.copy()
-        largest, smallest, sums = since_last_sample(self.n_blades)
-        values[largest] = np.maximum(values[largest], earlier.values[largest])
-        values[smallest] = np.minimum(values[smallest], earlier.values[smallest])
-        values[sums] += earlier.values[sums]
-        return Signals(values, self.n_blades)
-
     def as_dict(self):
         """All channels by name (floats)."""
         return {channel.name: float(v) for channel, v in zip(channel_table(self.n_blades), self.values, strict=True)}
@@ -184,5 +158,4 @@ class Signals:
 
 def new_values(n_blades):
     """An empty vector of channel values with a function that stores a group or a channel by name."""
-    index, groups = _layout(n_blades)
-    return np.zeros(len(index)), {**index, **groups}
+    return np.zeros(len(_layout(n_blades)[0])), _places(n_blades)

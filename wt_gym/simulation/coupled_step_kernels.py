@@ -286,4 +286,22 @@ def end_step(motion, x, scheme, gauges, monitor, forces, blade_wind):
     fill_channels(motion.state, x.nodes.reshape(shape), forces, motion.tree, motion.work, gauges)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
     code = check_range(motion.state, x, monitor, x.pieces, gauges)
-    return check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt) if code == OK else code
+    if code == OK:
+        code = check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt)
+    pass_on(motion.inputs)
+    return code
+
+
+@kernel
+def pass_on(inputs):
+    """What acts at the end of a step acts at the start of the next."""
+    loads = inputs.body_loads
+    for b in range(loads.shape[1]):
+        for k in range(loads.shape[2]):
+            loads[0, b, k] = loads[1, b, k]
+    for k in range(inputs.dof_force.shape[1]):
+        inputs.dof_force[0, k] = inputs.dof_force[1, k]
+        inputs.reference[0, k], inputs.reference_rate[0, k] = inputs.reference[1, k], inputs.reference_rate[1, k]
+    for s in range(inputs.servo_command.shape[1]):
+        inputs.servo_command[0, s], inputs.servo_rate[0, s] = inputs.servo_command[1, s], inputs.servo_rate[1, s]
+        inputs.servo_interval[0, s] = inputs.servo_interval[1, s]

@@ -22,7 +22,8 @@ from wt_gym.simulation.monitor import Monitor
 from wt_gym.simulation.tower_air import MovingBodies
 from wt_gym.simulation.turbine_bodies import place_nacelle
 from wt_gym.simulation.turbine_structure import drag_heights
-from wt_gym.simulation.wind_kernels import felt_wind, points_ahead
+from wt_gym.simulation.wind_kernels import ask_for_wind, felt_wind, receive_wind
+from wt_gym.wind.protocol import fill_velocity, read_only
 
 __all__ = ["Air", "Coupling", "Exchange", "Motion", "Scheme", "TowerAir"]
 
@@ -205,9 +206,17 @@ class Coupling:
             models.time_step, h, models.n_substeps, fidelity.corrections, fidelity.coupling_iterations,
             fidelity.coupling_tolerance, LOOSEST,
         )  # fmt: skip
-        # the nodes of the lattice, then the points of the tower, which stay
-        self._wind_points = np.concatenate([self.exchange.nodes.reshape(-1, 3), self.exchange.tower.position])
+        # the nodes of the lattice, the points of the tower, which stay, and the hub
+        nodes, tower = self.exchange.nodes.reshape(-1, 3), self.exchange.tower.position
+        self._wind_points = np.concatenate([nodes, tower, np.zeros((1, 3))])
+        self._wind = np.zeros_like(self._wind_points)  # undisturbed, there
         self._blade_wind = np.zeros(models.lattice.nodes_shape)
+        self._blade_winds = self._blade_wind.reshape(-1, 3)  # a view
+        row_points = models.lattice.work.row_points
+        self._row_points, self._row_size = read_only(row_points.reshape(-1, 3)), row_points[0].size // 3
+        self._row_winds = np.zeros(row_points.shape)
+        self._row_wind = self._row_winds.reshape(-1, 3)
+        self._points = read_only(self._wind_points)
         moving = self.exchange.nodes, self.exchange.velocities, self._earlier_velocities
         self._moving_points = tuple(array.reshape(-1, 3) for array in moving)  # views
         first_pitch = system.n_q + system.n_u + 1  # behind the yaw drive
@@ -311,9 +320,11 @@ class Coupling:
         self._start_structure(y)
         self.move_lattice(self.integrator.state)
         self._earlier_velocities[:] = self.exchange.velocities
+        self._monitor.pitch[:] = self.pitch
         y, dy, tree, work = self.integrator.state, self.integrator.state_rate, system.tree, self.integrator.work
         loads = self.integrator.inputs.body_loads[1]
         monitor_kernels.watch(y, dy, loads, tree, work, self.gauges, self._monitor)
+        self.extremes.restart()
 
     def _start_structure(self, y):
         self.integrator.start(y)
@@ -322,6 +333,8 @@ class Coupling:
         """Bring up to date what follows from restored arrays."""
         if self.basis is not None:
             self.basis.install()
+        self._monitor.pitch[:] = self.pitch
+        self.extremes.restart()
         self.move_lattice(self.integrator.state)
         self._place_bodies()
 
@@ -348,14 +361,9 @@ class Coupling:
             self._renew_basis()
         elif self.moving is not None:  # bodies are placed by the same kinematics as after a snapshot
             self.move_lattice(self.integrator.state)
-        self.models.lattice.take_wind(self.aero, inflow, time)
-        points_ahead(*self._moving_points, dt, self._wind_points)
-        blade_wind = self._take_wind(inflow, time + dt)
-        code = self._advance(blade_wind)
+        code = self._advance(self._winds_of_step(inflow, time, dt))
         if code != tree_kernels.OK:
             raise SimulationError(self._failure(code))
-        for array in self.integrator.inputs:
-            array[0] = array[1]
         if self.moving is not None:
             y, work = self.integrator.state, self.integrator.work
             self.move_lattice(y)
@@ -453,31 +461,60 @@ class Coupling:
     # ---- wind --------------------------------------------------------------------------------------------------------
 
     def take_wind(self, inflow, time):
-        """Wind at the lattice nodes where they are now, and at bodies and tower; see `_take_wind`."""
+        """Wind at the lattice nodes where they are now, and at hub, bodies and tower; see `_winds_of_step`."""
         nodes = self.exchange.nodes.reshape(-1, 3)
         self._wind_points[: len(nodes)] = nodes
-        return self._take_wind(inflow, time)
+        self._wind_points[-1] = self.integrator.work.r[self.models.structure.hub]
+        fill_velocity(inflow, self._points, time, self._wind)
+        self._check_wind(felt_wind(*self._felt()), inflow, time)
+        return self._blade_wind
 
-    def _take_wind(self, inflow, time):
-        """Wind at the points of the lattice: undisturbed, with the blocking of the tower; and at bodies and tower.
+    def _winds_of_step(self, inflow, time, dt):
+        """Wind at the wake at the start of a step; at its end at hub, bodies, tower, and at the nodes of the lattice.
 
-        The drag of the tower is that of the undisturbed wind on its undeformed axis, as in blade-element codes: what
-        the rotor takes out of the wind before the upper tower is not taken off. The array is overwritten next time.
+        At the nodes with the blocking of the tower. The drag of the tower is that of the undisturbed wind on its
+        undeformed axis, as in blade-element codes: what the rotor takes out of the wind before the upper tower is not
+        taken off. The array is overwritten next time.
         """
-        models, lattice, tower = self.models, self.models.lattice, self.models.tower_flow
-        points, blade_wind = self._wind_points, self._blade_wind
-        wind = np.ascontiguousarray(inflow.velocity(points, time), dtype=np.float64)
+        ask, asked, receive, felt = self._wind_calls
+        count = ask(*asked)
+        n = count * self._row_size
+        fill_velocity(inflow, self._row_points[:n], time, self._row_wind[:n])
+        fill_velocity(inflow, self._points, time + dt, self._wind)
+        self._check_wind(receive(self._row_winds[:count], *felt), inflow, time + dt)
+        return self._blade_wind
+
+    @cached_property
+    def _wind_calls(self):
+        """The compiled parts of `_winds_of_step` and their arguments, the same arrays in every step."""
+        lattice, structure = self.models.lattice, self.models.structure
+        asked = (
+            *lattice.turn_of_rows(self.aero), *self._moving_points, self.models.time_step, self.integrator.work,
+            structure.hub, self._wind_points,
+        )  # fmt: skip
+        felt = lattice.work.rows, self.aero.arrays.wind, *self._felt()
+        receive = compiled_for(receive_wind, (self._row_winds, *felt))
+        return compiled_for(ask_for_wind, asked), asked, receive, felt
+
+    def _felt(self):
+        """Arguments of `wind_kernels.felt_wind`."""
+        models, tower = self.models, self.models.tower_flow
         shadow = models.fidelity.tower_shadow and models.fidelity.tower_body is None
         top = self.integrator.work.r[models.structure.nacelle]
-        finite = felt_wind(wind, points, shadow, self.aero.arrays.wake_flow, tower.base, top, tower.stations,
-                           tower.radii, blade_wind.reshape(-1, 3), self.exchange.tower.wind)  # fmt: skip
+        return (
+            self._wind, self._wind_points, shadow, self.aero.arrays.wake_flow, tower.base, top, tower.stations,
+            tower.radii, self._blade_winds, self.exchange.tower.wind, self.gauges.hub_wind,
+        )  # fmt: skip
+
+    def _check_wind(self, finite, inflow, time):
+        """Bodies and their wind, if there are any; refuse a wind that is not finite."""
+        lattice = self.models.lattice
         if lattice.bodies:
             self._place_bodies()
             lattice.body_wind[:] = inflow.velocity(lattice.bodies.control_points, time)
             finite = finite and math.isfinite(lattice.body_wind.sum())
         if not finite:
             raise SimulationError(f"the inflow is not finite at time {time} s")
-        return blade_wind
 
     def _place_bodies(self):
         """The bodies where the structure is, as far as the kinematics are up to date."""

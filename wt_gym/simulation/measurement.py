@@ -60,6 +60,7 @@ class Gauges(NamedTuple):
     tower_view: np.ndarray  # (n_blades, 4) of the tips, see coupling_kernels.view_from_tower [m]
     clearance: np.ndarray  # (n_blades,) signed distance of the tips from the tower [m]
     nacelle_acceleration: np.ndarray  # (3,) nacelle axes [m/s²]
+    hub_wind: np.ndarray  # (3,) undisturbed wind at the hub [m/s]
     places: Places
     values: np.ndarray  # (n_channels,) in the order of `wt_gym.simulation.channels.channel_table`
     at: np.ndarray  # where the channels of `measurement_kernels` stand among them
@@ -80,7 +81,7 @@ class Gauges(NamedTuple):
             tower_radius=structure.tower_radius, wrench=np.zeros((len(structure.system.bodies), 6)),
             tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)),
             tower_view=np.zeros((n, 4)), clearance=np.zeros(n), nacelle_acceleration=np.zeros(3),
-            places=Places.of(turbine, structure), values=values,
+            hub_wind=np.zeros(3), places=Places.of(turbine, structure), values=values,
             at=np.array(single + [at[name].start for name in measurement_kernels.PER_BLADE]),
         )  # fmt: skip
 
@@ -118,9 +119,7 @@ class Measurement:
         self._structure = structure
         self.gauges = Gauges.of(turbine, structure) if gauges is None else gauges
         self.values = self.gauges.values
-        _, at = new_values(turbine.n_blades)
-        self._travel = at["pitch_travel"]
-        self._measure = None  # compiled for the types of this turbine
+        self._measure, self._complete = None, None  # compiled for the types of this turbine
 
     def take(self, time, instant, torque, command, inflow):
         """Fill ``values``; the kinematics of the system are brought up to date. Extremes are the present values.
@@ -137,28 +136,31 @@ class Measurement:
         inflow : Inflow
         """
         i = instant
+        self.gauges.hub_wind[:] = inflow.velocity(i.work.r[self._structure.hub], time)
         arguments = i.y, i.dy, i.body_loads, i.nodes, i.forces, self._structure.system.tree, i.work, self.gauges
         if self._measure is None:
             self._measure = compiled_for(measurement_kernels.measure, arguments)
         self._measure(*arguments)
-        self.complete(time, instant, torque, command, inflow)
+        self._rest(time, torque, command)
 
-    def complete(self, time, instant, torque, command, inflow, extremes=None):
-        """Fill in what the compiled step, or the first part of `take`, has left; arguments as there.
+    def complete(self, time, torque, command, extremes):
+        """Fill in what the compiled step has left.
 
         Parameters
         ----------
-        extremes : Extremes, optional
-            Since the last sample; by default the present values stay.
+        time, torque, command
+            As for `take`.
+        extremes : Extremes
+            Since the last sample.
         """
-        g = self.gauges
-        wind = np.asarray(inflow.velocity(instant.work.r[self._structure.hub], time), dtype=np.float64)
-        self.values[0] = time
-        efficiency = g.places.generator_efficiency
-        measurement_kernels.measure_rest(wind, float(torque), efficiency, command, self.values, g.at)
-        if extremes is not None:
-            measurement_kernels.measure_extremes(extremes, self.values, g.at)
+        self._rest(time, torque, command)
+        arguments = extremes, self.values, self.gauges.at
+        if self._complete is None:
+            self._complete = compiled_for(measurement_kernels.measure_extremes, arguments)
+        self._complete(*arguments)
 
-    def set_travel(self, travel):
-        """Way of the pitch of the blades (n_blades,) since the last sample [rad]."""
-        self.values[self._travel] = travel
+    def _rest(self, time, torque, command):
+        """What the laws of the drives know."""
+        g = self.gauges
+        efficiency = g.places.generator_efficiency
+        measurement_kernels.measure_rest(float(time), float(torque), efficiency, command, self.values, g.at)

@@ -1,6 +1,6 @@
 """From the state of the coupled system to the signals an engineer reads: the end of the compiled step.
 
-What asks laws and winds written in Python, torque and wind at the hub, is filled in after it (`measure_rest`).
+What laws written in Python know, the torque and the commands, is filled in after it (`measure_rest`).
 """
 
 import math
@@ -17,6 +17,7 @@ SINGLE = (
 PER_BLADE = (
     "pitch", "pitch_rate", "pitch_command", "tip_out_of_plane", "tip_in_plane", "root_flap_moment", "root_edge_moment",
     "root_torsion", "tip_clearance", "tip_clearance_min", "tip_out_of_plane_max", "root_flap_moment_max",
+    "pitch_travel",
 )  # fmt: skip
 (
     WIND_X, ROTOR_SPEED, AZIMUTH, GENERATOR_SPEED, GENERATOR_TORQUE, GENERATOR_POWER, AERO_POWER,
@@ -24,7 +25,7 @@ PER_BLADE = (
     TOWER_BASE_FORE_AFT, TOWER_BASE_SIDE_SIDE, TOWER_BASE_TORSION, ACCELERATION_FORE_AFT,
     ACCELERATION_SIDE_SIDE, SHAFT_TORQUE, ROTOR_THRUST, ROTOR_SPEED_MAX, TOWER_BASE_MAX,
     PITCH, PITCH_RATE, PITCH_COMMAND, TIP_OUT_OF_PLANE, TIP_IN_PLANE, ROOT_FLAP, ROOT_EDGE,
-    ROOT_TORSION, TIP_CLEARANCE, TIP_CLEARANCE_MIN, TIP_OUT_OF_PLANE_MAX, ROOT_FLAP_MAX,
+    ROOT_TORSION, TIP_CLEARANCE, TIP_CLEARANCE_MIN, TIP_OUT_OF_PLANE_MAX, ROOT_FLAP_MAX, PITCH_TRAVEL,
 ) = range(len(SINGLE) + len(PER_BLADE))  # fmt: skip
 """Places in the array ``at``; what stands there is the place of the channel, or of that of blade 1, in the signals."""
 
@@ -59,18 +60,22 @@ def fill_channels(y, nodes, forces, tree, work, g):
     if places.yaw_q >= 0:
         yaw, rate = yaw + y[places.yaw_q], rate + y[places.yaw_u]
     values[at[YAW]], values[at[YAW_RATE]] = yaw, rate
+    for c in range(3):
+        values[at[WIND_X] + c] = g.hub_wind[c]
+    error = math.atan2(g.hub_wind[1], g.hub_wind[0]) - yaw
+    values[at[YAW_ERROR]] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
     _tower(work, g, places, values, at)
     _blades(y, n_y, tree.n_servo, g, values, at)
 
 
 @kernel(fastmath=False)
-def measure_rest(wind, torque, efficiency, command, values, at):
+def measure_rest(time, torque, efficiency, command, values, at):
     """Fill in what the compiled step does not know.
 
     Parameters
     ----------
-    wind : (3,)
-        Undisturbed, at the hub [m/s].
+    time : float
+        [s].
     torque : float
         Of the generator [N m, high-speed shaft].
     efficiency : float
@@ -81,10 +86,7 @@ def measure_rest(wind, torque, efficiency, command, values, at):
     at : int64 (n,)
         Where the channels stand in it, in the order of `SINGLE` and `PER_BLADE`.
     """
-    for c in range(3):
-        values[at[WIND_X] + c] = wind[c]
-    error = math.atan2(wind[1], wind[0]) - values[at[YAW]]
-    values[at[YAW_ERROR]] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
+    values[0] = time
     values[at[GENERATOR_TORQUE]] = torque
     values[at[GENERATOR_POWER]] = values[at[GENERATOR_SPEED]] * torque * efficiency
     for i in range(command.shape[0] - 2):
@@ -128,14 +130,16 @@ def _blades(y, n_y, n_servo, g, values, at):
         values[at[ROOT_EDGE] + i], values[at[ROOT_FLAP] + i] = -root[3], -root[4]
         values[at[ROOT_TORSION] + i], values[at[ROOT_FLAP_MAX] + i] = -root[5], abs(root[4])
         values[at[TIP_CLEARANCE] + i] = values[at[TIP_CLEARANCE_MIN] + i] = g.clearance[i]
+        values[at[PITCH_TRAVEL] + i] = 0.0
 
 
 @kernel(fastmath=False)
 def measure_extremes(extremes, values, at):
-    """Fill the channels of extremes with what a monitor has seen; extremes: `Extremes`."""
+    """Fill the channels of extremes and ways with what a monitor has seen; extremes: `Extremes`."""
     values[at[ROTOR_SPEED_MAX]] = extremes.rotor_speed_max[0]
     values[at[TOWER_BASE_MAX]] = extremes.tower_base_moment_max[0]
     for i in range(extremes.tip_clearance_min.shape[0]):
         values[at[TIP_CLEARANCE_MIN] + i] = extremes.tip_clearance_min[i]
         values[at[TIP_OUT_OF_PLANE_MAX] + i] = extremes.tip_out_of_plane_max[i]
         values[at[ROOT_FLAP_MAX] + i] = extremes.root_flap_moment_max[i]
+        values[at[PITCH_TRAVEL] + i] = extremes.pitch_travel[i]

@@ -20,25 +20,28 @@ class Extremes(NamedTuple):
     tip_clearance_min: np.ndarray  # (n_blades,) signed [m]
     tip_out_of_plane_max: np.ndarray  # (n_blades,) [m]
     root_flap_moment_max: np.ndarray  # (n_blades,) size [N m]
+    pitch_travel: np.ndarray  # (n_blades,) both directions, over the aerodynamic steps [rad]
 
     def restart(self):
         """Begin a new interval."""
-        for array, smallest in zip(self, _SMALLEST, strict=True):
-            array.fill(np.inf if smallest else -np.inf)
+        for array, begin in zip(self, _BEGIN, strict=True):
+            array.fill(begin)
 
 
-_SMALLEST = [name.endswith("_min") for name in Extremes._fields]
+_BEGIN = [{"_min": np.inf, "_max": -np.inf}.get(name[-4:], 0.0) for name in Extremes._fields]
 
 
 class Monitor(NamedTuple):
     """Extremes, and what the compiled step needs to take them."""
 
     extremes: Extremes
+    pitch: np.ndarray  # (n_blades,) at the end of the last step [rad]
     passed: np.ndarray  # (n_blades, 4) where the tips were last, see coupling_kernels.view_from_tower [m]
     between: np.ndarray  # (4,) scratch
     loads: np.ndarray  # (n_b, 6 + n_f) scratch: loads of the air at a structural step
     tower: int  # body
     generator_u: int  # speed of the generator in the state
+    first_pitch: int  # pitch of blade 1 in the state; those of the others follow
     torsion_u: int  # speed of the shaft's torsion in the state; -1 for a rigid shaft
 
     @classmethod
@@ -47,8 +50,11 @@ class Monitor(NamedTuple):
         one, each = (1,), (n_blades,)
         system = structure.system
         torsion = system.n_q + system.index(structure.hub, "joint_u") if structure.shaft_flexible else -1
-        extremes = Extremes(np.zeros(one), np.zeros(one), np.zeros(each), np.zeros(each), np.zeros(each))
+        extremes = Extremes(
+            np.zeros(one), np.zeros(one), np.zeros(each), np.zeros(each), np.zeros(each), np.zeros(each)
+        )
+        first_pitch = system.n_q + system.n_u + 1  # behind the yaw drive
         return cls(
-            extremes, np.zeros((n_blades, 4)), np.zeros(4), np.zeros_like(body_loads[0]), structure.tower,
-            system.n_q + structure.azimuth_u, torsion,
+            extremes, np.zeros(each), np.zeros((n_blades, 4)), np.zeros(4), np.zeros_like(body_loads[0]),
+            structure.tower, system.n_q + structure.azimuth_u, first_pitch, torsion,
         )  # fmt: skip

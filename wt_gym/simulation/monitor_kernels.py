@@ -8,7 +8,7 @@ from wt_gym.simulation.coupling_kernels import passing_clearance, read_gauges
 
 @kernel(separate=True)
 def watch_steps(motion, n_sub, g, m):
-    """Take the extremes over the structural steps of the aerodynamic step that has just ended.
+    """Take the extremes over the structural steps of the aerodynamic step that has just ended, and the pitch's way.
 
     Parameters
     ----------
@@ -27,6 +27,10 @@ def watch_steps(motion, n_sub, g, m):
                 m.loads[b, i] = loads[0, b, i] + share * (loads[1, b, i] - loads[0, b, i])
         watch(motion.work.trail[k], motion.work.trail_rate[k], m.loads, motion.tree, motion.work, g, m)
     watch(motion.state, motion.rate, loads[1], motion.tree, motion.work, g, m)  # rates under the final loads
+    for i in range(m.pitch.shape[0]):
+        pitch = motion.state[m.first_pitch + i]
+        m.extremes.pitch_travel[i] += abs(pitch - m.pitch[i])
+        m.pitch[i] = pitch
 
 
 @kernel

@@ -17,6 +17,7 @@ from wt_gym.simulation.coupled_step_kernels import (
     copy_loads,
     extrapolate_loads,
     move_lattice,
+    pass_on,
     relax_loads,
     secant_share,
 )
@@ -241,4 +242,7 @@ def end_observed(motion, o, x, scheme, gauges, monitor, forces, blade_wind):
     fill_channels(motion.state, x.nodes.reshape(shape), forces, motion.tree, motion.work, gauges)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
     code = check_range(motion.state, x, monitor, x.pieces, gauges)
-    return check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt) if code == OK else code
+    if code == OK:
+        code = check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt)
+    pass_on(motion.inputs)
+    return code

@@ -159,7 +159,7 @@ class Simulator:
         self._measure()
         return self.signals
 
-    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0):
+    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0, go_on=False):
         """Simulate for a while with constant demands; the drives follow them within their limits.
 
         Parameters
@@ -173,6 +173,8 @@ class Simulator:
         generator_torque : float
             Demanded torque on the high-speed shaft [N m]; rate-limited and kept between 0 and the generator's maximum,
             which falls to zero as the rotor stops.
+        go_on : bool
+            Whether extremes and ways in the signals go on from those of the call before, instead of beginning anew.
 
         Returns
         -------
@@ -193,24 +195,20 @@ class Simulator:
         n = round(duration / self.time_step)
         if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
             raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
-        coupling.extremes.restart()
-        before = coupling.pitch.tolist()  # numbers one by one: arrays of three are slow
-        travel = [0.0] * len(before)
+        if not go_on:
+            coupling.extremes.restart()
+        inputs, azimuth_u, step = coupling.integrator.inputs, self.structure.azimuth_u, self.time_step
         for _ in range(n):
-            drives.follow(pitch, yaw_rate, generator_torque, self.time_step, coupling.generator_speed)
-            drives.act(coupling.integrator.inputs, self.structure.azimuth_u, 1)
+            drives.follow(pitch, yaw_rate, generator_torque, step, coupling.generator_speed)
+            drives.act(inputs, azimuth_u, 1)
             try:
-                coupling.step(self.inflow, self.time)
+                coupling.step(self.inflow, self._n_steps * step)
             except (SimulationError, AerodynamicsError) as error:
                 self._started = False
                 raise SimulationError(f"simulation failed at {self.time:.3f} s: {error}") from error
             self._n_steps += 1
-            now = coupling.pitch.tolist()
-            travel = [way + abs(new - old) for way, new, old in zip(travel, now, before, strict=True)]
-            before = now
-        torque, measurement = drives.torque(coupling.generator_speed), self._measurement
-        measurement.complete(self.time, coupling.instant, torque, drives.command, self.inflow, coupling.extremes)
-        measurement.set_travel(travel)
+        torque = drives.torque(coupling.generator_speed)
+        self._measurement.complete(self._n_steps * step, torque, drives.command, coupling.extremes)
         return self.signals
 
     # ---- snapshots and pictures ----
@@ -341,4 +339,3 @@ class Simulator:
         coupling, drives = self.coupling, self.drives
         torque = drives.torque(coupling.generator_speed)
         self._measurement.take(self.time, coupling.instant, torque, drives.command, self.inflow)
-        self._measurement.set_travel(0.0)

@@ -1,7 +1,38 @@
 """Wind at the blades and the tower: where it is asked for, and what of it they feel."""
 
 from wt_gym.aerodynamics.bodies.tower_kernels import add_tower_flow
+from wt_gym.aerodynamics.wake.wake_kernels import rows_for_wind, store_wind
 from wt_gym.compiled import kernel
+
+
+@kernel(fastmath=False)
+def ask_for_wind(wake, shed, n_rows, n_steps, stride, rows, row_points, nodes, velocities, earlier, dt, work, hub,
+                 points):  # fmt: skip
+    """Where a step needs the wind: at rows of the wake, and where the blades and the hub will be at its end.
+
+    Parameters
+    ----------
+    wake, shed, n_rows, n_steps, stride, rows, row_points
+        See `rows_for_wind`.
+    nodes, velocities, earlier, dt, points
+        See `points_ahead`; the last of the points is the hub, those before it belong to the tower, which stays.
+    work : Work
+        With the kinematics of now.
+    hub : int
+        Body.
+
+    Returns
+    -------
+    int
+        Number of the rows.
+    """
+    points_ahead(nodes, velocities, earlier, dt, points)
+    last = points.shape[0] - 1
+    for c in range(3):
+        points[last, c] = work.r[hub, c]
+        for d in range(3):
+            points[last, c] += dt * work.rot[hub, c, d] * work.v[hub, d]
+    return rows_for_wind(wake, shed, n_rows, n_steps, stride, rows, row_points)
 
 
 @kernel(fastmath=False)
@@ -17,12 +48,28 @@ def points_ahead(nodes, velocities, earlier, dt, points):
 
 
 @kernel(fastmath=False)
-def felt_wind(wind, points, shadow, wake_flow, base, top, stations, radii, blades, tower):
-    """Undisturbed wind at the points of blades, then tower, to what blades and tower feel; whether it is finite.
+def receive_wind(row_wind, rows, wake_wind, wind, points, shadow, wake_flow, base, top, stations, radii, blades, tower,
+                 hub):  # fmt: skip
+    """What `ask_for_wind` has asked for, to the wake and to blades, tower and hub; whether it is finite.
 
     Parameters
     ----------
-    wind, points : (n_node + n_tower, 3)
+    row_wind, rows, wake_wind
+        See `store_wind`.
+    wind, points, shadow, wake_flow, base, top, stations, radii, blades, tower, hub
+        See `felt_wind`.
+    """
+    finite = store_wind(row_wind, rows, wake_wind)
+    return felt_wind(wind, points, shadow, wake_flow, base, top, stations, radii, blades, tower, hub) and finite
+
+
+@kernel(fastmath=False)
+def felt_wind(wind, points, shadow, wake_flow, base, top, stations, radii, blades, tower, hub):
+    """Undisturbed wind at the points of blades, tower and hub, to what they feel; whether it is finite.
+
+    Parameters
+    ----------
+    wind, points : (n_node + n_tower + 1, 3)
         [m/s], [m].
     shadow : bool
         Whether the blades feel the flow past the tower. The tower stands in a wind that the rotor has slowed; the
@@ -37,15 +84,18 @@ def felt_wind(wind, points, shadow, wake_flow, base, top, stations, radii, blade
         Receives the wind at the nodes of the blades.
     tower : (n_tower, 3)
         Receives the wind at the tower.
+    hub : (3,)
+        Receives the wind at the hub.
     """
-    total, n_node = 0.0, blades.shape[0]
-    for i in range(wind.shape[0]):
-        for c in range(3):
+    total, n_node, last = 0.0, blades.shape[0], wind.shape[0] - 1
+    for c in range(3):
+        for i in range(last + 1):
             total += wind[i, c]
-            if i < n_node:
-                blades[i, c] = wind[i, c]
-            else:
-                tower[i - n_node, c] = wind[i, c]
+        for i in range(n_node):
+            blades[i, c] = wind[i, c]
+        for i in range(n_node, last):
+            tower[i - n_node, c] = wind[i, c]
+        hub[c] = wind[last, c]
     if shadow:
         for sign in (1.0, -1.0):
             for c in range(3):

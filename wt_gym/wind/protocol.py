@@ -12,7 +12,7 @@ from wt_gym.errors import InflowError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Inflow", "PointInflow", "require_number", "velocity_ahead"]
+__all__ = ["Inflow", "PointInflow", "fill_velocity", "read_only", "require_number", "velocity_ahead"]
 
 _N_RINGS = 8
 _N_AZIMUTHS = 24
@@ -72,10 +72,29 @@ class PointInflow:
             ``points`` does not end in three components, or a point or the time is not finite.
         """
         positions, time = _checked(points, time)
-        rows = _read_only(positions.reshape(-1, 3))
+        rows = read_only(positions.reshape(-1, 3))
         out = np.empty((rows.shape[0], 3))
         _require_finite(self._fill(rows, time, out), rows)
         return out.reshape(positions.shape)
+
+    def fill_velocity(self, points: np.ndarray, time: float, out: np.ndarray) -> None:
+        """`velocity` for those who ask in every step, without new arrays or checks of shapes.
+
+        Parameters
+        ----------
+        points
+            Positions in the global frame [m], read-only float64 (n, 3) in C order.
+        time
+            Time [s], any finite number.
+        out
+            Receives the velocity in the global frame [m/s], float64 (n, 3) in C order.
+
+        Raises
+        ------
+        InflowError
+            A point is not finite.
+        """
+        _require_finite(self._fill(points, time, out), points)
 
     def velocity_ahead(self, points: np.ndarray, time: float, distances: Sequence[float]) -> np.ndarray:
         """Wind where a lidar sees it: unlike in `velocity`, turbulence changes on its way from there to the rotor.
@@ -105,13 +124,13 @@ class PointInflow:
                 f"points must have shape (n, m, 3) for n = {len(distances)} distances; got {positions.shape}"
             )
         out = np.empty(positions.shape)
-        bad = self._fill_ahead(_read_only(positions), time, tuple(distances), out)
+        bad = self._fill_ahead(read_only(positions), time, tuple(distances), out)
         _require_finite(bad, positions.reshape(-1, 3))
         return out
 
     def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
         """Fill in the wind at points ahead; that of an inflow that does not change on its way."""
-        return self._fill(_read_only(gates.reshape(-1, 3)), time, out.reshape(-1, 3))
+        return self._fill(read_only(gates.reshape(-1, 3)), time, out.reshape(-1, 3))
 
     def rotor_effective_speed(self, time: float | np.ndarray, rotor_diameter: float) -> float | np.ndarray:
         """Mean over the rotor disc of the wind component along x.
@@ -143,6 +162,26 @@ class PointInflow:
 
     def __str__(self) -> str:
         return self.description
+
+
+def fill_velocity(inflow: Inflow, points: np.ndarray, time: float, out: np.ndarray) -> None:
+    """Wind of any inflow at points, as `PointInflow.fill_velocity`.
+
+    Raises
+    ------
+    InflowError
+        The inflow gives velocities of another shape than the points, or refuses a point.
+    """
+    if isinstance(inflow, PointInflow) and type(inflow).velocity is PointInflow.velocity:
+        inflow.fill_velocity(points, time, out)
+        return
+    wind = np.asarray(inflow.velocity(points, time), dtype=np.float64)
+    if wind.shape != points.shape:
+        raise InflowError(
+            f"the inflow gives velocities of shape {wind.shape} at points of shape {points.shape}; they must have the "
+            "same"
+        )
+    out[...] = wind
 
 
 def velocity_ahead(inflow: Inflow, points: np.ndarray, time: float, distances: Sequence[float]) -> np.ndarray:
@@ -179,7 +218,7 @@ def _checked(points, time) -> tuple[np.ndarray, float]:
     return positions, time
 
 
-def _read_only(array: np.ndarray) -> np.ndarray:
+def read_only(array: np.ndarray) -> np.ndarray:
     """View that is read-only, whatever the caller passed, so that one compiled signature serves every call."""
     view = array.view()
     view.setflags(write=False)

@@ -1,6 +1,7 @@
 """Turbulent wind: a mean profile with a box of frozen turbulence carried along by it."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -72,6 +73,12 @@ class TurbulentInflow(PointInflow):
         """``steady``, which is there from the start, of the box where none was given."""
         return cast(SteadyInflow, self.steady)
 
+    @cached_property
+    def _mean_wind(self) -> tuple[float, ...]:
+        """The mean wind as the kernel takes it."""
+        steady = self._steady
+        return *steady.kernel_profile, steady.yaw_misalignment, steady.inclination
+
     @property
     def mean_speed(self) -> float:
         """Mean wind speed at hub height [m/s]."""
@@ -111,13 +118,10 @@ class TurbulentInflow(PointInflow):
         return -1
 
     def _fill_from(self, box: TurbulenceBox, rows: np.ndarray, time: float, out: np.ndarray) -> int:
-        steady = self._steady
         return turbulent_velocity(
             rows,
             time + self.time_offset,
-            *steady.kernel_profile,
-            steady.yaw_misalignment,
-            steady.inclination,
+            *self._mean_wind,
             box.fluctuation,
             box.scale,
             box.time_step,

@@ -31,7 +31,7 @@ class SplitInduction:
         n_row, n_blade, n_node, _ = w.wake_sheet.shape
         widest = max(n_node, w.bound_sheet.shape[2])
         self._scratch = [aligned_zeros(8 * WIDTH * widest, np.float32) for _ in range(threads)]
-        self._lane = np.zeros((8, w.targets.shape[2]), dtype=np.float32)
+        self._lane = np.zeros(8 * w.targets.shape[2], dtype=np.float32)
         self._tree = TreeInduction(n_row, n_blade, n_node, w.targets.shape[2], threads)
         self._tolerance = o.tree_tolerance
 
@@ -62,6 +62,6 @@ class SplitInduction:
             split_direct(sparse_sheet, targets, velocity, scratch)
             if a.far[0] > 0.0:
                 table = self._lattice.arrays.cylinder_table
-                far_wake_velocity(a, table, targets, velocity, n_target, self._lane)
+                far_wake_velocity(a, table, targets, velocity, self._lane[: 8 * n_padded].reshape(8, n_padded))
             w.velocity[image, :, :n_padded] = velocity
         fold_images(constants, w, n_target)

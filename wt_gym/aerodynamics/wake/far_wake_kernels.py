@@ -285,17 +285,47 @@ def merged_change(a, m):
     return start / weight, math.sqrt(area), total / area
 
 
+@kernel(fastmath=FAST, separate=True, distinct=True)
+def add_cylinder(lane, start, radius, ring, line, axial_table, radial_table, n_axial, n_radial):
+    """Add the axial, radial and swirling velocity of one cylinder to rows 5 to 7 of ``lane`` (8, n)."""
+    one, half = np.float32(1.0), np.float32(0.5)
+    axial_scale, radial_scale = half * np.float32(n_axial - 1), np.float32(n_radial - 1)
+    last_axial, last_radial, stride = np.int32(n_axial - 2), np.int32(n_radial - 2), np.int32(n_radial)
+    for i in range(lane.shape[1]):
+        along, r = lane[0, i] - start, lane[4, i]
+        p = (along / (radius + abs(along)) + one) * axial_scale
+        q = r / (radius + r) * radial_scale
+        ip, iq = min(np.int32(p), last_axial), min(np.int32(q), last_radial)
+        u, v = p - np.float32(ip), q - np.float32(iq)
+        at = ip * stride + iq
+        below = at + stride
+        w00, w01, w10, w11 = (one - u) * (one - v), (one - u) * v, u * (one - v), u * v
+        lane[5, i] += ring * (w00 * axial_table[at] + w01 * axial_table[at + 1] + w10 * axial_table[below]
+                              + w11 * axial_table[below + 1])  # fmt: skip
+        lane[6, i] += ring * (w00 * radial_table[at] + w01 * radial_table[at + 1] + w10 * radial_table[below]
+                              + w11 * radial_table[below + 1])  # fmt: skip
+    if line == 0.0:
+        return
+    for i in range(lane.shape[1]):
+        # Lines parallel to the axis: nothing inside their cylinder, outside as if they lay on the axis.
+        along, r = lane[0, i] - start, lane[4, i]
+        r2 = (r / radius) ** 2
+        r8 = r2 * r2 * r2 * r2
+        far_off = np.sqrt(along * along + r * r) + np.float32(1e-9)
+        lane[7, i] += line * (r8 / (r8 + one)) * (one + along / far_off)
+
+
 @kernel(fastmath=FAST)
-def far_wake_velocity(a, table, targets, velocity, n_target, lane):
-    """Add the velocity of the cylinders at the first ``n_target`` targets (3, n) float32.
+def far_wake_velocity(a, table, targets, velocity, lane):
+    """Add the velocity of the cylinders at targets (3, n) float32.
 
     A cell acts as the cylinder that starts with it, with the change of strength against the cell before: one at each
     span boundary for the first cell; one for all boundaries, with the dipole of all of them, for each of the others,
     whose changes are small and start half a radius behind the last row at least.
 
     ``table`` (2, n_axial, n_radial) holds axial and radial velocity of a unit cylinder of unit radius on an even grid
-    of the mapped coordinates z / (1 + |z|) and r / (1 + r), see `far_wake.cylinder_table`. ``lane`` is float32 for
-    work, at least (8, n).
+    of the mapped coordinates z / (1 + |z|) and r / (1 + r), see `far_wake.cylinder_table`. ``lane`` (8, n) is
+    float32 for work.
     """
     _, n_axial, n_radial = table.shape
     far, tube, n_tube, largest = a.far, a.far_tube, a.far_tube.shape[1], 0.0
@@ -304,8 +334,7 @@ def far_wake_velocity(a, table, targets, velocity, n_target, lane):
     axial_table, radial_table = table[0].reshape(n_axial * n_radial), table[1].reshape(n_axial * n_radial)
     cx, cy, cz = np.float32(far[1]), np.float32(far[2]), np.float32(far[3])
     ax, ay, az = np.float32(far[4]), np.float32(far[5]), np.float32(far[6])
-    one, half = np.float32(1.0), np.float32(0.5)
-    for i in range(n_target):
+    for i in range(targets.shape[1]):
         dx, dy, dz = targets[0, i] - cx, targets[1, i] - cy, targets[2, i] - cz
         height = dx * ax + dy * ay + dz * az
         rx, ry, rz = dx - height * ax, dy - height * ay, dz - height * az
@@ -325,24 +354,8 @@ def far_wake_velocity(a, table, targets, velocity, n_target, lane):
         start, radius, ring, line = np.float32(start), np.float32(radius), np.float32(ring), np.float32(line)
         if radius <= 0.0 or (ring == 0.0 and line == 0.0):
             continue
-        for i in range(n_target):
-            along, r = lane[0, i] - start, lane[4, i]
-            p = (along / (radius + abs(along)) + one) * (half * np.float32(n_axial - 1))
-            q = r / (radius + r) * np.float32(n_radial - 1)
-            ip, iq = min(np.int32(p), np.int32(n_axial - 2)), min(np.int32(q), np.int32(n_radial - 2))
-            u, v = p - np.float32(ip), q - np.float32(iq)
-            at = ip * np.int32(n_radial) + iq
-            below = at + np.int32(n_radial)
-            w00, w01, w10, w11 = (one - u) * (one - v), (one - u) * v, u * (one - v), u * v
-            lane[5, i] += ring * (w00 * axial_table[at] + w01 * axial_table[at + 1] + w10 * axial_table[below]
-                                  + w11 * axial_table[below + 1])  # fmt: skip
-            lane[6, i] += ring * (w00 * radial_table[at] + w01 * radial_table[at + 1] + w10 * radial_table[below]
-                                  + w11 * radial_table[below + 1])  # fmt: skip
-            # Lines parallel to the axis: nothing inside their cylinder, outside as if they lay on the axis.
-            r8 = (r / radius) ** 8
-            far_off = np.sqrt(along * along + r * r) + np.float32(1e-9)
-            lane[7, i] += line * (r8 / (r8 + one)) * (one + along / far_off)
-    for i in range(n_target):
+        add_cylinder(lane, start, radius, ring, line, axial_table, radial_table, n_axial, n_radial)
+    for i in range(targets.shape[1]):
         r = max(lane[4, i], np.float32(1e-6))
         radial, swirl = lane[6, i] / r, lane[7, i] / (np.float32(FOUR_PI) * r * r)
         axial, rx, ry, rz = lane[5, i], lane[1, i], lane[2, i], lane[3, i]

@@ -171,8 +171,7 @@ def induced_at(bound_sheet, wake_sheet, sparse_sheet, a, n_target, w, o, table):
         direct_induction(sparse_sheet, packed_t, packed_v, 0, n_padded, w.scratch)
         if a.far[0] > 0.0:
             # the lanes of the sheets' induction are free now
-            lane = w.scratch[: 8 * n_target].reshape((8, n_target))
-            far_wake_velocity(a, table, packed_t, packed_v, n_target, lane)
+            far_wake_velocity(a, table, packed_t, packed_v, w.scratch[: 8 * n_padded].reshape((8, n_padded)))
         for c in range(3):
             for i in range(n_target):
                 w.velocity[image, c, i] = packed_v[c, i]
@@ -180,14 +179,14 @@ def induced_at(bound_sheet, wake_sheet, sparse_sheet, a, n_target, w, o, table):
 
 
 @kernel(fastmath=False)
-def rows_for_wind(wake, shed, n_rows, step, stride, rows, points):
+def rows_for_wind(wake, shed, n_rows, n_steps, stride, rows, points):
     """Rows that ask for their wind now, by the time since they were shed, and their nodes; returns their number.
 
-    Row 0, where the wake is shed, asks in every step; all rows do with ``stride`` 1.
+    Row 0, where the wake is shed, asks in every step; all rows do with ``stride`` 1, and in the first step.
     """
-    count = 0
-    for k in range(n_rows + 1):
-        if k > 0 and (step - shed[k]) % stride != 0:
+    count, step = 0, n_steps[0]
+    for k in range(n_rows[0] + 1):
+        if k > 0 and step > 0 and (step - shed[k]) % stride != 0:
             continue
         rows[count] = k
         for b in range(wake.shape[1]):

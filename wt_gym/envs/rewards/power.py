@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.operating_point import design_point, rotor_inertia
+from wt_gym.wind.protocol import fill_velocity, read_only
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import Transition
@@ -92,7 +93,7 @@ class Power:
         ring = turbine.rotor_diameter / 2 * _RINGS
         disc[..., 1] = np.outer(ring, np.sin(_AZIMUTHS))
         disc[..., 2] = turbine.hub_height + np.outer(ring, np.cos(_AZIMUTHS))
-        self._disc = disc.reshape(-1, 3)
+        self._disc, self._disc_wind = disc.reshape(-1, 3), np.zeros((disc.size // 3, 3))
         self._filter_step, self._filter_gain = math.nan, math.nan
 
     def __call__(self, transition: Transition) -> float:
@@ -129,5 +130,6 @@ class Power:
         """Rotor-effective wind speed [m/s]."""
         if inflow is None:
             return math.hypot(signals["wind_x"], signals["wind_y"])
-        x, y, _ = np.add.reduce(inflow.velocity(self._disc, signals["time"])).tolist()
+        fill_velocity(inflow, read_only(self._disc), signals["time"], self._disc_wind)
+        x, y, _ = np.add.reduce(self._disc_wind).tolist()
         return math.hypot(x, y) / len(self._disc)
