@@ -168,10 +168,45 @@ def bound_influence(corners, segments, core2, n_segment, points, work, influence
                 influence[r, c, i] = rings[r, c, i]
 
 
-@kernel(fastmath=FAST)
-def _subtract_rows(row, f0, f1, f2, f3, rows):
-    for m in range(row.shape[0]):
-        row[m] -= f0 * rows[0, m] + f1 * rows[1, m] + f2 * rows[2, m] + f3 * rows[3, m]
+@kernel(fastmath=FAST, separate=True, distinct=True)
+def eliminate_pivots(a, k0, width, rows):
+    """Eliminate the pivot rows k0 to k0 + width - 1 of (n, n) among themselves, and copy them into ``rows`` (4, n)."""
+    n = a.shape[0]
+    for c in range(4):
+        for m in range(n):
+            rows[c, m] = a[k0 + c, m] if c < width else 0.0
+    for c in range(width):
+        k = k0 + c
+        scale = 1.0 / rows[c, k]
+        rows[c, k] = 1.0
+        for m in range(n):
+            rows[c, m] *= scale
+        for d in range(width):
+            if d != c:
+                factor = rows[d, k]
+                rows[d, k] = 0.0
+                for m in range(n):
+                    rows[d, m] -= factor * rows[c, m]
+    for c in range(width):
+        for m in range(n):
+            a[k0 + c, m] = rows[c, m]
+
+
+@kernel(fastmath=FAST, separate=True, distinct=True)
+def subtract_pivots(a, k0, width, factors, rows):
+    """Clear the pivot columns in all other rows of (n, n) with the pivot rows (4, n); ``factors`` (4,) is work."""
+    for r in range(a.shape[0]):
+        if k0 <= r < k0 + width:
+            continue
+        row = a[r]
+        for c in range(4):
+            factors[c] = 0.0
+            if c < width:
+                factors[c] = row[k0 + c]
+                row[k0 + c] = 0.0
+        f0, f1, f2, f3 = factors[0], factors[1], factors[2], factors[3]
+        for m in range(row.shape[0]):
+            row[m] -= f0 * rows[0, m] + f1 * rows[1, m] + f2 * rows[2, m] + f3 * rows[3, m]
 
 
 @kernel(fastmath=False)
@@ -210,31 +245,8 @@ def invert(a, swap, panel, rows):
                 factor = panel[r, c] * scale
                 for m in range(c + 1, width):
                     panel[r, m] -= factor * panel[k, m]
-        # the pivot rows among themselves
-        for c in range(width):
-            k = k0 + c
-            scale = 1.0 / a[k, k]
-            a[k, k] = 1.0
-            for m in range(n):
-                a[k, m] *= scale
-            for d in range(width):
-                if d != c:
-                    factor = a[k0 + d, k]
-                    a[k0 + d, k] = 0.0
-                    for m in range(n):
-                        a[k0 + d, m] -= factor * a[k, m]
-        for c in range(4):
-            for m in range(n):
-                rows[c, m] = a[k0 + c, m] if c < width else 0.0
-        for r in range(n):
-            if k0 <= r < k0 + width:
-                continue
-            for c in range(4):
-                panel[r, c] = 0.0
-                if c < width:
-                    panel[r, c] = a[r, k0 + c]
-                    a[r, k0 + c] = 0.0
-            _subtract_rows(a[r], panel[r, 0], panel[r, 1], panel[r, 2], panel[r, 3], rows)
+        eliminate_pivots(a, k0, width, rows)
+        subtract_pivots(a, k0, width, panel[0], rows)
     for k in range(n - 1, -1, -1):
         pivot = swap[k]
         if pivot != k:
