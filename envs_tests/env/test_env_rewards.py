@@ -11,6 +11,7 @@ import rainflow
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
+from scripted_simulator import scripted_signals
 
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.constants import GRAVITY
@@ -45,7 +46,7 @@ def signals(**changes):
     }
     for b in (1, 2, 3):
         values |= {f"pitch_travel_{b}": 0.0, f"tip_out_of_plane_{b}": 0.0, f"root_flap_moment_{b}": 8e6}
-    return values | changes
+    return scripted_signals(values | changes)
 
 
 def rate(term, before=None, **after):

@@ -14,10 +14,10 @@ from typing import Protocol
 import numpy as np
 
 from wt_gym.errors import ActionError
+from wt_gym.simulation.drive_kernels import act
 from wt_gym.turbines import Drivetrain, PitchSystem
 
 __all__ = [
-    "BOTH_ENDS",
     "Drives",
     "GeneratorLaw",
     "Law",
@@ -36,7 +36,6 @@ START_MARGIN = 0.1
 """By how much the pitch at the start may lie outside the range of the drives [rad]."""
 TORQUE, YAW, PITCH = slice(0, 1), slice(1, 2), slice(2, None)
 """Parts of the command."""
-BOTH_ENDS = slice(2)
 
 
 def check_finite(**values):
@@ -316,7 +315,7 @@ class Drives:
         self._sound_pitch, self.sound_generator = self.pitch, self.generator
         self.command = np.zeros(2 + turbine.n_blades)
         self._ideal_pitch = turbine.pitch.servo_frequency is None
-        self._step, self._pitch_rate = 0.0, np.zeros(turbine.n_blades)
+        self._step, self._before = 0.0, np.zeros(turbine.n_blades)  # the last step, and the pitch command before it
 
     def fail(self, faults, clock):
         """Let the drives have these faults and no others.
@@ -353,7 +352,7 @@ class Drives:
         torque = 0.0 if generator_torque is None else self.generator.first(generator_torque, speed)
         self.command[TORQUE] = torque
         self.command[YAW], self.command[PITCH] = first
-        self._step, self._pitch_rate[:] = 0.0, 0.0
+        self._step, self._before[:] = 0.0, self.command[PITCH]
 
     def load(self, moment, speed, generator_torque=None):
         """Load a rotor on which the air acts with a moment [N m], with a torque or with what balances the moment."""
@@ -365,12 +364,11 @@ class Drives:
         pitch_command = self.command[PITCH]
         self.generator.follow(self.command[TORQUE], generator_torque, dt, speed)
         self.yaw.follow(self.command[YAW], yaw_rate, dt, speed)
-        before = pitch_command.tolist()  # numbers one by one: arrays of three are slow
+        self._before[:] = pitch_command
         self.pitch.follow(pitch_command, pitch, dt, speed)
-        moved = zip(pitch_command.tolist(), before, strict=True)
-        self._step, self._pitch_rate[:] = dt, [(now - then) / dt for now, then in moved]
+        self._step = dt
 
-    def act(self, inputs, azimuth_u, ends):
+    def act(self, inputs, azimuth_u, first=1):
         """Write all commands into the inputs of the structure.
 
         Parameters
@@ -379,15 +377,14 @@ class Drives:
             Of the multibody system; the yaw drive is its first servo, the pitch drives follow.
         azimuth_u : int
             The velocity of the generator.
-        ends : int or slice
-            Start (0), end (1) or `BOTH_ENDS` of the step.
+        first : int
+            1: at the end of a step; 0: at both ends.
         """
-        inputs.dof_force[ends, azimuth_u] = -self.generator.moment(self.command[TORQUE])
-        inputs.servo_command[ends] = self.command[1:]
-        if self._ideal_pitch:
-            inputs.servo_command[ends, 1:] -= 0.5 * self._step * self._pitch_rate
-            inputs.servo_rate[ends, 1:] = self._pitch_rate
-            inputs.servo_interval[:, 1:] = self._step
+        act(
+            self.command, self._before, self._step, float(self.generator.moment(self.command[TORQUE])),
+            self._ideal_pitch, azimuth_u, first, inputs.dof_force, inputs.servo_command, inputs.servo_rate,
+            inputs.servo_interval,
+        )  # fmt: skip
 
     def torque(self, speed):
         """Torque of the generator [N m, high-speed shaft] at a speed of the rotor [rad/s]."""

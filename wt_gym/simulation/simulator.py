@@ -200,7 +200,7 @@ class Simulator:
         inputs, azimuth_u, step = coupling.integrator.inputs, self.structure.azimuth_u, self.time_step
         for _ in range(n):
             drives.follow(pitch, yaw_rate, generator_torque, step, coupling.generator_speed)
-            drives.act(inputs, azimuth_u, 1)
+            drives.act(inputs, azimuth_u)
             try:
                 coupling.step(self.inflow, self._n_steps * step)
             except (SimulationError, AerodynamicsError) as error:

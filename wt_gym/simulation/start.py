@@ -2,7 +2,6 @@
 
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.coupling import Coupling
-from wt_gym.simulation.drives import BOTH_ENDS
 from wt_gym.simulation.equilibrium import elastic_equilibrium
 
 __all__ = ["Starter"]
@@ -59,7 +58,7 @@ class Starter:
         coupling.begin(y)
 
     def _act(self, coupling):
-        self.drives.act(coupling.integrator.inputs, coupling.models.structure.azimuth_u, BOTH_ENDS)
+        self.drives.act(coupling.integrator.inputs, coupling.models.structure.azimuth_u, first=0)
 
     def _rigid_state(self, rotor_speed, azimuth):
         """Undeformed turbine turning steadily."""

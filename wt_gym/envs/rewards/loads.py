@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wt_gym.control.reference_loads import reference_tower_moment
-from wt_gym.envs.rewards.term import bounded_square, of_blades
+from wt_gym.envs.rewards.term import bounded_square
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import Transition
@@ -27,7 +27,7 @@ class TipDeflection:
         """Rate of reward [1/s]."""
         turbine = transition.turbine
         reference = self.scale * turbine.blade.length
-        tips = of_blades(transition.after, "tip_out_of_plane", turbine.n_blades)
+        tips = transition.after["tip_out_of_plane"].tolist()
         return -self.weight * sum(bounded_square((max(tip, 0.0) / reference) ** 2) for tip in tips) / turbine.n_blades
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from wt_gym.envs.rewards.term import bounded_square, of_blades
+from wt_gym.envs.rewards.term import bounded_square
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import Transition
@@ -28,7 +28,7 @@ class ActuatorUse:
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
         turbine, before, after = transition.turbine, transition.before, transition.after
-        travel = sum(of_blades(after, "pitch_travel", turbine.n_blades)) / turbine.n_blades
+        travel = sum(after["pitch_travel"].tolist()) / turbine.n_blades
         uses = [travel / transition.dt / turbine.pitch.max_rate]
         if turbine.drivetrain.takes_torque:
             torque = abs(after["generator_torque"] - before["generator_torque"]) / transition.dt

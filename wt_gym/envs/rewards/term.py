@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["HighPass", "RewardTerm", "Transition", "bounded_square", "of_blades"]
+__all__ = ["HighPass", "RewardTerm", "Transition", "bounded_square"]
 
 
 @dataclass(frozen=True)
@@ -67,16 +66,6 @@ class RewardTerm(Protocol):
         ...
 
 
-@cache
-def _names(channel: str, n_blades: int) -> tuple[str, ...]:
-    return tuple(f"{channel}_{b + 1}" for b in range(n_blades))
-
-
-def of_blades(signals: Signals, channel: str, n_blades: int) -> list[float]:
-    """Values of a channel that every blade has, blade 1 first."""
-    return [signals[name] for name in _names(channel, n_blades)]
-
-
 def bounded_square(square: float) -> float:
     """Penalty x^2 / (1 + x^2) in [0, 1) of a square x^2."""
     return square / (1.0 + square) if square < math.inf else 1.0
@@ -95,8 +84,11 @@ class HighPass:
 
     def __init__(self, time_constant: float, mean: float):
         self.time_constant, self.mean = float(time_constant), float(mean)
+        self._dt, self._share = 0.0, 0.0
 
     def __call__(self, value: float, dt: float) -> float:
         """Deviation of ``value`` from the mean of the last ``time_constant`` seconds."""
-        self.mean += (1.0 - math.exp(-dt / self.time_constant)) * (value - self.mean)
+        if dt != self._dt:
+            self._dt, self._share = dt, 1.0 - math.exp(-dt / self.time_constant)
+        self.mean += self._share * (value - self.mean)
         return value - self.mean
