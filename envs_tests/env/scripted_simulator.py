@@ -46,6 +46,7 @@ class ScriptedSimulator:
                 f"tip_clearance_{blade}": 12.0, f"tip_clearance_min_{blade}": 11.0,
             }  # fmt: skip
         self._set_speed(rotor_speed)
+        self._seen = dict(self._values)
         return scripted_signals(self._values, self.turbine.n_blades)
 
     def advance(self, duration, pitch, yaw_rate, generator_torque, go_on=False):

@@ -132,7 +132,7 @@ def test_elimination_equals_the_full_problem(scene):
     points = np.ascontiguousarray(rng.uniform((-8, -8, 20), (-4, 8, 85), (n_point, 3)).T)
     influence, wake_flow = rng.normal(size=(n_ring, 3, n_point)), rng.normal(size=(3, n_point))
     gamma = rng.normal(size=n_ring)
-    work = scene.work(n_ring, n_point)
+    work = scene.work(n_ring, n_point, (0, 0, 0), 0)
     work.ring_influence[:] = rng.normal(size=work.ring_influence.shape)
     work.wind[:] = [9.0, 1.0, 0.0]
     work.wake_flow[:] = rng.normal(size=work.wake_flow.shape)

@@ -7,10 +7,13 @@ from scipy.special import ellipk
 from wt_gym.aerodynamics import AerodynamicsError, tower_perturbation
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
-from wt_gym.aerodynamics.lattice.bound_kernels import invert
+from wt_gym.aerodynamics.lattice.bound_kernels import bound_influence, invert
+from wt_gym.aerodynamics.lattice.edges import SheddingEdge, bound_segments
+from wt_gym.aerodynamics.lattice.ring_work import RingWork
 from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state
 from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.lattice.separation_kernels import STATIC
+from wt_gym.aerodynamics.options import AeroOptions
 from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.aerodynamics.wake.far_wake import cylinder_table, ring_velocity
 from wt_gym.aerodynamics.wake.far_wake_kernels import (
@@ -84,6 +87,41 @@ def test_blocked_inverse(n):
     inverse = matrix.copy()
     invert(inverse, np.zeros(n, dtype=np.int64), np.zeros((n, 4)), np.zeros((4, n)))
     assert np.abs(inverse @ matrix - np.eye(n)).max() < 1e-12 * np.linalg.cond(matrix)
+
+
+@pytest.mark.parametrize("n_point", [1, 16, 37])
+@pytest.mark.parametrize(
+    ("n_blade", "n_chord", "n_span", "ground", "wake", "tip"),
+    [(3, 2, 4, False, True, False), (1, 1, 3, True, False, False), (2, 3, 2, True, True, True)],
+)
+def test_influence_of_the_bound_rings_is_that_of_their_segments(n_blade, n_chord, n_span, ground, wake, tip, n_point):
+    """Also where a call before has left something in the work arrays, and corners of no wake are not numbers."""
+    rng, per_blade = np.random.default_rng(n_point), n_chord * n_span
+    options = AeroOptions(n_chord=n_chord, n_span=n_span, tip_wake=tip, wake_rows=5)
+    edge = SheddingEdge.of(n_chord, n_span, np.ones(n_span + 1), options)
+    segments, core = bound_segments(n_chord, n_span, np.linspace(1.0, 2.0, n_span + 1), edge, options, wake)
+    corners = np.empty((1 + ground, n_blade, (n_chord + 1) * (n_span + 1) + len(edge.nodes), 3))
+    corners[:] = rng.normal(scale=3.0, size=corners.shape[1:])
+    if ground:
+        corners[1, ..., 2] = -20.0 - corners[1, ..., 2]
+    if not wake:
+        corners[:, :, (n_chord + 1) * (n_span + 1) :] = np.nan
+    points = rng.normal(scale=3.0, size=(3, n_point))
+    influence = np.full((n_blade * per_blade, 3, n_point), 7.0)
+    work = RingWork.empty(len(influence), corners.shape[2], n_point)
+    for _ in range(2):
+        bound_influence(corners, segments, core**2, len(segments), points, work, influence)
+    expected = np.zeros_like(influence)
+    for image, sign in zip(corners, (1.0, -1.0), strict=False):
+        for b in range(n_blade):
+            for (start, end, plus, minus), radius in zip(segments, core, strict=True):
+                ends = image[b, start][None], image[b, end][None]
+                velocity = sign * segment_sum(*ends, np.ones(1), points.T, radius**2).T
+                if plus >= 0:
+                    expected[b * per_blade + plus] += velocity
+                if minus >= 0:
+                    expected[b * per_blade + minus] -= velocity
+    np.testing.assert_allclose(influence, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
 
 
 def test_float32_kernel_agrees_with_float64_sum():

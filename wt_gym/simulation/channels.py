@@ -124,12 +124,10 @@ class Signals:
     def __getattr__(self, name):
         if name in Signals.__slots__ or name.startswith("__"):  # asked for while a copy is being made
             raise AttributeError(name)
-        index, groups = _layout(self.n_blades)
-        if name in index:
-            return float(self.values[index[name]])
-        if name in groups:
-            return self.values[groups[name]]
-        raise AttributeError(f"no signal {name!r}; the signals are {', '.join(index)}")
+        place = self._places.get(name)
+        if place is None:
+            raise AttributeError(f"no signal {name!r}; the signals are {', '.join(_layout(self.n_blades)[0])}")
+        return self.values.item(place) if place.__class__ is int else self.values[place]
 
     def __getitem__(self, name):
         place = self._places.get(name)
@@ -139,6 +137,9 @@ class Signals:
             return getattr(self, name)
         except AttributeError as error:
             raise KeyError(str(error)) from None
+
+    def __reduce__(self):
+        return Signals, (self.values, self.n_blades)
 
     def __eq__(self, other):
         return isinstance(other, Signals) and np.array_equal(self.values, other.values)
@@ -157,5 +158,5 @@ class Signals:
 
 
 def new_values(n_blades):
-    """An empty vector of channel values with a function that stores a group or a channel by name."""
+    """An empty vector of channel values, and where in it channels and groups stand, by name."""
     return np.zeros(len(_layout(n_blades)[0])), _places(n_blades)

@@ -219,8 +219,7 @@ class Coupling:
         self._points = read_only(self._wind_points)
         moving = self.exchange.nodes, self.exchange.velocities, self._earlier_velocities
         self._moving_points = tuple(array.reshape(-1, 3) for array in moving)  # views
-        first_pitch = system.n_q + system.n_u + 1  # behind the yaw drive
-        self._pitches = slice(first_pitch, first_pitch + models.turbine.n_blades)
+        self._pitches = slice(self._monitor.first_pitch, self._monitor.first_pitch + models.turbine.n_blades)
         self._step, self._bundles = None, None  # compiled for the types of this turbine, and its arguments
         self._rate = None  # compiled too, once multipliers are asked for
         self.basis = DeformedBasis(models) if fidelity.blade_basis == "deformed" else None
@@ -248,7 +247,7 @@ class Coupling:
 
     @property
     def extremes(self):
-        """Largest and smallest values over the structural steps."""
+        """Largest and smallest values over the structural steps, and ways."""
         return self._monitor.extremes
 
     @cached_property
@@ -296,6 +295,7 @@ class Coupling:
         arrays |= {"nodes": self.exchange.nodes, "velocities": self.exchange.velocities}
         arrays |= {"previous_loads": self.exchange.previous_loads, "relaxation": self.exchange.relaxation}
         arrays |= {"earlier_velocities": self._earlier_velocities, "passed": self._monitor.passed}
+        arrays |= {f"extremes_{k}": a for k, a in self.extremes._asdict().items()} | {"last_pitch": self._monitor.pitch}
         arrays |= {f"energy_{k}": a for k, a in self.exchange.energy.state().items()}
         if self.basis is not None:
             arrays |= {"blade_basis": self.basis.basis, "blade_frequency": self.basis.frequency}
@@ -333,8 +333,6 @@ class Coupling:
         """Bring up to date what follows from restored arrays."""
         if self.basis is not None:
             self.basis.install()
-        self._monitor.pitch[:] = self.pitch
-        self.extremes.restart()
         self.move_lattice(self.integrator.state)
         self._place_bodies()
 
@@ -514,7 +512,7 @@ class Coupling:
             lattice.body_wind[:] = inflow.velocity(lattice.bodies.control_points, time)
             finite = finite and math.isfinite(lattice.body_wind.sum())
         if not finite:
-            raise SimulationError(f"the inflow is not finite at time {time} s")
+            raise SimulationError(f"the inflow is not finite in the step to time {time} s")
 
     def _place_bodies(self):
         """The bodies where the structure is, as far as the kinematics are up to date."""

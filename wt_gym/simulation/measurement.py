@@ -122,7 +122,7 @@ class Measurement:
         self._measure, self._complete = None, None  # compiled for the types of this turbine
 
     def take(self, time, instant, torque, command, inflow):
-        """Fill ``values``; the kinematics of the system are brought up to date. Extremes are the present values.
+        """Fill ``values`` from a state to which the kinematics belong. Extremes are the present values, ways nothing.
 
         Parameters
         ----------

@@ -13,7 +13,7 @@ __all__ = ["Extremes", "Monitor"]
 
 
 class Extremes(NamedTuple):
-    """Largest and smallest values of an interval; the fields are channels of the signals."""
+    """Largest and smallest values and ways of an interval; the fields are channels of the signals."""
 
     rotor_speed_max: np.ndarray  # (1,) of the hub [rad/s]
     tower_base_moment_max: np.ndarray  # (1,) size of the bending moment [N m]

@@ -1,7 +1,7 @@
 """The coupled simulator: flexible multibody turbine and free-wake vortex lattice marched together in time."""
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
-from wt_gym.errors import ActionError, SimulationError
+from wt_gym.errors import ActionError, InflowError, SimulationError
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
 from wt_gym.simulation.assembly import assemble
@@ -153,7 +153,7 @@ class Simulator:
         self._n_steps, self._started = 0, False
         try:
             self._starter.balance(rotor_speed, azimuth, generator_torque, self.inflow)
-        except (MultibodyError, AerodynamicsError, SimulationError) as error:
+        except (MultibodyError, AerodynamicsError, SimulationError, InflowError) as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True
         self._measure()
@@ -174,7 +174,8 @@ class Simulator:
             Demanded torque on the high-speed shaft [N m]; rate-limited and kept between 0 and the generator's maximum,
             which falls to zero as the rotor stops.
         go_on : bool
-            Whether extremes and ways in the signals go on from those of the call before, instead of beginning anew.
+            Whether extremes and ways in the signals go on from those of the call before, instead of beginning anew;
+            after a reset they do that in any case.
 
         Returns
         -------
@@ -186,7 +187,7 @@ class Simulator:
         ActionError
             For demands that are not finite or a duration that is no multiple of the time step.
         SimulationError
-            When the simulation diverges; the simulator must then be reset.
+            When the simulation diverges, or the inflow gives no wind; the simulator must then be reset.
         """
         self._require_start()
         drives, coupling = self.drives, self.coupling
@@ -203,7 +204,7 @@ class Simulator:
             drives.act(inputs, azimuth_u)
             try:
                 coupling.step(self.inflow, self._n_steps * step)
-            except (SimulationError, AerodynamicsError) as error:
+            except (SimulationError, AerodynamicsError, InflowError) as error:
                 self._started = False
                 raise SimulationError(f"simulation failed at {self.time:.3f} s: {error}") from error
             self._n_steps += 1

@@ -35,7 +35,7 @@ class Inflow(Protocol):
         """One line that tells a person what wind this is."""
 
     def velocity(self, points: np.ndarray, time: float) -> np.ndarray:
-        """Wind velocity [m/s], shape (..., 3), at points [m] of shape (..., 3) and a time [s]."""
+        """Wind velocity [m/s], shape (..., 3), at points [m] of shape (..., 3), to be read only, and a time [s]."""
 
 
 class PointInflow:

@@ -355,7 +355,7 @@ class BodySet:
             a.axis[1] = vertices[level == high].mean(axis=0)
         self._bent = True
 
-    def work(self, n_ring: int, n_point: int, wake_shape=(0, 0, 0), n_corner: int = 0) -> BodyWork:
+    def work(self, n_ring: int, n_point: int, wake_shape: tuple[int, int, int], n_corner: int) -> BodyWork:
         """Work arrays for the coupling with a lattice of that many rings, points, wake nodes (row, blade, node), and
         corners of the rings of a blade.
         """

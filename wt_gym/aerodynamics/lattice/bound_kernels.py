@@ -26,8 +26,8 @@ def distances(corner, points, out):
 def add_segment(a, b, from_a, from_b, core2, points, circulation, plus, minus):
     """Add the velocity of a segment from a to b at all points (3, n) to one ring (3, n), take it from another.
 
-    ``from_a`` and ``from_b`` (n,) are the distances of its ends; ``core2`` is rc^2. With r2 = r1 - l the product
-    r1 x r2 of the law is l x r1.
+    ``circulation`` is that of the segment, ``from_a`` and ``from_b`` (n,) are the distances of its ends, ``core2`` is
+    rc^2. With r2 = r1 - l the product r1 x r2 of the law is l x r1.
     """
     lx, ly, lz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     soft = core2 * (lx * lx + ly * ly + lz * lz) + 1e-300
@@ -128,7 +128,7 @@ def bound_influence(corners, segments, core2, n_segment, points, work, influence
     """Velocity of each unit ring, and of its images, at all points.
 
     Segments meet in corners: the distance of a corner from the points is computed once for all of them. Rings that are
-    not there, beyond the edges of a blade, are the last one of ``work.rings``.
+    not there, beyond the edges of a blade, are the last one of ``work.rings``, which nobody reads.
 
     Parameters
     ----------

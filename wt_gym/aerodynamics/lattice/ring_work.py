@@ -9,7 +9,7 @@ from wt_gym.aerodynamics.induction.aligned import aligned_zeros
 __all__ = ["RingWork"]
 
 PADDED = 16
-"""Points are repeated to a multiple of this number: what is left over of vectors takes the compiler one by one."""
+"""Points are repeated up to a multiple of this number: what is left over of vectors the compiler takes one by one."""
 
 
 class RingWork(NamedTuple):

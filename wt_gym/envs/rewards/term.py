@@ -83,12 +83,12 @@ class HighPass:
     """
 
     def __init__(self, time_constant: float, mean: float):
-        self.time_constant, self.mean = float(time_constant), float(mean)
+        self._time_constant, self.mean = float(time_constant), float(mean)
         self._dt, self._share = 0.0, 0.0
 
     def __call__(self, value: float, dt: float) -> float:
         """Deviation of ``value`` from the mean of the last ``time_constant`` seconds."""
         if dt != self._dt:
-            self._dt, self._share = dt, 1.0 - math.exp(-dt / self.time_constant)
+            self._dt, self._share = dt, 1.0 - math.exp(-dt / self._time_constant)
         self.mean += self._share * (value - self.mean)
         return value - self.mean
