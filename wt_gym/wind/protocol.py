@@ -173,7 +173,7 @@ def fill_velocity(inflow: Inflow, points: np.ndarray, time: float, out: np.ndarr
         The inflow gives velocities of another shape than the points, or refuses a point.
     """
     if isinstance(inflow, PointInflow) and type(inflow).velocity is PointInflow.velocity:
-        inflow.fill_velocity(points, time, out)
+        inflow.fill_velocity(points, time, out)  # type: ignore[unreachable]  # mypy takes no method for another
         return
     wind = np.asarray(inflow.velocity(points, time), dtype=np.float64)
     if wind.shape != points.shape:
