@@ -127,8 +127,9 @@ _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP,
 STUDIES: dict[str, Study] = {
     "LoadReduction": Study(
         "LoadReduction",
-        ("discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "lidar+constrained_ipc+tower_dampers",
-         f"{_TRAINED}load_reduction", f"{_TRAINED}load_reduction_on_ipc", f"{_TRAINED}load_reduction_on_lidar"),
+        ("discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "lidar+constrained_ipc+tower_dampers", "tuned_lidar",
+         f"{_TRAINED}load_reduction", f"{_TRAINED}load_reduction_on_ipc", f"{_TRAINED}load_reduction_on_lidar",
+         f"{_TRAINED}load_reduction_on_tuned_lidar", f"{_TRAINED}load_reduction_at_the_knee"),
         (Part(_winds((12.0, 16.0, 20.0), 2)),),
         _LOADS,
     ),
