@@ -140,8 +140,7 @@ def resume(
         if (engine := record.get("engine", LocalLearner.engine)) != learner.engine:
             raise ValueError(f"the training in {run.path} began with the engine {engine}: go on with --engine {engine}")
         learner.check(config)
-        arguments = resolved_arguments(config.env_id, config.env_kwargs)
-        arguments = with_pay(arguments)
+        arguments = with_pay(resolved_arguments(config.env_id, config.env_kwargs))
         before = with_pay(record.get("environment", arguments))
         if differing := [name for name in {**before, **arguments} if before.get(name) != arguments.get(name)]:
             raise ValueError(
