@@ -27,6 +27,7 @@ from wt_gym.turbines.checks import (
     check_symmetric,
     fail,
 )
+from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
 from wt_gym.turbines.support import Support
 
@@ -34,6 +35,7 @@ __all__ = [
     "Airfoil",
     "BeamStations",
     "Blade",
+    "ControlData",
     "Drivetrain",
     "Hub",
     "Nacelle",
@@ -357,6 +359,8 @@ class Turbine(ArrayRecord):
         ``"A+"``, ``"A"``, ``"B"`` or ``"C"`` of IEC 61400-1.
     notes : tuple of str
         What the reader had to assume because the file does not say it, in plain words.
+    control : ControlData or None
+        Published numbers of the turbine's own controller.
     """
 
     name: str
@@ -377,6 +381,7 @@ class Turbine(ArrayRecord):
     iec_class: str
     turbulence_class: str
     notes: tuple[str, ...] = ()
+    control: ControlData | None = later_field(None)
 
     def __post_init__(self) -> None:
         """Check the fields and that the parts fit together."""
@@ -389,6 +394,8 @@ class Turbine(ArrayRecord):
         ):
             if getattr(self, name) not in allowed:
                 raise fail(f"Turbine.{name}", getattr(self, name), " or ".join(map(repr, allowed)))
+        if self.control is not None and not isinstance(self.control, ControlData):
+            raise fail("Turbine.control", self.control, "ControlData or None")
         cut_in = check_number("Turbine.cut_in", self.cut_in, 0.0, 30.0)
         rated = check_number("Turbine.rated_wind_speed", self.rated_wind_speed, cut_in, 40.0, open_low=True)
         self._set(
