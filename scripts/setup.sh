@@ -30,7 +30,7 @@ set_up() {
         echo "error: $python is not Python 3.11 or newer; set PYTHON to one that is" >&2
         return 1
     fi
-    want="$(cat pyproject.toml constraints.txt | cksum) in $PWD"
+    want="$(cat pyproject.toml setup.py constraints.txt | cksum) in $PWD"
     [[ ! -f $stamp ]] || found=$(<"$stamp")
     if [[ $found == "$want" ]] && .venv/bin/python -c '' 2>/dev/null; then
         return

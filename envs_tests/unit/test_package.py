@@ -1,7 +1,8 @@
-"""The wheel: what is in it, and that it works where nothing of a clone is at hand."""
+"""The package in a clone, in a wheel and in an editable installation: what is in it, and that it works there."""
 
 import email
 import os
+import pickle
 import re
 import shutil
 import subprocess
@@ -16,12 +17,10 @@ import wt_gym
 from wt_gym.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKED = ("wt_gym", "agents", "pyproject.toml", "README.md", "LICENSE")
+PACKED = ("wt_gym", "agents", "pyproject.toml", "setup.py", "README.md", "LICENSE")
 IMPORTS = "import gymnasium as gym\nimport wt_gym\n"
 """Of the first block of a page: one without imports goes on from there."""
 NOT_PACKED = shutil.ignore_patterns("__pycache__", "*.egg-info")
-
-pytestmark = pytest.mark.slow
 
 
 def run(*command, folder, timeout=1800):
@@ -40,42 +39,113 @@ def succeeds(*command, folder):
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    """The wheel of a copy of the sources: building leaves its traces there."""
+def sources(tmp_path_factory):
+    """A copy of the sources: building leaves its traces there."""
     folder = tmp_path_factory.mktemp("sources")
     for name in PACKED:
         if (ROOT / name).is_dir():
             shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=NOT_PACKED)
         else:
             shutil.copy(ROOT / name, folder)
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
-    succeeds(
-        *pip, "wheel", "--no-deps", "--no-index", "--no-build-isolation", "--wheel-dir", "dist", ".", folder=folder
-    )
-    (path,) = (folder / "dist").glob("*.whl")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(sources):
+    return built(sources, sources / "dist")
+
+
+def built(sources, folder):
+    """The wheel of a folder or an archive of sources."""
+    options = ("--no-deps", "--no-index", "--no-build-isolation", "--wheel-dir", folder)
+    succeeds(sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", *options, sources, folder=ROOT.parent)
+    (path,) = folder.glob("*.whl")
     return path
 
 
 @pytest.fixture(scope="module")
 def installed(wheel, tmp_path_factory):
-    """Folder of an environment with the wheel. What it needs is lent by this interpreter: nothing is fetched."""
-    folder = tmp_path_factory.mktemp("installed")
+    """Folder of an environment with the wheel."""
+    return environment(tmp_path_factory.mktemp("installed"), wheel)
+
+
+def environment(folder, *installed):
+    """A virtual environment with what pip is given. What that needs is lent by this interpreter: nothing is fetched."""
     succeeds(sys.executable, "-m", "venv", "--without-pip", folder / "venv", folder=folder)
     python = folder / "venv" / "bin" / "python"
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python]
-    succeeds(*pip, "install", "--no-deps", "--no-index", wheel, folder=folder)
     site = Path(succeeds(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", folder=folder).strip())
     (site / "lent.pth").write_text("\n".join({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}) + "\n")
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python]
+    options = ("--no-deps", "--no-index", "--no-build-isolation", "--ignore-installed")
+    succeeds(*pip, "install", *options, *installed, folder=folder)
     (folder / "work").mkdir()
     return folder
 
 
+def test_the_sources_have_no_symbolic_links():
+    """Git writes them as text files where the system has none or does not allow them."""
+    folders = [ROOT / name for name in ("agents", "docs", "envs_tests", "scripts", "validation", "wt_gym")]
+    assert not [path for folder in folders for path in folder.rglob("*") if path.is_symlink()]
+
+
+def test_a_clone_finds_the_agents_under_the_name_of_the_package():
+    import wt_gym.agents
+    from wt_gym.agents import folder_lock
+
+    assert Path(wt_gym.agents.__file__) == ROOT / "agents" / "__init__.py"
+    assert (sys.modules["wt_gym.agents"], wt_gym.agents.__spec__.name) == (wt_gym.agents, "wt_gym.agents")
+    assert Path(folder_lock.__file__) == ROOT / "agents" / "folder_lock.py"
+    assert pickle.loads(pickle.dumps(folder_lock.FolderLock)) is folder_lock.FolderLock
+
+
+WORKERS = """
+import multiprocessing, sys
+from pathlib import Path
+import wt_gym.agents
+from wt_gym.agents.training.hyperparameters import hyperparameters_for
+from wt_gym.agents.folder_lock import FolderLock
+
+if __name__ == "__main__":
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        print(pool.apply(FolderLock, ("folder", "work")).__class__ is FolderLock, FolderLock.__module__)
+    print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v0")) > 3, Path(wt_gym.agents.__file__).parent)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("editable", [False, True])
+def test_pickles_workers_and_data_find_their_way(installed, sources, tmp_path, editable):
+    folder = environment(tmp_path, "--editable", sources) if editable else installed
+    program = folder / "work" / "program.py"
+    program.write_text(WORKERS)
+    workers, settings = succeeds(folder / "venv" / "bin" / "python", program, folder=folder / "work").splitlines()
+    assert workers == "True wt_gym.agents.folder_lock"
+    found, agents = settings.split()
+    assert found == "True"
+    assert Path(agents, "trained", "load_reduction", "model.zip").is_file()
+    assert Path(agents).is_relative_to(sources if editable else folder)
+
+
+@pytest.mark.slow
+def test_the_archive_of_the_sources_makes_the_same_wheel(wheel, sources, tmp_path):
+    code = "from setuptools.build_meta import build_sdist; import sys; build_sdist(sys.argv[1])"
+    succeeds(sys.executable, "-c", code, tmp_path, folder=sources)
+    (archive,) = tmp_path.glob("*.tar.gz")
+    with zipfile.ZipFile(wheel) as direct, zipfile.ZipFile(built(archive, tmp_path / "dist")) as other:
+        contents = [{name: file.read(name) for name in file.namelist()} for file in (direct, other)]
+    assert {name for name in contents[0] if contents[0][name] != contents[1].get(name)} == set()
+    assert contents[0].keys() == contents[1].keys()
+
+
+@pytest.mark.slow
 def test_the_wheel_holds_the_package_and_nothing_else(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
         (record,) = (name for name in names if name.endswith(".dist-info/METADATA"))
         metadata = email.message_from_bytes(archive.read(record))
         entries = archive.read(record.replace("METADATA", "entry_points.txt")).decode()
+        agents = archive.read("wt_gym/agents/__init__.py")
+    assert agents == (ROOT / "agents" / "__init__.py").read_bytes()  # not the way to it in a clone
     assert {name.split("/")[0] for name in names} == {"wt_gym", record.split("/")[0]}
     assert not [name for name in names if "__pycache__" in name or "test" in name.lower()]
     packed = {name for name in names if name.startswith("wt_gym/")}
@@ -89,6 +159,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
     assert "wt-gym = wt_gym.commands:main" in entries
 
 
+@pytest.mark.slow
 def test_the_command_works_where_it_is_installed(installed):
     program, folder = installed / "venv" / "bin" / "wt-gym", installed / "work"
     text = succeeds(program, "--help", folder=folder)
@@ -102,6 +173,7 @@ def test_the_command_works_where_it_is_installed(installed):
     assert "a clone of the project" in errors
 
 
+@pytest.mark.slow
 def test_it_takes_no_names_but_its_own(installed):
     python, folder = installed / "venv" / "bin" / "python", installed / "work"
     assert run(python, "-c", "import agents", folder=folder)[0] == 1
@@ -109,6 +181,7 @@ def test_it_takes_no_names_but_its_own(installed):
     assert Path(where.strip()).is_relative_to(installed / "venv")
 
 
+@pytest.mark.slow
 def test_the_blocks_of_readme_and_quick_start_run(installed):
     pages = {page: (ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/quickstart.md")}
     blocks = {page: re.findall(r"```python\n(.*?)```", text, re.DOTALL) for page, text in pages.items()}

@@ -1,0 +1,39 @@
+#!/usr/bin/env python3
+"""Check the types of the whole package: mypy on a copy in which ``agents`` is the package ``wt_gym.agents``.
+
+mypy looks for modules in folders of their names only; run in a clone it checks ``wt_gym`` without ``agents``. The copy
+is kept in ``.mypy_cache``, with what mypy remembers of it. Arguments go to mypy.
+"""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+COPY = ROOT / ".mypy_cache" / "package"
+
+
+def copy_sources() -> None:
+    """Bring the copy up to date; files that are as they were keep their times, which spares mypy to read them."""
+    shutil.rmtree(COPY, ignore_errors=True)
+    rest = shutil.ignore_patterns("__pycache__", "data", "trained", "hyperparameters")
+    for name in ("wt_gym", "validation"):  # the package imports validation where a clone is at hand
+        shutil.copytree(ROOT / name, COPY / name, ignore=rest)
+    shutil.rmtree(COPY / "wt_gym" / "agents")
+    shutil.copytree(ROOT / "agents", COPY / "wt_gym" / "agents", ignore=rest)
+
+
+if __name__ == "__main__":
+    copy_sources()
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--config-file",
+        "../../pyproject.toml",
+        "--cache-dir",
+        "..",
+        *sys.argv[1:],
+    ]
+    sys.exit(subprocess.run(command, cwd=COPY).returncode)
