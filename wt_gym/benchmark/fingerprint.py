@@ -57,7 +57,7 @@ def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[st
 
 @cache
 def _sources() -> dict[str, str]:
-    kernels = {*_ROOT.rglob("*_kernels.py"), _ROOT / "compiled.py"}
+    kernels = {*_ROOT.rglob("*_kernels.py"), _ROOT / "compiled.py", _ROOT / "kernel_linking.py"}
     rooms = {
         "model": _modules("aerodynamics", "multibody", "simulation", "structure"),
         "wind": {*_modules("wind"), _ROOT / "envs" / "wind_sampler.py"},
