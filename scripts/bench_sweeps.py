@@ -13,8 +13,8 @@ gives it tasks that do nothing. Both need the extra "ray".
 import argparse
 import json
 import os
-import resource
 import shutil
+import sys
 import tempfile
 import threading
 import time
@@ -25,7 +25,10 @@ import use_venv  # noqa: F401 - finds packages and interpreter
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.executors import ProcessExecutor, SerialExecutor, executor_for
 from wt_gym.analysis.results import Wind
+from wt_gym.process_memory import peak_memory
 
+if not Path("/proc/self/stat").exists():
+    sys.exit("error: processor times are read from /proc, which only Linux has")
 _TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -131,7 +134,7 @@ def overhead(arguments: argparse.Namespace) -> dict:
         "nodes": arguments.nodes, "tasks": arguments.tasks, "start_seconds": round(ready - started, 1),
         "wall_seconds": round(wall, 2), "ms_a_task": round(1e3 * wall / arguments.tasks, 2),
         "driver_cpu_ms_a_task": round(1e3 * cpu / arguments.tasks, 2),
-        "peak_memory_of_driver_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
+        "peak_memory_of_driver_mb": int(peak_memory() or 0.0),
     }  # fmt: skip
 
 

@@ -72,7 +72,7 @@ def simulate(arguments: argparse.Namespace) -> None:
             f"{k} of {len(runs)} in {time.monotonic() - started:.0f} s: {name}, {wind:g} m/s, seed {seed}", flush=True
         )
     arguments.csv.parent.mkdir(parents=True, exist_ok=True)
-    with arguments.csv.open("w", newline="") as file:
+    with arguments.csv.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
@@ -81,7 +81,7 @@ def simulate(arguments: argparse.Namespace) -> None:
 def read(path: Path) -> list[dict]:
     """Rows of the table, numbers as numbers."""
     kinds = {"controller": str, "seed": int}
-    with path.open(newline="") as file:
+    with path.open(newline="", encoding="utf-8") as file:
         return [{key: kinds.get(key, float)(value) for key, value in row.items()} for row in csv.DictReader(file)]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -68,13 +68,16 @@ def remove_partial(folder: Path) -> None:
     """Remove what killed processes had begun to write; what a running one writes at the moment stays."""
     for file in folder.glob(".*.partial"):
         if not _writes(file):
-            file.unlink(missing_ok=True)
+            with suppress(PermissionError):
+                file.unlink(missing_ok=True)
 
 
 def _writes(partial: Path) -> bool:
     """Whether the process whose number stands in the name of a temporary file is another one that runs."""
     number = partial.name.split(".")[-2]
     if not number.isdigit() or int(number) == os.getpid():  # one of an earlier process with the same number
+        return False
+    if os.name == "nt":  # where a file that is written cannot be removed, and os.kill would end the process
         return False
     try:
         os.kill(int(number), 0)  # only asks

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import gc
-import resource
 from dataclasses import dataclass
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 
 import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.process_memory import resident_memory
 
-__all__ = ["MemoryRecord", "measure_memory", "resident_memory"]
+__all__ = ["MemoryRecord", "measure_memory"]
 
 _SAMPLES = 100
 _WARM = 0.2
@@ -43,15 +42,6 @@ class MemoryRecord:
         return float(slope) * 1024.0 * 1000.0
 
 
-def resident_memory() -> float:
-    """Resident memory of this process [MiB]; where the system does not tell, the most that it ever was."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    return pages * resource.getpagesize() / 2**20
-
-
 def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v0", episode_steps: int = 50) -> MemoryRecord:
     """Step an environment at random with short episodes.
 
@@ -67,6 +57,8 @@ def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v0", episode_
     ------
     ValueError
         If there are too few steps to tell.
+    OSError
+        If the system does not tell how much memory a process has.
     """
     if steps < 10 * _SAMPLES:
         raise ValueError(f"memory needs at least {10 * _SAMPLES} steps to tell, got {steps}")
@@ -82,6 +74,9 @@ def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v0", episode_
         if (step + 1) % (steps // _SAMPLES) == 0:
             gc.collect()  # what is only waiting to be collected, or kept for reuse, does not grow without end
             record.steps.append(step + 1)
-            record.resident.append(resident_memory())
+            resident = resident_memory()
+            if resident is None:
+                raise OSError("the memory of a process is not known on this system; install psutil")
+            record.resident.append(resident)
     env.close()
     return MemoryRecord(record.steps, record.resident, resets)

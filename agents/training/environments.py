@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import signal
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -18,15 +19,21 @@ if TYPE_CHECKING:
 
     from wt_gym.agents.training.config import TrainingConfig
 
-__all__ = ["make_training_env", "monitored", "normalised"]
+__all__ = ["START_METHOD", "make_training_env", "monitored", "normalised"]
+
+START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+"""How processes that step environments begin: the former where there is one (not on Windows), because it is faster.
+
+A fork would copy the threads of numba and torch in a broken state, once the kernels have been compiled or read from the
+cache.
+"""
 
 
 def make_training_env(config: TrainingConfig) -> VecNormalize:
     """Copies of the environment with statistics of rewards.
 
     Several copies of an environment of this package are stepped by threads of this process, others in processes of
-    their own. These are started by forkserver, because a fork would copy the threads of numba and torch in a broken
-    state, once the kernels have been compiled or read from the cache.
+    their own.
 
     Raises
     ------
@@ -41,7 +48,7 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
         venv = VecMonitor(_make(partial(TurbineVecEnv, num_envs=config.n_envs), config))
     else:
         compile_kernels(first)
-        venv = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * config.n_envs, start_method="forkserver")
+        venv = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * config.n_envs, start_method=START_METHOD)
     return normalised(venv, config)
 
 

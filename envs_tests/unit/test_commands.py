@@ -3,7 +3,7 @@
 import argparse
 import json
 import os
-import resource
+
 import select
 import signal
 import subprocess
@@ -353,6 +353,7 @@ def test_a_full_disk_ends_in_one_line_and_what_was_written_stays(monkeypatch, tm
 @contextmanager
 def files_of_at_most(size):
     """A limit on files stands for a disk that is full; Python ignores the signal that comes with it."""
+    resource = pytest.importorskip("resource")
     former = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, former[1]))
     try:

@@ -74,7 +74,8 @@ def run(modules, code=RUN):
 
 def process(code, folders, **more):
     """Run a program that finds its modules in these folders."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))} | more
+    own = {"PYTHONPATH": os.pathsep.join(map(str, folders)), "NUMBA_CACHE_DIR": ""}  # kept beside the modules
+    environment = os.environ | own | more
     return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, cwd=folders[0])
 
 

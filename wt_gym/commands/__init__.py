@@ -6,7 +6,7 @@ import argparse
 from importlib import import_module
 
 import wt_gym
-from wt_gym.commands.program import OneLineParser
+from wt_gym.commands.program import OneLineParser, write_any_character
 
 __all__ = ["COMMANDS", "main"]
 
@@ -46,5 +46,6 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--version", action="version", version=f"wt_gym {wt_gym.__version__}")
     parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help=argparse.SUPPRESS)
     parser.add_argument("words", nargs=argparse.REMAINDER, default=[], metavar="OPTIONS", help=argparse.SUPPRESS)
+    write_any_character()
     chosen = parser.parse_args(words)
     import_module(f"wt_gym.commands.{chosen.command.replace('-', '_')}").main(chosen.words)

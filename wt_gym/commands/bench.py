@@ -18,7 +18,6 @@ import json
 import math
 import os
 import platform
-import resource
 import signal
 import subprocess
 import sys
@@ -29,6 +28,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser, stoppable, user_errors
+from wt_gym.process_memory import peak_memory
 
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
@@ -105,7 +105,7 @@ def measure_simulator(fidelity: str, wall: float) -> dict:
         "real_time_factor": float(np.median(factors)),
         "real_time_factor_best": max(factors),
         "aero_step_s": simulator.time_step,
-        "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "peak_memory_mib": peak_memory(),
     }
 
 
@@ -136,7 +136,7 @@ def measure_environment(fidelity: str, wall: float) -> dict:
     return {
         "env_steps_per_s": steps / elapsed,
         "env_reset_s": reset_time / (resets + 1),
-        "env_peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "env_peak_memory_mib": peak_memory(),
     }
 
 
@@ -243,12 +243,12 @@ def measure_learning(fidelity: str, steps: float) -> dict:
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
     from wt_gym.agents.training.config import TrainingConfig
-    from wt_gym.agents.training.environments import make_training_env, monitored, normalised
+    from wt_gym.agents.training.environments import START_METHOD, make_training_env, monitored, normalised
     from wt_gym.agents.training.models import make_model
 
     number = min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
     config = TrainingConfig(env_kwargs={"fidelity": fidelity}, n_envs=number)
-    processes = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * number, start_method="forkserver")
+    processes = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * number, start_method=START_METHOD)
     environments = {"threads": make_training_env(config), "processes": normalised(processes, config)}
     models = {way: make_model(config, venv) for way, venv in environments.items()}
     elapsed, share = dict.fromkeys(models, 0.0), math.ceil(steps / 10)
@@ -393,12 +393,20 @@ def output_of(command: list[str], environment: dict[str, str] | None = None) -> 
         try:
             lines = process.communicate()[0].splitlines()
         except BaseException:
-            with suppress(ProcessLookupError):  # all have ended meanwhile
-                os.killpg(process.pid, signal.SIGKILL)
+            _end(process)
             raise
     if process.returncode:
         raise ChildProcessError(f"a measurement failed with status {process.returncode}: {' '.join(command)}")
     return lines
+
+
+def _end(process: subprocess.Popen) -> None:
+    """End a program with all it has begun; on Windows the program alone, whose own programs end by themselves."""
+    if hasattr(os, "killpg"):
+        with suppress(ProcessLookupError):  # all have ended meanwhile
+            os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
 
 
 def package_path() -> str:
@@ -417,7 +425,7 @@ def beside(script: str, *options: str) -> dict:
 def processor() -> str:
     """Name of the processor."""
     try:
-        with open("/proc/cpuinfo") as info:
+        with open("/proc/cpuinfo", encoding="utf-8") as info:
             return next(line.split(":", 1)[1].strip() for line in info if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor() or platform.machine()

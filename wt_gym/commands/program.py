@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import re
 import signal
@@ -29,6 +30,7 @@ __all__ = [
     "json_value",
     "stoppable",
     "user_errors",
+    "write_any_character",
 ]
 
 UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
@@ -115,6 +117,13 @@ def user_errors() -> Iterator[None]:
         sys.exit(f"error: {error.name} is not installed; {_installation(_EXTRAS[error.name])}")
     except (WtGymError, ValueError, OSError, gym.error.Error) as error:
         sys.exit(f"error: {' '.join(str(error).split())}")
+
+
+def write_any_character() -> None:
+    """Have a terminal or file whose encoding lacks a character, such as Greek ones on Windows, show another one."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 class _Terminated(KeyboardInterrupt):

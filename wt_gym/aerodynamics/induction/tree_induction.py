@@ -119,7 +119,8 @@ CHUNKS = 8  # parts of a range for each thread: some take longer than others
 _pools: dict[int, ThreadPoolExecutor] = {}  # by number of threads
 
 # The threads of a pool exist only in the process that started them.
-os.register_at_fork(after_in_child=_pools.clear)
+if hasattr(os, "register_at_fork"):  # processes can be forked
+    os.register_at_fork(after_in_child=_pools.clear)
 
 
 def split_range(part, n, step, n_threads):
