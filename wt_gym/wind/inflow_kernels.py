@@ -12,8 +12,30 @@ from wt_gym.compiled import kernel
 _FASTMATH = {"contract", "afn", "arcp", "nsz"}
 
 
+# Share of the hub height below which a profile that grows downwards keeps its speed.
+LOWEST_OF_NEGATIVE_SHEAR = 0.1
+
+
 @kernel(fastmath=_FASTMATH)
-def _mean_speed(z, speed, hub_height, shear_exponent, roughness_length):
+def _jet_shape(z, jet_height):
+    """Prandtl's profile, 1 at the nose: sqrt(2) exp(pi/4 - x) sin(x), x = pi z/(4 nose)."""
+    place = 0.25 * math.pi * z / jet_height
+    return math.sqrt(2.0) * math.exp(0.25 * math.pi - place) * math.sin(place)
+
+
+@kernel(fastmath=_FASTMATH)
+def _mean_speed(z, speed, hub_height, shear_exponent, roughness_length, jet_height, jet_share):
+    magnitude = _layer_speed(z, speed, hub_height, shear_exponent, roughness_length)
+    if jet_height > 0.0:
+        if z <= 0.0:
+            return 0.0
+        jet = speed * _jet_shape(z, jet_height) / _jet_shape(hub_height, jet_height)
+        magnitude += jet_share * (jet - magnitude)
+    return magnitude
+
+
+@kernel(fastmath=_FASTMATH)
+def _layer_speed(z, speed, hub_height, shear_exponent, roughness_length):
     if roughness_length > 0.0:
         if z <= roughness_length:
             return 0.0
@@ -22,6 +44,8 @@ def _mean_speed(z, speed, hub_height, shear_exponent, roughness_length):
         if z <= 0.0:
             return 0.0
         return speed * math.exp(shear_exponent * math.log(z / hub_height))
+    if shear_exponent < 0.0:
+        return speed * math.exp(shear_exponent * math.log(max(z / hub_height, LOWEST_OF_NEGATIVE_SHEAR)))
     return speed
 
 
@@ -32,6 +56,8 @@ def mean_velocity(
     hub_height,
     shear_exponent,
     roughness_length,
+    jet_height,
+    jet_share,
     veer,
     direction,
     inclination,
@@ -49,7 +75,7 @@ def mean_velocity(
         if not abs(x) + abs(y) + abs(z) < math.inf:
             return i
         height = z - hub_height
-        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length)
+        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length, jet_height, jet_share)
         c = cos_direction
         s = sin_direction
         if veer != 0.0:
@@ -68,6 +94,8 @@ def transient_velocity(
     hub_height,
     shear_exponent,
     roughness_length,
+    jet_height,
+    jet_share,
     veer,
     direction,
     inclination,
@@ -93,7 +121,10 @@ def transient_velocity(
         height = z - hub_height
         heading = direction + turn[i]
         across = y * math.cos(heading) - x * math.sin(heading)
-        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length) + speed_increment[i]
+        magnitude = (
+            _mean_speed(z, speed, hub_height, shear_exponent, roughness_length, jet_height, jet_share)
+            + speed_increment[i]
+        )
         magnitude += lateral_gradient[i] * min(max(across, -reach), reach)
         magnitude += vertical_gradient[i] * min(max(height, -reach), reach)
         heading += veer * height
@@ -111,20 +142,28 @@ def turbulent_velocity(
     hub_height,
     shear_exponent,
     roughness_length,
+    jet_height,
+    jet_share,
     veer,
     direction,
     inclination,
     fluctuation,
+    tower,
     scale,
     time_step,
     spacing_y,
     spacing_z,
+    y_center,
     z_bottom,
     out,
 ):
-    """Velocity of the mean wind plus ``scale`` times a box (n_times, n_z, n_y, 3) carried along at ``speed``."""
+    """Velocity of the mean wind plus ``scale`` times a box (n_times, n_z, n_y, 3) carried along at ``speed``.
+
+    Below the grid the wind is that of the tower points (n_times, n_tower, 3), ``spacing_z`` apart, where there are any.
+    """
     n_times, n_z, n_y, _ = fluctuation.shape
-    y_start = -0.5 * spacing_y * (n_y - 1)
+    n_tower = tower.shape[1]
+    y_start = y_center - 0.5 * spacing_y * (n_y - 1)
     cos_direction = math.cos(direction)
     sin_direction = math.sin(direction)
     cos_inclination = math.cos(inclination)
@@ -174,10 +213,26 @@ def turbulent_velocity(
                 v += near * fluctuation[t, j, iy, 1] + far * fluctuation[t, j, iy + 1, 1]
                 w += near * fluctuation[t, j, iy, 2] + far * fluctuation[t, j, iy + 1, 2]
 
+        if n_tower > 0 and above < z_bottom:
+            depth = min((z_bottom - above) / spacing_z, float(n_tower))
+            level = min(int(depth), n_tower - 1)
+            down = depth - level
+            now = down * (1.0 - ft)
+            then = down * ft
+            kept = 1.0 - down
+            if level > 0:  # above it is another tower point, not the lowest row of the grid
+                up = level - 1
+                u = (1.0 - ft) * tower[it, up, 0] + ft * tower[it_next, up, 0]
+                v = (1.0 - ft) * tower[it, up, 1] + ft * tower[it_next, up, 1]
+                w = (1.0 - ft) * tower[it, up, 2] + ft * tower[it_next, up, 2]
+            u = kept * u + now * tower[it, level, 0] + then * tower[it_next, level, 0]
+            v = kept * v + now * tower[it, level, 1] + then * tower[it_next, level, 1]
+            w = kept * w + now * tower[it, level, 2] + then * tower[it_next, level, 2]
+
         u *= scale
         v *= scale
         w *= scale
-        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length)
+        magnitude = _mean_speed(z, speed, hub_height, shear_exponent, roughness_length, jet_height, jet_share)
         c = cos_direction
         s = sin_direction
         if veer != 0.0:
@@ -187,4 +242,68 @@ def turbulent_velocity(
         out[i, 0] = magnitude * cos_inclination * c + forward * cos_direction - v * sin_direction
         out[i, 1] = magnitude * cos_inclination * s + forward * sin_direction + v * cos_direction
         out[i, 2] = (magnitude + u) * sin_inclination + w * cos_inclination
+    return -1
+
+
+@kernel(fastmath=_FASTMATH)
+def _series_place(times, time):
+    """Row before a time, and the share of the way to the next one; the ends hold beyond the series."""
+    last = times.shape[0] - 1
+    if time < times[0] or last == 0:
+        return 0, 0.0
+    if time >= times[last]:
+        return last, 0.0
+    low = 0
+    high = last
+    while high - low > 1:  # times[low] <= time < times[high]
+        middle = (low + high) // 2
+        if time < times[middle]:
+            high = middle
+        else:
+            low = middle
+    return low, (time - times[low]) / (times[high] - times[low])
+
+
+@kernel(fastmath=_FASTMATH)
+def _series_value(table, row, share, column):
+    value = table[row, column]
+    if share > 0.0:
+        value += share * (table[row + 1, column] - value)
+    return value
+
+
+@kernel(fastmath=_FASTMATH)
+def series_velocity(points, time, times, table, hub_height, length, slowness, travel_direction, out):
+    """Velocity of a wind that follows a table (n_times, 8) in straight lines.
+
+    Columns: speed, direction, vertical speed, power-law exponent, horizontal and vertical linear shear, gust, upflow.
+    A point meets what passed the tower ``slowness`` [s/m] times its distance along ``travel_direction`` ago.
+    """
+    c_travel = math.cos(travel_direction)
+    s_travel = math.sin(travel_direction)
+    row, share = _series_place(times, time)
+    for i in range(points.shape[0]):
+        x = points[i, 0]
+        y = points[i, 1]
+        z = points[i, 2]
+        if not abs(x) + abs(y) + abs(z) < math.inf:
+            return i
+        if slowness > 0.0:
+            row, share = _series_place(times, time - slowness * (x * c_travel + y * s_travel))
+        speed = _series_value(table, row, share, 0)
+        direction = _series_value(table, row, share, 1)
+        vertical = _series_value(table, row, share, 2)
+        exponent = _series_value(table, row, share, 3)
+        upflow = _series_value(table, row, share, 7)
+        c = math.cos(direction)
+        s = math.sin(direction)
+        across = _series_value(table, row, share, 4) * (y * c - x * s)
+        along = _layer_speed(z, speed, hub_height, exponent, 0.0) + _series_value(table, row, share, 6)
+        along += speed * (across + _series_value(table, row, share, 5) * (z - hub_height)) / length
+        c_up = math.cos(upflow)
+        s_up = math.sin(upflow)
+        forward = along * c_up - vertical * s_up
+        out[i, 0] = forward * c
+        out[i, 1] = forward * s
+        out[i, 2] = along * s_up + vertical * c_up
     return -1
