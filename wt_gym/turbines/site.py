@@ -76,9 +76,7 @@ def with_site(turbine: Turbine, site: Mapping[str, Any] | None) -> Turbine:
     designed = turbine.controller_air_density
     if "controller_air_density" in site:
         designed = check_number("site['controller_air_density']", site["controller_air_density"], 0.1, 10.0)
-    if designed != changes.get("air_density", turbine.air_density) or turbine.design_air_density is not None:
-        changes["design_air_density"] = designed
-    if "controller_air_density" in site:
+    if designed != changes.get("air_density", turbine.air_density) or "controller_air_density" in site:
         changes["design_air_density"] = designed
     told = [f"{name} {site[name]} {unit}".strip() for name, unit in SITE.items() if name in site]
     return replace(turbine, **changes, notes=(*turbine.notes, _NOTE + ", ".join(told))) if site else turbine
@@ -97,7 +95,8 @@ def at_controller_density(turbine: Turbine) -> Turbine:
     return replace(
         turbine,
         air_density=density,
-        rated_wind_speed=turbine.rated_wind_speed * (turbine.air_density / density) ** (1.0 / 3.0),
+        # as many digits as tell the rounding of the way there and back from a turbine's number
+        rated_wind_speed=round(turbine.rated_wind_speed * (turbine.air_density / density) ** (1.0 / 3.0), 9),
         design_air_density=None,
         notes=tuple(note for note in turbine.notes if not note.startswith(_NOTE)),
     )
