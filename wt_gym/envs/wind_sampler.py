@@ -420,7 +420,12 @@ class WindSampler:
     def _own_inflow(given, hub_height: float, rotor_diameter: float) -> Inflow | WindFile:
         if is_wind_file(given):
             return WindFile.found(given, hub_height, rotor_diameter)
-        inflow = wind_from(given, hub_height, rotor_diameter) if isinstance(given, Mapping) else given
+        inflow = given
+        if isinstance(given, Mapping):
+            try:
+                inflow = wind_from(given, hub_height, rotor_diameter)
+            except InflowError as error:
+                raise InflowError(f"inflow: {error}") from error
         require_cover(inflow, hub_height, rotor_diameter)
         return inflow
 
