@@ -148,7 +148,6 @@ def turbulent_velocity(
     direction,
     inclination,
     fluctuation,
-    tower,
     scale,
     time_step,
     spacing_y,
@@ -157,12 +156,8 @@ def turbulent_velocity(
     z_bottom,
     out,
 ):
-    """Velocity of the mean wind plus ``scale`` times a box (n_times, n_z, n_y, 3) carried along at ``speed``.
-
-    Below the grid the wind is that of the tower points (n_times, n_tower, 3), ``spacing_z`` apart, where there are any.
-    """
+    """Velocity of the mean wind plus ``scale`` times a box (n_times, n_z, n_y, 3) carried along at ``speed``."""
     n_times, n_z, n_y, _ = fluctuation.shape
-    n_tower = tower.shape[1]
     y_start = y_center - 0.5 * spacing_y * (n_y - 1)
     cos_direction = math.cos(direction)
     sin_direction = math.sin(direction)
@@ -213,22 +208,6 @@ def turbulent_velocity(
                 v += near * fluctuation[t, j, iy, 1] + far * fluctuation[t, j, iy + 1, 1]
                 w += near * fluctuation[t, j, iy, 2] + far * fluctuation[t, j, iy + 1, 2]
 
-        if n_tower > 0 and above < z_bottom:
-            depth = min((z_bottom - above) / spacing_z, float(n_tower))
-            level = min(int(depth), n_tower - 1)
-            down = depth - level
-            now = down * (1.0 - ft)
-            then = down * ft
-            kept = 1.0 - down
-            if level > 0:  # above it is another tower point, not the lowest row of the grid
-                up = level - 1
-                u = (1.0 - ft) * tower[it, up, 0] + ft * tower[it_next, up, 0]
-                v = (1.0 - ft) * tower[it, up, 1] + ft * tower[it_next, up, 1]
-                w = (1.0 - ft) * tower[it, up, 2] + ft * tower[it_next, up, 2]
-            u = kept * u + now * tower[it, level, 0] + then * tower[it_next, level, 0]
-            v = kept * v + now * tower[it, level, 1] + then * tower[it_next, level, 1]
-            w = kept * w + now * tower[it, level, 2] + then * tower[it_next, level, 2]
-
         u *= scale
         v *= scale
         w *= scale
@@ -243,6 +222,79 @@ def turbulent_velocity(
         out[i, 1] = magnitude * cos_inclination * s + forward * sin_direction + v * cos_direction
         out[i, 2] = (magnitude + u) * sin_inclination + w * cos_inclination
     return -1
+
+
+@kernel(fastmath=_FASTMATH)
+def add_tower_points(
+    points,
+    time,
+    speed,
+    hub_height,
+    direction,
+    inclination,
+    fluctuation,
+    tower,
+    scale,
+    time_step,
+    spacing_y,
+    spacing_z,
+    y_center,
+    z_bottom,
+    out,
+):
+    """Below the grid of a box: exchange its lowest row in ``out`` for the wind between that row and the tower points.
+
+    The points (n_times, n_tower, 3) are ``spacing_z`` apart, the first so far below the lowest row.
+    """
+    n_times, _, n_y, _ = fluctuation.shape
+    n_tower = tower.shape[1]
+    y_start = y_center - 0.5 * spacing_y * (n_y - 1)
+    c = math.cos(direction)
+    s = math.sin(direction)
+    cos_inclination = math.cos(inclination)
+    sin_inclination = math.sin(inclination)
+    for i in range(points.shape[0]):
+        height = points[i, 2] - hub_height
+        ahead = points[i, 0] * c + points[i, 1] * s
+        above = height * cos_inclination - ahead * sin_inclination + hub_height
+        if not above < z_bottom:
+            continue
+        along = ahead * cos_inclination + height * sin_inclination
+        cycles = (time - along / speed) / (time_step * n_times)
+        place = (cycles - math.floor(cycles)) * n_times
+        it = min(int(place), n_times - 1)
+        ft = place - it
+        it_next = it + 1 if it + 1 < n_times else 0
+        place = min(max((points[i, 1] * c - points[i, 0] * s - y_start) / spacing_y, 0.0), n_y - 1.0)
+        iy = min(int(place), n_y - 2)
+        fy = place - iy
+        depth = min((z_bottom - above) / spacing_z, float(n_tower))
+        level = min(int(depth), n_tower - 1)
+        down = scale * (depth - level)  # share of the tower point below
+        up = scale - down  # of that above, or of the lowest row
+        change = (0.0, 0.0, 0.0)
+        for k in range(2):
+            t = it if k == 0 else it_next
+            f = 1.0 - ft if k == 0 else ft
+            u = v = w = 0.0
+            for side in range(2):
+                share = (1.0 - fy if side == 0 else fy) * (scale - (up if level == 0 else 0.0))
+                u -= share * fluctuation[t, 0, iy + side, 0]
+                v -= share * fluctuation[t, 0, iy + side, 1]
+                w -= share * fluctuation[t, 0, iy + side, 2]
+            if level > 0:
+                u += up * tower[t, level - 1, 0]
+                v += up * tower[t, level - 1, 1]
+                w += up * tower[t, level - 1, 2]
+            u += down * tower[t, level, 0]
+            v += down * tower[t, level, 1]
+            w += down * tower[t, level, 2]
+            change = change[0] + f * u, change[1] + f * v, change[2] + f * w
+        u, v, w = change
+        forward = u * cos_inclination - w * sin_inclination
+        out[i, 0] += forward * c - v * s
+        out[i, 1] += forward * s + v * c
+        out[i, 2] += u * sin_inclination + w * cos_inclination
 
 
 @kernel(fastmath=_FASTMATH)

@@ -8,7 +8,7 @@ import numpy as np
 
 from wt_gym.errors import InflowError
 from wt_gym.wind.evolution import evolved_boxes
-from wt_gym.wind.inflow_kernels import turbulent_velocity
+from wt_gym.wind.inflow_kernels import add_tower_points, turbulent_velocity
 from wt_gym.wind.protocol import PointInflow, require_number
 from wt_gym.wind.steady import SteadyInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
@@ -146,17 +146,12 @@ class TurbulentInflow(PointInflow):
         return -1
 
     def _fill_from(self, box: TurbulenceBox, rows: np.ndarray, time: float, out: np.ndarray) -> int:
-        return turbulent_velocity(
-            rows,
-            time + self.time_offset,
-            *self._mean_wind,
-            box.fluctuation,
-            box.tower,
-            box.scale,
-            box.time_step,
-            box.spacing_y,
-            box.spacing_z,
-            box.y_center,
-            box.z_bottom,
-            out,
-        )
+        place = box.time_step, box.spacing_y, box.spacing_z, box.y_center, box.z_bottom
+        seen = time + self.time_offset
+        bad = turbulent_velocity(rows, seen, *self._mean_wind, box.fluctuation, box.scale, *place, out)
+        tower = cast(np.ndarray, box.tower)
+        if bad < 0 and tower.shape[1] > 0:
+            steady = self._steady
+            mean = steady.speed, steady.hub_height, steady.yaw_misalignment, steady.inclination
+            add_tower_points(rows, seen, *mean, box.fluctuation, tower, box.scale, *place, out)
+        return bad
