@@ -105,3 +105,7 @@ def test_where_a_turbine_starts():
     ramp = SeriesInflow.ramp(8.0, 20.0, 10.0, 30.0)
     assert starting_point(NREL, ramp) == operating_point(NREL, 8.0)
     assert math.isclose(ramp.mean_speed, 14.0)
+    # beyond cut-out along the slope of the last 5 % below it
+    ends = [operating_point(NREL, share * NREL.cut_out).pitch for share in (0.95, 1.0)]
+    assert starting_point(NREL, SteadyInflow(1.2 * NREL.cut_out)).pitch == pytest.approx(5 * ends[1] - 4 * ends[0])
+    assert starting_point(NREL, SteadyInflow(100.0)).pitch == NREL.pitch.max_pitch
