@@ -9,7 +9,7 @@ import numpy as np
 from wt_gym.control import Demand
 from wt_gym.control.controllers import checked_demand, readings_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
-from wt_gym.control.operating_point import operating_point
+from wt_gym.control.starting_point import starting_point
 from wt_gym.simulation import Recorder
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def run_controller(
     dt = simulator.time_step if control_dt is None else control_dt
     if not (dt > 0.0 and 0.0 <= duration < np.inf):
         raise ValueError(f"a positive interval and a finite duration are needed, got {dt!r} s and {duration!r} s")
-    point = operating_point(simulator.turbine, simulator.inflow.mean_speed)
+    point = starting_point(simulator.turbine, simulator.inflow)
     speed = point.rotor_speed if rotor_speed is None else rotor_speed
     signals = simulator.reset(rotor_speed=speed, pitch=point.pitch)
     inflow, height, n_blades = simulator.inflow, simulator.turbine.hub_height, simulator.turbine.n_blades

@@ -30,7 +30,7 @@ JSON_VALUES = {
 NOTHING_IS_ALLOWED = {
     "shear_exponent", "turbulence_class", "wind_wander", "episode_length", "action_components", "action_spans",
     "residual_washout", "reward", "standstill_limit", "observation", "lidar", "render_mode", "generator",
-    "roughness_length", "reference_height",
+    "roughness_length", "reference_height", "site",
 }  # fmt: skip
 ALLOWED = {
     **{name: {"number"} for name in (
@@ -38,6 +38,7 @@ ALLOWED = {
         "residual_washout", "roughness_length",
     )},
     "wind_direction": {"number", "list"},
+    "wind_speed": {"number", "list"},
     "residual_fade": {"truth"},
     "relative_reward": {"truth"},
     "vector_reward": {"truth"},

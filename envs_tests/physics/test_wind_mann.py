@@ -24,7 +24,7 @@ LENGTH, N_SEEDS = 33.6, 16
 def parameters(seed=1, shear=3.9, **changes):
     arguments = {
         **SITE, "seed": seed, "duration": 100.0, "time_step": 0.5, "grid": (5, 5), "width": 80.0, "turbulence": "NTM",
-        "turbine_class": "I", "scaling": "none",
+        "turbine_class": "I", "scaling": "none", "spectrum_of": "samples",
     }  # fmt: skip
     return MannParameters.resolve(None, shear, **{**arguments, **changes})
 

@@ -37,8 +37,9 @@ def realisations():
     coefficients = []
     for seed in range(N_SEEDS):
         box = TurbulenceBox.kaimal(
-            SPEED, HUB, DIAMETER, "B", seed=seed, grid=(5, 3), width=100.0, scaling="none", cache=False
-        )
+            SPEED, HUB, DIAMETER, "B", seed=seed, grid=(5, 3), width=100.0, scaling="none", cache=False,
+            spectrum_of="samples",
+        )  # fmt: skip
         transform = np.fft.rfft(box.fluctuation.astype(float), axis=0)[1:-1]
         coefficients.append(transform * math.sqrt(2.0 * TIME_STEP / box.fluctuation.shape[0]))
     frequency = np.fft.rfftfreq(round(DURATION / TIME_STEP), TIME_STEP)[1:-1]
@@ -99,8 +100,9 @@ def test_phases_at_the_hub_are_uniform(realisations):
 
 def hub_series(speed, duration, time_step, **options):
     box = TurbulenceBox.kaimal(
-        speed, HUB, DIAMETER, "B", duration=duration, time_step=time_step, grid=(3, 3), cache=False, **options
-    )
+        speed, HUB, DIAMETER, "B", duration=duration, time_step=time_step, grid=(3, 3), cache=False,
+        spectrum_of="samples", **options,
+    )  # fmt: skip
     return box.fluctuation[:, 1, 1].astype(float)
 
 
@@ -149,7 +151,10 @@ def test_range_that_loads_the_structure():
 
 def test_points_beside_the_hub():
     """In the mean over seeds σ² is the target; where many harmonics add up, every single seed has the spectrum."""
-    boxes = [TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=s, grid=(5, 3), cache=False) for s in range(N_SEEDS)]
+    boxes = [
+        TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=s, grid=(5, 3), cache=False, spectrum_of="samples")
+        for s in range(N_SEEDS)
+    ]
     fields = np.array([box.fluctuation[..., 0] for box in boxes], dtype=float)
     variance = fields.var(axis=1) / SIGMA**2
     error = variance.std(axis=0) / math.sqrt(N_SEEDS)
@@ -173,6 +178,7 @@ def test_lateral_components_without_coherence():
         width=2.0,
         scaling="none",
         lateral_coherence=False,
+        spectrum_of="samples",
         cache=False,
     )
     transform = np.fft.rfft(box.fluctuation.astype(float), axis=0)[1:-1]

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
+from wt_gym.commands.site_options import add_site_option
 from wt_gym.files import require_writable, whole_file
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ LARGEST_OVERSPEED = 5.0  # in rated rotor speeds
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("campbell", description=__doc__)
+    add_site_option(parser)
     parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
     parser.add_argument(
         "--fidelity", default="training",
@@ -105,13 +107,14 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
     from wt_gym.simulation import Simulator
     from wt_gym.simulation.campbell import campbell
     from wt_gym.turbines import load_turbine
+    from wt_gym.turbines.site import with_site
     from wt_gym.wind import SteadyInflow
 
     def progress(done, count):
         if sys.stderr.isatty():
             print(f"\r{done} of {count} operating points", end="\n" if done == count else "", file=sys.stderr)
 
-    turbine = load_turbine(arguments.turbine)
+    turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
     check_speeds(arguments, turbine)
     inflow = SteadyInflow(turbine.rated_wind_speed, hub_height=turbine.hub_height)
     simulator = Simulator(turbine, inflow=inflow, fidelity=arguments.fidelity)

@@ -13,6 +13,7 @@ import time
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.commands.site_options import add_site_option
 
 if TYPE_CHECKING:
     import argparse
@@ -25,6 +26,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser = OneLineParser("compare-controllers", description=__doc__)
     parser.add_argument("controllers", nargs="+")
     parser.add_argument("--turbine", default="nrel_5mw")
+    add_site_option(parser)
     parser.add_argument("--winds", nargs="+", type=float, default=[12.0, 15.0, 18.0], help="m/s")
     parser.add_argument("--seeds", nargs="*", type=int, default=[1001, 1002], help="none: steady wind")
     parser.add_argument("--duration", type=float, default=150.0, help="measured, s")
@@ -67,13 +69,14 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.agents.choices import controller_of
         from wt_gym.agents.comparison import Case, run_cases
         from wt_gym.turbines import load_turbine
+        from wt_gym.turbines.site import with_site
 
         controllers = {text: controller_of(text) for text in arguments.controllers}
         cases = [Case(wind, seed) for wind in arguments.winds for seed in (arguments.seeds or [None])]
         try:
             run_cases(
-                load_turbine(arguments.turbine), controllers, cases, arguments.duration, arguments.skip,
-                arguments.fidelity, arguments.control_dt, progress, runs,
+                with_site(load_turbine(arguments.turbine), dict(arguments.site or ())), controllers, cases,
+                arguments.duration, arguments.skip, arguments.fidelity, arguments.control_dt, progress, runs,
             )  # fmt: skip
         finally:  # of a stopped series too
             if any(run.done for run in runs):

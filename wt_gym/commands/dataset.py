@@ -12,6 +12,7 @@ import argparse
 import json
 
 from wt_gym.commands.program import UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.site_options import add_site_option, add_wind_option, with_options
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -23,6 +24,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--env-kwargs", type=json_value, default={}, metavar="JSON", help="arguments of the environment"
     )
+    add_site_option(parser)
+    add_wind_option(parser)
     parser.add_argument("--allow-other-environment", action="store_true", help="take a trained model into other noise, "
         "action spans or a controller beneath than those of its training")  # fmt: skip
     parser.add_argument("--episodes", type=int, default=20, help="number of episodes (default: %(default)s)")
@@ -46,10 +49,11 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.agents.command_line import environment_arguments
         from wt_gym.agents.datasets import DatasetConfig, record_dataset
 
+        kwargs = with_options(arguments.env_kwargs, arguments.site, arguments.wind)
         if arguments.env is not None:
-            environment_arguments(arguments.env, arguments.env_kwargs)
+            environment_arguments(arguments.env, kwargs)
         config = DatasetConfig(
-            arguments.agent, arguments.id, arguments.env, arguments.env_kwargs, arguments.episodes, arguments.noise,
+            arguments.agent, arguments.id, arguments.env, kwargs, arguments.episodes, arguments.noise,
             arguments.seed, allow_other_environment=arguments.allow_other_environment,
         )  # fmt: skip
         dataset = record_dataset(config, arguments.out, show)

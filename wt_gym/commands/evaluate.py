@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, executor_of
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.site_options import add_site_option, add_wind_option, with_options
 
 if TYPE_CHECKING:
     from wt_gym.agents.evaluation import EvaluationConfig
@@ -56,6 +57,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     kwargs_help = 'more arguments of the environment, e.g. \'{"pitch": "individual"}\''
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
+    add_site_option(parser)
+    add_wind_option(parser)
     parser.add_argument(
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
         "controllers beneath than those of their training",
@@ -85,7 +88,9 @@ def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     from wt_gym.agents.evaluation import EvaluationConfig
     from wt_gym.agents.evaluation_winds import winds_for
 
-    kwargs = chosen_arguments(arguments.env, arguments.env_kwargs, arguments.fidelity)
+    kwargs = chosen_arguments(
+        arguments.env, with_options(arguments.env_kwargs, arguments.site, arguments.wind), arguments.fidelity
+    )
     return EvaluationConfig(
         env_id=arguments.env,
         env_kwargs=kwargs,

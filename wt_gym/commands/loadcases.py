@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, executor_of
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.site_options import add_site_option, with_options
 
 if TYPE_CHECKING:
     from wt_gym.agents.loadcases.study import LoadCaseConfig
@@ -39,6 +40,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     kwargs_help = "more arguments of the environment, e.g. '{\"overspeed_limit\": 1.5}'; winds are the cases'"
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
+    add_site_option(parser)
     parser.add_argument(
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
         "controllers beneath than those of their training",
@@ -66,7 +68,9 @@ def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
 
     return LoadCaseConfig(
         env_id=arguments.env,
-        env_kwargs=chosen_arguments(arguments.env, arguments.env_kwargs, arguments.fidelity),
+        env_kwargs=chosen_arguments(
+            arguments.env, with_options(arguments.env_kwargs, arguments.site), arguments.fidelity
+        ),
         cases=tuple(arguments.case or CASES),
         quick=arguments.quick,
         turbulence=arguments.turbulence,

@@ -3,6 +3,7 @@
     wt-gym simulate --wind-speed 8 15
     wt-gym simulate --turbine iea_15mw --wind-speed 9 --fidelity engineering --out runs/iea.nc
     wt-gym simulate --turbulent --seed 3 --wind-speed 12 --duration 600 --out runs/turbulent.nc
+    wt-gym simulate --wind gust.csv site.bts --site air_density=1.1 --duration 120
 
 The means are taken over the last part of each run; for a turbine with a shaft tilt they are means over whole turns only
 approximately. A NetCDF file holds every signal of the run (one file a wind speed). Each is written when its run ends,
@@ -18,9 +19,10 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
+from wt_gym.commands.site_options import add_site_option, add_wind_option
 from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
@@ -35,7 +37,10 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("simulate", description=__doc__)
     parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
-    parser.add_argument("--wind-speed", type=float, nargs="+", default=[8.0, 15.0], metavar="M_S", help="at the hub")
+    add_site_option(parser)
+    winds = parser.add_mutually_exclusive_group()
+    winds.add_argument("--wind-speed", type=float, nargs="+", default=[8.0, 15.0], metavar="M_S", help="at the hub")
+    add_wind_option(winds)
     parser.add_argument("--duration", type=float, default=300.0, help="simulated time [s] (default: %(default)s)")
     parser.add_argument(
         "--average",
@@ -91,24 +96,42 @@ def check(arguments: argparse.Namespace) -> None:
             f"{arguments.average:g}"
         )
     for value in arguments.wind_speed:
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"--wind-speed must be positive and finite, got {value:g}")
+        if not (value > 0.0 if arguments.turbulent else value >= 0.0) or value == math.inf:
+            least = "positive" if arguments.turbulent else "at least 0"
+            raise ValueError(f"--wind-speed must be {least} and finite, got {value:g}")
+    if arguments.wind and (arguments.turbulent or arguments.shear or arguments.yaw_misalignment):
+        raise ValueError("--wind has its own turbulence, shear and direction: leave those options out")
     if not 0 <= arguments.seed <= LARGEST_WIND_SEED:
         raise ValueError(f"--seed must lie between 0 and {LARGEST_WIND_SEED}, got {arguments.seed}")
     fidelity(arguments.fidelity)
-    names = Counter(f"{speed:g}" for speed in arguments.wind_speed)
+    names = Counter(_label(wind) for wind in _winds(arguments))
     if arguments.out and len(names) < names.total():
-        raise ValueError(f"--wind-speed {names.most_common(1)[0][0]} comes twice, and would be written to one file")
+        raise ValueError(f"the wind {names.most_common(1)[0][0]} comes twice, and would be written to one file")
     if arguments.out:
         if arguments.out.is_dir():
             raise IsADirectoryError(f"--out {arguments.out} is a folder; a NetCDF file is needed, e.g. run.nc in it")
         require_writable(arguments.out.parent)
 
 
-def file_of(arguments: argparse.Namespace, speed: float) -> Path:
-    """Where the signals of a wind speed go."""
+def _winds(arguments: argparse.Namespace) -> list[Any]:
+    """Winds of the options: speeds [m/s], or descriptions."""
+    return arguments.wind or arguments.wind_speed
+
+
+def _label(wind: float | str | dict[str, Any]) -> str:
+    """Short name of a wind, for a file."""
+    if isinstance(wind, float):
+        return f"{wind:g}"
+    if isinstance(wind, str):
+        return Path(wind).stem
+    named = wind.get("file", wind.get("kind", "wind"))
+    return Path(named if isinstance(named, str) else str(named[0])).stem
+
+
+def file_of(arguments: argparse.Namespace, wind: float | str | dict[str, Any]) -> Path:
+    """Where the signals of a wind go."""
     out = arguments.out
-    return out.with_stem(f"{out.stem}_{speed:g}") if len(arguments.wind_speed) > 1 else out
+    return out.with_stem(f"{out.stem}_{_label(wind)}") if len(_winds(arguments)) > 1 else out
 
 
 def steady_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> SteadyInflow:
@@ -123,10 +146,15 @@ def steady_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> 
     )
 
 
-def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> Inflow:
-    """Wind of the options."""
-    from wt_gym.wind import TurbulenceBox, TurbulentInflow
+def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Inflow:
+    """Wind of the options: of a speed [m/s], or of a description."""
+    from wt_gym.wind import TurbulenceBox, TurbulentInflow, wind_from
+    from wt_gym.wind.protocol import require_cover
 
+    if not isinstance(speed, float):
+        inflow = wind_from(speed, turbine.hub_height, turbine.rotor_diameter)
+        require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
+        return inflow
     steady = steady_of(arguments, turbine, speed)
     if not arguments.turbulent:
         return steady
@@ -163,8 +191,8 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
     }
 
 
-def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> Recorder:
-    """Run one wind speed; what was simulated is written where a file is wanted, of a stopped run too."""
+def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Recorder:
+    """Run one wind; what was simulated is written where a file is wanted, of a stopped run too."""
     from wt_gym.agents.closed_loop import run_baseline
     from wt_gym.simulation import Recorder, Simulator
 
@@ -173,7 +201,7 @@ def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> R
 
     def progress(signals):
         if sys.stderr.isatty() and signals.time % 10.0 < simulator.time_step:
-            print(f"\r{speed:g} m/s: {signals.time:5.0f} of {arguments.duration:g} s", end="", file=sys.stderr)
+            print(f"\r{_label(speed)}: {signals.time:5.0f} of {arguments.duration:g} s", end="", file=sys.stderr)
 
     try:
         return run_baseline(simulator, arguments.duration, on_step=progress, recorder=recorder)
@@ -189,19 +217,25 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(hint):
         check(arguments)
         from wt_gym.turbines import load_turbine
+        from wt_gym.turbines.site import with_site
 
-        turbine = load_turbine(arguments.turbine)
-        for speed in arguments.wind_speed:  # all before the first is simulated
-            steady_of(arguments, turbine, speed)
+        turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
+        means_of = {}
+        for number, wind in enumerate(_winds(arguments)):  # all before the first is simulated
+            if isinstance(wind, float):
+                steady_of(arguments, turbine, wind)
+                means_of[number] = wind
+            else:
+                means_of[number] = inflow_of(arguments, turbine, wind).mean_speed
         rows = []
         print(f"{turbine.name}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
         print("  ".join(f"{title:>{width}}" for _, title, _, width, _ in COLUMNS) + "   x real time")
         print("  ".join(f"{unit:>{width}}" for _, _, unit, width, _ in COLUMNS))
-        for speed in arguments.wind_speed:
+        for number, speed in enumerate(_winds(arguments)):
             start = time.perf_counter()
             recorder = simulate(arguments, turbine, speed)
             wall = time.perf_counter() - start
-            rows.append(means(recorder.to_dataset(), turbine.n_blades, speed, arguments.average))
+            rows.append(means(recorder.to_dataset(), turbine.n_blades, means_of[number], arguments.average))
             line = "  ".join(f"{rows[-1][key]:{width}.{digits}f}" for key, _, _, width, digits in COLUMNS)
             print(("\r" if sys.stderr.isatty() else "") + line + f"   {arguments.duration / wall:.0f}", flush=True)
             if arguments.out:

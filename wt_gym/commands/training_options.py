@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.program import FIDELITIES_HELP, json_value
+from wt_gym.commands.site_options import add_site_option, add_wind_option, with_options
 
 if TYPE_CHECKING:
     from wt_gym.agents.training.config import TrainingConfig
@@ -26,6 +27,8 @@ def add_training_options(parser: argparse.ArgumentParser) -> None:
         "--env-kwargs", type=json_value, metavar="JSON",
         help='more arguments of the environment, e.g. \'{"pitch": "individual"}\'',
     )  # fmt: skip
+    add_site_option(options)
+    add_wind_option(options)
     options.add_argument("--n-envs", type=int, metavar="N", help="environments in parallel (default: 1)")
     options = parser.add_argument_group("how", argument_default=argparse.SUPPRESS)
     options.add_argument("--algo", type=str.upper, help="PPO, SAC or TQC (default: PPO)")
@@ -61,7 +64,7 @@ def config_from(arguments: argparse.Namespace, **more: Any) -> TrainingConfig:
 
     given = vars(arguments)
     env_id, algorithm = given.get("env", TrainingConfig.env_id), given.get("algo", TrainingConfig.algorithm)
-    kwargs = given.get("env_kwargs", {})
+    kwargs = with_options(given.get("env_kwargs", {}), given.get("site"), given.get("wind"))
     environment_arguments(env_id, kwargs)  # refuses what the environment does not take
     kwargs = dict(kwargs)
     if "wind_speed" in given:

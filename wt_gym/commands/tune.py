@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
+from wt_gym.commands.site_options import add_site_option
 
 
 def weight(text: str) -> tuple[str, float]:
@@ -24,6 +25,7 @@ def main(words: list[str] | None = None) -> None:
     parser = OneLineParser("tune", description=__doc__)
     parser.add_argument("controller", help="name of wt_gym.control.controllers.make_controller")
     parser.add_argument("--turbine", default="nrel_5mw")
+    add_site_option(parser)
     parser.add_argument("--reference", default="discon", help="that the cost compares with")
     parser.add_argument("--winds", nargs="+", type=float, default=[12.0, 15.0, 18.0], help="m/s")
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2], help="of the training winds, 1 to 24")
@@ -45,13 +47,14 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(kept):
         from wt_gym.agents.tuning import Cost, TuningTask, tune
         from wt_gym.turbines import load_turbine
+        from wt_gym.turbines.site import with_site
 
         task = TuningTask(
             arguments.controller, arguments.reference, tuple(arguments.winds), tuple(arguments.seeds),
             arguments.duration, arguments.skip, arguments.fidelity,
             Cost(dict(arguments.weights)) if arguments.weights else Cost(),
         )  # fmt: skip
-        turbine = load_turbine(arguments.turbine)
+        turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         record = tune(turbine, task, arguments.trials, arguments.seed, arguments.output, progress)
     print(f"best: cost {record['best']['cost']:+.4f} with {record['best']['parameters']}")
     if arguments.json:

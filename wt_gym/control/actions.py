@@ -281,7 +281,9 @@ class ActionMap:
     def _operating_range(self, turbine, wind_speeds) -> tuple[float, float, float]:
         """Lowest and highest absolute pitch [rad], highest torque [N m]."""
         low, high = wind_speeds or (turbine.cut_in, turbine.cut_out)
-        points = [operating_point(turbine, float(v)) for v in np.linspace(low, high, 25)]
+        least_wind = max(turbine.cut_in, 0.1)  # below cut-in the turbine stands ready as at cut-in
+        winds = np.linspace(max(low, least_wind), max(high, least_wind), 25)
+        points = [operating_point(turbine, float(v)) for v in winds]
         pitches = [point.pitch for point in points]
         least, most = self.pitch_limits
         highest = most if high > turbine.cut_out else min(max(pitches) + MARGIN, most)  # beyond cut-out blades feather

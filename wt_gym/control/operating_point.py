@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines.catalogue import AIR_DENSITY
+from wt_gym.turbines.site import at_controller_density
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
@@ -109,6 +111,7 @@ def design_point(turbine: Turbine) -> DesignPoint:
         return NREL_5MW_DESIGN
     if _has_size(turbine, rated_power=15.0e6, diameter=241.0):
         return IEA_15MW_DESIGN
+    turbine = at_controller_density(turbine)
     radius = turbine.rotor_diameter / 2
     wind_power = 0.5 * turbine.air_density * math.pi * radius**2 * turbine.rated_wind_speed**3
     return DesignPoint(
@@ -242,7 +245,7 @@ class TorqueCurve:
         radius = turbine.rotor_diameter / 2 * math.cos(turbine.hub.cone)
         rated_generator_speed = 0.99 * drivetrain.rated_rotor_speed * drivetrain.gear_ratio
         gain = (
-            0.5 * turbine.air_density * math.pi * radius**5 * design.peak_power_coefficient
+            0.5 * turbine.controller_air_density * math.pi * radius**5 * design.peak_power_coefficient
             / (design.tip_speed_ratio * drivetrain.gear_ratio) ** 3
         )  # fmt: skip
         cut_in_speed = drivetrain.min_rotor_speed * drivetrain.gear_ratio
@@ -265,8 +268,14 @@ NREL_5MW_TORQUE_CURVE = TorqueCurve(
 
 
 def torque_curve(turbine: Turbine) -> TorqueCurve:
-    """Torque curve of a turbine: the published constants for the NREL 5-MW, else `TorqueCurve.from_turbine`."""
-    return NREL_5MW_TORQUE_CURVE if is_nrel_5mw(turbine) else TorqueCurve.from_turbine(turbine)
+    """Torque curve of a turbine: the published constants for the NREL 5-MW, else `TorqueCurve.from_turbine`.
+
+    Of the former the region-2 gain is in proportion to the air density for which the controller is designed.
+    """
+    if not is_nrel_5mw(turbine):
+        return TorqueCurve.from_turbine(turbine)
+    curve, share = NREL_5MW_TORQUE_CURVE, turbine.controller_air_density / AIR_DENSITY
+    return curve if share == 1.0 else replace(curve, region_2_gain=share * curve.region_2_gain)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from wt_gym.control import ActionMap, Aim, Demand, OperatingPoint, operating_point
+from wt_gym.control import ActionMap, Aim, Demand, OperatingPoint
 from wt_gym.control.closed_loop import advance_under
 from wt_gym.control.controllers import (
     AboveRated,
@@ -23,6 +23,7 @@ from wt_gym.control.controllers import (
     make_controller,
 )
 from wt_gym.control.residual import ResidualPitch
+from wt_gym.control.starting_point import starting_point
 from wt_gym.envs import rewards
 from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, shown
 from wt_gym.envs.costs import Costs
@@ -36,6 +37,7 @@ from wt_gym.simulation.faults import DriveFault, SensorBias, checked_faults
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import GENERATORS, with_generator
+from wt_gym.turbines.site import with_site
 
 if TYPE_CHECKING:
     import os
@@ -231,11 +233,17 @@ class WindTurbineEnv(gym.Env):
         A torque that is demanded, or the damper of the turbine, M = c Ω, which takes no demand; default: what the
         turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the rated
         power (`wt_gym.turbines.damper.with_damper`), and of a controller beneath only pitch and yaw act.
-    inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, sequence or callable
+    site : mapping, optional
+        Numbers of the site that replace those of the turbine: ``air_density`` [kg/m^3], ``cut_in``, ``cut_out`` [m/s],
+        ``iec_class``, ``turbulence_class``, and ``controller_air_density``, the density that the controller is designed
+        for, by default that of the turbine (`wt_gym.turbines.site.with_site`).
+    inflow : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, mapping, sequence, callable
         Steady sheared wind, IEC turbulence, gusts of IEC 61400-1 (see ``gusts``), the IEC extreme wind model
         (EWM) steady or turbulent, or inflows of one's own: one, several to draw from, or a function of a random
-        generator. The path of a file of TurbSim, which ends in .bts, is one too; the time in it at which an episode
-        begins is drawn, in a record that is not periodic so that the episode is over before the record is.
+        generator. Files of wind are paths, or mappings with options (``docs/wind.md``): TurbSim's .bts, series in
+        .csv, .wnd and .hh, boxes of HAWC2 and hipersim. The time in a box at which an episode begins is drawn, in a
+        record that is not periodic so that the episode is over before the record is; a series is met from its
+        beginning.
     wind_speed : float or (float, float)
         Mean wind speed at hub height, or the range it is drawn from at each reset [m/s]; extreme winds have that of the
         turbine's class.
@@ -373,6 +381,7 @@ class WindTurbineEnv(gym.Env):
         reference_height: float | None = None,
         turbulence: str = "kaimal",
         gusts: Sequence[str] = TRANSIENTS,
+        site: Mapping[str, Any] | None = None,
     ):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
@@ -394,7 +403,7 @@ class WindTurbineEnv(gym.Env):
             action_components = check_names("action_components", action_components)
         if action_spans is not None:
             action_spans = check_mapping("action_spans", action_spans)
-        turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        turbine = with_site(turbine if isinstance(turbine, Turbine) else load_turbine(turbine), site)
         if generator is not None and generator not in GENERATORS:
             raise ValueError(f"generator must be one of {GENERATORS} or None, got {generator!r}")
         self.turbine, _ = with_generator(turbine, generator)
@@ -566,7 +575,7 @@ class WindTurbineEnv(gym.Env):
         """Operating point of the episode's wind, or a rotor at rest with feathered blades."""
         if self.wind.parks:
             return OperatingPoint(0.0, min(self.turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
-        return operating_point(self.turbine, self.episode_wind.wind_speed)
+        return starting_point(self.turbine, self.episode_wind.inflow)
 
     def _begin(self, wind, rotor_speed, pitch, azimuth, torque, faults) -> None:
         """Start simulator, controller, sensors and reward in a wind."""

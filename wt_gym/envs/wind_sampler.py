@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
-from wt_gym.envs.wind_files import WindFile, is_wind_file
+from wt_gym.envs.wind_files import SUFFIXES, WindFile, is_wind_file
 from wt_gym.errors import InflowError
-from wt_gym.wind import Inflow, SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
+from wt_gym.wind import (
+    Inflow,
+    SteadyInflow,
+    TransientInflow,
+    TurbulenceBox,
+    TurbulentInflow,
+    TurningInflow,
+    wind_from,
+)
 from wt_gym.wind.iec import (
     EXTREME_SHEAR_EXPONENT,
     EXTREME_WIND_INTENSITY,
@@ -20,6 +28,7 @@ from wt_gym.wind.iec import (
     reference_intensity,
     turbulence_sigma,
 )
+from wt_gym.wind.protocol import require_cover
 
 if TYPE_CHECKING:
     import os
@@ -53,11 +62,19 @@ WANDERING = 1200.0
 """Time over which a wandering direction is drawn [s]; after it the direction stays."""
 FASTEST_WANDERING = 1.0
 """Shortest time constant of a wandering direction [s]."""
-# Boxes are synthesised at multiples of this speed [m/s] and carried along at the speed wanted.
+# Boxes are synthesised at multiples of this speed [m/s], and at its half, quarter, …, and carried along at the speed
+# wanted: at half the speed at least, so that their harmonics, up to 2 Hz as synthesised, reach to 1 Hz.
 _BOX_SPEED_STEP = 6.0
 NORMAL_SHEAR = 0.2
 """Exponent of IEC 61400-1 for normal conditions."""
-_ALLOWED = f"{KINDS}, an Inflow, a .bts file, several of these or a callable"
+_ALLOWED = (
+    f"{KINDS}, an Inflow, a file of wind ({', '.join(SUFFIXES)}), a mapping that describes a wind, several of these "
+    "or a callable"
+)
+FASTEST_WIND = 100.0
+"""Highest mean wind speed that can be asked for [m/s]."""
+SLOWEST_TURBULENCE = 0.5
+"""Lowest mean wind speed of turbulence and gusts [m/s]: what is carried along does not pass in still air."""
 # As far may hub heights of a turbulence box and its mean wind differ.
 _HUB_HEIGHT_TOLERANCE = 0.01
 
@@ -88,22 +105,24 @@ class WindSampler:
 
     Spectra and coherence depend on frequency only through ``f / V``: turbulence is a frozen field in space. So a
     box of unit intensity synthesised at one speed serves another speed V when it is carried along at V and scaled to
-    the standard deviation of V. Boxes are made at the next multiple of 6 m/s, for 600 s at that speed.
+    the standard deviation of V. Boxes are made at the next multiple of 6 m/s, or of 6 m/s halved until
+    less than twice the speed, for 600 s at that speed. Their samples make up for the straight lines between them
+    (`wt_gym.wind.interpolation`), so that the spectrum at the hub is the standard's up to 1 Hz at every speed.
 
     Parameters
     ----------
     turbine : Turbine
-    kind : "steady", "turbulent", "gusts", "extreme", "extreme-turbulent", Inflow, path of a .bts file, sequence of \
-Inflow and paths, or callable
+    kind : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, mapping, sequence, callable
         "gusts": a transient of IEC 61400-1 (EOG, EDC, ECD, EWS) on a steady wind, drawn with its sign and its beginning
         (5 to 15 s after the start); which of them, and whether extreme turbulence is among them, say ``gusts``.
         "extreme": the steady extreme wind model (EWM), 1.4 reference speeds of the
         turbine's class; "extreme-turbulent": the turbulent one, with the reference speed as mean and a standard
         deviation of 11 %; both with an exponent of 0.11 and for a parked turbine. An inflow of one's own is used as it
         is in every episode; of a sequence one is drawn; a callable gets the random generator and gives the inflow of
-        the episode. Its mean speed should hold at the hub: another height, by more than 1 %, is a warning. A file of
-        TurbSim, a path that ends in .bts, has a time drawn at which the episode begins: anywhere if it is periodic,
-        else early enough for the episode to end before the record does.
+        the episode. Its mean speed should hold at the hub: another height, by more than 1 %, is a warning. Paths
+        and mappings describe a wind (`wt_gym.wind.described`). Of a file with a turbulence box a time is drawn at which
+        the episode begins: anywhere if it is periodic, else early enough for the episode to end before the record does;
+        a series is met from its beginning.
     wind_speed : float or (float, float)
         Mean speed at hub height [m/s], or a range to draw it from uniformly. Ignored (None) with one's own inflow and
         the extreme winds.
@@ -147,7 +166,7 @@ Inflow and paths, or callable
     Raises
     ------
     InflowError
-        If a choice is none of those allowed or belongs to another kind, a speed lies outside cut-in to cut-out, the
+        If a choice is none of those allowed or belongs to another kind, a speed is negative or above 100 m/s, the
         pool is empty or no list of integers, or direction or wander are no angles and times.
     """
 
@@ -301,13 +320,13 @@ Inflow and paths, or callable
             time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * box.duration
         return self._turned(EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset), rng)
 
-    def given(self, inflow: Inflow, **options) -> EpisodeWind:
+    def given(self, inflow, **options) -> EpisodeWind:
         """Take a wind from outside in place of one of its own.
 
         Parameters
         ----------
-        inflow : Inflow or path of a .bts file
-            The file from its beginning.
+        inflow : Inflow, path or mapping
+            A file from its beginning.
         **options
             Of `sample`; none goes with it.
 
@@ -380,13 +399,14 @@ Inflow and paths, or callable
 
     def _own_inflows(self, kind) -> tuple[Inflow | WindFile, ...]:
         """Inflows of the user; files are looked through."""
-        given = (kind,) if isinstance(kind, str) or not isinstance(kind, Iterable) else tuple(kind)
-        wrong = [one for one in given if not (isinstance(one, Inflow) or is_wind_file(one))]
+        alone = isinstance(kind, str | Mapping) or not isinstance(kind, Iterable)
+        given = (kind,) if alone else tuple(kind)
+        wrong = [one for one in given if not (isinstance(one, Inflow | Mapping) or is_wind_file(one))]
         if wrong or not given:
             refused = wrong[0] if len(wrong) == 1 else wrong or kind
             raise InflowError(f"inflow must be one of {_ALLOWED}, got {shown(refused)}")
-        own = tuple(WindFile.found(one) if is_wind_file(one) else one for one in given)
-        hub = self._turbine.hub_height
+        hub, diameter = self._turbine.hub_height, self._turbine.rotor_diameter
+        own = tuple(self._own_inflow(one, hub, diameter) for one in given)
         for inflow in own:
             if abs(inflow.hub_height - hub) > _HUB_HEIGHT_TOLERANCE * hub:
                 warnings.warn(
@@ -395,6 +415,19 @@ Inflow and paths, or callable
                     stacklevel=2,
                 )
         return own
+
+    @staticmethod
+    def _own_inflow(given, hub_height: float, rotor_diameter: float) -> Inflow | WindFile:
+        if is_wind_file(given):
+            return WindFile.found(given, hub_height, rotor_diameter)
+        inflow = given
+        if isinstance(given, Mapping):
+            try:
+                inflow = wind_from(given, hub_height, rotor_diameter)
+            except InflowError as error:
+                raise InflowError(f"inflow: {error}") from error
+        require_cover(inflow, hub_height, rotor_diameter)
+        return inflow
 
     @staticmethod
     def _checked_direction(direction, wander):
@@ -451,7 +484,11 @@ Inflow and paths, or callable
 
     def _box(self, speed: float, seed: int) -> TurbulenceBox:
         """Turbulence carried along at a speed."""
-        made_at = _BOX_SPEED_STEP * np.ceil(speed / _BOX_SPEED_STEP)
+        made_at = float(_BOX_SPEED_STEP * np.ceil(speed / _BOX_SPEED_STEP))
+        while (
+            speed < 0.5 * made_at and made_at <= _BOX_SPEED_STEP
+        ):  # a box has no harmonics faster than 1 Hz at half it
+            made_at *= 0.5
         turbine = self._turbine
         make = TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
         box = make(made_at, turbine.hub_height, turbine.rotor_diameter, self._class, seed=seed)
@@ -473,16 +510,17 @@ Inflow and paths, or callable
         return low, high
 
     def _checked_speed(self, speed) -> float:
-        low, high = self._turbine.cut_in, self._turbine.cut_out
+        moves = self._turbulent or self._kind == "gusts"
+        low = SLOWEST_TURBULENCE if moves else 0.0
         given = real_number(speed)
         if given is None:
             raise InflowError(f"wind_speed must be a number in m/s, got {shown(speed)}")
         value = self._to_hub * given
-        if not low <= value <= high:
+        if not low <= value <= FASTEST_WIND:
             at_hub = "" if self._to_hub == 1.0 else f", which is {value:.4g} m/s at the hub"
+            still = " with turbulence or gusts, which do not pass in still air" if moves else ""
             raise InflowError(
-                f"wind_speed must lie between cut-in and cut-out of {self._turbine.name}, {low:g} to {high:g} m/s, "
-                f"got {speed!r}{at_hub}"
+                f"wind_speed must lie between {low:g} and {FASTEST_WIND:g} m/s{still}, got {speed!r}{at_hub}"
             )
         return value
 
@@ -491,8 +529,8 @@ Inflow and paths, or callable
         without_offset = not (self._turbulent or self._all_files)
         if (wind_seed is not None and not self._turbulent) or (time_offset is not None and without_offset):
             raise InflowError(
-                "wind_seed and time_offset belong to turbulent wind, time_offset to .bts files too; this environment's "
-                "wind has none"
+                "wind_seed and time_offset belong to turbulent wind, time_offset to files of wind too; this "
+                "environment's wind has none"
             )
         if wind_speed is not None and not isinstance(self._kind, str):
             raise InflowError("wind_speed cannot be chosen: this environment was made with an inflow of its own")
@@ -515,7 +553,7 @@ def _own_wind(
     if not isinstance(own, WindFile):
         return EpisodeWind(own, own.mean_speed, -1, 0.0)
     if time_offset is None:
-        if length is not None and not own.periodic and own.duration < length:
+        if length is not None and not (own.periodic or own.is_series) and own.duration < length:
             warnings.warn(
                 f"{own.path} is not periodic and lasts {own.duration:g} s, an episode {length:g} s: the wind jumps "
                 "where the record begins again",

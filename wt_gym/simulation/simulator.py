@@ -17,6 +17,8 @@ from wt_gym.simulation.start import Starter
 from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
+from wt_gym.wind.described import is_described, wind_from
+from wt_gym.wind.protocol import require_cover
 
 __all__ = ["Simulator"]
 
@@ -28,8 +30,8 @@ class Simulator:
     ----------
     turbine : str, path or Turbine
         Name in the catalogue, path of a windIO v2 file, or a turbine.
-    inflow : Inflow
-        Undisturbed wind.
+    inflow : Inflow, path or mapping
+        Undisturbed wind, or what describes it (`wt_gym.wind.described`). A turbulence box must reach around the rotor.
     fidelity : str or Fidelity
         "training", "engineering", "reference" or another of `FIDELITIES`, or one of your own.
     threads : int
@@ -79,6 +81,27 @@ class Simulator:
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
         self._n_steps, self._started, self._faults = 0, False, ()
         self._compiled = False
+
+    @property
+    def inflow(self):
+        """The undisturbed wind; it may be exchanged, also for the description of another one.
+
+        Raises
+        ------
+        InflowError
+            If a description is wrong, or the rotor reaches beyond the grid of a turbulence box.
+        """
+        return self._inflow
+
+    @inflow.setter
+    def inflow(self, inflow):
+        turbine = self.turbine
+        if is_described(inflow):
+            inflow = wind_from(inflow, turbine.hub_height, turbine.rotor_diameter)
+        if not callable(getattr(inflow, "velocity", None)):
+            raise SimulationError(f"Simulator needs an inflow with velocity(points, time), got {inflow!r:.100}")
+        require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
+        self._inflow = inflow
 
     def __getstate__(self):
         """What a copy or a pickle takes along: the arguments and the state; the rest is built anew from them."""

@@ -29,6 +29,7 @@ from wt_gym.turbines.checks import (
 )
 from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
+from wt_gym.turbines.site import with_site
 from wt_gym.turbines.support import Support
 
 __all__ = [
@@ -359,6 +360,8 @@ class Turbine(ArrayRecord):
         ``"A+"``, ``"A"``, ``"B"`` or ``"C"`` of IEC 61400-1.
     notes : tuple of str
         What the reader had to assume because the file does not say it, in plain words.
+    design_air_density : float or None
+        Of the air for which the turbine's controller is designed [kg/m^3], where it is not ``air_density``.
     control : ControlData or None
         Published numbers of the turbine's own controller.
     """
@@ -382,6 +385,7 @@ class Turbine(ArrayRecord):
     turbulence_class: str
     notes: tuple[str, ...] = ()
     control: ControlData | None = later_field(None)
+    design_air_density: float | None = later_field(None)
 
     def __post_init__(self) -> None:
         """Check the fields and that the parts fit together."""
@@ -407,6 +411,9 @@ class Turbine(ArrayRecord):
             air_density=check_number("Turbine.air_density", self.air_density, 0.1, 10.0),
             notes=tuple(self.notes),
         )
+        if self.design_air_density is not None:
+            designed = check_number("Turbine.design_air_density", self.design_air_density, 0.1, 10.0)
+            self._set(design_air_density=designed)
         for name, given, geometry in (
             ("rotor_diameter", self.rotor_diameter, self._geometric_diameter),
             ("hub_height", self.hub_height, self._geometric_hub_height),
@@ -451,6 +458,26 @@ class Turbine(ArrayRecord):
             warnings.warn(f"rotational augmentation {what}: {unknown}", stacklevel=2)
             notes = (*notes, f"polars: {unknown}")
         return replace(self, blade=replace(self.blade, augmentation=augmentation), notes=notes)
+
+    def with_site(self, **site) -> "Turbine":
+        """Return this turbine at a site: another air density, other limits of the wind, another class.
+
+        Parameters
+        ----------
+        **site
+            See `wt_gym.turbines.site.with_site`.
+
+        Raises
+        ------
+        TurbineDefinitionError
+            If a name is unknown or a value out of range.
+        """
+        return with_site(self, site)
+
+    @property
+    def controller_air_density(self) -> float:
+        """Density of the air for which the turbine's controller is designed [kg/m^3]."""
+        return self.air_density if self.design_air_density is None else self.design_air_density
 
     @property
     def _geometric_diameter(self) -> float:

@@ -1,15 +1,26 @@
-"""The undisturbed wind: velocity at points and a time, steady, with the IEC's transients, or turbulent.
+"""The undisturbed wind: velocity at points and a time, steady, with the IEC's transients, turbulent, or from files.
 
 >>> from wt_gym.wind import SteadyInflow
 >>> SteadyInflow(8.0, hub_height=90.0, shear_exponent=0.2).velocity([0.0, 0.0, 90.0], time=0.0).tolist()
 [8.0, 0.0, 0.0]
 """
 
+from wt_gym.wind.described import wind_from
 from wt_gym.wind.protocol import Inflow
+from wt_gym.wind.series import SeriesInflow
 from wt_gym.wind.steady import SteadyInflow
 from wt_gym.wind.transient import TransientInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
 from wt_gym.wind.turbulent import TurbulentInflow
 from wt_gym.wind.turning import TurningInflow
 
-__all__ = ["Inflow", "SteadyInflow", "TransientInflow", "TurbulenceBox", "TurbulentInflow", "TurningInflow"]
+__all__ = [
+    "Inflow",
+    "SeriesInflow",
+    "SteadyInflow",
+    "TransientInflow",
+    "TurbulenceBox",
+    "TurbulentInflow",
+    "TurningInflow",
+    "wind_from",
+]

@@ -28,7 +28,7 @@ __all__ = ["MAX_BYTES", "cache_file", "load", "store"]
 
 MAX_BYTES = 2 * 1024**3
 
-_FORMAT = 3  # raise when the synthesis changes its results
+_FORMAT = 4  # raise when the synthesis changes its results
 # What numpy raises on damaged files: the errors of syntax and tokens where a bit of an array's header is wrong.
 _DAMAGE = (
     OSError, ValueError, KeyError, TypeError, EOFError, OverflowError, MemoryError, BufferError, SyntaxError,

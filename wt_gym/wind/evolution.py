@@ -77,8 +77,10 @@ def evolved_boxes(box: TurbulenceBox, distances: Sequence[float]) -> tuple[Turbu
     """
     samples = box.fluctuation
     n_times = samples.shape[0]
-    intensity = box.scale * math.sqrt(float(samples.var(axis=0, dtype=np.float64).mean(axis=(0, 1)).sum()))
-    intensity /= box.mean_speed
+    # mean square on the line between samples a and b: (a^2 + ab + b^2)/3 = (a^2 + b^2)/2 - (b - a)^2/6
+    steps = np.diff(samples, axis=0, append=samples[:1]).astype(np.float64)
+    variance = samples.var(axis=0, dtype=np.float64) - (steps**2).mean(axis=0) / 6.0
+    intensity = box.scale * math.sqrt(max(0.0, float(variance.mean(axis=(0, 1)).sum()))) / box.mean_speed
     wavenumber = fft.rfftfreq(n_times, box.time_step * box.mean_speed)
     arriving = fft.rfft(samples, axis=0)
     # the phases belong to the box: other turbulence, other changes
@@ -94,9 +96,12 @@ def evolved_boxes(box: TurbulenceBox, distances: Sequence[float]) -> tuple[Turbu
         filters[distance], reached = transfer, distance
     boxes = {}
     for distance, transfer in filters.items():
-        seen = fft.irfft(arriving * transfer.astype(np.complex64)[:, None, None, None], n_times, axis=0)
+        seen, tower = (
+            fft.irfft(part * transfer.astype(np.complex64).reshape(-1, *(1,) * (part.ndim - 1)), n_times, axis=0)
+            for part in (arriving, fft.rfft(box.tower, axis=0))
+        )
         seen.setflags(write=False)
         boxes[distance] = replace(
-            box, fluctuation=seen, tower=None, description=f"{box.description}, {distance:g} m ahead"
+            box, fluctuation=seen, tower=tower, description=f"{box.description}, {distance:g} m ahead"
         )
     return tuple(boxes[distance] for distance in distances)

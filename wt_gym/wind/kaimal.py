@@ -18,7 +18,8 @@ Standard deviation of a box
 The spectrum integrates to σ² over all frequencies. A record of period T has the harmonics n/T up to half the sampling
 frequency, and Σ S(n/T)/T falls short of σ²: of the slow variations below 1.5/T only the first harmonic is left, and
 eddies too fast for the sampling are missing. At 12 m/s, 600 s and 0.25 s, σ_u comes out as 0.945 of the target. Three
-answers (``scaling``), all without chance, because the amplitudes at the hub are certain:
+answers (``scaling``), all without chance, because the amplitudes at the hub are certain. All count the wind as it is
+read, in straight lines between the samples (`wt_gym.wind.interpolation`), unless ``spectrum_of="samples"``:
 
 ``"low_frequency"`` (default)
     The first harmonic carries the missing variance: σ at the hub is the target of the load cases, and every other
@@ -40,6 +41,7 @@ import scipy.fft
 
 from wt_gym.errors import InflowError
 from wt_gym.wind.iec import length_scale, turbulence_sigma
+from wt_gym.wind.interpolation import SPECTRUM_OF, sample_gain, variance_read
 from wt_gym.wind.protocol import require_number
 
 __all__ = ["SCALINGS", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesise"]
@@ -77,6 +79,7 @@ class KaimalParameters:
     turbine_class: str
     scaling: str
     lateral_coherence: bool
+    spectrum_of: str
 
     @classmethod
     def resolve(
@@ -94,6 +97,7 @@ class KaimalParameters:
         turbine_class: str,
         scaling: str,
         lateral_coherence: bool,
+        spectrum_of: str = "interpolated",
     ) -> "KaimalParameters":
         """Check the arguments and fill in the defaults."""
         mean_speed = require_number(mean_speed, "mean_speed", "m/s", 0.0, open_minimum=True)
@@ -106,6 +110,8 @@ class KaimalParameters:
             raise InflowError(f"seed must be an integer of at least 0; got {seed!r}")
         if scaling not in SCALINGS:
             raise InflowError(f"scaling must be one of {', '.join(map(repr, SCALINGS))}; got {scaling!r}")
+        if spectrum_of not in SPECTRUM_OF:
+            raise InflowError(f"spectrum_of must be one of {', '.join(map(repr, SPECTRUM_OF))}; got {spectrum_of!r}")
         n_times = round(duration / time_step)
         if abs(n_times * time_step - duration) > 1e-6 * duration:
             raise InflowError(f"duration must be a multiple of time_step; got {duration} s and {time_step} s")
@@ -129,6 +135,7 @@ class KaimalParameters:
             turbine_class=turbine_class,
             scaling=scaling,
             lateral_coherence=bool(lateral_coherence),
+            spectrum_of=spectrum_of,
         )
 
     @property
@@ -145,14 +152,14 @@ class KaimalParameters:
 
     @property
     def unscaled_variance(self) -> np.ndarray:
-        """Variance S(f)/T of each harmonic by the spectrum [m²/s²], shape (n, 3)."""
+        """Variance S(f)/T of each harmonic by the spectrum [m²/s²], shape (n, 3), of what ``spectrum_of`` names."""
         spectrum = kaimal_spectrum(self.frequency, self.mean_speed, self.hub_height, self.sigma[0])
         return spectrum / (self.n_times * self.time_step)
 
     @property
     def amplitude_factor(self) -> np.ndarray:
         """Factor on the amplitudes of u, v and w, shape (3,): of the first harmonic or of all (``scaling``)."""
-        variance = self.unscaled_variance
+        variance = self._variance_read
         total = variance.sum(axis=0)
         if self.scaling == "low_frequency":  # S falls with f, so the sum never reaches the integral σ²
             return np.sqrt(1.0 + (self.sigma**2 - total) / variance[0])
@@ -161,9 +168,14 @@ class KaimalParameters:
         return np.ones(3)
 
     @property
+    def _variance_read(self) -> np.ndarray:
+        """What each harmonic without a scaling adds to σ² [m²/s²], shape (n, 3)."""
+        return self.unscaled_variance * variance_read(self.n_times, self.spectrum_of)[:, None]
+
+    @property
     def harmonic_variance(self) -> np.ndarray:
-        """Variance of each harmonic at the hub [m²/s²], shape (n, 3)."""
-        variance = self.unscaled_variance
+        """Variance of each harmonic of the samples at the hub [m²/s²], shape (n, 3)."""
+        variance = self.unscaled_variance * sample_gain(self.n_times, self.spectrum_of)[:, None]
         variance[: 1 if self.scaling == "low_frequency" else None] *= self.amplitude_factor**2
         return variance
 
@@ -184,7 +196,7 @@ class KaimalParameters:
     def scaling_description(self) -> str:
         """What was done about the variance that the record leaves out, with the factors of u, v and w."""
         if self.scaling == "none":
-            share = np.sqrt(self.unscaled_variance.sum(axis=0)) / self.sigma
+            share = np.sqrt(self._variance_read.sum(axis=0)) / self.sigma
             return f"unscaled: {_three(share)} of sigma"
         what = "first harmonic" if self.scaling == "low_frequency" else "all amplitudes"
         return f"{what} times {_three(self.amplitude_factor)}"

@@ -42,6 +42,7 @@ import scipy.interpolate
 import scipy.special
 
 from wt_gym.wind.iec import length_scale, turbulence_sigma
+from wt_gym.wind.interpolation import sample_gain, variance_read
 from wt_gym.wind.kaimal import KaimalParameters
 from wt_gym.wind.protocol import require_number
 
@@ -80,6 +81,7 @@ class MannParameters:
     turbulence: str
     turbine_class: str
     scaling: str
+    spectrum_of: str
     length: float
     shear: float
 
@@ -124,14 +126,15 @@ class MannParameters:
 
     @property
     def harmonic_variance(self) -> np.ndarray:
-        """Variance of each harmonic [m²/s²], shape (n, 3), after ``scaling``."""
+        """Variance of each harmonic of the samples [m²/s²], shape (n, 3), after ``scaling``."""
+        share, gain = (f(self.n_times, self.spectrum_of)[:, None] for f in (variance_read, sample_gain))
         variance = self.unscaled_variance
-        total = variance.sum(axis=0)
+        total = (share * variance).sum(axis=0)
         if self.scaling == "low_frequency":
-            variance[0] += self.sigma**2 - total
+            variance[0] += (self.sigma**2 - total) / share[0]
         elif self.scaling == "uniform":
             variance *= self.sigma**2 / total
-        return variance
+        return gain * variance
 
     @property
     def description(self) -> str:

@@ -12,7 +12,16 @@ from wt_gym.errors import InflowError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Inflow", "PointInflow", "fill_velocity", "read_only", "require_number", "velocity_ahead"]
+__all__ = [
+    "Inflow",
+    "PointInflow",
+    "fill_velocity",
+    "read_only",
+    "require_cover",
+    "require_number",
+    "start_speed",
+    "velocity_ahead",
+]
 
 _N_RINGS = 8
 _N_AZIMUTHS = 24
@@ -45,6 +54,9 @@ class PointInflow:
 
         @property
         def hub_height(self) -> float: ...
+
+        @property
+        def mean_speed(self) -> float: ...
 
         @property
         def description(self) -> str: ...
@@ -132,6 +144,25 @@ class PointInflow:
         """Fill in the wind at points ahead; that of an inflow that does not change on its way."""
         return self._fill(read_only(gates.reshape(-1, 3)), time, out.reshape(-1, 3))
 
+    def require_cover(self, hub_height: float, rotor_diameter: float) -> None:
+        """Refuse a rotor that reaches to where the inflow has no wind: one without bounds refuses none.
+
+        Parameters
+        ----------
+        hub_height, rotor_diameter
+            Of the turbine [m].
+
+        Raises
+        ------
+        InflowError
+            If the rotor reaches beyond the inflow's bounds.
+        """
+
+    @property
+    def start_speed(self) -> float:
+        """Wind speed at hub height at time zero [m/s], turbulence left out: a turbine starts at its operating point."""
+        return self.mean_speed
+
     def rotor_effective_speed(self, time: float | np.ndarray, rotor_diameter: float) -> float | np.ndarray:
         """Mean over the rotor disc of the wind component along x.
 
@@ -173,7 +204,7 @@ def fill_velocity(inflow: Inflow, points: np.ndarray, time: float, out: np.ndarr
         The inflow gives velocities of another shape than the points, or refuses a point.
     """
     if isinstance(inflow, PointInflow) and type(inflow).velocity is PointInflow.velocity:
-        inflow.fill_velocity(points, time, out)  # type: ignore[unreachable]  # mypy takes no method for another
+        inflow.fill_velocity(points, time, out)
         return
     wind = np.asarray(inflow.velocity(points, time), dtype=np.float64)
     if wind.shape != points.shape:
@@ -202,6 +233,18 @@ def velocity_ahead(inflow: Inflow, points: np.ndarray, time: float, distances: S
     if isinstance(inflow, PointInflow):
         return inflow.velocity_ahead(points, time, distances)
     return np.asarray(inflow.velocity(points, time))
+
+
+def require_cover(inflow: Inflow, hub_height: float, rotor_diameter: float) -> None:
+    """`PointInflow.require_cover` of any inflow: one that has no such method has no bounds."""
+    check = getattr(inflow, "require_cover", None)
+    if check is not None:
+        check(hub_height, rotor_diameter)
+
+
+def start_speed(inflow: Inflow) -> float:
+    """`PointInflow.start_speed` of any inflow: of one that does not say it the mean speed."""
+    return float(getattr(inflow, "start_speed", inflow.mean_speed))
 
 
 def _checked(points, time) -> tuple[np.ndarray, float]:

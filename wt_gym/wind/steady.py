@@ -1,4 +1,4 @@
-"""Wind that does not change in time: uniform, power-law or logarithmic profile, with veer, yaw and inclination."""
+"""Wind that does not change in time: uniform, power-law, logarithmic or jet profile, with veer, yaw and inclination."""
 
 import math
 from dataclasses import dataclass
@@ -20,11 +20,17 @@ class SteadyInflow(PointInflow):
 
     - uniform: ``speed`` everywhere, below the ground too (there is no ground to feel);
     - power law: ``speed * (z / hub_height)**shear_exponent`` for z > 0, zero for z ≤ 0;
-    - logarithmic: ``speed * ln(z / z0) / ln(hub_height / z0)`` for z > z0, zero for z ≤ z0 (``roughness_length``).
+    - negative shear: the power law with a negative exponent, which keeps its speed below a tenth of the hub height;
+    - logarithmic: ``speed * ln(z / z0) / ln(hub_height / z0)`` for z > z0, zero for z ≤ z0 (``roughness_length``);
+    - low-level jet: ``(1 - jet_share) * V(z) + jet_share * speed * J(z) / J(hub_height)`` for z > 0, zero for z ≤ 0,
+      with V one of the profiles above and J the profile of Prandtl's slope flow with its nose at ``jet_height``,
+      ``J = sqrt(2) exp(pi/4 - x) sin(x)``, ``x = pi z / (4 jet_height)`` (Prandtl, Führer durch die Strömungslehre,
+      1942; Grisogono and Oerlemans, Tellus A 54 (2002) 453). J is 1 at the nose; at twice the height of
+      the nose it is 0.645, at four times it is 0.
 
-    All three are continuous in z. The direction the wind blows towards is turned from +x by
-    ``yaw_misalignment + veer * (z - hub_height)``, positive counter-clockwise seen from above, so a positive
-    misalignment blows towards +y and gives a positive yaw error (wind direction minus nacelle direction) on a
+    All are continuous in z, except the uniform share of a jet at the ground. The direction the wind blows towards is
+    turned from +x by ``yaw_misalignment + veer * (z - hub_height)``, positive counter-clockwise seen from above, so a
+    positive misalignment blows towards +y and gives a positive yaw error (wind direction minus nacelle direction) on a
     nacelle that faces −x. The whole vector is raised by ``inclination``, keeping its magnitude.
 
     Parameters
@@ -34,7 +40,8 @@ class SteadyInflow(PointInflow):
     hub_height
         Reference height [m].
     shear_exponent
-        Power-law exponent, 0 to 1; 0 is uniform. IEC 61400-1 takes 0.2 for normal conditions.
+        Power-law exponent, -1 to 1; 0 is uniform, below 0 the wind falls with height. IEC 61400-1 takes 0.2 for normal
+        conditions.
     roughness_length
         Roughness length z0 of the logarithmic profile [m]; excludes ``shear_exponent``.
     veer
@@ -44,6 +51,10 @@ class SteadyInflow(PointInflow):
         Wind direction at hub height relative to +x [rad], counter-clockwise from above positive.
     inclination
         Upflow angle [rad], rising wind positive.
+    jet_height
+        Height of the nose of a low-level jet [m], more than a third of the hub height; none by default.
+    jet_share
+        Share of the hub speed that the jet carries, above 0 to 1; 1 is the jet alone.
 
     Raises
     ------
@@ -58,12 +69,14 @@ class SteadyInflow(PointInflow):
     veer: float = 0.0
     yaw_misalignment: float = 0.0
     inclination: float = 0.0
+    jet_height: float | None = None
+    jet_share: float = 0.5
 
     def __post_init__(self) -> None:
         bounds = {
             "speed": ("m/s", 0.0, 200.0, False),
             "hub_height": ("m", 0.0, math.inf, True),
-            "shear_exponent": ("(no unit)", 0.0, 1.0, False),
+            "shear_exponent": ("(no unit)", -1.0, 1.0, False),
             "veer": ("rad/m", -0.05, 0.05, False),
             "yaw_misalignment": ("rad", -math.pi, math.pi, False),
             "inclination": ("rad", -0.5 * math.pi, 0.5 * math.pi, False),
@@ -71,6 +84,7 @@ class SteadyInflow(PointInflow):
         for name, (unit, low, high, open_low) in bounds.items():
             number = require_number(getattr(self, name), name, unit, low, high, open_minimum=open_low)
             object.__setattr__(self, name, number)
+        self._check_jet()
         if self.roughness_length is None:
             return
         length = require_number(self.roughness_length, "roughness_length", "m", 0.0, open_minimum=True)
@@ -83,6 +97,15 @@ class SteadyInflow(PointInflow):
                 f"got {self.shear_exponent} and {length}"
             )
 
+    def _check_jet(self) -> None:
+        share = require_number(self.jet_share, "jet_share", "(no unit)", 0.0, 1.0, open_minimum=True)
+        object.__setattr__(self, "jet_share", share)
+        if self.jet_height is None:
+            return
+        lowest = self.hub_height / 3.0  # much lower, at a quarter, the jet has no wind at the hub
+        height = require_number(self.jet_height, "jet_height", "m", lowest, open_minimum=True)
+        object.__setattr__(self, "jet_height", height)
+
     @property
     def mean_speed(self) -> float:
         """Wind speed at hub height [m/s]."""
@@ -91,7 +114,8 @@ class SteadyInflow(PointInflow):
     @property
     def is_uniform(self) -> bool:
         """Whether speed and direction are the same at every height."""
-        return self.shear_exponent == 0.0 and self.roughness_length is None and self.veer == 0.0
+        sheared = self.shear_exponent != 0.0 or self.roughness_length is not None or self.jet_height is not None
+        return not sheared and self.veer == 0.0
 
     @property
     def description(self) -> str:
@@ -103,10 +127,12 @@ class SteadyInflow(PointInflow):
         """The profile and angles in words."""
         if self.roughness_length is not None:
             parts = [f"logarithmic profile (z0 = {self.roughness_length:g} m)"]
-        elif self.shear_exponent > 0.0:
+        elif self.shear_exponent != 0.0:
             parts = [f"power-law profile (exponent {self.shear_exponent:g})"]
         else:
             parts = ["uniform profile"]
+        if self.jet_height is not None:
+            parts.append(f"low-level jet (nose at {self.jet_height:g} m, share {self.jet_share:g})")
         if self.veer:
             parts.append(f"veer {math.degrees(self.veer):.3g} deg/m")
         if self.yaw_misalignment:
@@ -116,9 +142,10 @@ class SteadyInflow(PointInflow):
         return ", ".join(parts)
 
     @property
-    def kernel_profile(self) -> tuple[float, float, float, float, float]:
-        """Speed, hub height, exponent, roughness length (0: none) and veer, as the kernels take them."""
-        return self.speed, self.hub_height, self.shear_exponent, self.roughness_length or 0.0, self.veer
+    def kernel_profile(self) -> tuple[float, float, float, float, float, float, float]:
+        """Speed, hub height, exponent, roughness length, jet height (0: none), jet share, veer, as the kernels take."""
+        layer = self.speed, self.hub_height, self.shear_exponent, self.roughness_length or 0.0
+        return *layer, self.jet_height or 0.0, self.jet_share, self.veer
 
     def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
         angles = self.yaw_misalignment, self.inclination

@@ -1,8 +1,9 @@
 """A frozen field of turbulence on a y-z grid over time."""
 
 import os
-from dataclasses import dataclass, field
-from functools import lru_cache
+import warnings
+from dataclasses import dataclass, field, fields
+from functools import cached_property, lru_cache
 from typing import cast
 
 import numpy as np
@@ -33,7 +34,7 @@ class TurbulenceBox:
     time_step
         Sampling interval [s].
     spacing_y, spacing_z
-        Distance between grid points [m]. The grid is centred on y = 0.
+        Distance between grid points [m].
     z_bottom
         Height of the lowest row [m].
     mean_speed
@@ -47,11 +48,12 @@ class TurbulenceBox:
         Whether the fluctuation contains a mean profile (shear, veer), as read from a file.
     tower
         Fluctuations at points below the grid, on the tower axis, from the top down with ``spacing_z``: shape
-        (n_times, n_tower, 3). They are kept for :meth:`to_bts`; the wind between the points of the grid does not
-        use them.
+        (n_times, n_tower, 3). Below the grid the wind is interpolated between them and the lowest row.
     scale
         By which the samples are multiplied where the wind is read [-]: boxes of one field at other speeds and
         intensities share their samples.
+    y_center
+        Lateral position of the middle of the grid [m].
     description
         What this box is, in words.
 
@@ -73,6 +75,7 @@ class TurbulenceBox:
     tower: np.ndarray | None = field(default=None, repr=False)
     scale: float = 1.0
     description: str = "turbulence box"
+    y_center: float = 0.0
 
     def __post_init__(self) -> None:
         for name, unit in (
@@ -86,6 +89,7 @@ class TurbulenceBox:
             number = require_number(getattr(self, name), name, unit, 0.0, open_minimum=True)
             object.__setattr__(self, name, number)
         object.__setattr__(self, "z_bottom", require_number(self.z_bottom, "z_bottom", "m"))
+        object.__setattr__(self, "y_center", require_number(self.y_center, "y_center", "m"))
         samples = _frozen_samples(self.fluctuation, "fluctuation")
         if samples.ndim != 4 or samples.shape[3] != 3 or min(samples.shape[:3]) < 2:
             raise InflowError(
@@ -111,8 +115,8 @@ class TurbulenceBox:
             "scale": require_number(scale, "scale", "-", 0.0, open_minimum=True),
             "description": description,
         }
-        for name, value in (self.__dict__ | changes).items():
-            object.__setattr__(box, name, value)
+        for field_ in fields(self):  # not the profile, which holds for one speed
+            object.__setattr__(box, field_.name, changes.get(field_.name, getattr(self, field_.name)))
         return box
 
     def __copy__(self) -> "TurbulenceBox":
@@ -150,6 +154,7 @@ class TurbulenceBox:
         turbine_class: str = "I",
         scaling: str = "low_frequency",
         lateral_coherence: bool = True,
+        spectrum_of: str = "interpolated",
         cache: bool = True,
     ) -> "TurbulenceBox":
         """Kaimal turbulence of IEC 61400-1 around a rotor, periodic in time.
@@ -188,6 +193,11 @@ class TurbulenceBox:
         lateral_coherence
             Give v and w the coherence of u. The standard leaves theirs open; without, neighbouring points are
             independent in v and w, and interpolation between them loses variance.
+        spectrum_of
+            Whose spectrum and σ are the standard's: ``"interpolated"``, those of the wind in straight lines between
+            the samples, as `TurbulentInflow` and other tools read a box (`wt_gym.wind.interpolation`); the samples
+            themselves are then stronger near half the sampling frequency. ``"samples"``: those of the samples; the
+            wind between them lacks a third of the variance at a quarter of the sampling frequency.
         cache
             Read and write the cache on disk (folder ``$WT_GYM_CACHE`` or the user's cache directory). The last
             few boxes are kept in memory in any case.
@@ -211,6 +221,7 @@ class TurbulenceBox:
             turbine_class,
             scaling,
             lateral_coherence,
+            spectrum_of,
         )
         return _made_box(parameters, bool(cache))
 
@@ -230,6 +241,7 @@ class TurbulenceBox:
         turbulence: str = "NTM",
         turbine_class: str = "I",
         scaling: str = "low_frequency",
+        spectrum_of: str = "interpolated",
         length: float | None = None,
         shear: float = SHEAR,
         cache: bool = True,
@@ -239,7 +251,7 @@ class TurbulenceBox:
         Parameters
         ----------
         mean_speed, hub_height, rotor_diameter, turbulence_class, seed, duration, time_step, grid, width, turbulence, \
-turbine_class, cache
+turbine_class, spectrum_of, cache
             As of :meth:`kaimal`.
         scaling
             As of :meth:`kaimal`, for the mean over many seeds and points: amplitudes are random here at the hub too.
@@ -268,6 +280,7 @@ turbine_class, cache
             turbulence=turbulence,
             turbine_class=turbine_class,
             scaling=scaling,
+            spectrum_of=spectrum_of,
         )
         return _made_box(parameters, bool(cache))
 
@@ -324,6 +337,8 @@ turbine_class, cache
         if steady is None:
             steady = SteadyInflow(self.mean_speed, self.hub_height)
         self.require_fitting(steady)
+        if self.y_center != 0.0:
+            raise InflowError(f"a .bts file is centred on the tower: y_center must be 0; got {self.y_center:g} m")
         if steady.yaw_misalignment != 0.0 or steady.inclination != 0.0:
             raise InflowError("a .bts file is aligned with the wind: yaw_misalignment and inclination must be zero")
         points = np.zeros((self.z.size, self.y.size, 3))
@@ -367,16 +382,76 @@ turbine_class, cache
     def y(self) -> np.ndarray:
         """Lateral positions of the columns [m], shape (n_y,)."""
         n = self.fluctuation.shape[2]
-        return self.spacing_y * (np.arange(n) - 0.5 * (n - 1))
+        return self.y_center + self.spacing_y * (np.arange(n) - 0.5 * (n - 1))
 
     @property
     def z(self) -> np.ndarray:
         """Heights of the rows [m], shape (n_z,)."""
         return self.z_bottom + self.spacing_z * np.arange(self.fluctuation.shape[1])
 
+    @cached_property
+    def profile_description(self) -> str:
+        """The mean profile that the box holds, in words; of a box that holds none it says so."""
+        if not self.holds_profile:
+            return "no profile"
+        mean = self.scale * self.fluctuation.mean(axis=(0, 2), dtype=np.float64)
+        along, height = self.mean_speed + mean[:, 0], self.z
+        text = (
+            f"profile of the file: {along[0]:.3g} m/s at {height[0]:.4g} m to {along[-1]:.3g} m/s at {height[-1]:.4g} m"
+        )
+        above = (height > 0.0) & (along > 0.0)
+        if above.sum() >= 2:
+            exponent = np.polyfit(np.log(height[above]), np.log(along[above]), 1)[0] + 0.0
+            text += f" (exponent of a power law through it {exponent:.2f})"
+        turn = np.degrees(np.arctan2(mean[:, 1], along))
+        if np.ptp(turn) > 0.5:
+            text += f", veer {turn[0]:.1f} to {turn[-1]:.1f} deg"
+        return text
+
+    def require_cover(self, hub_height: float, rotor_diameter: float, *, hold: bool = False) -> None:
+        """Refuse a grid that does not reach around a rotor.
+
+        Parameters
+        ----------
+        hub_height, rotor_diameter
+            Of the turbine [m].
+        hold
+            Warn only: beyond the grid the wind is held at its edge.
+
+        Raises
+        ------
+        InflowError
+            If the rotor disc reaches beyond the grid by more than a hundredth of its diameter.
+        """
+        y, z, radius = self.y, self.z, 0.5 * rotor_diameter
+        margin = 0.01 * rotor_diameter
+        beyond = max(y[0] + radius, radius - y[-1], z[0] - (hub_height - radius), hub_height + radius - z[-1])
+        if beyond <= margin:
+            return
+        text = (
+            f"the grid of '{self.description}' covers y from {y[0]:.4g} to {y[-1]:.4g} m and z from {z[0]:.4g} to "
+            f"{z[-1]:.4g} m; the rotor needs y from {-radius:.4g} to {radius:.4g} m and z from "
+            f"{hub_height - radius:.4g} to {hub_height + radius:.4g} m"
+        )
+        if not hold:
+            raise InflowError(f"{text}: make a larger grid, or hold the wind at its edge with beyond_grid='hold'")
+        warnings.warn(
+            f"{text}: the wind there is held at the edge of the grid, so that loads are wrong by the eddies and the "
+            "shear that are missing",
+            stacklevel=2,
+        )
+
     def _key(self) -> tuple:
         numbers = (self.time_step, self.spacing_y, self.spacing_z, self.z_bottom, self.mean_speed, self.hub_height)
-        return (*numbers, self.scale, self.periodic, self.holds_profile, self.description, self.fluctuation.shape)
+        return (
+            *numbers,
+            self.y_center,
+            self.scale,
+            self.periodic,
+            self.holds_profile,
+            self.description,
+            self.fluctuation.shape,
+        )
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, TurbulenceBox):

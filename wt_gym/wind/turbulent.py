@@ -8,12 +8,14 @@ import numpy as np
 
 from wt_gym.errors import InflowError
 from wt_gym.wind.evolution import evolved_boxes
-from wt_gym.wind.inflow_kernels import turbulent_velocity
+from wt_gym.wind.inflow_kernels import add_tower_points, turbulent_velocity
 from wt_gym.wind.protocol import PointInflow, require_number
 from wt_gym.wind.steady import SteadyInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
 
-__all__ = ["TurbulentInflow"]
+__all__ = ["BEYOND_GRID", "TurbulentInflow"]
+
+BEYOND_GRID = ("refuse", "hold")
 
 
 @dataclass(frozen=True)
@@ -21,8 +23,9 @@ class TurbulentInflow(PointInflow):
     """Frozen turbulence on a mean profile (Taylor's hypothesis).
 
     In the frame of the mean wind, u(x, y, z, t) = mean(z) + box(y, z, t + time_offset − x/U), U the hub speed. Between
-    the samples the box is interpolated linearly in y, z and time; outside its grid it keeps the values of the nearest
-    edge, below the ground too; in time it repeats.
+    the samples the box is interpolated linearly in y, z and time; below its grid it follows the tower points, where it
+    has any; else outside its grid it keeps the values of the nearest edge, below the ground too; in time it repeats. A
+    rotor that reaches beyond the grid is refused (``beyond_grid``).
 
     What is seen ahead of the rotor (`velocity_ahead`) is not yet quite what arrives, see `wt_gym.wind.evolution`.
 
@@ -37,6 +40,8 @@ class TurbulentInflow(PointInflow):
         The mean wind; speed and hub height within 1 % of the box's. By default uniform at the box's speed.
     time_offset
         Time in the box [s] that passes the origin at time zero.
+    beyond_grid
+        What becomes of a rotor that reaches beyond the grid: ``"refuse"``, or ``"hold"`` with a warning.
 
     Raises
     ------
@@ -54,6 +59,7 @@ class TurbulentInflow(PointInflow):
     box: TurbulenceBox
     steady: SteadyInflow | None = None
     time_offset: float = 0.0
+    beyond_grid: str = "refuse"
     _evolved: dict[tuple[float, ...], tuple[TurbulenceBox, ...]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -67,6 +73,10 @@ class TurbulentInflow(PointInflow):
             raise InflowError(f"steady must be a SteadyInflow; got {type(self.steady).__name__}")
         self.box.require_fitting(self.steady)
         object.__setattr__(self, "time_offset", require_number(self.time_offset, "time_offset", "s"))
+        if self.beyond_grid not in BEYOND_GRID:
+            raise InflowError(
+                f"beyond_grid must be one of {', '.join(map(repr, BEYOND_GRID))}; got {self.beyond_grid!r}"
+            )
 
     @property
     def _steady(self) -> SteadyInflow:
@@ -93,7 +103,25 @@ class TurbulentInflow(PointInflow):
     def description(self) -> str:
         """One line that tells a person what wind this is."""
         offset = f", from {self.time_offset:g} s" if self.time_offset else ""
-        return f"{self.box.description}, {self.box.duration:g} s{offset}, {self._steady.profile_description}"
+        steady, box = self._steady.profile_description, self.box
+        profile = f"{box.profile_description}, on a {steady}" if box.holds_profile else steady
+        held = ", held at the edge of its grid" if self.beyond_grid == "hold" else ""
+        return f"{box.description}, {box.duration:g} s{offset}, {profile}{held}"
+
+    def require_cover(self, hub_height: float, rotor_diameter: float) -> None:
+        """Refuse a rotor that the grid does not reach around, or warn, as ``beyond_grid`` says.
+
+        Parameters
+        ----------
+        hub_height, rotor_diameter
+            Of the turbine [m].
+
+        Raises
+        ------
+        InflowError
+            See `TurbulenceBox.require_cover`.
+        """
+        self.box.require_cover(hub_height, rotor_diameter, hold=self.beyond_grid == "hold")
 
     def __getstate__(self) -> dict:
         """What a copy or a pickle takes along: the field ahead is made anew."""
@@ -118,15 +146,12 @@ class TurbulentInflow(PointInflow):
         return -1
 
     def _fill_from(self, box: TurbulenceBox, rows: np.ndarray, time: float, out: np.ndarray) -> int:
-        return turbulent_velocity(
-            rows,
-            time + self.time_offset,
-            *self._mean_wind,
-            box.fluctuation,
-            box.scale,
-            box.time_step,
-            box.spacing_y,
-            box.spacing_z,
-            box.z_bottom,
-            out,
-        )
+        place = box.time_step, box.spacing_y, box.spacing_z, box.y_center, box.z_bottom
+        seen = time + self.time_offset
+        bad = turbulent_velocity(rows, seen, *self._mean_wind, box.fluctuation, box.scale, *place, out)
+        tower = cast(np.ndarray, box.tower)
+        if bad < 0 and tower.shape[1] > 0:
+            steady = self._steady
+            mean = steady.speed, steady.hub_height, steady.yaw_misalignment, steady.inclination
+            add_tower_points(rows, seen, *mean, box.fluctuation, tower, box.scale, *place, out)
+        return bad

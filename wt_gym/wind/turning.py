@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from wt_gym.errors import InflowError
-from wt_gym.wind.protocol import Inflow, PointInflow, velocity_ahead
+from wt_gym.wind.protocol import Inflow, PointInflow, require_cover, start_speed, velocity_ahead
 
 __all__ = ["TurningInflow"]
 
@@ -83,6 +83,11 @@ class TurningInflow(PointInflow):
         return self.inner.mean_speed
 
     @property
+    def start_speed(self) -> float:
+        """Wind speed at hub height at time zero [m/s], turbulence left out."""
+        return start_speed(self.inner)
+
+    @property
     def hub_height(self) -> float:
         """Hub height [m]."""
         return self.inner.hub_height
@@ -93,6 +98,10 @@ class TurningInflow(PointInflow):
         low, high = np.degrees(self.directions.min()), np.degrees(self.directions.max())
         turning = f"from {low:.0f} to {high:.0f} deg" if high - low > 0.5 else f"{low:.0f} deg"
         return f"{self.inner.description}, turned {turning}"
+
+    def require_cover(self, hub_height: float, rotor_diameter: float) -> None:
+        """Refuse a rotor for which the inner inflow has no wind."""
+        require_cover(self.inner, hub_height, rotor_diameter)
 
     def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
         return self._fill_turned(rows, time, self.inner.velocity, out)

@@ -31,7 +31,7 @@ def gain_of_table(turbine: Turbine, table: RotorTable) -> float:
     """Region-2 gain that holds a rotor at the optimum of its table [N m/(rad/s)^2, high-speed shaft]."""
     ratio, best = table.optimum
     drivetrain = turbine.drivetrain
-    moment = 0.5 * table.air_density * math.pi * table.radius**5 * best / ratio**3
+    moment = 0.5 * turbine.controller_air_density * math.pi * table.radius**5 * best / ratio**3
     return moment * drivetrain.gearbox_efficiency / drivetrain.gear_ratio**3
 
 

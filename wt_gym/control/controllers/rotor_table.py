@@ -13,13 +13,14 @@ import json
 import logging
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.turbines.site import at_controller_density
 from wt_gym.user_cache import user_cache
 
 if TYPE_CHECKING:
@@ -154,6 +155,9 @@ def _place(grid: list, value: float) -> tuple[int, float]:
 def rotor_table(turbine: Turbine) -> RotorTable:
     """Table of a turbine: stored for those of the catalogue, else from the cache, else measured (minutes).
 
+    Coefficients do not depend on the density of the air: at a site with another the table is that of the turbine in the
+    air of its controller, with forces and torques of the site's.
+
     Parameters
     ----------
     turbine : Turbine
@@ -164,10 +168,12 @@ def rotor_table(turbine: Turbine) -> RotorTable:
     """
     from wt_gym.simulation.state import fingerprint  # the simulator is heavy, and rarely needed here
 
-    key = fingerprint(turbine)
+    home = at_controller_density(turbine)
+    key = fingerprint(home)
     if key not in _known:
-        _known[key] = _stored(turbine) or _cached(turbine, key)
-    return _known[key]
+        _known[key] = _stored(home) or _cached(home, key)
+    table = _known[key]
+    return table if table.air_density == turbine.air_density else replace(table, air_density=turbine.air_density)
 
 
 def _stored(turbine: Turbine) -> RotorTable | None:

@@ -1,0 +1,79 @@
+"""Options of the command line for the site of a turbine and for winds from files. Imports nothing heavy, for --help."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+__all__ = ["add_site_option", "add_wind_option", "site_word", "wind_word", "with_options"]
+
+
+def site_word(word: str) -> tuple[str, float | str]:
+    """Read ``NAME=VALUE`` of the option ``--site``: a number, or the name of a class."""
+    name, equals, value = word.partition("=")
+    if not (name and equals and value):
+        raise argparse.ArgumentTypeError(f"{word:.60} must be NAME=VALUE, for example air_density=1.1")
+    try:
+        return name, float(value)
+    except ValueError:
+        return name, value
+
+
+def wind_word(word: str) -> str | dict[str, Any]:
+    """Read a wind of the option ``--wind``: a path, or a mapping as JSON."""
+    if not word.lstrip().startswith("{"):
+        return word
+    try:
+        return json.loads(word)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{word:.60} is not valid JSON: {error}") from error
+
+
+def add_site_option(parser: argparse._ActionsContainer) -> None:
+    """Add ``--site``."""
+    parser.add_argument(
+        "--site", type=site_word, nargs="+", metavar="NAME=VALUE",
+        help="numbers of the site instead of those of the turbine: air_density, cut_in, cut_out, iec_class, "
+        "turbulence_class, controller_air_density",
+    )  # fmt: skip
+
+
+def add_wind_option(parser: argparse._ActionsContainer) -> None:
+    """Add ``--wind``."""
+    parser.add_argument(
+        "--wind", type=wind_word, nargs="+", metavar="FILE",
+        help="winds from files (.bts, .csv, .wnd, .hh, .nc, .json) or as JSON, see docs/wind.md",
+    )  # fmt: skip
+
+
+def with_options(
+    kwargs: Mapping[str, Any],
+    site: Sequence[tuple[str, float | str]] | None,
+    wind: Sequence[str | dict[str, Any]] | None = None,
+) -> dict[str, Any]:
+    """Arguments of an environment with a site and winds, which count where both name one.
+
+    Parameters
+    ----------
+    kwargs : mapping
+    site : sequence of (str, float or str), optional
+        Added to the site among ``kwargs``.
+    wind : sequence, optional
+
+    Raises
+    ------
+    ValueError
+        If ``kwargs`` is not a mapping.
+    """
+    if not isinstance(kwargs, dict):
+        raise ValueError(f"the arguments of the environment must be a JSON object, got {kwargs!r}")
+    found = dict(kwargs)
+    if site:
+        found["site"] = {**(found.get("site") or {}), **dict(site)}
+    if wind:
+        found["inflow"] = list(wind) if len(wind) > 1 else wind[0]
+    return found

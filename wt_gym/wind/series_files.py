@@ -1,0 +1,143 @@
+"""Files of winds that follow a time series: CSV tables with named columns, and InflowWind's uniform wind files.
+
+CSV: the first line that is neither empty nor begins with ``#`` names the columns; time [s] and speed [m/s] are needed,
+the others are zero without: direction [deg], vertical_speed [m/s], shear_exponent, horizontal_shear, vertical_shear,
+gust [m/s], upflow [deg]. Directions are ours: against +x, counter-clockwise from above positive.
+
+Uniform wind files (``.wnd``, ``.hh``) have lines of 8 or 9 numbers without names, ``!`` beginning a comment: time [s],
+speed [m/s], direction [deg], vertical speed [m/s], horizontal linear shear, power-law exponent, vertical linear shear,
+gust [m/s], and upflow [deg]. Directions are InflowWind's: a positive one blows towards −y (from the left looking
+downwind), so that its sign is turned when it is read; so is nothing else.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.errors import InflowError
+from wt_gym.wind.series import COLUMNS, SeriesInflow
+
+if TYPE_CHECKING:
+    import os
+
+__all__ = ["read_csv", "read_uniform"]
+
+_ANGLES = ("direction", "upflow")
+_UNIFORM = (
+    "time", "speed", "direction", "vertical_speed", "horizontal_shear", "shear_exponent", "vertical_shear", "gust",
+    "upflow",
+)  # fmt: skip
+
+
+def read_csv(path: str | os.PathLike, **more) -> SeriesInflow:
+    """Read a CSV file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    **more
+        Of `SeriesInflow`: ``hub_height``, ``reference_length``, ``travels``, ``time_offset``.
+
+    Raises
+    ------
+    InflowError
+        If the file cannot be read, a column is unknown, missing or named twice, or a line is damaged; the message names
+        file and line.
+    """
+    rows = [
+        (number, [cell.strip() for cell in next(csv.reader([line]))])
+        for number, line in _lines(path)
+        if not line.startswith("#")
+    ]
+    if not rows:
+        raise InflowError(f"{path} is empty: its first line must name the columns, time and speed among them")
+    (_, names), *body = rows
+    _check_names(path, names)
+    if not body:
+        raise InflowError(f"{path} has names of columns but no numbers")
+    return _series(path, names, body, 1.0, more)
+
+
+def read_uniform(path: str | os.PathLike, **more) -> SeriesInflow:
+    """Read a uniform wind file of InflowWind.
+
+    Parameters
+    ----------
+    path
+        The file.
+    **more
+        Of `SeriesInflow`: ``hub_height`` and ``reference_length`` stand in InflowWind's input file, not in this one.
+
+    Raises
+    ------
+    InflowError
+        If the file cannot be read, is a binary file, or a line is damaged; the message names file and line.
+    """
+    body = [(number, words.split()) for number, line in _lines(path) if (words := line.split("!")[0].replace(",", " "))]
+    body = [(number, cells) for number, cells in body if cells]
+    if not body:
+        raise InflowError(f"{path} holds no numbers: a uniform wind file has lines of 8 or 9 of them")
+    width = len(body[0][1])
+    if width not in (8, 9):
+        raise InflowError(f"{path}, line {body[0][0]}: a uniform wind file has 8 or 9 numbers a line; got {width}")
+    return _series(path, _UNIFORM[:width], body, -1.0, more)
+
+
+def _lines(path: str | os.PathLike) -> list[tuple[int, str]]:
+    """Lines that hold something, with their numbers from 1."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InflowError(f"cannot read the wind file {path}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise InflowError(
+            f"{path} must be a text file: {error}. Binary .wnd files (TurbSim, Bladed) are not read; TurbSim also "
+            "writes .bts"
+        ) from error
+    return [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+
+
+def _check_names(path: str | os.PathLike, names: list[str]) -> None:
+    allowed = ("time", *COLUMNS)
+    for name in names:
+        if name not in allowed:
+            near = difflib.get_close_matches(name.lower(), allowed, 1, 0.5)
+            hint = f"; did you mean {near[0]!r}?" if near else "."
+            raise InflowError(f"{path}: no column is called {name!r}{hint} There are {', '.join(allowed)}")
+        if names.count(name) > 1:
+            raise InflowError(f"{path}: the column {name!r} stands twice")
+    for name in ("time", "speed"):
+        if name not in names:
+            raise InflowError(f"{path}: the column {name!r} is missing; there are {', '.join(names)}")
+
+
+def _series(path, names, body, sign: float, more: dict) -> SeriesInflow:
+    """Series of the rows of a file; ``sign`` turns its directions into ours."""
+    values = np.empty((len(body), len(names)))
+    for row, (number, cells) in enumerate(body):
+        if len(cells) != len(names):
+            raise InflowError(f"{path}, line {number}: {len(names)} numbers are needed, one a column; got {len(cells)}")
+        for column, cell in enumerate(cells):
+            try:
+                values[row, column] = float(cell.replace("D", "e").replace("d", "e"))
+            except ValueError:
+                raise InflowError(f"{path}, line {number}: {names[column]} must be a number; got {cell!r}") from None
+    if not np.isfinite(values).all():
+        row = int(np.argmin(np.isfinite(values).all(axis=1)))
+        raise InflowError(f"{path}, line {body[row][0]}: every number must be finite; got {body[row][1]}")
+    columns = dict(zip(names, values.T, strict=True))
+    for name in _ANGLES:
+        if name in columns:
+            columns[name] = np.radians(columns[name])
+    if "direction" in columns:
+        columns["direction"] = sign * np.unwrap(columns["direction"])
+    try:
+        return SeriesInflow.of(columns, **{"name": Path(path).name, **more})
+    except InflowError as error:
+        raise InflowError(f"{path}: {error}") from error
