@@ -36,7 +36,7 @@ def test_a_turbine_is_read_once(monkeypatch):
     monkeypatch.setattr(module, "_loaded", {})
     first = load_turbine(path)
     monkeypatch.setattr(module, "_loaded", {})
-    monkeypatch.setattr(source, "_read_and_check", None)  # nobody reads it again
+    monkeypatch.setattr(source, "_load", None)  # nobody reads it again
     again = load_turbine(path)
     assert again is not first
     assert fingerprint(again) == fingerprint(first)

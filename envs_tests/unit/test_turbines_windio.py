@@ -193,7 +193,7 @@ def test_shell_of_the_nrel_tower_gives_the_published_table():
     """The report computes Table 6-1 from this shell (6 m to 3.87 m, 35.1 mm to 24.7 mm, 8500 kg/m^3)."""
     turbine = load_turbine("nrel_5mw")
     path = turbine_file("nrel_5mw")
-    root, _ = read_windio(path, path.read_bytes())
+    root = read_windio(path, path.read_bytes()).root
     structure = root.at("components.tower.structure")
     grid = np.linspace(0.0, 1.0, 11)
     shell = shell_sections(root, structure, 87.6, (grid, 6.0 - 2.13 * grid))
@@ -298,13 +298,9 @@ REQUIRED = [
     "components.blade.structure.elastic_properties.inertia_matrix.i_edge",
     "components.hub",
     "components.hub.diameter",
-    "components.hub.elastic_properties",
-    "components.hub.elastic_properties.mass",
     "components.drivetrain",
     "components.drivetrain.outer_shape.overhang",
     "components.drivetrain.outer_shape.distance_tt_hub",
-    "components.drivetrain.elastic_properties",
-    "components.drivetrain.generator",
     "components.tower",
     "components.tower.outer_shape.outer_diameter",
     "components.tower.structure",
@@ -359,7 +355,6 @@ def test_a_missing_drivetrain_spring_names_both_places(tmp_path):
         ("components.tower.reference_axis.x.values", [0.0, 5.0], r"tower\.reference_axis"),
         ("assembly.rotor_orientation", "downwind", "upwind"),
         ("assembly.hub_height", 120.0, "hub_height"),
-        ("assembly.typo", 1.0, "typo"),
         ("control.max_pitch_rate", -8.0, "max_pitch_rate"),
         ("airfoils.0.coordinates.x.5", 0.9, r"coordinates\.x\[5\].*0\.9.*in order"),
         ("airfoils.0.polars.0.re_sets.0.cd.values", [0.1, -0.1], r"cd\.values\[1\].*-0\.1.*at least 0"),

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Turbine
-from wt_gym.turbines.source import Node, read_windio
+from wt_gym.turbines.source import Node, WindioFile, read_windio
 from wt_gym.turbines.windio_blade import read_blade
-from wt_gym.turbines.windio_nacelle import read_drivetrain, read_hub, read_nacelle, read_pitch
+from wt_gym.turbines.windio_nacelle import read_drivetrain, read_hub, read_machine, read_nacelle, read_pitch, rpm
 from wt_gym.turbines.windio_tower import read_support, read_tower
 
 __all__ = ["AIR_DENSITY", "catalogue", "load_turbine", "turbine_file"]
@@ -133,14 +133,23 @@ def load_turbine(
     key = hashlib.sha256(content).hexdigest()
     if water_depth is None and key in _loaded:
         return _loaded[key]
+    file: WindioFile | None = None
     try:
-        root, alone = read_windio(path, content)
-        turbine = _build(root, water_depth, foundation)
+        file = read_windio(path, content)
+        turbine = _build(file, water_depth, foundation)
     except TurbineDefinitionError as error:
-        raise TurbineDefinitionError(f"{path}: {error}") from error
-    if water_depth is None and alone:
+        raise TurbineDefinitionError(f"{path}: {error}{_resembling(error, file)}") from error
+    if water_depth is None and file.alone:
         _loaded[key] = turbine
     return turbine
+
+
+def _resembling(error: TurbineDefinitionError, file: WindioFile | None) -> str:
+    """Return the unknown key of a file that may be meant for the missing one of an error, beginning with ``;``."""
+    path, _, rest = str(error).partition(": ")
+    if file is None or not rest.startswith("missing") or path not in file.resembling:
+        return ""
+    return f"; the file has {file.resembling[path]!r} there"
 
 
 def turbine_file(name_or_path: str | Path) -> Path:
@@ -182,23 +191,29 @@ _FILE_KEYS = {
 """Keys of the ``assembly`` section behind the fields of a turbine."""
 
 
-def _build(root: Node, water_depth: float | None, foundation: NDArray[np.float64] | None) -> Turbine:
-    """Turn a validated file into a turbine, on its monopile if the depth of the water is given."""
-    notes: list[str] = []
+def _build(file: WindioFile, water_depth: float | None, foundation: NDArray[np.float64] | None) -> Turbine:
+    """Turn a file into a turbine, on its monopile if the depth of the water is given."""
+    root = file.root
+    notes = list(file.notes)
     assembly = root.at("assembly")
     control = root.at("control", "a mapping with rated_rotor_speed, max_gen_torque and the limits of the actuators")
     power_node = assembly if "rated_power" in assembly else control
     rated_power = power_node.number("rated_power", 1.0, 1e9)
     n_blades = int(_default(assembly, "number_of_blades", 3, notes))
-    hub = read_hub(root, notes)
-    drivetrain = read_drivetrain(root, rated_power, notes)
-    blade = read_blade(root, hub.radius, drivetrain.rated_rotor_speed, notes)
+    hub_node = root.at("components.hub")
+    hub_radius = hub_node.number("diameter", 0.0, 30.0, 0.5)
+    blade = read_blade(root, hub_radius, control.number("rated_rotor_speed", 1e-3, 1000.0, rpm), notes)
+    diameter = (
+        2.0 * (hub_radius + blade.length) * float(np.cos(hub_node.number("cone_angle", 0.0, 50.0, np.pi / 180.0)))
+    )
+    machine = read_machine(root, rated_power, diameter, n_blades, blade.structure.mass_moment(0), notes)
+    hub = read_hub(root, machine, notes)
+    drivetrain = read_drivetrain(root, blade, hub, machine, notes)
     tower = read_tower(root, notes)
     if water_depth is not None:
         notes[:] = [note for note in notes if not note.startswith("components.monopile:")]
         tower = replace(tower, support=read_support(root, tower, water_depth, foundation, notes))
-    nacelle = read_nacelle(root, blade, hub, n_blades, notes)
-    diameter = 2.0 * (hub.radius + blade.length) * float(np.cos(hub.cone))
+    nacelle = read_nacelle(root, blade, hub, machine, notes)
     height = tower.height + root.at("components.drivetrain.outer_shape").number("distance_tt_hub", 0.0, 20.0)
     values: dict[str, Any] = dict(
         name=root.text("name"),

@@ -1,8 +1,11 @@
-"""Reading of windIO files: safe loading, schema validation and access by key path with clear errors."""
+"""Reading of windIO files: safe loading, check of keys and values, access by key path with clear errors."""
 
-import re
+import codecs
+import json
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +15,16 @@ from numpy.typing import NDArray
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines import file_cache
 from wt_gym.turbines.checks import check_array, check_ascending, check_number, fail, short
+from wt_gym.turbines.windio_keys import check_values, take_out_foreign_keys
+from wt_gym.turbines.windio_layouts import adopt_layout
+from wt_gym.turbines.windio_versions import to_version_2
 
-__all__ = ["Node", "read_windio", "within"]
+__all__ = ["Node", "WindioFile", "read_windio", "within"]
 
-SCHEMA = "turbine/turbine_schema"
 _MOST_LEVELS, _MOST_ENTRIES = 50, 3_000_000  # the turbines of windIO have 12 levels and some ten thousand entries
 _MOST_FILES, _MOST_BYTES = 300, 30_000_000  # read for one turbine; included ones count each time
-_SCHEMA_ERROR = re.compile(r"Failed at instance path `(?P<path>[^`]*)` with error message: \"(?P<message>.*)\"$")
-_MISSING = re.compile(r"^'(?P<key>[^']*)' is a required property$")
+
+_LONG = 1_000_000  # bytes from which a file is looked through before it is parsed, which takes 3 s per million
 
 
 class Node:
@@ -124,8 +129,30 @@ def within(path: str) -> Iterator[None]:
         raise TurbineDefinitionError(f"{path}: {error}") from error
 
 
-def read_windio(path: Path, content: bytes) -> tuple[Node, bool]:
-    """Load a windIO v2 turbine file with windIO's safe loader and validate it against windIO's schema.
+@dataclass(frozen=True)
+class WindioFile:
+    """A windIO file as it is read.
+
+    Attributes
+    ----------
+    root : Node
+        Its top level, in the layout of windIO 2.1 and without keys that windIO does not know.
+    alone : bool
+        Whether the content is all there is: the file includes no others, which may change without it.
+    notes : tuple of str
+        What was converted, moved and left aside, in plain words.
+    resembling : dict
+        Key path that the file lacks, and the unknown key of the file that resembles it.
+    """
+
+    root: Node
+    alone: bool
+    notes: tuple[str, ...]
+    resembling: dict[str, str]
+
+
+def read_windio(path: Path, content: bytes) -> WindioFile:
+    """Load a windIO turbine file of version 2 or 1, safely, and hold what it says against windIO's schema.
 
     Parameters
     ----------
@@ -135,38 +162,45 @@ def read_windio(path: Path, content: bytes) -> tuple[Node, bool]:
 
     Returns
     -------
-    Node
-        The top level of the file.
-    bool
-        Whether the content is all there is: the file includes no others, which may change without it.
+    WindioFile
 
     Raises
     ------
     TurbineDefinitionError
-        If the file cannot be read, is no YAML, is not for windIO 2, or does not fit the schema. One error, naming the
-        key path; further violations are counted.
+        If the file cannot be read, is not a YAML or JSON file, is not for windIO 1 or 2, or a value that is used does
+        not fit the schema. One error, naming the key path; further violations are counted.
     """
     known = file_cache.load(content)
     if known is not None:
-        return Node(known), True
-    data, alone = _read_and_check(path, content)
+        return WindioFile(Node(known["data"]), True, tuple(known["notes"]), known["resembling"])
+    data, alone = _load(path, content)
+    notes: list[str] = []
+    data = to_version_2(data, notes)
+    for key in ("name", "assembly", "components"):
+        if data.get(key) is None:
+            raise TurbineDefinitionError(f"{key}: missing, the windIO schema requires it")
+    adopt_layout(data, notes)
+    foreign = take_out_foreign_keys(data)
+    check_values(data)
+    notes += foreign.notes()
     if alone:
-        file_cache.store(content, data)
-    return Node(data), alone
+        file_cache.store(content, {"data": data, "notes": notes, "resembling": foreign.resembling})
+    return WindioFile(Node(data), alone, tuple(notes), foreign.resembling)
 
 
-def _read_and_check(path: Path, content: bytes) -> tuple[dict[str, Any], bool]:
-    """What a file that fits windIO's schema holds, and whether it includes no others."""
-    # windIO pulls in xarray and netCDF4, most of a second: only those who read a new file pay for it.
-    import windIO
-    from jsonschema.exceptions import ValidationError
+def _load(path: Path, content: bytes) -> tuple[dict[str, Any], bool]:
+    """What a file holds, and whether it includes no others."""
     from ruamel.yaml.error import YAMLError
 
+    if len(content) > _LONG and b"components" not in content and b"!include" not in content:
+        raise TurbineDefinitionError("components: missing, this is not a turbine file")
     loader = _Loader()
     try:
         data = loader.load(path, content)
+    except UnicodeDecodeError as error:
+        raise TurbineDefinitionError(f"cannot be read: not UTF-8 text ({error})") from error
     except (YAMLError, IndexError) as error:  # the latter where a number is said to stand and nothing does
-        raise TurbineDefinitionError(f"not a valid YAML file: {error}") from error
+        raise TurbineDefinitionError(f"not a valid YAML file: {error}{_advice(content)}") from error
     except RecursionError as error:
         raise TurbineDefinitionError("nested too deep, or includes itself") from error
     except (OSError, ValueError) as error:
@@ -174,14 +208,26 @@ def _read_and_check(path: Path, content: bytes) -> tuple[dict[str, Any], bool]:
     _check_extent(data)
     if not isinstance(data, dict):
         raise fail("top level", data, "a mapping with name, windIO_version, assembly and components")
-    version = str(data.get("windIO_version", "2"))
-    if version.split(".")[0] != "2":
-        raise fail("windIO_version", version, "2.x (windIO ships a converter from version 1)")
-    try:
-        windIO.validate(data, SCHEMA)
-    except ValidationError as error:
-        raise TurbineDefinitionError(_explain(error.message)) from error
-    return data, loader.files == 1
+    return _unshared(data), loader.files == 1
+
+
+def _unshared(value: Any) -> Any:
+    """Return a copy in which what an alias repeats is written out, so that one place can be changed alone."""
+    if isinstance(value, dict):
+        return {key: _unshared(entry) for key, entry in value.items()}
+    return [_unshared(entry) for entry in value] if isinstance(value, list) else value
+
+
+def _advice(content: bytes) -> str:
+    """Return what is likely wrong with a text that is not YAML, beginning with ``;``, or nothing."""
+    for number, line in enumerate(content.splitlines(), 1):
+        if b"\t" in line[: len(line) - len(line.lstrip())]:
+            return f"; line {number} is indented by a tab, YAML takes spaces only"
+    if content[:20].lstrip().lower().startswith((b"<!doctype", b"<html")):
+        return "; this is a web page, not the file itself"
+    if content.startswith(b"version https://git-lfs"):
+        return "; this is a pointer of Git LFS, not the file itself: git lfs pull"
+    return ""
 
 
 class _Loader:
@@ -199,10 +245,11 @@ class _Loader:
         """What a file holds, or would hold with this content."""
         from ruamel.yaml import YAML
         from ruamel.yaml.constructor import SafeConstructor
+        from ruamel.yaml.error import ReusedAnchorWarning
 
         if path.resolve() in self._open:
             raise TurbineDefinitionError(f"{path.name} includes itself")
-        content = path.read_bytes() if content is None else content
+        content = (path.read_bytes() if content is None else content).removeprefix(codecs.BOM_UTF8)
         self.files, self._bytes = self.files + 1, self._bytes + len(content)
         if self.files > _MOST_FILES or self._bytes > _MOST_BYTES:
             raise TurbineDefinitionError(f"includes more than {_MOST_FILES} files, or {_MOST_BYTES:.0e} bytes")
@@ -216,18 +263,38 @@ class _Loader:
         yaml.Constructor = Including
         self._open.append(path.resolve())
         try:
-            return yaml.load(content)
+            if content.lstrip()[:1] == b"{" and (data := _as_json(content)) is not None:
+                return data
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ReusedAnchorWarning)  # the later one holds, as YAML has it
+                return yaml.load(content)
         finally:
             self._open.pop()
 
     def _include(self, folder: Path, node: Any) -> Any:
         """Content of an included file, which stands beside the one that includes it."""
-        name = node.value
+        name = node.value.replace("\\", "/") if isinstance(node.value, str) else node.value  # as Windows writes it
         if not isinstance(name, str) or Path(name).suffix.lower() not in (".yaml", ".yml"):
             raise TurbineDefinitionError(f"!include {short(name, 100)}: one YAML file is needed, *.yaml or *.yml")
         if not (folder / name).is_file():  # nor a device or a pipe, which have no end
             raise TurbineDefinitionError(f"!include {name}: there is no such file in {folder}")
         return self.load(folder / name)
+
+
+def _as_json(content: bytes) -> Any:
+    """What a JSON text holds, None for what is not JSON; JSON may be indented by tabs, which YAML forbids."""
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        data = dict(pairs)
+        if len(data) < len(pairs):
+            keys = [key for key, _ in pairs]
+            raise TurbineDefinitionError(f"not a valid JSON file: {max(keys, key=keys.count)!r} occurs twice")
+        return data
+
+    try:
+        return json.loads(content, object_pairs_hook=unique)
+    except (ValueError, RecursionError):
+        return None
 
 
 def _check_brackets(content: bytes) -> None:
@@ -254,20 +321,3 @@ def _check_extent(data: Any) -> None:
 
     if count(data, 0) > _MOST_ENTRIES:
         raise TurbineDefinitionError(f"more than {_MOST_ENTRIES} entries once its aliases are written out")
-
-
-def _explain(report: str) -> str:
-    """Turn windIO's multi-line report into one sentence with the key path of the first violation."""
-    found = [match for match in map(_SCHEMA_ERROR.search, report.splitlines()) if match]
-    if not found:
-        return f"does not fit the windIO schema: {short(report, 400)}"
-    path, message = found[0]["path"].removeprefix("$").lstrip("."), found[0]["message"]
-    missing = _MISSING.match(message)
-    if missing:
-        path = f"{path}.{missing['key']}" if path else missing["key"]
-        message = "missing, the windIO schema requires it"
-    elif len(message) > 300:
-        # The offending value comes first and may be a whole table; what is allowed stands at the end.
-        message = f"{message[:100]} ... {message[-180:]}"
-    more = f" (and {len(found) - 1} more violations of the schema)" if len(found) > 1 else ""
-    return f"{path or 'top level'}: {message}{more}"

@@ -251,6 +251,7 @@ def beam_tables(
 
 def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator, notes: list[str]) -> BeamStations:
     grid, stiffness, tables = beam_tables(node, ("K33", "K44", "K55", "K66", "i_edge", "i_flap"))
+    _mend_flap_inertia(node, tables, notes)
     inertia = inertia_matrix(
         tables["mass"],
         tables["cm_x"],
@@ -268,6 +269,23 @@ def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator, notes: li
         )
     turn = rotation_about_z(-twist(grid))
     return BeamStations(station=axis.s(grid), stiffness=_turn(turn, stiffness), inertia=_turn(turn, inertia))
+
+
+def _mend_flap_inertia(node: Node, tables: dict[str, NDArray[np.float64]], notes: list[str]) -> None:
+    """Fill a flapwise inertia of nothing but zeros from the polar one, in place.
+
+    Public files have, by a slip of the tool that wrote them, the edgewise inertia in the place of the product of
+    inertia and nothing in that of the flapwise one. A flat section has i_plr = i_edge + i_flap.
+    """
+    if np.any(tables["i_flap"]) or np.any(tables["i_plr"] <= tables["i_edge"]):
+        return
+    tables["i_flap"] = tables["i_plr"] - tables["i_edge"]
+    path = f"{node.path}.inertia_matrix"
+    note = f"{path}.i_flap: all zero in the file, taken as i_plr - i_edge"
+    if np.any(tables["i_cp"] ** 2 > tables["i_edge"] * tables["i_flap"]):
+        tables["i_cp"] = np.zeros_like(tables["i_cp"])
+        note += "; i_cp is larger than any section with these can have, 0 is used"
+    notes.append(note)
 
 
 def _chordwise_x(grid: NDArray[np.float64], stiffness: NDArray[np.float64]) -> bool:
@@ -319,10 +337,10 @@ def damping_ratio(node: Node, default: float, notes: list[str]) -> float:
     TurbineDefinitionError
         If the ratio is not in [0, 0.5].
     """
-    damping = node.at("structural_damping")
-    if "damping_ratio" in damping:
-        return damping.number("damping_ratio", 0.0, 0.5)
-    notes.append(f"{damping.where('damping_ratio')}: not in the file, {100 * default:g} % of critical assumed")
+    path = f"{node.path}.structural_damping.damping_ratio"
+    if "structural_damping.damping_ratio" in node:
+        return node.at("structural_damping").number("damping_ratio", 0.0, 0.5)
+    notes.append(f"{path}: not in the file, {100 * default:g} % of critical assumed")
     return default
 
 

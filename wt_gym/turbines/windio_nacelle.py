@@ -2,17 +2,20 @@
 
 Rigid bodies of windIO: ``inertia`` is the tensor (xx, yy, zz, xy, xz, yz) about the body's own centre of mass and
 ``location`` that centre (in the file of the IEA 15-MW turbine the inertia about the tower top, ``inertia_tt``, differs
-from ``inertia`` by just the parallel-axis terms).
+from ``inertia`` by just the parallel-axis terms). Tools write 0 where they leave a number to be computed. What a file
+leaves out is estimated (see `windio_estimates`) and said in a note.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
 from wt_gym.turbines.source import Node, within
+from wt_gym.turbines.windio_estimates import Machine, shaft_stiffness
 
-__all__ = ["read_drivetrain", "read_hub", "read_nacelle", "read_pitch", "rpm"]
+__all__ = ["read_drivetrain", "read_hub", "read_machine", "read_nacelle", "read_pitch", "rpm"]
 
 rpm = np.pi / 30.0
 """One revolution per minute [rad/s]."""
@@ -24,8 +27,79 @@ _TORQUE_MARGIN = 1.1
 """Largest over rated generator torque, in the NREL 5-MW report and in ROSCO, whose numbers windIO files carry."""
 
 
-def read_hub(root: Node, notes: list[str]) -> Hub:
-    """Build the hub from ``components.hub``.
+_RULE = "estimated by the NREL cost and scaling model of 2015"
+_MISSING_LENGTH = {"distance_hub_mb": 1.912, "distance_mb_mb": 0.368}
+"""Lengths of the two parts of a low-speed shaft where a file has none [m]; the defaults of windIO's schema."""
+_DEFAULT_TORSION_DAMPING = 0.005
+"""Fraction of critical, the default of DrivetrainSE."""
+_STEEL_SHEAR_MODULUS = 79.3e9
+
+
+def read_machine(
+    root: Node, rated_power: float, rotor_diameter: float, n_blades: int, blade_mass: float, notes: list[str]
+) -> Machine:
+    """Collect what the regressions for missing masses take.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        Naming the key path that is missing or wrong; also if a geared machine has no gear ratio.
+    """
+    gearbox = root.at("components.drivetrain").data.get("gearbox") or {}
+    node = Node(gearbox, "components.drivetrain.gearbox")
+    kind = str(root.at("assembly").data.get("drivetrain", "")).lower()
+    if "gear_ratio" in node:
+        ratio = node.number("gear_ratio", 1.0, 1000.0)
+    elif "geared" in kind:
+        raise TurbineDefinitionError(f"{node.where('gear_ratio')}: missing, and assembly.drivetrain is {kind!r}")
+    else:
+        ratio = 1.0
+        notes.append(f"{node.where('gear_ratio')}: not in the file, a direct drive (1) is assumed")
+    return Machine(
+        rated_power=rated_power,
+        rated_speed=root.at("control").number("rated_rotor_speed", 1e-3, 1000.0, rpm),
+        gear_ratio=ratio,
+        rotor_diameter=rotor_diameter,
+        hub_diameter=root.at("components.hub").number("diameter", 0.0, 30.0),
+        n_blades=n_blades,
+        blade_mass=blade_mass,
+    )
+
+
+def _part(root: Node, path: str) -> Node:
+    """Return the mapping of a part, an empty one where the file has none."""
+    return root.at(path) if path in root else Node({}, path)
+
+
+def _given(node: Node, key: str) -> bool:
+    """Whether a file gives a number or list of numbers, and not only zeros."""
+    value = node.data.get(key)
+    return value is not None and value != 0 and not (isinstance(value, list) and all(entry == 0 for entry in value))
+
+
+def _estimated_masses(root: Node, machine: Machine) -> tuple[float, float, float, str]:
+    """Return hub, nacelle and yaw mass [kg] for a file that lacks them, and the words that say whence they come.
+
+    A file that gives the mass of rotor and nacelle together (``components.RNA``, as WISDEM wrote it) has what the
+    blades leave of it shared out in the proportions of the regressions.
+    """
+    generator = _part(root, "components.drivetrain.generator")
+    weight = generator.number("mass", 0.0, 1e9) if _given(generator, "mass") else machine.generator_mass()
+    masses = np.array([machine.hub_mass(), machine.nacelle_mass(weight), machine.yaw_mass()])
+    together = _part(root, "components.RNA.elastic_properties_mb")
+    if _given(together, "mass"):
+        rest = together.number("mass", 0.0, 1e10) - machine.n_blades * machine.blade_mass
+        if rest <= 0.0:
+            blades = machine.n_blades * machine.blade_mass
+            raise fail(together.where("mass"), together.data["mass"], f"more than the {blades:g} kg of the blades")
+        hub, nacelle, yaw = (float(mass) for mass in masses * rest / masses.sum())
+        return hub, nacelle, yaw, f"a share of {together.where('mass')} in the proportions of the NREL CSM of 2015"
+    hub, nacelle, yaw = (float(mass) for mass in masses)
+    return hub, nacelle, yaw, _RULE
+
+
+def read_hub(root: Node, machine: Machine, notes: list[str]) -> Hub:
+    """Build the hub from ``components.hub``; mass, inertia and center of mass are estimated where missing.
 
     Raises
     ------
@@ -33,25 +107,39 @@ def read_hub(root: Node, notes: list[str]) -> Hub:
         Naming the key path that is missing or wrong.
     """
     node = root.at("components.hub")
-    body = node.at("elastic_properties", "a mapping with mass, inertia and location of the hub")
-    inertia = body.array("inertia")
-    if inertia.size >= 3:
-        transverse = float(0.5 * (inertia[1] + inertia[2]))
+    body = _part(root, "components.hub.elastic_properties")
+    if _given(body, "mass"):
+        mass = body.number("mass", 0.0, 1e9)
     else:
-        transverse = float(inertia[0])
-        notes.append(f"{body.where('inertia')}: only the axial inertia is given, the same is used across the shaft")
+        mass, _, _, words = _estimated_masses(root, machine)
+        notes.append(f"{body.where('mass')}: not in the file, {mass:.4g} kg, {words}")
+    if _given(body, "inertia"):
+        inertia = body.array("inertia")
+        axial = transverse = float(inertia[0])
+        if inertia.size >= 3:
+            transverse = float(0.5 * (inertia[1] + inertia[2]))
+        else:
+            notes.append(f"{body.where('inertia')}: only the axial inertia is given, the same is used across the shaft")
+    else:
+        axial = transverse = machine.hub_inertia(mass)
+        notes.append(f"{body.where('inertia')}: not in the file, {axial:.4g} kg m^2, that of a spherical shell")
+    if "location" in body:
+        center = float(body.array("location")[0])
+    else:
+        center = 0.0
+        notes.append(f"{body.where('location')}: not in the file, the hub's center of mass is at the apex")
     with within(node.path):
         return Hub(
             radius=node.number("diameter", 0.0, 30.0, 0.5),
             cone=node.number("cone_angle", 0.0, 50.0, np.pi / 180.0),
-            mass=body.number("mass", 0.0, 1e9),
-            inertia_axial=float(inertia[0]),
+            mass=mass,
+            inertia_axial=axial,
             inertia_transverse=transverse,
-            cm_offset_along_shaft=float(body.array("location")[0]),
+            cm_offset_along_shaft=center,
         )
 
 
-def read_nacelle(root: Node, blade: Blade, hub: Hub, n_blades: int, notes: list[str]) -> Nacelle:
+def read_nacelle(root: Node, blade: Blade, hub: Hub, machine: Machine, notes: list[str]) -> Nacelle:
     """Build the nacelle from ``components.drivetrain`` and ``components.yaw``.
 
     windIO gives the horizontal overhang and the height of the apex above the tower top; along the shaft the overhang is
@@ -65,17 +153,14 @@ def read_nacelle(root: Node, blade: Blade, hub: Hub, n_blades: int, notes: list[
     """
     node = root.at("components.drivetrain")
     shape = node.at("outer_shape")
-    body = node.at("elastic_properties", "a mapping with mass, inertia and location of the nacelle")
     tilt = shape.number("uptilt", 0.0, 20.0, np.pi / 180.0)
     horizontal = shape.number("overhang", 0.0, 20.0)
-    mass, cm, inertia = body.number("mass", 0.0, 1e9), body.array("location", 3), _tensor(body)
+    mass, cm, inertia = _nacelle_body(root, machine, horizontal, shape.number("distance_tt_hub", 0.0, 20.0), notes)
     yaw_inertia = (
-        inertia[2, 2] + mass * (cm[0] ** 2 + cm[1] ** 2) + _rotor_yaw_inertia(blade, hub, n_blades, horizontal)
+        inertia[2, 2] + mass * (cm[0] ** 2 + cm[1] ** 2) + _rotor_yaw_inertia(blade, hub, machine.n_blades, horizontal)
     )
     spring, damper = _yaw_actuator(root, yaw_inertia, notes)
-    bearing = "components.yaw.elastic_properties"
-    if bearing not in root:
-        notes.append(f"{bearing}: not in the file, no mass at the yaw bearing")
+    bearing = _yaw_mass(root, machine, notes)
     if "control.yaw_rate" in root:
         rate = root.at("control").number("yaw_rate", 0.0, 10.0, np.pi / 180.0)
     else:
@@ -89,11 +174,50 @@ def read_nacelle(root: Node, blade: Blade, hub: Hub, n_blades: int, notes: list[
             tilt=tilt,
             overhang=horizontal / np.cos(tilt),
             tower_top_to_shaft=shape.number("distance_tt_hub", 0.0, 20.0) - horizontal * np.tan(tilt),
-            yaw_bearing_mass=root.at(bearing).number("mass", 0.0, 1e9) if bearing in root else 0.0,
+            yaw_bearing_mass=bearing,
             yaw_spring=spring,
             yaw_damper=damper,
             max_yaw_rate=rate,
         )
+
+
+def _nacelle_body(
+    root: Node, machine: Machine, overhang: float, shaft_height: float, notes: list[str]
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """Return mass, center of mass from the tower top (3,) and inertia about it (3, 3), estimated where missing."""
+    body = _part(root, "components.drivetrain.elastic_properties")
+    if _given(body, "mass"):
+        mass = body.number("mass", 0.0, 1e9)
+    else:
+        _, mass, _, words = _estimated_masses(root, machine)
+        notes.append(f"{body.where('mass')}: not in the file, {mass:.4g} kg for the nacelle, {words}")
+    if "location" in body:
+        center = body.array("location", 3)
+    else:
+        center = machine.nacelle_center(overhang, shaft_height)
+        notes.append(
+            f"{body.where('location')}: not in the file, x = {center[0]:.2f} m and z = {center[2]:.2f} m from the "
+            "tower top, in proportion to the overhang and the height of the hub"
+        )
+    if _given(body, "inertia") and any(body.array("inertia")[:3]):
+        return mass, center, _tensor(body)
+    inertia = machine.nacelle_inertia(mass)
+    told = "not in the file" if "inertia" not in body else "no inertia about x, y and z in the file"
+    notes.append(f"{body.where('inertia')}: {told}, {inertia[2, 2]:.4g} kg m^2 about the vertical by rotor diameter")
+    return mass, center, inertia
+
+
+def _yaw_mass(root: Node, machine: Machine, notes: list[str]) -> float:
+    """Return the mass at the yaw bearing [kg]; estimated only beside an estimated nacelle."""
+    path = "components.yaw.elastic_properties"
+    if f"{path}.mass" in root:
+        return root.at(path).number("mass", 0.0, 1e9)
+    if _given(_part(root, "components.drivetrain.elastic_properties"), "mass"):
+        notes.append(f"{path}: not in the file, no mass at the yaw bearing")
+        return 0.0
+    _, _, mass, words = _estimated_masses(root, machine)
+    notes.append(f"{path}.mass: not in the file, {mass:.4g} kg, {words}")
+    return mass
 
 
 def _tensor(body: Node) -> NDArray[np.float64]:
@@ -107,11 +231,17 @@ def _tensor(body: Node) -> NDArray[np.float64]:
     return tensor
 
 
+def _rotor_inertia(blade: Blade, hub: Hub, n_blades: int) -> float:
+    """Return the inertia of straight, unconed blades and hub about the shaft [kg m^2]."""
+    m0, m1, m2 = (blade.structure.mass_moment(k) for k in range(3))
+    return n_blades * (m2 + 2.0 * hub.radius * m1 + hub.radius**2 * m0) + hub.inertia_axial
+
+
 def _rotor_yaw_inertia(blade: Blade, hub: Hub, n_blades: int, overhang: float) -> float:
     """Return the inertia of the straight, untilted rotor about the yaw axis, for an actuator's stiffness [kg m^2]."""
-    m0, m1, m2 = (blade.structure.mass_moment(k) for k in range(3))
-    about_shaft = n_blades * (m2 + 2.0 * hub.radius * m1 + hub.radius**2 * m0)
-    return 0.5 * about_shaft + hub.inertia_transverse + (n_blades * m0 + hub.mass) * overhang**2
+    blades = _rotor_inertia(blade, hub, n_blades) - hub.inertia_axial
+    mass = n_blades * blade.structure.mass_moment(0) + hub.mass
+    return 0.5 * blades + hub.inertia_transverse + mass * overhang**2
 
 
 def _yaw_actuator(root: Node, inertia: float, notes: list[str]) -> tuple[float, float]:
@@ -124,12 +254,13 @@ def _yaw_actuator(root: Node, inertia: float, notes: list[str]) -> tuple[float, 
     return inertia * omega**2, 2.0 * YAW_DAMPING * inertia * omega
 
 
-def read_drivetrain(root: Node, rated_power: float, notes: list[str]) -> Drivetrain:
+def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine, notes: list[str]) -> Drivetrain:
     """Build the drivetrain from ``components.drivetrain`` and ``control``.
 
     The torsion spring and damper, both seen from the low-speed shaft, come from ``gearbox.elastic_properties`` or, as
-    in the IEA turbines, from ``elastic_properties.spring_constant`` and ``damping_coefficient``. Where the generator's
-    efficiency is not in the file it follows from the largest torque, taken as 110 % of the rated one.
+    in the IEA turbines, from ``elastic_properties.spring_constant`` and ``damping_coefficient``, or from the dimensions
+    of the low-speed shaft. Where the generator's efficiency is not in the file it follows from the largest torque,
+    taken as 110 % of the rated one.
 
     Raises
     ------
@@ -138,20 +269,14 @@ def read_drivetrain(root: Node, rated_power: float, notes: list[str]) -> Drivetr
     """
     node = root.at("components.drivetrain")
     control = root.at("control", "a mapping with rated_rotor_speed, max_gen_torque and the limits of the actuators")
-    speed = control.number("rated_rotor_speed", 1e-3, 1000.0, rpm)
-    gearbox = node.at("gearbox") if "gearbox" in node else Node({}, node.where("gearbox"))
-    ratio, gear_efficiency = 1.0, 1.0
-    if "gear_ratio" in gearbox:
-        ratio = gearbox.number("gear_ratio", 1.0, 1000.0)
-    else:
-        notes.append(f"{gearbox.where('gear_ratio')}: not in the file, a direct drive (1) is assumed")
+    speed, ratio, rated_power = machine.rated_speed, machine.gear_ratio, machine.rated_power
+    gearbox = _part(root, "components.drivetrain.gearbox")
+    gear_efficiency = 1.0
     if "efficiency" in gearbox:
         gear_efficiency = gearbox.number("efficiency", 0.0, 1.0)
     else:
         notes.append(f"{gearbox.where('efficiency')}: not in the file, 1 is assumed")
-    hint = "a mapping with mass, inertia and location of the generator (inertia about the high-speed shaft)"
-    generator = node.at("generator.elastic_properties", hint)
-    spring, damper = _torsion(node)
+    spring, damper = _torsion(root, _rotor_inertia(blade, hub, machine.n_blades), machine, notes)
     shaft_torque = rated_power / (speed * ratio * gear_efficiency)
     efficiency = _generator_efficiency(node, control, speed * ratio, shaft_torque, notes)
     torque = shaft_torque / efficiency
@@ -167,7 +292,7 @@ def read_drivetrain(root: Node, rated_power: float, notes: list[str]) -> Drivetr
             gear_ratio=ratio,
             gearbox_efficiency=gear_efficiency,
             generator_efficiency=efficiency,
-            generator_inertia=float(generator.array("inertia")[0]),
+            generator_inertia=_generator_inertia(root, machine, notes),
             spring=spring,
             damper=damper,
             rated_power=rated_power,
@@ -178,16 +303,78 @@ def read_drivetrain(root: Node, rated_power: float, notes: list[str]) -> Drivetr
         )
 
 
-def _torsion(node: Node) -> tuple[float, float]:
-    if "gearbox.elastic_properties" in node:
-        gearbox = node.at("gearbox.elastic_properties")
-        return gearbox.number("torsional_stiffness", 1.0, 1e15), gearbox.number("torsional_damping", 0.0, 1e15)
-    body = node.at("elastic_properties")
-    hint = f" (or, instead, {node.where('gearbox.elastic_properties')} with the torsion of the drivetrain)"
-    return (
-        body.number("spring_constant", 1.0, 1e15, hint=hint),
-        body.number("damping_coefficient", 0.0, 1e15, hint=hint),
+def _generator_inertia(root: Node, machine: Machine, notes: list[str]) -> float:
+    """Return the inertia of the generator about the high-speed shaft [kg m^2], estimated where it is missing."""
+    node = _part(root, "components.drivetrain.generator")
+    body = _part(root, "components.drivetrain.generator.elastic_properties")
+    if _given(body, "inertia"):
+        return float(body.array("inertia")[0])
+    mass = node.number("mass", 0.0, 1e9) if _given(node, "mass") else machine.generator_mass()
+    radius = node.number("radius", 0.0, 20.0) if _given(node, "radius") else None
+    inertia = machine.generator_inertia(mass, radius)
+    words = "half its mass as a disk" if machine.direct_drive else "0.75 s of rated power at rated speed"
+    notes.append(f"{body.where('inertia')}: not in the file, {inertia:.4g} kg m^2 at the generator's shaft, {words}")
+    return inertia
+
+
+def _torsion(root: Node, rotor_inertia: float, machine: Machine, notes: list[str]) -> tuple[float, float]:
+    """Return the torsional spring [N m/rad] and damper [N m s/rad] of the drivetrain at the low-speed shaft."""
+    node = root.at("components.drivetrain")
+    gearbox, body = _part(root, "components.drivetrain.gearbox"), _part(root, f"{node.path}.elastic_properties")
+    geared = _part(root, f"{gearbox.path}.elastic_properties")
+    if "torsional_stiffness" in geared or "torsional_damping" in geared:
+        return geared.number("torsional_stiffness", 1.0, 1e15), geared.number("torsional_damping", 0.0, 1e15)
+    if _given(body, "spring_constant"):
+        spring = body.number("spring_constant", 1.0, 1e15)
+        if "damping_coefficient" in body:
+            return spring, body.number("damping_coefficient", 0.0, 1e15)
+    else:
+        spring = _shaft_spring(root, notes)
+    ratio = _DEFAULT_TORSION_DAMPING
+    if "damping_ratio" in gearbox:
+        ratio = gearbox.number("damping_ratio", 0.0, 1.0)
+    damper = machine.shaft_damping(spring, ratio, rotor_inertia)
+    notes.append(f"{body.where('damping_coefficient')}: not in the file, {100 * ratio:g} % of critical for the rotor")
+    return spring, damper
+
+
+def _shaft_spring(root: Node, notes: list[str]) -> float:
+    """Return the torsional stiffness of the low-speed shaft from its dimensions [N m/rad]."""
+    node = root.at("components.drivetrain")
+    shaft = _part(root, f"{node.path}.lss")
+    spring = f"{node.path}.elastic_properties.spring_constant"
+    if not (_given(shaft, "diameter") and _given(shaft, "wall_thickness")):
+        raise TurbineDefinitionError(
+            f"{spring}: missing, expected is a number (or, instead, {node.where('gearbox.elastic_properties')} with "
+            f"the torsion of the drivetrain, or {shaft.path} with diameter and wall_thickness of the low-speed shaft)"
+        )
+    diameter, thickness = (float(shaft.array(key).mean()) for key in ("diameter", "wall_thickness"))
+    shape = node.at("outer_shape")
+    if _given(shaft, "length"):
+        length = shaft.number("length", 0.0, 100.0)
+    else:
+        length = sum(
+            shape.number(key, 0.0, 100.0) if _given(shape, key) else default for key, default in _MISSING_LENGTH.items()
+        )
+    modulus = _shear_modulus(root, shaft)
+    value = shaft_stiffness(diameter, thickness, length, modulus)
+    notes.append(
+        f"{spring}: not in the file, {value:.4g} N m/rad from the low-speed shaft ({length:.3g} m long, "
+        f"{diameter:.3g} m wide, shear modulus {modulus:.3g} Pa)"
     )
+    return value
+
+
+def _shear_modulus(root: Node, shaft: Node) -> float:
+    """Return the shear modulus [Pa] of the shaft's material, that of steel where the file does not give it."""
+    name = shaft.data.get("material")
+    for node in root.items("materials") if "materials" in root else []:
+        if node.data.get("name") == name and node.data.get("orth") == 0:
+            if "G" in node:
+                return node.number("G", 1e6, 1e13)
+            if "E" in node and "nu" in node:
+                return node.number("E", 1e6, 1e13) / (2.0 * (1.0 + node.number("nu", -1.0, 0.5)))
+    return _STEEL_SHEAR_MODULUS
 
 
 def _generator_efficiency(node: Node, control: Node, speed: float, ideal_torque: float, notes: list[str]) -> float:
