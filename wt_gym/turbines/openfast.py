@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from wt_gym.errors import TurbineDefinitionError
-from wt_gym.turbines.checks import check_number
+from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.model import Turbine
 from wt_gym.turbines.openfast_blade import BladeFiles, read_openfast_blade
@@ -23,17 +23,23 @@ from wt_gym.turbines.openfast_tower import read_openfast_tower
 
 __all__ = ["read_openfast"]
 
+_STRUCTURES = ("elastodyn", "beamdyn")
+"""Modules with the structure of the blade, as CompElast (1, 2) counts them."""
+
 CUT_IN, CUT_OUT = 3.0, 25.0
 """Where a model has none [m/s]: OpenFAST models do not say it."""
 
 _BETZ = 16.0 / 27.0
 _NOMINAL = 0.009
 """Part by which the nominal radius TipRad may exceed that of the coned rotor."""
-_SIMPLIFIED = 3
-"""CompElast of Simplified-ElastoDyn, which has no blades and tower that bend."""
 
 
-def read_openfast(path: str | Path, rated_power: float | None = None, rated_rotor_speed: float | None = None) -> Turbine:
+def read_openfast(
+    path: str | Path,
+    rated_power: float | None = None,
+    rated_rotor_speed: float | None = None,
+    blade: str | None = None,
+) -> Turbine:
     """Build a turbine from an OpenFAST model of any release from 2 to 5.
 
     Parameters
@@ -44,6 +50,8 @@ def read_openfast(path: str | Path, rated_power: float | None = None, rated_roto
         Electrical [W], for a model that does not say it (without ROSCO's DISCON.IN and ServoDyn's VS_RtTq).
     rated_rotor_speed : float, optional
         [rad/s], likewise.
+    blade : str, optional
+        "elastodyn" or "beamdyn": of which module's files the structure of the blade is; by default what CompElast says.
 
     Returns
     -------
@@ -64,6 +72,8 @@ def read_openfast(path: str | Path, rated_power: float | None = None, rated_roto
         rated_power = check_number("rated_power", rated_power, 1.0, 1e9)
     if rated_rotor_speed is not None:
         rated_rotor_speed = check_number("rated_rotor_speed", rated_rotor_speed, 1e-3, 1000.0)
+    if blade not in (None, *_STRUCTURES):
+        raise fail("blade", blade, f"one of {', '.join(map(repr, _STRUCTURES))} or None")
     notes: list[str] = []
     primary = TextFile(Path(path))
     _require_wind_turbine(primary)
@@ -78,12 +88,13 @@ def read_openfast(path: str | Path, rated_power: float | None = None, rated_roto
     n_blades = elastodyn.integer("NumBl")
     rating = read_rating(elastodyn, servodyn, discon, rated_power, rated_rotor_speed, notes)
     hub = read_openfast_hub(elastodyn, notes)
-    files = _blade_files(primary, elastodyn, aerodyn, n_blades, notes)
+    structure = blade or _STRUCTURES[primary.integer("CompElast") - 1]
+    files = _blade_files(primary, elastodyn, aerodyn, n_blades, structure, notes)
     length = elastodyn.number("TipRad") - hub.radius
-    blade = read_openfast_blade(files, length, hub.radius, rating.rotor_speed, notes)
+    body = read_openfast_blade(files, length, hub.radius, rating.rotor_speed, notes)
     tower_file = TextFile(existing_file(elastodyn.path.parent, elastodyn.text("TwrFile"), "TwrFile"))
     tower = read_openfast_tower(elastodyn, tower_file, aerodyn, notes)
-    nacelle = read_openfast_nacelle(elastodyn, servodyn, blade, hub, n_blades, notes)
+    nacelle = read_openfast_nacelle(elastodyn, servodyn, body, hub, n_blades, notes)
     density = _density(primary, aerodyn)
     tip = hub.radius + length
     radius = tip * float(np.cos(hub.cone))
@@ -103,7 +114,7 @@ def read_openfast(path: str | Path, rated_power: float | None = None, rated_roto
         cut_in=CUT_IN,
         cut_out=CUT_OUT,
         air_density=density,
-        blade=blade,
+        blade=body,
         tower=tower,
         hub=hub,
         nacelle=nacelle,
@@ -126,8 +137,8 @@ def _require_wind_turbine(file: TextFile) -> None:
         raise file.fail("NRotors", file.integer("NRotors"), "1")
     if "MirrorRotor" in file and file.flag("MirrorRotor"):
         raise file.fail("MirrorRotor", True, "False (the rotor turns clockwise seen downwind)")
-    if file.integer("CompElast") == _SIMPLIFIED:
-        raise file.fail("CompElast", _SIMPLIFIED, "1 or 2 (Simplified-ElastoDyn has no flexible blades and tower)")
+    if file.integer("CompElast") not in (1, 2):
+        raise file.fail("CompElast", file.integer("CompElast"), "1 or 2 (Simplified-ElastoDyn has no flexible blades and tower)")
     if file.integer("CompAero") != 2:
         raise file.fail("CompAero", file.integer("CompAero"), "2 (blade and polars are read from AeroDyn 15)")
 
@@ -152,16 +163,18 @@ def _discon(servodyn: TextFile | None, notes: list[str]) -> TextFile | None:
 
 
 def _blade_files(
-    primary: TextFile, elastodyn: TextFile, aerodyn: TextFile, n_blades: int, notes: list[str]
+    primary: TextFile, elastodyn: TextFile, aerodyn: TextFile, n_blades: int, structure: str, notes: list[str]
 ) -> BladeFiles:
-    """Open the files of the blade."""
+    """Open the files of the blade, whose structure is that of ElastoDyn or BeamDyn."""
     numbers = range(1, n_blades + 1)
     name = blade_files(aerodyn, [f"ADBlFile({i})" for i in numbers])
     aero = TextFile(existing_file(aerodyn.path.parent, name, "ADBlFile(1)"))
     elastic_path = elastodyn.path.parent / elastodyn.text("BldFile(1)").replace("\\", "/")
-    if primary.integer("CompElast") != 2:
+    if structure == "elastodyn":
         name = blade_files(elastodyn, [f"BldFile({i})" for i in numbers])
         elastic = TextFile(existing_file(elastodyn.path.parent, name, "BldFile(1)"))
+        if "BDBldFile(1)" in primary and (primary.path.parent / primary.text("BDBldFile(1)")).is_file():
+            notes.append("blade: sections of ElastoDyn; BeamDyn's, which the model has too, are left aside")
         return BladeFiles(elastic, None, None, aerodyn, aero)
     name = blade_files(primary, [f"BDBldFile({i})" for i in numbers])
     beam = TextFile(existing_file(primary.path.parent, name, "BDBldFile(1)"))
