@@ -23,11 +23,13 @@ from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, Tower, Turbine
 from wt_gym.turbines.windio_nacelle import rpm
 
-__all__ = ["control_file_of", "windio_content", "write_windio"]
+__all__ = ["control_file_of", "require_same", "windio_content", "write_windio"]
 
 _DEGREE = np.pi / 180.0
 _VERSION = "2.1"
-_DAMPING_NOTE = [0.0] * 6
+_ROUNDING = 1e-9
+"""Relative difference that angles in degrees and speeds in rpm leave."""
+_NO_MU = [0.0] * 6
 """windIO's mu, which the schema requires; the ratio beside it is what is read."""
 
 
@@ -309,7 +311,7 @@ def _sections(
     return {
         "stiffness_matrix": table,
         "inertia_matrix": {"grid": grid.tolist(), **{key: column.tolist() for key, column in columns.items()}},
-        "structural_damping": {"mu": _DAMPING_NOTE, "damping_ratio": damping},
+        "structural_damping": {"mu": _NO_MU, "damping_ratio": damping},
     }
 
 
@@ -385,3 +387,40 @@ def _airfoil(airfoil: Airfoil, name: str, rotating: bool | None) -> dict[str, An
         "polars": [{"configuration": "default", "re_sets": [{"re": 1.0e6, **table}]}],
     }
     return entry | ({} if rotating is None else {"description": words[rotating]})
+
+
+def require_same(wanted: Any, found: Any, where: str = "Turbine") -> None:
+    """Require two turbines, or parts of them, to be equal but for rounding; notes and controllers are not compared.
+
+    Airfoils are compared in their order along the span.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        Naming the first field that differs.
+    """
+    for item in dataclasses.fields(wanted):
+        one, two = getattr(wanted, item.name), getattr(found, item.name)
+        name = f"{where}.{item.name}"
+        if item.name in ("notes", "control", "airfoils", "airfoil_index", "name"):
+            continue
+        if dataclasses.is_dataclass(one) and type(one) is type(two):
+            require_same(one, two, name)
+        elif not _equal(one, two):
+            raise fail(name, two, f"{one!r:.80}")
+    if isinstance(wanted, Blade) and isinstance(found, Blade):
+        pairs = zip(wanted.airfoil_index, found.airfoil_index, strict=True)
+        for i, (one, two) in enumerate(pairs):
+            require_same(wanted.airfoils[one], found.airfoils[two], f"{where}.airfoils[{i}]")
+
+
+def _equal(one: Any, two: Any) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(two, np.ndarray):
+        if one.shape != two.shape:
+            return False
+        rigid = np.isinf(one)
+        scale = float(np.abs(np.where(rigid, 0.0, one)).max(initial=0.0))
+        return np.array_equal(rigid, np.isinf(two)) and bool(np.all(np.abs(one - two)[~rigid] <= _ROUNDING * scale))
+    if isinstance(one, float) and isinstance(two, float):
+        return abs(one - two) <= _ROUNDING * max(abs(one), 1e-3)
+    return bool(one == two)
