@@ -43,7 +43,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         parser.error(f"--out {arguments.out}: must end with .yaml or .yml")
     if arguments.model.suffix.lower() != ".fst":
         parser.error(f"{arguments.model}: must be the primary file of an OpenFAST model, .fst")
-    for option, value in (("--rated-power", arguments.rated_power), ("--rated-rotor-speed", arguments.rated_rotor_speed)):
+    rating = {"--rated-power": arguments.rated_power, "--rated-rotor-speed": arguments.rated_rotor_speed}
+    for option, value in rating.items():
         if value is not None and not (math.isfinite(value) and value > 0.0):
             parser.error(f"{option} {value}: must be a positive number")
     return arguments
@@ -70,7 +71,7 @@ def summary(turbine: Turbine) -> list[tuple[str, float, str]]:
         ("gear ratio", train.gear_ratio, ""),
         ("cone", math.degrees(turbine.hub.cone), "deg"),
         ("tilt", math.degrees(turbine.nacelle.tilt), "deg"),
-        ("prebend at the tip", -float(blade.axis[-1, 0]), "m"),
+        ("prebend at the tip", 0.0 - float(blade.axis[-1, 0]), "m"),
         ("blade mass", mass, "kg"),
         ("blade, first moment about the root", blade.structure.mass_moment(1), "kg m"),
         ("blade, second moment about the root", about_root, "kg m^2"),

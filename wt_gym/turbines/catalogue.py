@@ -172,7 +172,7 @@ def turbine_file(name_or_path: str | Path) -> Path:
             f"turbine {name_or_path!r} has no windIO file, the package builds it: load_turbine({name_or_path!r}); with "
             f"a file are {', '.join(map(repr, _FILES))}"
         )
-    allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO v2 file (or of an OpenFAST model, .fst)"
+    allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO v2 file or OpenFAST model (.fst)"
     if not isinstance(name_or_path, (str, Path)):
         raise fail("turbine", name_or_path, allowed)
     path = Path(name_or_path).expanduser()

@@ -138,7 +138,8 @@ def _require_wind_turbine(file: TextFile) -> None:
     if "MirrorRotor" in file and file.flag("MirrorRotor"):
         raise file.fail("MirrorRotor", True, "False (the rotor turns clockwise seen downwind)")
     if file.integer("CompElast") not in (1, 2):
-        raise file.fail("CompElast", file.integer("CompElast"), "1 or 2 (Simplified-ElastoDyn has no flexible blades and tower)")
+        allowed = "1 or 2 (Simplified-ElastoDyn has no flexible blades and tower)"
+        raise file.fail("CompElast", file.integer("CompElast"), allowed)
     if file.integer("CompAero") != 2:
         raise file.fail("CompAero", file.integer("CompAero"), "2 (blade and polars are read from AeroDyn 15)")
 
@@ -192,9 +193,7 @@ def _density(primary: TextFile, aerodyn: TextFile) -> float:
     return primary.number("AirDens")
 
 
-def _rated_wind(
-    rating: Rating, control: ControlData | None, radius: float, density: float, notes: list[str]
-) -> float:
+def _rated_wind(rating: Rating, control: ControlData | None, radius: float, density: float, notes: list[str]) -> float:
     """Return the wind at which the rotor has rated power at its largest power coefficient [m/s]."""
     cp = None if control is None else control.peak_power_coefficient
     if cp is None:

@@ -28,6 +28,8 @@ __all__ = ["BladeFiles", "read_openfast_blade"]
 _PERCENT = 0.01
 _SAME_LENGTH = 0.01
 """Part of the length by which AeroDyn's and BeamDyn's blades may differ from ElastoDyn's; they are stretched to it."""
+_STRAIGHT = 1e-4
+"""Prebend that is rounding of BlCrvAC and BlSwpAC, in blade lengths."""
 _SWITCH = 1e-4
 """Length of the change from one airfoil to the next where they are not blended, in blade lengths."""
 _FULL_SET = 0.75
@@ -160,14 +162,14 @@ def _read_planform(
     if np.any((named < 0) | (named >= len(names))):
         raise file.fail("BlAFID", (named + 1).tolist(), f"numbers from 1 to NumAFfiles = {len(names)}")
     ratio = table.get("t_c", np.zeros(z.size))
-    columns = tuple(files.aerodyn.integer(f"InCol_{key}") for key in ("Alfa", "Cl", "Cd", "Cm"))
+    alfa, lift, drag, moment = (files.aerodyn.integer(f"InCol_{key}") for key in ("Alfa", "Cl", "Cd", "Cm"))
     read: list[AirfoilFile] = []
     index = np.zeros(z.size, dtype=np.int64)
     for position, i in enumerate(np.unique(named)):
         nodes = np.flatnonzero(named == i)
         k = int(nodes[nodes.size // 2])
         reynolds = rotor_speed * (hub_radius + z[k]) * chord[k] / KINEMATIC_VISCOSITY
-        read.append(read_airfoil_file(names[i], columns, float(reynolds), float(ratio[k]), notes))
+        read.append(read_airfoil_file(names[i], (alfa, lift, drag, moment), float(reynolds), float(ratio[k]), notes))
         index[nodes] = position
     return _Planform(z, table["blcrvac"], table["blswpac"], twist, chord, index, tuple(read))
 
@@ -186,8 +188,10 @@ def _prebend_axis(plan: _Planform, notes: list[str]) -> NDArray[np.float64]:
     BlCrvAC = BlSwpAC tan(twist); what is left of BlCrvAC is prebend.
     """
     bend = plan.curve - plan.sweep * np.tan(plan.twist)
-    bend = np.where(np.abs(bend) < 1e-4 * plan.z[-1], 0.0, bend - bend[0])
-    if np.any(bend):
+    bend = bend - bend[0]
+    if np.max(np.abs(bend)) < _STRAIGHT * plan.z[-1]:
+        bend = np.zeros(bend.size)
+    else:
         notes.append(
             f"prebend: ElastoDyn's blade is straight, AeroDyn's ends {plan.curve[-1]:.2f} m out of plane (BlCrvAC); "
             "the axis of the beam follows AeroDyn's, the mass per length along it is that along ElastoDyn's"
@@ -287,8 +291,9 @@ def _elastodyn_sections(
     mass = table["bmassden"] * file.number("AdjBlMs", 1.0) / slope
     chord, thick = np.interp(z, plan.z, plan.chord), np.interp(z, plan.z, plan.thickness())
     stiffness = np.zeros((z.size, 6, 6))
-    values = (np.inf, np.inf, 4.0 * (flap + edge) / chord**2, edge, flap, flap + edge)
-    for k, value in enumerate(values):
+    for k in (0, 1):
+        stiffness[:, k, k] = np.inf
+    for k, value in ((2, 4.0 * (flap + edge) / chord**2), (3, edge), (4, flap), (5, flap + edge)):
         stiffness[:, k, k] = value
     flat, deep = mass * thick**2 / 16.0, mass * chord**2 / 16.0
     turn = rotation_about_z(-np.radians(table["strctwst"]))

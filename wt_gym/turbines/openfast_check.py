@@ -36,6 +36,7 @@ def compare_with_openfast_io(path: str | Path) -> list[str]:
     ModuleNotFoundError
         If the package is not installed (extra ``openfast``).
     """
+    import openfast_io  # noqa: F401 - fails by the name of the package where it is missing
     from openfast_io.FAST_reader import InputReader_OpenFAST
 
     primary = TextFile(Path(path))
@@ -82,7 +83,8 @@ def _line(module: str, reader: Any, read: Callable[[], None], file: TextFile) ->
             same += 1
         else:
             other.append(f"{key} {value:g} instead of {expected:g}")
-    differ = f"; {len(other)} differ: {', '.join(other[:_SHOWN])}{', ...' if len(other) > _SHOWN else ''}" if other else ""
+    shown = [*other[:_SHOWN], *(["..."] if len(other) > _SHOWN else [])]
+    differ = f"; {len(other)} differ: {', '.join(shown)}" if other else ""
     return f"openfast_io, {module} ({file.path.name}): {same} numbers agree{differ}{stop}"
 
 

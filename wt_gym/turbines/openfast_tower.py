@@ -65,8 +65,8 @@ def read_openfast_tower(elastodyn: TextFile, file: TextFile, aerodyn: TextFile, 
         stiffness[:, k, k] = value
     ring = mass * outer**2 / 8.0
     notes.append(
-        f"{file.path.name}: ElastoDyn's tower bends only; axial and torsional stiffness and rotary inertia are those of "
-        "a thin tube of its diameter"
+        f"{file.path.name}: ElastoDyn's tower bends only; axial and torsional stiffness and rotary inertia are those "
+        "of a thin tube of its diameter"
     )
     values = [file.number(key) for key in ("TwrFADmp(1)", "TwrFADmp(2)", "TwrSSDmp(1)", "TwrSSDmp(2)") if key in file]
     if not values:

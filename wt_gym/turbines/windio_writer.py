@@ -419,8 +419,10 @@ def _equal(one: Any, two: Any) -> bool:
         if one.shape != two.shape:
             return False
         rigid = np.isinf(one)
-        scale = float(np.abs(np.where(rigid, 0.0, one)).max(initial=0.0))
-        return np.array_equal(rigid, np.isinf(two)) and bool(np.all(np.abs(one - two)[~rigid] <= _ROUNDING * scale))
+        if not np.array_equal(rigid, np.isinf(two)):
+            return False
+        first, second = one[~rigid], two[~rigid]
+        return bool(np.all(np.abs(first - second) <= _ROUNDING * np.abs(first).max(initial=0.0)))
     if isinstance(one, float) and isinstance(two, float):
         return abs(one - two) <= _ROUNDING * max(abs(one), 1e-3)
     return bool(one == two)
