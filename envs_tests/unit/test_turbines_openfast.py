@@ -1,7 +1,10 @@
 """Reading OpenFAST models: signs and frames, both blade structures, releases of the files, and what is refused."""
 
+import importlib.util
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines import ControlData, load_turbine
 from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.openfast import read_openfast
+from wt_gym.turbines.openfast_check import compare_with_openfast_io
 from wt_gym.turbines.openfast_text import TextFile
 from wt_gym.turbines.windio_writer import require_same, windio_content, write_windio
 
@@ -306,6 +310,25 @@ class TestWindIO:
     def test_what_no_windio_file_holds_is_refused(self, name):
         with pytest.raises(TurbineDefinitionError, match="Turbine"):
             windio_content(load_turbine(name))
+
+
+def test_openfast_io_reads_the_same_numbers(tmp_path):
+    """Of a model in the format of its release; the models of rosco are."""
+    pytest.importorskip("openfast_io")
+    rosco = importlib.util.find_spec("rosco")
+    if rosco is None or rosco.origin is None:
+        pytest.skip("the models of rosco are not installed: pip install --no-deps rosco")
+    cases = Path(rosco.origin).parents[1] / "Examples" / "Test_Cases"
+    lines = compare_with_openfast_io(cases / "NREL_2p8_127" / "NREL-2p8-127.fst")
+    agree = [int(re.search(r"(\d+) numbers agree$", line)[1]) for line in lines]
+    assert len(agree) == 5
+    assert sum(agree) > 250
+
+
+def test_openfast_io_misreads_files_of_another_release(model, tmp_path):
+    pytest.importorskip("openfast_io")
+    text = "\n".join(compare_with_openfast_io(model.write(tmp_path)))
+    assert "it stops with" in text
 
 
 class TestCommand:
