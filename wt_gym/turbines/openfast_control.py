@@ -73,9 +73,9 @@ def read_rating(
         raise elastodyn.fail("GBRatio", ratio, "a number above 0")
     efficiency = 1.0
     if discon is not None and "VS_GenEff" in discon:
-        efficiency = 0.01 * discon.number("VS_GenEff")
+        efficiency = discon.number("VS_GenEff") / 100.0
     elif servodyn is not None and "GenEff" in servodyn:
-        efficiency = 0.01 * servodyn.number("GenEff")
+        efficiency = servodyn.number("GenEff") / 100.0
     else:
         notes.append("GenEff: not in the model, a generator without losses assumed")
     power, speed = rated_power, rated_rotor_speed

@@ -144,7 +144,7 @@ def read_openfast_drivetrain(
         If a number is missing or out of range.
     """
     ratio = rating.gear_ratio
-    gear = 0.01 * file.number("GBoxEff")
+    gear = file.number("GBoxEff") / 100.0
     rated_torque = rating.mechanical_power / (rating.rotor_speed * ratio)
     if not file.flag("DrTrDOF", True):
         notes.append(f"{file.path.name}: DrTrDOF is False; the shaft twists by DTTorSpr here")
