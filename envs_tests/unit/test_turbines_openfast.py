@@ -12,6 +12,8 @@ from openfast_model import DEGREE, Model, principal
 
 from wt_gym.commands.import_ import main
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.structure.beam import Beam, BeamSections
+from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import ControlData, load_turbine
 from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.openfast import read_openfast
@@ -114,6 +116,23 @@ class TestTheSameTurbine:
         assert control.pitch_actuator_frequency is None
         # published for this gain: the largest power coefficient 0.482 at 7.55
         assert control.peak_power_coefficient == pytest.approx(0.482 * (7.5 / 7.55) ** 3, rel=0.01)
+
+
+def clamped(sections, **kinds):
+    """Frequencies [Hz] of a beam along a straight axis, by kind of mode and number."""
+    axis = np.column_stack((np.zeros((sections.station.size, 2)), sections.station))
+    beam = Beam(BeamSections(sections.station, sections.stiffness, sections.inertia, axis), 24)
+    modes = clamped_modes(beam, 8)
+    return np.concatenate([modes.frequency[select_modes(modes, **{kind: n})[:n]] for kind, n in kinds.items()])
+
+
+def test_frequencies_within_one_percent(nrel_5mw, model, tmp_path):
+    """The ElastoDyn blade lacks the offsets of the centers of mass, its tower nothing that bends."""
+    read = load_turbine(model.write(tmp_path))
+    found, wanted = read.blade.structure, nrel_5mw.blade.structure
+    np.testing.assert_allclose(clamped(found, flap=2, edge=1), clamped(wanted, flap=2, edge=1), rtol=0.01)
+    found, wanted = read.tower.structure, nrel_5mw.tower.structure
+    np.testing.assert_allclose(clamped(found, flap=2, edge=2), clamped(wanted, flap=2, edge=2), rtol=1e-3)
 
 
 class TestWhatTheFilesSay:
@@ -271,6 +290,25 @@ def test_a_truncated_table_is_refused(model, tmp_path):
     file.write_text("\n".join(file.read_text().splitlines()[:-2]))
     with pytest.raises(TurbineDefinitionError, match="11 rows announced"):
         load_turbine(path)
+
+
+@pytest.mark.parametrize(
+    ("file", "pattern", "new", "message"),
+    [
+        ("aero/af0.dat", r"\d+ NumAlf", "nan NumAlf", "NumAlf: got 'nan'"),
+        ("aero/af2_coords.txt", r"\d+ NumCoords", "1.5 NumCoords", "NumCoords: got '1.5'"),
+        ("aero/ad.dat", "TwrElev TwrDiam", "TwrElev Diameter", "no column twrdiam"),
+        ("aero/blade.dat", "BlTwist", "Twist", "no column bltwist"),
+        ("bd_sections.dat", "DISTRIBUTED", "OTHER", "station_total sections"),
+    ],
+)
+def test_damaged_tables_are_refused(model, file, pattern, new, message, tmp_path):
+    path = model.write(tmp_path)
+    changed, count = re.subn(pattern, new, (tmp_path / file).read_text(), count=1)
+    assert count == 1
+    (tmp_path / file).write_text(changed)
+    with pytest.raises(TurbineDefinitionError, match=message):
+        read_openfast(path, blade="beamdyn")
 
 
 def test_words_of_text_files(tmp_path):

@@ -123,11 +123,20 @@ def _value(file: TextFile, key: str, word: str) -> float:
         raise file.fail(key, word, "a number") from None
 
 
+def _count(file: TextFile, key: str, line: str) -> int:
+    """Return the whole number with which a line begins."""
+    word = line.split()[0] if line.split() else ""
+    value = _value(file, key, word)
+    if not (0.0 <= value < 1e6 and value == int(value)):
+        raise file.fail(key, word, "a whole number from 0")
+    return int(value)
+
+
 def _coefficients(
     file: TextFile, line: int, columns: tuple[int, int, int, int], notes: list[str]
 ) -> tuple[NDArray[np.float64], ...]:
     """Return angle [deg], lift, drag and moment about the reference point."""
-    count = int(_value(file, "NumAlf", file.lines[line].split()[0]))
+    count = _count(file, "NumAlf", file.lines[line])
     if min(columns[:3]) < 1:
         raise fail("InCol_Alfa, InCol_Cl, InCol_Cd", columns[:3], "columns from 1")
     block = file.numbers(line + 1, count, max(columns), "table of coefficients")
@@ -154,10 +163,10 @@ def _shape(
     named = file.text("NumCoords") if "NumCoords" in file else "0"
     if named.startswith("@"):
         source = TextFile(existing_file(path.parent, named[1:].strip("\"'"), f"{path.name}: NumCoords"), comment="!")
-        count = int(_value(source, "NumCoords", source.lines[0].split()[0]))
+        count = _count(source, "NumCoords", source.lines[0] if source.lines else "")
         first = 1
     else:
-        source, count = file, int(_value(file, "NumCoords", named))
+        source, count = file, _count(file, "NumCoords", named)
         first = file.line_of("NumCoords") + 1 if count else 0
     if count > 5:
         points = source.numbers(first, count, 2, "coordinates of the airfoil")

@@ -99,6 +99,8 @@ def _shape(
     """
     if "NumTwrNds" in aerodyn and aerodyn.integer("NumTwrNds") > 1:
         table = aerodyn.table("NumTwrNds", "TwrElev")
+        if "twrdiam" not in table:
+            raise TurbineDefinitionError(f"{aerodyn.path.name}: no column twrdiam in the table of the tower")
         elevation = table["twrelev"]
         if np.any(np.diff(elevation) <= 0.0):
             raise aerodyn.fail("TwrElev", elevation.tolist(), "heights that ascend")
