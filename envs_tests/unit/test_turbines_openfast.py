@@ -259,6 +259,9 @@ REFUSED = [
     ("elastodyn", "BldFile2", '"another.dat"', "the same file for all blades"),
     ("elastodyn", "TipRad", 70.0, "BlSpn: got .* TipRad - HubRad = 68.5 m"),
     ("elastodyn", "TowerHt", -1.0, "TowerHt: got -1.0, allowed is a height above"),
+    ("primary", "AirDens", -1.0, "AirDens: got -1.0"),
+    ("discon", "VS_RtPwr", 0.0, "rated power .* got 0.0"),
+    ("discon", "VS_GenEff", 0.944, "efficiency of the generator .* got 0.0094"),
     ("discon", "PC_GS_KP", "-0.02 -0.01", "2 gains"),
     ("discon", "PC_GS_KI", "0.008 0.004 0.002", "gains up to 0"),
 ]

@@ -188,9 +188,8 @@ def _blade_files(
 
 def _density(primary: TextFile, aerodyn: TextFile) -> float:
     """Return the density of the air; before OpenFAST 3 it stood in AeroDyn's file only."""
-    if not aerodyn.is_default("AirDens"):
-        return aerodyn.number("AirDens")
-    return primary.number("AirDens")
+    file = primary if aerodyn.is_default("AirDens") else aerodyn
+    return check_number(f"{file.path.name}: AirDens", file.number("AirDens"), 0.1, 10.0)
 
 
 def _rated_wind(rating: Rating, control: ControlData | None, radius: float, density: float, notes: list[str]) -> float:

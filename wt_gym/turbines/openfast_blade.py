@@ -17,7 +17,7 @@ from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.airfoil import Airfoil
 from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
 from wt_gym.turbines.blade import Blade
-from wt_gym.turbines.checks import fail
+from wt_gym.turbines.checks import check_ascending, fail
 from wt_gym.turbines.openfast_airfoils import AirfoilFile, read_airfoil_file
 from wt_gym.turbines.openfast_text import TextFile, existing_file
 from wt_gym.turbines.windio_airfoils import KINEMATIC_VISCOSITY
@@ -109,6 +109,7 @@ def read_openfast_blade(
     else:
         z, axis, bend = plan.z, _prebend_axis(plan, notes), None
     station = _arc_length(z, axis)
+    check_ascending("distance along the axis of the blade", station)  # key points may lie closer than rounding
     offset_x, offset_y = _offsets(plan, z, axis)
     if bend is not None and files.beamdyn_sections is not None:
         structure, damping = _beamdyn_sections(files, station[-1], PchipInterpolator(station, bend), notes)

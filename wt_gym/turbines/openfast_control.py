@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines.checks import check_number
 from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.openfast_text import TextFile
 
@@ -96,7 +97,12 @@ def read_rating(
             f"{missing}: the model has neither a DISCON.IN of ROSCO nor ServoDyn's VS_RtGnSp and VS_RtTq; give it "
             "(read_openfast, wt-gym import --rated-power and --rated-rotor-speed)"
         )
-    return Rating(power, speed, ratio, efficiency)
+    return Rating(
+        check_number("rated power [W] (VS_RtPwr, or VS_RtTq and VS_RtGnSp)", power, 1.0, 1e9),
+        check_number("rated rotor speed [rad/s] (PC_RefSpd or VS_RtGnSp over GBRatio)", speed, 1e-3, 1000.0),
+        ratio,
+        check_number("efficiency of the generator (VS_GenEff or GenEff)", efficiency, 0.3, 1.0),
+    )
 
 
 def read_openfast_control(
