@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 from site_parts.markdown import table
-from wt_gym.commands import COMMANDS
+from wt_gym.commands import COMMANDS, module_of
 from wt_gym.commands.program import OneLineParser
 
 _SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
@@ -41,7 +41,7 @@ def commands():
     """Every command with its description and options."""
     sections = []
     for name, text in COMMANDS.items():
-        module = import_module(f"wt_gym.commands.{name.replace('-', '_')}")
+        module = import_module(f"wt_gym.commands.{module_of(name)}")
         reader = getattr(module, "parse_arguments", None) or module.main
         parser = parser_of(reader, OneLineParser)
         sections.append(f"## {name}\n\n{text[0].upper()}{text[1:]}.\n\n{_described(parser)}\n\n{_options(parser)}")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.commands import COMMANDS, bench, evaluate, loadcases, main, program, simulate
+from wt_gym.commands import COMMANDS, bench, evaluate, loadcases, main, module_of, program, simulate
 from wt_gym.commands.program import OneLineParser, as_called, json_value, stoppable, user_errors
 
 
@@ -34,7 +34,7 @@ def test_every_command_explains_itself(command, capsys):
 
 def test_commands_import_nothing_heavy():
     for command in COMMANDS:
-        module = import_module(f"wt_gym.commands.{command.replace('-', '_')}")
+        module = import_module(f"wt_gym.commands.{module_of(command)}")
         assert not {"np", "torch", "xarray", "numba"} & set(vars(module))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.commands import COMMANDS
+from wt_gym.commands import COMMANDS, module_of
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 BARE = [sys.executable, "-I", "-S"]  # an interpreter without any package
@@ -55,7 +55,6 @@ def test_scripts_find_the_package_beside_them(tmp_path):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_is_a_script_of_the_clone(command):
-    module = command.replace("-", "_")
-    script = SCRIPTS / f"{module}.py"
-    assert f"from wt_gym.commands.{module} import main" in script.read_text(encoding="utf-8")
+    script = SCRIPTS / f"{command.replace('-', '_')}.py"
+    assert f"from wt_gym.commands.{module_of(command)} import main" in script.read_text(encoding="utf-8")
     assert os.access(script, os.X_OK)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import keyword
 from importlib import import_module
 
 import wt_gym
 from wt_gym.commands.program import OneLineParser, write_any_character
 
-__all__ = ["COMMANDS", "main"]
+__all__ = ["COMMANDS", "main", "module_of"]
 
 COMMANDS = {
     "train": "train a policy: PPO, SAC or TQC",
@@ -21,10 +22,17 @@ COMMANDS = {
     "tune": "tune the parameters of a controller",
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",
+    "import": "read an OpenFAST model as a turbine, and write it as a windIO file",
     "compile": "compile the simulator ahead of the first run, in two processes",
     "bench": "speed and memory on this machine",
     "fuzz": "drawn policies, winds and turbines against the contract of the environment",
 }
+
+
+def module_of(command: str) -> str:
+    """Return the name of a command's module: with ``_`` for ``-``, and one more behind a word of Python."""
+    name = command.replace("-", "_")
+    return f"{name}_" if keyword.iskeyword(name) else name
 
 
 def main(words: list[str] | None = None) -> None:
@@ -48,4 +56,4 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("words", nargs=argparse.REMAINDER, default=[], metavar="OPTIONS", help=argparse.SUPPRESS)
     write_any_character()
     chosen = parser.parse_args(words)
-    import_module(f"wt_gym.commands.{chosen.command.replace('-', '_')}").main(chosen.words)
+    import_module(f"wt_gym.commands.{module_of(chosen.command)}").main(chosen.words)

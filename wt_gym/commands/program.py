@@ -46,6 +46,7 @@ IN_CLONE = (CLONE / "validation").is_dir()
 
 _EXTRAS = {
     "minari": "data",
+    "openfast_io": "openfast",
     "optuna": "tune",
     "ray": "ray",
     "sb3_contrib": "train",

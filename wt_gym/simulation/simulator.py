@@ -29,7 +29,7 @@ class Simulator:
     Parameters
     ----------
     turbine : str, path or Turbine
-        Name in the catalogue, path of a windIO v2 file, or a turbine.
+        Name in the catalogue, path of a windIO file or OpenFAST model (.fst), or a turbine.
     inflow : Inflow, path or mapping
         Undisturbed wind, or what describes it (`wt_gym.wind.described`). A turbulence box must reach around the rotor.
     fidelity : str or Fidelity

@@ -1,7 +1,7 @@
-"""What a turbine is: windIO files turned into validated, frozen dataclasses.
+"""What a turbine is: windIO files and OpenFAST models turned into validated, frozen dataclasses.
 
-``load_turbine("nrel_5mw")`` or ``load_turbine("my_turbine.yaml")`` return a :class:`Turbine`; ``catalogue()`` lists
-the names.
+``load_turbine("nrel_5mw")``, ``load_turbine("my_turbine.yaml")`` and ``load_turbine("model.fst")`` return a
+:class:`Turbine`; ``catalogue()`` lists the names.
 """
 
 from wt_gym.turbines.catalogue import catalogue, load_turbine

@@ -1,4 +1,4 @@
-"""Turbines by name or from a windIO file."""
+"""Turbines by name, from a windIO file or from an OpenFAST model."""
 
 import hashlib
 import importlib.util
@@ -90,12 +90,13 @@ def catalogue() -> tuple[str, ...]:
 def load_turbine(
     name_or_path: str | Path, water_depth: float | None = None, foundation: NDArray[np.float64] | None = None
 ) -> Turbine:
-    """Load a turbine of the catalogue or any windIO v2 file.
+    """Load a turbine of the catalogue, any windIO v2 file or any OpenFAST model.
 
     Parameters
     ----------
     name_or_path : str or Path
-        A name of ``catalogue()`` or the path of a YAML file.
+        A name of ``catalogue()``, the path of a YAML file, or that of the primary file of an OpenFAST model (``.fst``,
+        see `read_openfast`).
     water_depth : float, optional
         Puts the tower on the monopile of the file, in water of this depth [m]. By default a tower is clamped at its
         base.
@@ -126,6 +127,8 @@ def load_turbine(
     if isinstance(name_or_path, str) and name_or_path in _BUILT:
         return _BUILT[name_or_path]()
     path = turbine_file(name_or_path)
+    if path.suffix.lower() == ".fst":
+        return _openfast(path, water_depth)
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -152,8 +155,19 @@ def _resembling(error: TurbineDefinitionError, file: WindioFile | None) -> str:
     return f"; the file has {file.resembling[path]!r} there"
 
 
+def _openfast(path: Path, water_depth: float | None) -> Turbine:
+    from wt_gym.turbines.openfast import read_openfast  # which most users never need
+
+    if water_depth is not None:
+        raise fail("water_depth", water_depth, "None for an OpenFAST model, whose substructure is left aside")
+    try:
+        return read_openfast(path)
+    except TurbineDefinitionError as error:
+        raise TurbineDefinitionError(f"{path}: {error}") from error
+
+
 def turbine_file(name_or_path: str | Path) -> Path:
-    """Return the path of the windIO file behind a name of the catalogue, or the given path if it is a file.
+    """Return the path of the file behind a name of the catalogue, or the given path if it is a file.
 
     Raises
     ------
@@ -167,7 +181,7 @@ def turbine_file(name_or_path: str | Path) -> Path:
             f"turbine {name_or_path!r} has no windIO file, the package builds it: load_turbine({name_or_path!r}); with "
             f"a file are {', '.join(map(repr, _FILES))}"
         )
-    allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO v2 file"
+    allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO v2 file or OpenFAST model (.fst)"
     if not isinstance(name_or_path, (str, Path)):
         raise fail("turbine", name_or_path, allowed)
     path = Path(name_or_path).expanduser()

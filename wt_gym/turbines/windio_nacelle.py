@@ -415,7 +415,7 @@ def read_pitch(root: Node, notes: list[str]) -> PitchSystem:
         return PitchSystem(
             min_pitch=_optional(control, "min_pitch_limit", -90.0, 90.0, degree, 0.0, "0 deg", notes),
             max_pitch=_optional(control, "max_pitch_limit", -90.0, 90.0, degree, 0.5 * np.pi, "90 deg", notes),
-            max_rate=control.number("max_pitch_rate", 1e-3, 100.0, degree),
+            max_rate=control.number("max_pitch_rate", 1e-3, 570.0, degree),
         )
 
 

@@ -1,0 +1,411 @@
+"""Reading OpenFAST models: signs and frames, both blade structures, releases of the files, and what is refused."""
+
+import importlib.util
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from openfast_model import DEGREE, Model, principal
+
+from wt_gym.commands.import_ import main
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.structure.beam import Beam, BeamSections
+from wt_gym.structure.modes import clamped_modes, select_modes
+from wt_gym.turbines import ControlData, load_turbine
+from wt_gym.turbines.airfoil import Polar
+from wt_gym.turbines.openfast import read_openfast
+from wt_gym.turbines.openfast_check import compare_with_openfast_io
+from wt_gym.turbines.openfast_text import TextFile
+from wt_gym.turbines.windio_writer import require_same, windio_content, write_windio
+
+
+@pytest.fixture(scope="module")
+def nrel_5mw():
+    return load_turbine("nrel_5mw")
+
+
+@pytest.fixture
+def model(nrel_5mw):
+    return Model(nrel_5mw)
+
+
+def notes_with(turbine, text):
+    return [note for note in turbine.notes if text in note]
+
+
+class TestTheSameTurbine:
+    """Files written from the numbers of the catalogue's turbine give that turbine back."""
+
+    @pytest.mark.parametrize("release", [2, 3, 5])
+    def test_geometry_masses_and_limits(self, nrel_5mw, release, tmp_path):
+        read = load_turbine(Model(nrel_5mw, release=release).write(tmp_path))
+        assert read.name == "model"
+        for name in ("n_blades", "rotor_diameter", "hub_height", "air_density"):
+            assert getattr(read, name) == pytest.approx(getattr(nrel_5mw, name), rel=1e-6)
+        require_same(nrel_5mw.hub, read.hub)
+        require_same(nrel_5mw.drivetrain, read.drivetrain)
+        require_same(nrel_5mw.pitch, read.pitch)
+        found, wanted = read.nacelle, nrel_5mw.nacelle
+        require_same(replace(wanted, inertia=found.inertia), found)
+        np.testing.assert_allclose(found.inertia, wanted.inertia, rtol=1e-3, atol=1.0)
+
+    def test_blade_of_elastodyn(self, nrel_5mw, model, tmp_path):
+        read, wanted = load_turbine(model.write(tmp_path)).blade, nrel_5mw.blade
+        for name in ("aero_station", "chord", "twist", "le_offset", "normal_offset"):
+            np.testing.assert_allclose(getattr(read, name), getattr(wanted, name), rtol=1e-9, atol=1e-9)
+        assert not np.any(read.axis[:, :2])
+        bending = slice(3, 5)
+        np.testing.assert_allclose(
+            read.structure.stiffness[:, bending, bending], wanted.structure.stiffness[:, bending, bending],
+            rtol=1e-9, atol=1.0,
+        )  # fmt: skip
+        np.testing.assert_allclose(read.structure.inertia[:, 0, 0], wanted.structure.inertia[:, 0, 0], rtol=1e-9)
+        assert read.damping_ratio == pytest.approx(wanted.damping_ratio, rel=1e-9)
+        assert read.structure.shear_rigid
+
+    def test_polars_hold_half_way_to_the_next_node(self, nrel_5mw, model, tmp_path):
+        turbine = load_turbine(model.write(tmp_path))
+        z = nrel_5mw.blade.aero_station
+        for position in (z[3] + 0.1, z[9], z[9] + 0.4 * (z[10] - z[9]), z[-1]):
+            read, wanted = turbine.blade.polar_at(position), nrel_5mw.blade.polar_at(position)
+            alpha = np.linspace(-3.0, 3.0, 61)
+            np.testing.assert_allclose(read.coefficients(alpha), wanted.coefficients(alpha), atol=1e-9)
+        assert notes_with(turbine, "each holds half way")
+
+    def test_blade_of_beamdyn_is_the_same_in_all_36_entries(self, nrel_5mw, tmp_path):
+        read = load_turbine(Model(nrel_5mw, beamdyn=True).write(tmp_path)).blade.structure
+        wanted = nrel_5mw.blade.structure
+        np.testing.assert_allclose(read.station, wanted.station, atol=1e-8)
+        np.testing.assert_allclose(read.inertia, wanted.inertia, rtol=1e-6, atol=1e-6)
+        finite = np.where(np.isinf(wanted.stiffness), 1e13, wanted.stiffness)
+        scale = np.sqrt(np.abs(np.diagonal(finite, axis1=1, axis2=2)))
+        np.testing.assert_allclose(
+            read.stiffness / (scale[:, :, None] * scale[:, None]), finite / (scale[:, :, None] * scale[:, None]),
+            atol=1e-8,
+        )  # fmt: skip
+
+    def test_tower(self, nrel_5mw, model, tmp_path):
+        read, wanted = load_turbine(model.write(tmp_path)).tower, nrel_5mw.tower
+        found, given = read.structure, wanted.structure
+        np.testing.assert_allclose(found.inertia[:, 0, 0], given.inertia[:, 0, 0], rtol=1e-9)
+        for k in (3, 4):
+            np.testing.assert_allclose(found.stiffness[:, k, k], given.stiffness[:, k, k], rtol=1e-9)
+        # what ElastoDyn leaves out: the published EA, GJ and section inertia of this tower, a tube of thin walls
+        for k in (2, 5):
+            np.testing.assert_allclose(found.stiffness[:, k, k], given.stiffness[:, k, k], rtol=0.02)
+        np.testing.assert_allclose(found.inertia[:, 3, 3], given.inertia[:, 3, 3], rtol=0.02)
+        np.testing.assert_allclose(read.diameter, wanted.diameter, rtol=1e-9)
+        assert (read.base_height, read.height) == (wanted.base_height, wanted.height)
+
+    def test_the_controller_on_the_generator_side(self, model, tmp_path):
+        control = load_turbine(model.write(tmp_path)).control
+        assert control.region_2_gain == pytest.approx(2.332287)
+        assert (control.torque_proportional_gain, control.torque_integral_gain) == (800.0, 120.0)
+        np.testing.assert_array_equal(control.gain_pitch, [0.05, 0.2, 0.3])
+        np.testing.assert_array_equal(control.pitch_proportional_gain, [0.02, 0.01, 0.004])
+        np.testing.assert_array_equal(control.pitch_integral_gain, [0.008, 0.004, 0.002])
+        np.testing.assert_array_equal(control.min_pitch_wind, [3.0, 9.0, 12.0])
+        np.testing.assert_array_equal(control.min_pitch, [0.01, 0.02, 0.06])
+        assert control.reference_generator_speed == pytest.approx(12.1 * np.pi / 30 * 97)
+        assert (control.speed_filter_frequency, control.speed_filter_damping) == (1.570796, 0.7)
+        assert (control.fine_pitch, control.region_3_min_pitch, control.constant_power) == (0.01, 0.03, True)
+        assert control.rated_mechanical_power == pytest.approx(5.0e6 / 0.944)
+        assert control.pitch_actuator_frequency is None
+        # published for this gain: the largest power coefficient 0.482 at 7.55
+        assert control.peak_power_coefficient == pytest.approx(0.482 * (7.5 / 7.55) ** 3, rel=0.01)
+
+
+def clamped(sections, **kinds):
+    """Frequencies [Hz] of a beam along a straight axis, by kind of mode and number."""
+    axis = np.column_stack((np.zeros((sections.station.size, 2)), sections.station))
+    beam = Beam(BeamSections(sections.station, sections.stiffness, sections.inertia, axis), 24)
+    modes = clamped_modes(beam, 8)
+    return np.concatenate([modes.frequency[select_modes(modes, **{kind: n})[:n]] for kind, n in kinds.items()])
+
+
+def test_frequencies_within_one_percent(nrel_5mw, model, tmp_path):
+    """The ElastoDyn blade lacks the offsets of the centers of mass, its tower nothing that bends."""
+    read = load_turbine(model.write(tmp_path))
+    found, wanted = read.blade.structure, nrel_5mw.blade.structure
+    np.testing.assert_allclose(clamped(found, flap=2, edge=1), clamped(wanted, flap=2, edge=1), rtol=0.01)
+    found, wanted = read.tower.structure, nrel_5mw.tower.structure
+    np.testing.assert_allclose(clamped(found, flap=2, edge=2), clamped(wanted, flap=2, edge=2), rtol=1e-3)
+
+
+class TestWhatTheFilesSay:
+    """Factors, prebend, tables, coordinates, switches."""
+
+    def test_adjustment_factors(self, nrel_5mw, model, tmp_path):
+        model.factors |= {"AdjBlMs": 1.1, "AdjFlSt": 1.2, "AdjEdSt": 1.3}
+        model.tower_factors |= {"AdjTwMa": 1.4, "AdjFASt": 1.5, "AdjSSSt": 1.6}
+        read = load_turbine(model.write(tmp_path))
+        blade, tower = read.blade.structure, read.tower.structure
+        assert blade.mass_moment(0) == pytest.approx(1.1 * nrel_5mw.blade.structure.mass_moment(0))
+        trace = blade.stiffness[:, 3, 3] + blade.stiffness[:, 4, 4]
+        _, flap, edge = principal(nrel_5mw.blade.structure.stiffness)
+        np.testing.assert_allclose(trace, 1.2 * flap + 1.3 * edge, rtol=1e-9)
+        wanted = nrel_5mw.tower.structure
+        assert tower.mass_moment(0) == pytest.approx(1.4 * wanted.mass_moment(0))
+        np.testing.assert_allclose(tower.stiffness[:, 4, 4], 1.5 * wanted.stiffness[:, 4, 4], rtol=1e-9)
+        np.testing.assert_allclose(tower.stiffness[:, 3, 3], 1.6 * wanted.stiffness[:, 3, 3], rtol=1e-9)
+
+    def test_prebend_is_the_axis_and_leaves_mass_and_planform(self, nrel_5mw, model, tmp_path):
+        z = nrel_5mw.blade.aero_station
+        model.bend = -3.0 * (z / z[-1]) ** 2
+        read = load_turbine(model.write(tmp_path))
+        np.testing.assert_allclose(read.blade.axis[:, 0], model.bend, atol=1e-3)
+        np.testing.assert_allclose(read.blade.le_offset, nrel_5mw.blade.le_offset, atol=1e-9)
+        np.testing.assert_allclose(read.blade.normal_offset, 0.0, atol=1e-2)
+        assert read.blade.structure.mass_moment(0) == pytest.approx(nrel_5mw.blade.structure.mass_moment(0), rel=1e-4)
+        assert notes_with(read, "prebend")
+
+    def test_the_table_nearest_to_the_rated_reynolds_number(self, model, nrel_5mw, tmp_path):
+        polar = nrel_5mw.blade.airfoils[-1].polar
+        model.tables[7] = [
+            (re, setting, Polar(polar.alpha, factor * polar.cl, polar.cd, polar.cm))
+            for re, setting, factor in ((1.0, 0, 0.5), (10.0, 0, 0.8), (9.0, 1, 0.1))
+        ]
+        read = load_turbine(model.write(tmp_path))
+        assert np.max(read.blade.airfoils[-1].polar.cl) == pytest.approx(0.8 * np.max(polar.cl))
+        assert notes_with(read, "af7.dat: 3 tables, number 2")
+
+    def test_a_section_without_coordinates_has_the_camber_of_its_polar(self, model, tmp_path):
+        model.coordinates = False
+        read = load_turbine(model.write(tmp_path))
+        airfoil = read.blade.airfoils[-1]
+        polar, zero = airfoil.polar, np.radians(np.linspace(-8.0, 0.0, 8001))
+        alpha = zero[np.argmin(np.abs(polar.coefficients(zero)[0]))]
+        # thin-airfoil theory: alpha_0 = 1/pi int_0^pi dy/dx (1 - cos t) dt, with x = (1 - cos t)/2
+        t = (np.arange(2000) + 0.5) * np.pi / 2000
+        slope = airfoil.camber_at(0.5 * (1 - np.cos(t)))[1]
+        assert np.mean(slope * (1 - np.cos(t))) == pytest.approx(alpha, rel=0.01)
+        assert read.blade.airfoils[0].relative_thickness == pytest.approx(1.0, rel=0.01)  # a cylinder
+        assert len(notes_with(read, "no coordinates")) == 8
+
+    def test_a_tower_without_diameters_is_a_thin_steel_tube(self, model, nrel_5mw, tmp_path):
+        path = model.write(tmp_path)
+        file = tmp_path / "aero" / "ad.dat"
+        text = file.read_text()
+        file.write_text(text[: text.index("NumTwrNds")].rsplit("\n", 1)[0] + "\n0 NumTwrNds - number\n")
+        read = load_turbine(path).tower
+        np.testing.assert_allclose(read.diameter_at(read.structure.station)[[0, -1]], [6.0, 3.87], rtol=0.02)
+
+    def test_the_schedule_ends_where_a_gain_changes_its_sign(self, model, tmp_path):
+        model.discon["PC_GS_KP"] = "-0.02 -0.01 0.004"
+        read = load_turbine(model.write(tmp_path))
+        np.testing.assert_array_equal(read.control.gain_pitch, [0.05, 0.2])
+        assert notes_with(read, "changes its sign at 17.2 deg")
+
+    def test_the_table_of_the_power_coefficient(self, model, tmp_path):
+        model.discon["PerfFileName"] = '"perf.txt"'
+        (tmp_path / "perf.txt").write_text(
+            "# Pitch angle vector (deg)\n0 1\n# TSR vector\n7 8\n# Wind speed vector\n10\n# Power coefficient\n"
+            "0.40 0.30\n0.50 0.40\n# Thrust coefficient\n0.7 0.6\n0.8 0.7\n"
+        )
+        model.discon["PC_FinePit"] = 0.5 * DEGREE
+        assert load_turbine(model.write(tmp_path)).control.peak_power_coefficient == pytest.approx(0.40)
+
+    def test_servodyns_own_torque_law(self, model, tmp_path):
+        model.servodyn |= {"PCMode": 0, "VSContrl": 1, "VS_RtGnSp": 1173.7, "VS_RtTq": 43093.55, "VS_Rgn2K": 0.0255764}
+        read = load_turbine(model.write(tmp_path))
+        assert read.drivetrain.rated_power == pytest.approx(5.0e6, rel=1e-3)
+        assert read.control.region_2_gain == pytest.approx(2.332287, rel=1e-5)
+
+    def test_a_rating_from_outside(self, model, tmp_path):
+        model.servodyn |= {"PCMode": 0, "VSContrl": 4}
+        path = model.write(tmp_path)
+        with pytest.raises(TurbineDefinitionError, match="rated power: the model has neither"):
+            load_turbine(path)
+        read = read_openfast(path, rated_power=4.0e6, rated_rotor_speed=1.2)
+        assert (read.drivetrain.rated_power, read.drivetrain.rated_rotor_speed, read.control) == (4.0e6, 1.2, None)
+        assert notes_with(read, "limits of the pitch from Ptch_Min")
+
+    def test_the_blade_that_is_asked_for(self, model, tmp_path):
+        path = model.write(tmp_path)
+        assert read_openfast(path, blade="beamdyn").blade.structure.shear_rigid is False
+        assert notes_with(read_openfast(path), "BeamDyn's, which the model has too, are left aside")
+        with pytest.raises(TurbineDefinitionError, match="blade: got 'fast'"):
+            read_openfast(path, blade="fast")
+
+    def test_what_is_left_aside_is_named(self, model, tmp_path):
+        model.primary |= {"CompHydro": 1, "CompMooring": 3}
+        model.elastodyn |= {"PtfmSgDOF": "True", "DrTrDOF": "False"}
+        model.servodyn["NumBStC"] = 2
+        model.discon |= {"IPC_ControlMode": 1, "PC_GS_KD": "0 0.1 0"}
+        notes = "\n".join(load_turbine(model.write(tmp_path)).notes)
+        for text in (
+            "CompHydro", "CompMooring", "motion of the platform", "clamped at its base", "DrTrDOF", "NumBStC",
+            "IPC_ControlMode", "PC_GS_KD", "roll", "cut-in", "IEC class", "bends only",
+        ):  # fmt: skip
+            assert text in notes
+
+
+REFUSED = [
+    ("primary", "MHK", 2, "MHK: got '2', allowed is 0"),
+    ("primary", "MirrorRotor", "T", "MirrorRotor: got True"),
+    ("primary", "NRotors", 2, "NRotors: got 2, allowed is 1"),
+    ("primary", "CompElast", 3, "CompElast: got 3"),
+    ("primary", "CompAero", 1, "CompAero: got 1, allowed is 2"),
+    ("primary", "EDFile", '"other.dat"', "there is no such file"),
+    ("elastodyn", "OverHang", 5.0, "OverHang: got 5.0, allowed is a negative number"),
+    ("elastodyn", "PreCone(2)", -2.0, "PreCone: got .* the same cone for all blades"),
+    ("elastodyn", "TipMass(3)", 20.0, r"TipMass\(3\): got 20.0"),
+    ("elastodyn", "Furling", "True", "Furling: got True"),
+    ("elastodyn", "NacYIner", 1000.0, "NacYIner: got 1000.0, allowed is at least"),
+    ("elastodyn", "HubMass", "heavy", "ed.dat: HubMass: got 'heavy', allowed is a finite number"),
+    ("elastodyn", "BldFile2", '"another.dat"', "the same file for all blades"),
+    ("elastodyn", "TipRad", 70.0, "BlSpn: got .* TipRad - HubRad = 68.5 m"),
+    ("elastodyn", "TowerHt", -1.0, "TowerHt: got -1.0, allowed is a height above"),
+    ("primary", "AirDens", -1.0, "AirDens: got -1.0"),
+    ("discon", "VS_RtPwr", 0.0, "rated power .* got 0.0"),
+    ("discon", "VS_GenEff", 0.944, "efficiency of the generator .* got 0.0094"),
+    ("discon", "PC_GS_KP", "-0.02 -0.01", "2 gains"),
+    ("discon", "PC_GS_KI", "0.008 0.004 0.002", "gains up to 0"),
+]
+
+
+@pytest.mark.parametrize(("part", "key", "value", "message"), REFUSED)
+def test_what_would_be_another_turbine_is_refused(model, part, key, value, message, tmp_path):
+    getattr(model, part)[key] = value
+    path = model.write(tmp_path)
+    with pytest.raises(TurbineDefinitionError, match=message) as refusal:
+        load_turbine(path)
+    assert str(refusal.value).startswith(f"{path}: ")
+
+
+def test_a_missing_line_is_named(model, tmp_path):
+    del model.elastodyn["Twr2Shft"]
+    with pytest.raises(TurbineDefinitionError, match=r"ed.dat: Twr2Shft: missing, no line has this keyword"):
+        load_turbine(model.write(tmp_path))
+
+
+def test_a_water_depth_belongs_to_windio_files(model, tmp_path):
+    with pytest.raises(TurbineDefinitionError, match="water_depth"):
+        load_turbine(model.write(tmp_path), water_depth=20.0)
+
+
+def test_a_truncated_table_is_refused(model, tmp_path):
+    path = model.write(tmp_path)
+    file = tmp_path / "tower.dat"
+    file.write_text("\n".join(file.read_text().splitlines()[:-2]))
+    with pytest.raises(TurbineDefinitionError, match="11 rows announced"):
+        load_turbine(path)
+
+
+@pytest.mark.parametrize(
+    ("file", "pattern", "new", "message"),
+    [
+        ("aero/af0.dat", r"\d+ NumAlf", "nan NumAlf", "NumAlf: got 'nan'"),
+        ("aero/af2_coords.txt", r"\d+ NumCoords", "1.5 NumCoords", "NumCoords: got '1.5'"),
+        ("aero/ad.dat", "TwrElev TwrDiam", "TwrElev Diameter", "no column twrdiam"),
+        ("aero/blade.dat", "BlTwist", "Twist", "no column bltwist"),
+        ("bd_sections.dat", "DISTRIBUTED", "OTHER", "station_total sections"),
+    ],
+)
+def test_damaged_tables_are_refused(model, file, pattern, new, message, tmp_path):
+    path = model.write(tmp_path)
+    changed, count = re.subn(pattern, new, (tmp_path / file).read_text(), count=1)
+    assert count == 1
+    (tmp_path / file).write_text(changed)
+    with pytest.raises(TurbineDefinitionError, match=message):
+        read_openfast(path, blade="beamdyn")
+
+
+def test_words_of_text_files(tmp_path):
+    file = tmp_path / "file.dat"
+    file.write_text(
+        "title\nHubRad 9 - of the title\n-- NumBl - of a rule --\n 1.5D+01  HubRad  - text with MHK in it\n"
+        '"a b/c.dat"  BldFile(1)   - name\n.true. Flag - f\n0.0, 1.0, 2.0  NacCenB - list\nDEFAULT  DT - s\n'
+    )
+    read = TextFile(file)
+    assert (read.number("HubRad"), read.text("BldFile1"), read.flag("flag")) == (15.0, "a b/c.dat", True)
+    np.testing.assert_array_equal(read.array("NacCenB"), [0.0, 1.0, 2.0])
+    assert read.is_default("DT")
+    assert "MHK" not in read
+    assert "NumBl" not in read
+
+
+class TestWindIO:
+    """A windIO file of the turbine is that turbine."""
+
+    @pytest.mark.parametrize("beamdyn", [False, True])
+    def test_round_trip(self, nrel_5mw, beamdyn, tmp_path):
+        model = Model(nrel_5mw, beamdyn=beamdyn)
+        z = nrel_5mw.blade.aero_station
+        model.bend = -3.0 * (z / z[-1]) ** 2
+        turbine = load_turbine(model.write(tmp_path))
+        written = write_windio(turbine, tmp_path / "turbine.yaml")
+        require_same(turbine, load_turbine(written[0]))
+        kept = ControlData(**json.loads(written[1].read_text()))
+        require_same(turbine.control, kept)
+
+    def test_a_difference_is_found(self, nrel_5mw):
+        require_same(nrel_5mw, nrel_5mw)
+        with pytest.raises(TurbineDefinitionError, match=r"Turbine\.hub\.mass: got 1\.0"):
+            require_same(nrel_5mw, replace(nrel_5mw, hub=replace(nrel_5mw.hub, mass=1.0)))
+
+    @pytest.mark.parametrize("name", ["nrel_5mw_monopile", "gebhardt_45m", "nada_small"])
+    def test_what_no_windio_file_holds_is_refused(self, name):
+        with pytest.raises(TurbineDefinitionError, match="Turbine"):
+            windio_content(load_turbine(name))
+
+
+def test_openfast_io_reads_the_same_numbers(tmp_path):
+    """Of a model in the format of its release; the models of rosco are."""
+    pytest.importorskip("openfast_io")
+    rosco = importlib.util.find_spec("rosco")
+    if rosco is None or rosco.origin is None:
+        pytest.skip("the models of rosco are not installed: pip install --no-deps rosco")
+    cases = Path(rosco.origin).parents[1] / "Examples" / "Test_Cases"
+    lines = compare_with_openfast_io(cases / "NREL_2p8_127" / "NREL-2p8-127.fst")
+    agree = [int(re.search(r"(\d+) numbers agree$", line)[1]) for line in lines]
+    assert len(agree) == 5
+    assert sum(agree) > 250
+
+
+def test_openfast_io_misreads_files_of_another_release(model, tmp_path):
+    pytest.importorskip("openfast_io")
+    text = "\n".join(compare_with_openfast_io(model.write(tmp_path)))
+    assert "it stops with" in text
+
+
+class TestCommand:
+    def test_it_shows_and_writes(self, model, tmp_path, capsys):
+        out = tmp_path / "turbine.yaml"
+        main([str(model.write(tmp_path)), "--out", str(out), "--json"])
+        text = capsys.readouterr().out
+        assert "assumed and left aside" in text
+        found = json.loads(text.splitlines()[-1])
+        numbers = {entry["name"]: entry["value"] for entry in found["summary"]}
+        # NREL/TP-500-38060, tables 2-2, 4-1 and 6-1
+        assert numbers["blade mass"] == pytest.approx(17740, rel=1e-3)
+        assert numbers["blade, second moment about the root"] == pytest.approx(11.776e6, rel=2e-3)
+        assert numbers["tower mass"] == pytest.approx(347460, rel=1e-3)
+        assert found["written"] == [str(out), str(tmp_path / "turbine.control.json")]
+        assert load_turbine(out).rotor_diameter == 126.0
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (["model.yaml"], "must be the primary file of an OpenFAST model"),
+            (["model.fst", "--out", "turbine.json"], "must end with .yaml"),
+            (["model.fst", "--rated-power", "-1"], "must be a positive number"),
+        ],
+    )
+    def test_wrong_words(self, words, message, capsys):
+        with pytest.raises(SystemExit) as end:
+            main(words)
+        assert end.value.code == 2
+        assert message in capsys.readouterr().err
+
+    def test_a_model_that_is_not_there_takes_one_line(self, tmp_path):
+        with pytest.raises(SystemExit, match=r"error: .*nothing\.fst: cannot be read"):
+            main([str(tmp_path / "nothing.fst")])
+
+    def test_without_the_other_reader_it_says_how_to_install_it(self, model, tmp_path, monkeypatch):
+        monkeypatch.setitem(__import__("sys").modules, "openfast_io", None)
+        with pytest.raises(SystemExit, match=r"openfast_io is not installed; .*\[openfast\]"):
+            main([str(model.write(tmp_path)), "--check", "openfast_io"])

@@ -1,0 +1,162 @@
+"""Read the model of another program as a turbine: the primary file of an OpenFAST model (.fst), of release 2 to 5.
+
+    wt-gym import model.fst                            # what was read, assumed and left aside
+    wt-gym import model.fst --out turbine.yaml         # and written as a windIO file, for --turbine turbine.yaml
+    wt-gym import model.fst --rated-power 5000 --rated-rotor-speed 12.1   # [kW], [rpm], where the model has none
+
+The windIO file stands alone, with the numbers of the controller beside it (NAME.control.json). It is read back and
+compared with the model before the command ends. Commands that take --turbine take model.fst itself as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.commands.program import OneLineParser, user_errors
+from wt_gym.files import require_writable
+
+if TYPE_CHECKING:
+    from wt_gym.turbines import ControlData, Turbine
+
+_RPM = math.pi / 30.0
+_READERS = ("openfast_io",)
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("import", description=__doc__)
+    parser.add_argument("model", type=Path, help="primary file of the model (.fst)")
+    parser.add_argument("--out", type=Path, metavar="YAML", help="windIO file to write (.yaml or .yml)")
+    parser.add_argument("--blade", choices=("elastodyn", "beamdyn"), help="its structure (default: as CompElast says)")
+    parser.add_argument("--rated-power", type=float, metavar="KW", help="electrical, for a model that does not say it")
+    parser.add_argument("--rated-rotor-speed", type=float, metavar="RPM", help="for a model that does not say it")
+    parser.add_argument(
+        "--check", choices=_READERS, help="read it with this package too, and compare what both read (extra openfast)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON at the end")
+    arguments = parser.parse_args(words)
+    if arguments.out and arguments.out.suffix.lower() not in (".yaml", ".yml"):
+        parser.error(f"--out {arguments.out}: must end with .yaml or .yml")
+    if arguments.model.suffix.lower() != ".fst":
+        parser.error(f"{arguments.model}: must be the primary file of an OpenFAST model, .fst")
+    rating = {"--rated-power": arguments.rated_power, "--rated-rotor-speed": arguments.rated_rotor_speed}
+    for option, value in rating.items():
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            parser.error(f"{option} {value}: must be a positive number")
+    return arguments
+
+
+def summary(turbine: Turbine) -> list[tuple[str, float, str]]:
+    """Return the main numbers of a turbine with their units."""
+    import numpy as np
+
+    blade, tower, train = turbine.blade, turbine.tower, turbine.drivetrain
+    about_root = blade.structure.mass_moment(2)
+    mass = blade.structure.mass_moment(0)
+    inertia = turbine.hub.inertia_axial + turbine.n_blades * float(
+        np.cos(turbine.hub.cone) ** 2
+        * (about_root + 2.0 * turbine.hub.radius * blade.structure.mass_moment(1) + turbine.hub.radius**2 * mass)
+    )
+    return [
+        ("blades", turbine.n_blades, ""),
+        ("rotor diameter", turbine.rotor_diameter, "m"),
+        ("hub height", turbine.hub_height, "m"),
+        ("rated power", train.rated_power / 1e3, "kW"),
+        ("rated rotor speed", train.rated_rotor_speed / _RPM, "rpm"),
+        ("rated wind speed", turbine.rated_wind_speed, "m/s"),
+        ("gear ratio", train.gear_ratio, ""),
+        ("cone", math.degrees(turbine.hub.cone), "deg"),
+        ("tilt", math.degrees(turbine.nacelle.tilt), "deg"),
+        ("prebend at the tip", 0.0 - float(blade.axis[-1, 0]), "m"),
+        ("blade mass", mass, "kg"),
+        ("blade, first moment about the root", blade.structure.mass_moment(1), "kg m"),
+        ("blade, second moment about the root", about_root, "kg m^2"),
+        ("rotor inertia", inertia, "kg m^2"),
+        ("hub mass", turbine.hub.mass, "kg"),
+        ("nacelle mass", turbine.nacelle.mass, "kg"),
+        ("tower mass", tower.structure.mass_moment(0), "kg"),
+        ("tower base", tower.base_height, "m"),
+        ("airfoils", len(blade.airfoils), ""),
+        ("stations of the blade", blade.structure.station.size, ""),
+        ("stations of the tower", tower.structure.station.size, ""),
+    ]
+
+
+def control_summary(control: ControlData) -> list[tuple[str, str]]:
+    """Return the known numbers of a controller with their names, tables by their ends."""
+    import dataclasses
+
+    import numpy as np
+
+    rows = []
+    for item in dataclasses.fields(control):
+        value = getattr(control, item.name)
+        if isinstance(value, np.ndarray):
+            rows.append((item.name, f"{value.size} values, {value[0]:.4g} ... {value[-1]:.4g}"))
+        elif value is not None:
+            rows.append((item.name, str(value) if isinstance(value, bool) else f"{value:.6g}"))
+    return rows
+
+
+def show(turbine: Turbine) -> None:
+    """Print what was read, and what was assumed and left aside."""
+    print(turbine.name)
+    for name, value, unit in summary(turbine):
+        print(f"  {name:36}{value:14.6g} {unit}".rstrip())
+    if turbine.control is not None:
+        print("controller (generator side, SI units and radians)")
+        for name, text in control_summary(turbine.control):
+            print(f"  {name:36}{text}")
+    print("assumed and left aside")
+    for note in turbine.notes:
+        print(f"  - {note}")
+
+
+def main(words: list[str] | None = None) -> None:
+    """Read, show and write."""
+    arguments = parse_arguments(words)
+    with user_errors():
+        from wt_gym.errors import TurbineDefinitionError
+        from wt_gym.turbines import load_turbine
+        from wt_gym.turbines.openfast import read_openfast
+        from wt_gym.turbines.windio_writer import require_same, write_windio
+
+        if arguments.out:
+            require_writable(arguments.out.parent)
+        turbine = read_openfast(
+            arguments.model,
+            None if arguments.rated_power is None else 1e3 * arguments.rated_power,
+            None if arguments.rated_rotor_speed is None else _RPM * arguments.rated_rotor_speed,
+            arguments.blade,
+        )
+        show(turbine)
+        if arguments.check:
+            from wt_gym.turbines.openfast_check import compare_with_openfast_io
+
+            for line in compare_with_openfast_io(arguments.model):
+                print(line)
+        written: list[Path] = []
+        if arguments.out:
+            written = write_windio(turbine, arguments.out, f"the OpenFAST model {arguments.model.name}")
+            try:
+                require_same(turbine, load_turbine(arguments.out))
+            except TurbineDefinitionError as error:
+                raise TurbineDefinitionError(f"{arguments.out}, read back, is another turbine: {error}") from error
+    for path in written:
+        print(f"written: {path}")
+    if arguments.json:
+        print(json.dumps(_as_json(turbine, written)))
+
+
+def _as_json(turbine: Turbine, written: list[Path]) -> dict[str, Any]:
+    return {
+        "turbine": turbine.name,
+        "summary": [{"name": name, "value": value, "unit": unit} for name, value, unit in summary(turbine)],
+        "control": dict(control_summary(turbine.control)) if turbine.control is not None else None,
+        "notes": list(turbine.notes),
+        "written": [str(path) for path in written],
+    }

@@ -1,0 +1,396 @@
+"""The blade of an OpenFAST model: AeroDyn planform and polars, ElastoDyn or BeamDyn section properties.
+
+AeroDyn's and BeamDyn's blade frames are the one used here: z from root to tip, x to the suction side (downwind), y to
+the trailing edge; their twist is positive to feather. AeroDyn gives the place of each section's reference point
+(BlCrvAC, BlSwpAC), which lies on the chord line; the file of the airfoil's coordinates says how far behind its nose.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines.airfoil import Airfoil
+from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
+from wt_gym.turbines.blade import Blade
+from wt_gym.turbines.checks import check_ascending, fail
+from wt_gym.turbines.openfast_airfoils import AirfoilFile, read_airfoil_file
+from wt_gym.turbines.openfast_text import TextFile, existing_file
+from wt_gym.turbines.windio_airfoils import KINEMATIC_VISCOSITY
+from wt_gym.turbines.windio_blade import DEFAULT_BLADE_DAMPING
+
+__all__ = ["BladeFiles", "read_openfast_blade"]
+
+_PERCENT = 0.01
+_SAME_LENGTH = 0.01
+"""Part of the length by which AeroDyn's and BeamDyn's blades may differ from ElastoDyn's; they are stretched to it."""
+_STRAIGHT = 1e-4
+"""Prebend that is rounding of BlCrvAC and BlSwpAC, in blade lengths."""
+_SWITCH = 1e-4
+"""Length of the change from one airfoil to the next where they are not blended, in blade lengths."""
+_FULL_SET = 0.75
+"""Airfoils a node from which on they are those of the nodes, between which sections are blended."""
+
+
+@dataclass(frozen=True)
+class BladeFiles:
+    """Files of one blade.
+
+    Attributes
+    ----------
+    elastodyn, beamdyn, beamdyn_sections : TextFile or None
+        ElastoDyn's file of the blade, or BeamDyn's primary file and its sections.
+    aerodyn : TextFile
+        Primary file.
+    aerodyn_blade : TextFile
+    """
+
+    elastodyn: TextFile | None
+    beamdyn: TextFile | None
+    beamdyn_sections: TextFile | None
+    aerodyn: TextFile
+    aerodyn_blade: TextFile
+
+
+@dataclass(frozen=True)
+class _Planform:
+    """AeroDyn's table of the blade, in SI units, and the airfoil of each node."""
+
+    z: NDArray[np.float64]
+    curve: NDArray[np.float64]
+    sweep: NDArray[np.float64]
+    twist: NDArray[np.float64]
+    chord: NDArray[np.float64]
+    index: NDArray[np.int64]
+    files: tuple[AirfoilFile, ...]
+
+    def reference(self) -> NDArray[np.float64]:
+        """Return the reference point of every node [chords behind the leading edge]."""
+        return np.array([self.files[i].reference for i in self.index])
+
+    def thickness(self) -> NDArray[np.float64]:
+        """Return the largest thickness of every node [m]."""
+        return self.chord * np.array([self.files[i].airfoil.relative_thickness for i in self.index])
+
+
+def read_openfast_blade(
+    files: BladeFiles, length: float, hub_radius: float, rated_rotor_speed: float, notes: list[str]
+) -> Blade:
+    """Build the blade.
+
+    Parameters
+    ----------
+    files : BladeFiles
+    length : float
+        TipRad - HubRad [m].
+    hub_radius : float
+        [m].
+    rated_rotor_speed : float
+        [rad/s]; picks among tables of several Reynolds numbers.
+    notes : list of str
+        Receives a sentence for every assumption.
+
+    Returns
+    -------
+    Blade
+
+    Raises
+    ------
+    TurbineDefinitionError
+        Naming file and keyword of what is missing, inconsistent or out of range.
+    """
+    plan = _read_planform(files, length, hub_radius, rated_rotor_speed, notes)
+    if files.beamdyn is not None and files.beamdyn_sections is not None:
+        z, axis, bend = _beamdyn_axis(files.beamdyn, length, notes)
+    else:
+        z, axis, bend = plan.z, _prebend_axis(plan, notes), None
+    station = _arc_length(z, axis)
+    check_ascending("distance along the axis of the blade", station)  # key points may lie closer than rounding
+    offset_x, offset_y = _offsets(plan, z, axis)
+    if bend is not None and files.beamdyn_sections is not None:
+        structure, damping = _beamdyn_sections(files, station[-1], PchipInterpolator(station, bend), notes)
+    elif files.elastodyn is not None:
+        structure, damping = _elastodyn_sections(files.elastodyn, plan, PchipInterpolator(z, station), length, notes)
+    else:
+        raise TurbineDefinitionError("the model has neither an ElastoDyn nor a BeamDyn blade")
+    airfoils, airfoil_z, airfoil_index = _airfoils(plan, length, notes)
+    used = [plan.files[i] for i in plan.index]
+    return Blade(
+        length=length,
+        root_radius=hub_radius,
+        axis_station=station,
+        axis=np.column_stack((axis, z)),
+        aero_station=plan.z,
+        chord=plan.chord,
+        twist=plan.twist,
+        le_offset=plan.reference() - offset_y / plan.chord,
+        airfoils=airfoils,
+        airfoil_station=airfoil_z,
+        airfoil_index=airfoil_index,
+        structure=structure,
+        damping_ratio=damping,
+        normal_offset=offset_x / plan.chord,
+        rotating_polars=True if any(file.rotating for file in used) else None,
+    )
+
+
+def _read_planform(
+    files: BladeFiles, length: float, hub_radius: float, rotor_speed: float, notes: list[str]
+) -> _Planform:
+    file = files.aerodyn_blade
+    table = file.table("NumBlNds", "BlSpn")
+    for name in ("blcrvac", "blswpac", "bltwist", "blchord", "blafid"):
+        if name not in table:
+            raise TurbineDefinitionError(f"{file.path.name}: no column {name} in the table of the blade")
+    span = table["blspn"]
+    if abs(span[0]) > 1e-6 * length or abs(span[-1] - length) > _SAME_LENGTH * length:
+        raise file.fail("BlSpn", [float(span[0]), float(span[-1])], f"a span from 0 to TipRad - HubRad = {length:g} m")
+    if np.any(np.diff(span) <= 0.0):
+        raise file.fail("BlSpn", span.tolist(), "values that ascend from root to tip")
+    if abs(span[-1] - length) > 1e-6 * length:
+        notes.append(f"{file.path.name}: BlSpn ends at {span[-1]:g} m, stretched to TipRad - HubRad = {length:g} m")
+    z = span * (length / span[-1])
+    z[0], z[-1] = 0.0, length
+    twist, chord = np.radians(table["bltwist"]), table["blchord"]
+    if np.any(np.abs(twist) > np.radians(60.0)):
+        raise file.fail("BlTwist", float(table["bltwist"].max()), "twists of at most 60 deg")
+    named = table["blafid"].astype(np.int64) - 1
+    names = _airfoil_names(files.aerodyn)
+    if np.any((named < 0) | (named >= len(names))):
+        raise file.fail("BlAFID", (named + 1).tolist(), f"numbers from 1 to NumAFfiles = {len(names)}")
+    ratio = table.get("t_c", np.zeros(z.size))
+    alfa, lift, drag, moment = (files.aerodyn.integer(f"InCol_{key}") for key in ("Alfa", "Cl", "Cd", "Cm"))
+    read: list[AirfoilFile] = []
+    index = np.zeros(z.size, dtype=np.int64)
+    for position, i in enumerate(np.unique(named)):
+        nodes = np.flatnonzero(named == i)
+        k = int(nodes[nodes.size // 2])
+        reynolds = rotor_speed * (hub_radius + z[k]) * chord[k] / KINEMATIC_VISCOSITY
+        read.append(read_airfoil_file(names[i], (alfa, lift, drag, moment), float(reynolds), float(ratio[k]), notes))
+        index[nodes] = position
+    return _Planform(z, table["blcrvac"], table["blswpac"], twist, chord, index, tuple(read))
+
+
+def _airfoil_names(file: TextFile) -> list[Path]:
+    """Return the paths of the airfoil files."""
+    count = file.integer("NumAFfiles")
+    rows = file.rows(file.line_of("AFNames"), count, "AFNames")
+    return [existing_file(file.path.parent, row[0].strip("\"'"), f"{file.path.name}: AFNames") for row in rows]
+
+
+def _prebend_axis(plan: _Planform, notes: list[str]) -> NDArray[np.float64]:
+    """Return x and y (n, 2) of the reference axis of a blade whose structure has no axis of its own.
+
+    ElastoDyn's pitch axis is straight. The reference point of a section lies on the chord line through the axis if
+    BlCrvAC = BlSwpAC tan(twist); what is left of BlCrvAC is prebend.
+    """
+    bend = plan.curve - plan.sweep * np.tan(plan.twist)
+    bend = bend - bend[0]
+    if np.max(np.abs(bend)) < _STRAIGHT * plan.z[-1]:
+        bend = np.zeros(bend.size)
+    else:
+        notes.append(
+            f"prebend: ElastoDyn's blade is straight, AeroDyn's ends {plan.curve[-1]:.2f} m out of plane (BlCrvAC); "
+            "the axis of the beam follows AeroDyn's, the mass per length along it is that along ElastoDyn's"
+        )
+    return np.column_stack((bend, np.zeros(bend.size)))
+
+
+def _beamdyn_axis(
+    file: TextFile, length: float, notes: list[str]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return z (n,), x and y (n, 2) of the key points [m] and the twist there (n,) [rad]."""
+    line = file.line_of("kp_total") + 1
+    members = file.integer("member_total")
+    points: list[NDArray[np.float64]] = []
+    for _ in range(members):
+        count = int(file.numbers(line, 1, 2, "number of a member and of its key points")[0, 1])
+        block = file.numbers(line + 3, count, 4, "key points")
+        points.append(block[1:] if points else block)
+        line += 3 + count
+    table = np.concatenate(points)
+    z = table[:, 2]
+    if np.any(np.diff(z) <= 0.0) or abs(z[0]) > 1e-6 * length or abs(z[-1] - length) > _SAME_LENGTH * length:
+        allowed = f"values that ascend from 0 to TipRad - HubRad = {length:g} m"
+        raise file.fail("kp_zr", [float(z[0]), float(z[-1])], allowed)
+    if abs(z[-1] - length) > 1e-6 * length:
+        notes.append(f"{file.path.name}: kp_zr ends at {z[-1]:g} m, stretched to TipRad - HubRad = {length:g} m")
+    z = z * (length / z[-1])
+    z[0], z[-1] = 0.0, length
+    return z, table[:, :2], np.radians(table[:, 3])
+
+
+def _arc_length(z: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distance along the axis at its points; 50 chords a segment, as for windIO files."""
+    curve = PchipInterpolator(z, axis)
+    fine = np.unique(np.concatenate([np.linspace(a, b, 51) for a, b in pairwise(z)]))
+    path = np.column_stack((curve(fine), fine))
+    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
+    return np.interp(z, fine, arc)
+
+
+def _offsets(
+    plan: _Planform, z: NDArray[np.float64], axis: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the reference points of the sections from the axis, normal to the chord and along it to the rear [m]."""
+    at = PchipInterpolator(z, axis)(plan.z)
+    x, y = plan.curve - at[:, 0], plan.sweep - at[:, 1]
+    c, s = np.cos(plan.twist), np.sin(plan.twist)
+    normal = x * c - y * s
+    return np.where(np.abs(normal) < 1e-6 * plan.chord, 0.0, normal), x * s + y * c
+
+
+def _airfoils(
+    plan: _Planform, length: float, notes: list[str]
+) -> tuple[tuple[Airfoil, ...], NDArray[np.float64], NDArray[np.int64]]:
+    """Return airfoils, their z [m] and index.
+
+    AeroDyn blends no airfoils: each node has its own. Where nodes share airfoils, each holds half way to the next node;
+    a set with an airfoil for (almost) every node was blended when it was made, and is blended between nodes here.
+    """
+    airfoils = tuple(file.airfoil for file in plan.files)
+    if len(airfoils) >= _FULL_SET * plan.z.size:
+        return airfoils, plan.z, plan.index
+    notes.append(
+        f"airfoils: {len(airfoils)} for {plan.z.size} nodes, each holds half way to the next node, as in AeroDyn"
+    )
+    step = 0.5 * _SWITCH * length
+    station, index = [0.0], [int(plan.index[0])]
+    for k in np.flatnonzero(np.diff(plan.index)):
+        middle = 0.5 * (plan.z[k] + plan.z[k + 1])
+        station += [middle - step, middle + step]
+        index += [int(plan.index[k]), int(plan.index[k + 1])]
+    return airfoils, np.array([*station, length]), np.array([*index, int(plan.index[-1])], dtype=np.int64)
+
+
+def _elastodyn_sections(
+    file: TextFile, plan: _Planform, arc: PchipInterpolator, length: float, notes: list[str]
+) -> tuple[BeamStations, float]:
+    """Return sections and damping of an ElastoDyn blade.
+
+    ElastoDyn's blade bends and does nothing else. Shear stays rigid. Axial stiffness and rotary inertia are those of a
+    tube with the section's outer size, EA = 8 EI/c^2; torsion is as stiff as bending in both directions together, which
+    leaves a blade that hardly twists.
+    """
+    table = file.table("NBlInpSt", "BlFract")
+    for name in ("strctwst", "bmassden", "flpstff", "edgstff"):
+        if name not in table:
+            raise TurbineDefinitionError(f"{file.path.name}: no column {name} in the table of the blade")
+    fraction = table["blfract"].copy()
+    if abs(fraction[0]) > 1e-6 or abs(fraction[-1] - 1.0) > 1e-6:
+        raise file.fail("BlFract", [float(fraction[0]), float(fraction[-1])], "fractions from 0 to 1")
+    fraction[0], fraction[-1] = 0.0, 1.0
+    z = fraction * length
+    tuned = _tuners(file, "FlStTunr(1)", "FlStTunr(2)", notes)
+    flap = table["flpstff"] * file.number("AdjFlSt", 1.0) * tuned
+    edge = table["edgstff"] * file.number("AdjEdSt", 1.0)
+    slope = np.maximum(arc.derivative()(z), 1.0)
+    mass = table["bmassden"] * file.number("AdjBlMs", 1.0) / slope
+    chord, thick = np.interp(z, plan.z, plan.chord), np.interp(z, plan.z, plan.thickness())
+    stiffness = np.zeros((z.size, 6, 6))
+    for k in (0, 1):
+        stiffness[:, k, k] = np.inf
+    for k, value in ((2, 4.0 * (flap + edge) / chord**2), (3, edge), (4, flap), (5, flap + edge)):
+        stiffness[:, k, k] = value
+    flat, deep = mass * thick**2 / 16.0, mass * chord**2 / 16.0
+    turn = rotation_about_z(-np.radians(table["strctwst"]))
+    finite = np.where(np.isinf(stiffness), 0.0, stiffness)
+    turned = _symmetric(turn @ finite @ np.swapaxes(turn, -1, -2))
+    inertia = _symmetric(turn @ inertia_matrix(mass, 0.0, 0.0, deep, flat, 0.0) @ np.swapaxes(turn, -1, -2))
+    notes.append(
+        f"{file.path.name}: ElastoDyn's blade bends only; assumed: no shear, EA = 4 (FlpStff + EdgStff)/chord^2, "
+        "GJ = FlpStff + EdgStff (hardly twists), rotary inertia by radii of a quarter of chord and thickness, centres "
+        "of mass and shear on the pitch axis"
+    )
+    rotated = np.where(np.isinf(stiffness), np.inf, turned)
+    damping = _modal_damping(file, ("BldFlDmp(1)", "BldFlDmp(2)", "BldEdDmp(1)"), notes)
+    return BeamStations(arc(z), rotated, inertia), damping
+
+
+def _tuners(file: TextFile, first: str, second: str, notes: list[str]) -> float:
+    """Return the factor of a bending stiffness that its modal tuners stand for: that of the first mode."""
+    one, two = file.number(first, 1.0), file.number(second, 1.0)
+    if one != two:
+        notes.append(f"{file.path.name}: {first} = {one:g} is taken for all modes, {second} = {two:g} is left aside")
+    return one
+
+
+def _modal_damping(file: TextFile, keys: tuple[str, ...], notes: list[str]) -> float:
+    """Return the damping ratio of the first keyword, with a note where the others differ."""
+    values = [file.number(key) for key in keys if key in file]
+    if not values:
+        raise TurbineDefinitionError(f"{file.path.name}: {keys[0]}: missing, no line has this keyword")
+    if max(values) != min(values):
+        given = ", ".join(f"{value:g}" for value in values)
+        notes.append(f"{file.path.name}: damping {given} % of the modes, {values[0]:g} % is taken for all")
+    return _PERCENT * values[0]
+
+
+def _beamdyn_sections(
+    files: BladeFiles, length: float, twist: PchipInterpolator, notes: list[str]
+) -> tuple[BeamStations, float]:
+    """Return sections and damping of a BeamDyn blade: 6x6 matrices in the frame turned by the twist."""
+    file = files.beamdyn_sections
+    assert file is not None
+    count = file.integer("station_total")
+    line = next(
+        (i + 1 for i, text in enumerate(file.lines) if "DISTRIBUTED PROPERTIES" in text.upper()), len(file.lines)
+    )
+    station, stiffness, inertia = np.zeros(count), np.zeros((count, 6, 6)), np.zeros((count, 6, 6))
+    for i in range(count):
+        line = _next_filled(file, line)
+        station[i] = file.numbers(line, 1, 1, "span of a section")[0, 0]
+        line = _next_filled(file, line + 1)
+        stiffness[i] = file.numbers(line, 6, 6, "stiffness of a section")
+        line = _next_filled(file, line + 6)
+        inertia[i] = file.numbers(line, 6, 6, "inertia of a section")
+        line += 6
+    if abs(station[0]) > 1e-6 or abs(station[-1] - 1.0) > 1e-6:
+        raise file.fail("span of the sections", [float(station[0]), float(station[-1])], "fractions from 0 to 1")
+    station[0], station[-1] = 0.0, 1.0
+    s = station * length
+    turn = rotation_about_z(-twist(s))
+    back = np.swapaxes(turn, -1, -2)
+    sections = BeamStations(s, _symmetric(turn @ stiffness @ back), _symmetric(turn @ inertia @ back))
+    return sections, _beamdyn_damping(files, notes)
+
+
+def _beamdyn_damping(files: BladeFiles, notes: list[str]) -> float:
+    """Return the damping ratio of the blade's modes.
+
+    BeamDyn's mu are coefficients in proportion to stiffness: the ratio of a mode is mu omega / 2. ElastoDyn's file of
+    the same blade, where there is one, has the ratio.
+    """
+    file = files.beamdyn_sections
+    assert file is not None
+    kind = file.integer("damp_type", 0)
+    if kind == 2 and "n_modes" in file:
+        first = float(file.numbers(file.line_of("n_modes") + 1, 1, 1, "zeta")[0, 0])
+        notes.append(f"{file.path.name}: modal damping, that of the first mode ({100 * first:g} %) is taken for all")
+        return first
+    if files.elastodyn is not None and "BldFlDmp(1)" in files.elastodyn:
+        value = _PERCENT * files.elastodyn.number("BldFlDmp(1)")
+        notes.append(
+            f"{file.path.name}: mu is not used, {100 * value:g} % of critical from {files.elastodyn.path.name} is taken"
+        )
+        return value
+    notes.append(f"{file.path.name}: mu is not used, {100 * DEFAULT_BLADE_DAMPING:g} % of critical assumed")
+    return DEFAULT_BLADE_DAMPING
+
+
+def _next_filled(file: TextFile, line: int) -> int:
+    """Return the index of the next line with text."""
+    while line < len(file.lines) and not file.lines[line].strip():
+        line += 1
+    if line >= len(file.lines):
+        raise fail(file.path.name, "its end", "station_total sections with a stiffness and an inertia each")
+    return line
+
+
+def _symmetric(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return matrices (n, 6, 6) without the differences that rounding leaves between both halves."""
+    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))

@@ -1,0 +1,304 @@
+"""Rating and controller of an OpenFAST model: ROSCO's DISCON.IN, or the generator model of ServoDyn."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbines.checks import check_number
+from wt_gym.turbines.control_data import ControlData
+from wt_gym.turbines.openfast_text import TextFile
+
+__all__ = ["Rating", "read_openfast_control", "read_rating"]
+
+_RPM = np.pi / 30.0
+_UNUSED_SPEED = 9000.0
+"""Rated speed [rpm] from which on ServoDyn's own numbers are placeholders (9999.9 in models with a controller)."""
+
+
+@dataclass(frozen=True)
+class Rating:
+    """Rated operation.
+
+    Attributes
+    ----------
+    power : float
+        Electrical [W].
+    rotor_speed : float
+        [rad/s].
+    gear_ratio : float
+    generator_efficiency : float
+    """
+
+    power: float
+    rotor_speed: float
+    gear_ratio: float
+    generator_efficiency: float
+
+    @property
+    def mechanical_power(self) -> float:
+        """Power on the high-speed shaft [W]."""
+        return self.power / self.generator_efficiency
+
+
+def read_rating(
+    elastodyn: TextFile,
+    servodyn: TextFile | None,
+    discon: TextFile | None,
+    rated_power: float | None,
+    rated_rotor_speed: float | None,
+    notes: list[str],
+) -> Rating:
+    """Return the rated operation from what is given, DISCON.IN or ServoDyn, in this order.
+
+    Parameters
+    ----------
+    elastodyn, servodyn, discon : TextFile or None
+    rated_power, rated_rotor_speed : float or None
+        Given from outside [W], [rad/s].
+    notes : list of str
+        Receives a sentence for every assumption.
+
+    Returns
+    -------
+    Rating
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the model does not say it.
+    """
+    ratio = elastodyn.number("GBRatio")
+    if ratio <= 0.0:
+        raise elastodyn.fail("GBRatio", ratio, "a number above 0")
+    efficiency = 1.0
+    if discon is not None and "VS_GenEff" in discon:
+        efficiency = discon.number("VS_GenEff") / 100.0
+    elif servodyn is not None and "GenEff" in servodyn:
+        efficiency = servodyn.number("GenEff") / 100.0
+    else:
+        notes.append("GenEff: not in the model, a generator without losses assumed")
+    power, speed = rated_power, rated_rotor_speed
+    if discon is not None:
+        power = discon.number("VS_RtPwr") if power is None else power
+        key = "PC_RefSpd" if "PC_RefSpd" in discon else "VS_RefSpd"
+        speed = discon.number(key) / ratio if speed is None else speed
+    elif servodyn is not None and 0.0 < servodyn.number("VS_RtGnSp", 0.0) < _UNUSED_SPEED:
+        rated = servodyn.number("VS_RtGnSp") * _RPM
+        power = servodyn.number("VS_RtTq") * rated * efficiency if power is None else power
+        speed = rated / ratio if speed is None else speed
+    if speed is None and elastodyn.number("RotSpeed", 0.0) > 0.0:
+        speed = elastodyn.number("RotSpeed") * _RPM
+        notes.append(f"rated rotor speed: not in the model, the initial {speed / _RPM:.4g} rpm (RotSpeed) is taken")
+    if power is None or speed is None:
+        missing = "rated power" if power is None else "rated rotor speed"
+        raise TurbineDefinitionError(
+            f"{missing}: the model has neither a DISCON.IN of ROSCO nor ServoDyn's VS_RtGnSp and VS_RtTq; give it "
+            "(read_openfast, wt-gym import --rated-power and --rated-rotor-speed)"
+        )
+    return Rating(
+        check_number("rated power [W] (VS_RtPwr, or VS_RtTq and VS_RtGnSp)", power, 1.0, 1e9),
+        check_number("rated rotor speed [rad/s] (PC_RefSpd or VS_RtGnSp over GBRatio)", speed, 1e-3, 1000.0),
+        ratio,
+        check_number("efficiency of the generator (VS_GenEff or GenEff)", efficiency, 0.3, 1.0),
+    )
+
+
+def read_openfast_control(
+    servodyn: TextFile | None, discon: TextFile | None, rating: Rating, radius: float, density: float, notes: list[str]
+) -> ControlData | None:
+    """Return the numbers of the turbine's controller, None where the model has none.
+
+    ROSCO's gains are negative (more pitch and torque for more speed); here they are positive.
+
+    Parameters
+    ----------
+    servodyn, discon : TextFile or None
+    rating : Rating
+    radius : float
+        Of the rotor [m].
+    density : float
+        Of the air [kg/m^3].
+    notes : list of str
+        Receives a sentence for every assumption.
+
+    Returns
+    -------
+    ControlData or None
+
+    Raises
+    ------
+    TurbineDefinitionError
+        For gains of mixed signs, tables of different lengths, or numbers out of range.
+    """
+    if discon is not None:
+        return _from_discon(discon, rating, radius, density, notes)
+    if servodyn is None or servodyn.integer("VSContrl", 0) != 1:
+        return None
+    slip = 0.01 * servodyn.number("VS_SlPc")
+    return ControlData(
+        region_2_gain=servodyn.number("VS_Rgn2K") / _RPM**2,
+        region_3_speed=servodyn.number("VS_RtGnSp") * _RPM,
+        slip=slip if slip <= 1.0 else None,
+        rated_mechanical_power=rating.mechanical_power,
+        constant_power=False,
+    )
+
+
+def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, notes: list[str]) -> ControlData:
+    values: dict[str, Any] = {"rated_mechanical_power": rating.mechanical_power}
+    for name, key in (
+        ("fine_pitch", "PC_FinePit"),
+        ("region_2_gain", "VS_Rgn2K"),
+        ("region_2_speed", "VS_MinOMSpd"),
+        ("region_3_speed", "VS_RefSpd"),
+        ("reference_generator_speed", "PC_RefSpd"),
+        ("speed_filter_frequency", "F_LPFCornerFreq"),
+    ):
+        if key in file:
+            values[name] = file.number(key)
+    ratio = file.number("VS_TSRopt", 0.0)
+    if ratio > 0.0:
+        values["optimal_tip_speed_ratio"] = ratio
+    cp = _tabulated_power_coefficient(file, values.get("fine_pitch", 0.0), ratio)
+    if cp is None and ratio > 0.0 and values.get("region_2_gain", 0.0) > 0.0:
+        cp = _power_coefficient(values["region_2_gain"], ratio, rating.gear_ratio, radius, density)
+    if cp is not None and 0.01 <= cp <= 16.0 / 27.0:
+        values["peak_power_coefficient"] = cp
+    elif cp is not None:
+        notes.append(f"{file.path.name}: a power coefficient of {cp:.3f} at VS_TSRopt is left aside")
+    if file.integer("F_LPFType", 1) == 2:
+        values["speed_filter_damping"] = file.number("F_LPFDamping")
+    for name, key in (("torque_proportional_gain", "VS_KP"), ("torque_integral_gain", "VS_KI")):
+        if key in file:
+            values[name] = float(_positive(file, key)[0])
+            if file.array(key).size > 1:
+                notes.append(f"{file.path.name}: {key} has several gains, the first is taken")
+    values["constant_power"] = _constant_power(file)
+    if "PC_GS_angles" in file:
+        values |= _schedule(file, notes)
+        if "PC_GS_KD" in file and np.any(file.array("PC_GS_KD")):
+            notes.append(f"{file.path.name}: PC_GS_KD: left aside, the pitch controller has no derivative part")
+    if file.integer("PS_Mode", 0) > 0 and "PS_WindSpeeds" in file:
+        values |= {"min_pitch_wind": file.array("PS_WindSpeeds"), "min_pitch": file.array("PS_BldPitchMin")}
+    if "PC_Switch" in file and "PC_FinePit" in file:
+        values["region_3_min_pitch"] = file.number("PC_FinePit") + file.number("PC_Switch")
+    if file.integer("PA_Mode", 0) > 0:
+        values["pitch_actuator_frequency"] = file.number("PA_CornerFreq")
+        if file.integer("PA_Mode") == 2:
+            values["pitch_actuator_damping"] = file.number("PA_Damping")
+    _name_modes(file, notes)
+    return ControlData(**values)
+
+
+def _schedule(file: TextFile, notes: list[str]) -> dict[str, np.ndarray]:
+    """Return the schedule of the pitch gains up to where one of them changes its sign.
+
+    ROSCO's tuning subtracts the rotor's own damping from the proportional gain, which at large pitch may leave one of
+    the other sign.
+    """
+    angles = file.array("PC_GS_angles")
+    gains = {"pitch_proportional_gain": -file.array("PC_GS_KP"), "pitch_integral_gain": -file.array("PC_GS_KI")}
+    for name, table in gains.items():
+        if table.size != angles.size:
+            raise file.fail(name, f"{table.size} gains", f"as many as PC_GS_angles, {angles.size}")
+    wrong = np.flatnonzero(np.any([table < 0.0 for table in gains.values()], axis=0))
+    if wrong.size and wrong[0] == 0:
+        raise file.fail("PC_GS_KP, PC_GS_KI", float(file.array("PC_GS_KP")[0]), "gains up to 0 (ROSCO's sign)")
+    if wrong.size:
+        end = int(wrong[0])
+        notes.append(
+            f"{file.path.name}: PC_GS_KP or PC_GS_KI changes its sign at {np.degrees(angles[end]):.1f} deg pitch; the "
+            f"schedule ends before, at {np.degrees(angles[end - 1]):.1f} deg"
+        )
+        angles = angles[:end]
+        gains = {name: table[:end] for name, table in gains.items()}
+    return {"gain_pitch": angles, **gains}
+
+
+_MODES = {
+    "IPC_ControlMode": "individual pitch control",
+    "Y_ControlMode": "yaw control",
+    "Fl_Mode": "feedback of the platform's motion",
+    "TD_Mode": "tower damper",
+    "TRA_Mode": "avoidance of tower resonance",
+    "Flp_Mode": "trailing-edge flaps",
+    "OL_Mode": "open-loop control",
+    "AWC_Mode": "active wake control",
+    "PRC_Mode": "power reference control",
+    "VS_FBP": "fixed-pitch operation",
+    "F_NumNotchFilts": "notch filters",
+    "CC_Mode": "cable control",
+    "StC_Mode": "structural control",
+}
+"""Switches of DISCON.IN whose functions `ControlData` does not hold."""
+
+
+def _name_modes(file: TextFile, notes: list[str]) -> None:
+    active = [f"{what} ({key})" for key, what in _MODES.items() if key in file and file.number(key) != 0.0]
+    if active:
+        notes.append(f"{file.path.name}: left aside: {', '.join(active)}")
+
+
+def _constant_power(file: TextFile) -> bool:
+    """Return whether region 3 holds power; before ROSCO 2.9 VS_ControlMode said it (1, 3)."""
+    if "VS_ConstPower" in file:
+        return file.integer("VS_ConstPower") == 1
+    return file.integer("VS_ControlMode", 0) in (1, 3)
+
+
+def _positive(file: TextFile, key: str) -> np.ndarray:
+    """Return gains without the minus sign of ROSCO.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If signs are mixed.
+    """
+    gains = file.array(key)
+    if np.any(gains < 0.0) and np.any(gains > 0.0):
+        raise file.fail(key, gains.tolist(), "gains of one sign")
+    return np.abs(gains)
+
+
+def _power_coefficient(gain: float, tip_speed_ratio: float, ratio: float, radius: float, density: float) -> float:
+    """Return Cp from K = pi rho R^5 Cp/(2 lambda^3 N^3), K on the high-speed shaft behind a gearbox without losses."""
+    return 2.0 * gain * (tip_speed_ratio * ratio) ** 3 / (np.pi * density * radius**5)
+
+
+def _tabulated_power_coefficient(file: TextFile, pitch: float, tip_speed_ratio: float) -> float | None:
+    """Return Cp at a pitch [rad] and tip-speed ratio from ROSCO's file of rotor performance, None without the file.
+
+    The file has the pitch angles [deg], the tip-speed ratios and then a table of Cp with a row for each ratio, each
+    below a comment that names it.
+    """
+    if "PerfFileName" not in file or tip_speed_ratio <= 0.0:
+        return None
+    path = file.path.parent / file.text("PerfFileName").replace("\\", "/")
+    if not path.is_file():
+        return None
+    blocks: dict[str, list[list[float]]] = {}
+    name = ""
+    for line in TextFile(path).lines:
+        if line.lstrip().startswith("#"):
+            name = line.lower()
+        elif line.strip():
+            try:
+                blocks.setdefault(name, []).append([float(word) for word in line.split()])
+            except ValueError:
+                raise file.fail("PerfFileName", line[:80], f"rows of numbers ({path.name})") from None
+    found = [next((rows for head, rows in blocks.items() if what in head), None) for what in _PERFORMANCE]
+    if any(rows is None for rows in found):
+        raise file.fail("PerfFileName", path.name, f"a file with {', '.join(_PERFORMANCE)}")
+    pitches, ratios = (np.concatenate([np.array(row) for row in rows or []]) for rows in found[:2])
+    table = np.array(found[2]) if len({len(row) for row in found[2] or []}) == 1 else np.zeros(0)
+    if table.shape != (ratios.size, pitches.size):
+        raise file.fail("PerfFileName", table.shape, f"a table of Cp {ratios.size} x {pitches.size} ({path.name})")
+    if not (ratios[0] <= tip_speed_ratio <= ratios[-1] and pitches[0] <= np.degrees(pitch) <= pitches[-1]):
+        return None
+    at_pitch = [float(np.interp(np.degrees(pitch), pitches, row)) for row in table]
+    return float(np.interp(tip_speed_ratio, ratios, at_pitch))
+
+
+_PERFORMANCE = ("pitch angle vector", "tsr vector", "power coefficient")

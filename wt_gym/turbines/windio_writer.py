@@ -1,0 +1,428 @@
+"""Turbines as windIO v2 files: what the readers of this package read back as the same turbine, to rounding.
+
+windIO has no keys for some numbers of a turbine's controller. They go into a JSON file ``NAME.control.json`` beside
+``NAME.yaml``, under the names of `ControlData`.
+"""
+
+import dataclasses
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from wt_gym.files import whole_file
+from wt_gym.turbines.airfoil import Airfoil
+from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
+from wt_gym.turbines.blade import Blade
+from wt_gym.turbines.checks import fail
+from wt_gym.turbines.control_data import ControlData
+from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, Tower, Turbine
+from wt_gym.turbines.windio_nacelle import rpm
+
+__all__ = ["control_file_of", "require_same", "windio_content", "write_windio"]
+
+_DEGREE = np.pi / 180.0
+_VERSION = "2.1"
+_ROUNDING = 1e-9
+"""Relative difference that angles in degrees and speeds in rpm leave."""
+_NO_MU = [0.0] * 6
+"""windIO's mu, which the schema requires; the ratio beside it is what is read."""
+
+
+def control_file_of(path: Path) -> Path:
+    """Return the path of the controller's numbers beside a windIO file."""
+    return path.with_name(f"{path.stem}.control.json")
+
+
+def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[Path]:
+    """Write a turbine as a windIO v2 file, and the numbers of its controller beside it.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    path : str or Path
+        Of the YAML file; the controller's numbers go to ``NAME.control.json`` in the same folder.
+    source : str
+        Where the turbine comes from, for the head of the file.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the turbine has what windIO files do not hold here: a support, a damper as generator, a downwind cone or
+        tilt, stall delay added to polars, a blade that is softer edgewise than flapwise.
+    """
+    path = Path(path)
+    content = windio_content(turbine)
+    from ruamel.yaml import YAML  # comes with windIO
+
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = None
+    yaml.width = 120
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.representer.ignore_aliases = lambda _: True
+    text = io.StringIO()
+    lines = [f"Turbine in windIO {_VERSION}{f', from {source}' if source else ''}", *turbine.notes]
+    text.write("".join(f"# {' '.join(line.split())}\n" for line in lines))
+    yaml.dump(content, text)
+    written = [path]
+    with whole_file(path) as partial:
+        partial.write_text(text.getvalue(), encoding="utf-8")
+    if turbine.control is not None:
+        beside = control_file_of(path)
+        with whole_file(beside) as partial:
+            partial.write_text(json.dumps(_control_json(turbine.control, source), indent=1) + "\n", encoding="utf-8")
+        written.append(beside)
+    return written
+
+
+def windio_content(turbine: Turbine) -> dict[str, Any]:
+    """Return what the windIO file of a turbine holds, as mappings, lists and numbers.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the turbine has what windIO files do not hold here, see `write_windio`.
+    """
+    if turbine.tower.support is not None:
+        raise fail("Turbine.tower.support", "a monopile", "None (windIO files take it from their own walls)")
+    if turbine.drivetrain.generator_damping or not turbine.drivetrain.takes_torque:
+        raise fail("Turbine.drivetrain.generator_damping", turbine.drivetrain.generator_damping, "0")
+    if turbine.hub.cone < 0.0 or turbine.nacelle.tilt < 0.0:
+        raise fail("Turbine.hub.cone, nacelle.tilt", (turbine.hub.cone, turbine.nacelle.tilt), "angles from 0")
+    if turbine.blade.augmentation is not None:
+        raise fail("Turbine.blade.augmentation", turbine.blade.augmentation, "None")
+    names = _names(turbine.blade.airfoils)
+    return {
+        "name": turbine.name,
+        "windIO_version": _VERSION,
+        "assembly": {
+            "turbine_class": turbine.iec_class,
+            "turbulence_class": turbine.turbulence_class,
+            "drivetrain": "direct_drive" if turbine.drivetrain.gear_ratio == 1.0 else "geared",
+            "rotor_orientation": turbine.rotor_orientation,
+            "number_of_blades": turbine.n_blades,
+            "rotor_diameter": turbine.rotor_diameter,
+            "hub_height": turbine.hub_height,
+            "rated_power": turbine.drivetrain.rated_power,
+            "cut_in_wind_speed": turbine.cut_in,
+            "cut_out_wind_speed": turbine.cut_out,
+        },
+        "control": _control(turbine),
+        "components": {
+            "hub": _hub(turbine.hub),
+            "drivetrain": _drivetrain(turbine.drivetrain, turbine.nacelle),
+            "yaw": {"elastic_properties": _yaw(turbine.nacelle)},
+            "tower": _tower(turbine.tower),
+            "blade": _blade(turbine.blade, names),
+        },
+        "airfoils": [
+            _airfoil(airfoil, name, turbine.blade.rotating_polars)
+            for airfoil, name in zip(turbine.blade.airfoils, names, strict=True)
+        ],
+        "outputs": {
+            "cases": [
+                {
+                    "configuration": {"wind_speed": turbine.rated_wind_speed},
+                    "integrated": {"electrical_power": turbine.drivetrain.rated_power},
+                }
+            ]
+        },
+    }
+
+
+def _names(airfoils: tuple[Airfoil, ...]) -> list[str]:
+    """Return names that occur once."""
+    names: list[str] = []
+    for airfoil in airfoils:
+        name, k = airfoil.name, 2
+        while name in names:
+            name, k = f"{airfoil.name} ({k})", k + 1
+        names.append(name)
+    return names
+
+
+def _control(turbine: Turbine) -> dict[str, Any]:
+    """Return the section ``control``: limits, and gains for the speed of the rotor with the signs of ROSCO."""
+    train, pitch = turbine.drivetrain, turbine.pitch
+    section: dict[str, Any] = {
+        "min_rotor_speed": train.min_rotor_speed / rpm,
+        "rated_rotor_speed": train.rated_rotor_speed / rpm,
+        "rated_power": train.rated_power,
+        "max_gen_torque": train.max_generator_torque,
+        "max_torque_rate": train.max_torque_rate,
+        "min_pitch_limit": pitch.min_pitch / _DEGREE,
+        "max_pitch_limit": pitch.max_pitch / _DEGREE,
+        "max_pitch_rate": pitch.max_rate / _DEGREE,
+        "yaw_rate": turbine.nacelle.max_yaw_rate / _DEGREE,
+    }
+    data = turbine.control
+    if data is None:
+        return section
+    turn = rpm * train.gear_ratio
+    for key, value, scale in (
+        ("fine_pitch", data.fine_pitch, 1.0 / _DEGREE),
+        ("optimal_tsr", data.optimal_tip_speed_ratio, 1.0),
+        ("region2_k", data.region_2_gain, turn**2),
+        ("gen_torque_kp", data.torque_proportional_gain, -turn),
+        ("gen_torque_ki", data.torque_integral_gain, -turn),
+        ("lpf_frequency", data.speed_filter_frequency, 1.0),
+        ("lpf_damping", data.speed_filter_damping, 1.0),
+        ("pitch_actuator_frequency", data.pitch_actuator_frequency, 1.0),
+        ("pitch_actuator_damping", data.pitch_actuator_damping, 1.0),
+    ):
+        if value is not None:
+            section[key] = scale * value
+    if data.constant_power is not None:
+        section["constant_power"] = int(data.constant_power)
+    if data.gain_pitch is not None:
+        angle = (data.gain_pitch / _DEGREE).tolist()
+        for letter, gains in (("p", data.pitch_proportional_gain), ("i", data.pitch_integral_gain)):
+            assert gains is not None
+            section[f"pitch_k{letter}"] = {"pitch_angle": angle, f"k{letter}": (-turn / _DEGREE * gains).tolist()}
+    if data.min_pitch_wind is not None and data.min_pitch is not None:
+        section["min_pitch_table"] = {
+            "wind_speed": data.min_pitch_wind.tolist(),
+            "min_pitch": (data.min_pitch / _DEGREE).tolist(),
+        }
+    return section
+
+
+def _control_json(data: ControlData, source: str) -> dict[str, Any]:
+    """Return the controller's numbers under their names, those that are known."""
+    values: dict[str, Any] = {"source": source} if source else {}
+    for item in dataclasses.fields(data):
+        value = getattr(data, item.name)
+        if value is not None:
+            values[item.name] = value.tolist() if isinstance(value, np.ndarray) else value
+    return values
+
+
+def _hub(hub: Hub) -> dict[str, Any]:
+    return {
+        "diameter": 2.0 * hub.radius,
+        "cone_angle": hub.cone / _DEGREE,
+        "cd": 0.5,  # required by the schema, not read
+        "elastic_properties": _rigid_body(
+            hub.mass, [hub.inertia_axial, hub.inertia_transverse, hub.inertia_transverse], hub.cm_offset_along_shaft
+        ),
+    }
+
+
+def _rigid_body(mass: float, diagonal: list[float], x: float = 0.0) -> dict[str, Any]:
+    return {"mass": mass, "inertia": [*diagonal, 0.0, 0.0, 0.0], "location": [x, 0.0, 0.0]}
+
+
+def _drivetrain(train: Drivetrain, nacelle: Nacelle) -> dict[str, Any]:
+    horizontal = nacelle.overhang * np.cos(nacelle.tilt)
+    i = nacelle.inertia
+    fastest = 2.0 * train.rated_rotor_speed * train.gear_ratio / rpm
+    return {
+        "outer_shape": {
+            "uptilt": nacelle.tilt / _DEGREE,
+            "distance_tt_hub": float(nacelle.tower_top_to_shaft + horizontal * np.tan(nacelle.tilt)),
+            "overhang": float(horizontal),
+        },
+        "gearbox": {
+            "gear_ratio": train.gear_ratio,
+            "efficiency": train.gearbox_efficiency,
+            "elastic_properties": {"torsional_stiffness": train.spring, "torsional_damping": train.damper},
+        },
+        "generator": {
+            "rpm_efficiency": {"grid": [0.0, fastest], "values": [train.generator_efficiency] * 2},
+            "elastic_properties": _rigid_body(0.0, [train.generator_inertia, 0.0, 0.0]),
+        },
+        "elastic_properties": {
+            "mass": nacelle.mass,
+            "inertia": i[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist(),
+            "location": nacelle.cm.tolist(),
+        },
+    }
+
+
+def _yaw(nacelle: Nacelle) -> dict[str, Any]:
+    body = _rigid_body(nacelle.yaw_bearing_mass, [0.0, 0.0, 0.0])
+    return body | {"spring_constant": nacelle.yaw_spring, "damping_coefficient": nacelle.yaw_damper}
+
+
+def _table(grid: NDArray[np.float64], values: NDArray[np.float64]) -> dict[str, list[float]]:
+    return {"grid": grid.tolist(), "values": values.tolist()}
+
+
+def _unit(station: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    """Return a grid from 0 to 1."""
+    grid = station / length
+    grid[0], grid[-1] = 0.0, 1.0
+    return grid
+
+
+def _tower(tower: Tower) -> dict[str, Any]:
+    ends = np.array([0.0, 1.0])
+    zero = _table(ends, np.zeros(2))
+    s = tower.structure
+    return {
+        "reference_axis": {"x": zero, "y": zero, "z": _table(ends, np.array([tower.base_height, tower.height]))},
+        "outer_shape": {
+            "outer_diameter": _table(_unit(tower.diameter_station, tower.length), tower.diameter),
+            "cd": _table(ends, np.full(2, tower.drag_coefficient)),
+        },
+        "structure": {
+            "elastic_properties": _sections(
+                "tower", _unit(s.station, tower.length), s.stiffness, s.inertia, tower.damping_ratio
+            )
+        },
+    }
+
+
+def _sections(
+    name: str,
+    grid: NDArray[np.float64],
+    stiffness: NDArray[np.float64],
+    inertia: NDArray[np.float64],
+    damping: float,
+) -> dict[str, Any]:
+    """Return ``elastic_properties`` of section matrices (n, 6, 6) in the frame of the file."""
+    table: dict[str, Any] = {"grid": grid.tolist()}
+    for i in range(6):
+        for j in range(i, 6):
+            if np.all(np.isfinite(stiffness[:, i, j])) and (i == j or np.any(stiffness[:, i, j])):
+                table[f"K{i + 1}{j + 1}"] = stiffness[:, i, j].tolist()
+    m = inertia[:, 0, 0]
+    columns = {
+        "mass": m,
+        "cm_x": inertia[:, 1, 5] / m,
+        "cm_y": -inertia[:, 0, 5] / m,
+        "i_edge": inertia[:, 3, 3],
+        "i_flap": inertia[:, 4, 4],
+        "i_cp": -inertia[:, 3, 4],
+        "i_plr": inertia[:, 5, 5],
+    }
+    again = inertia_matrix(*(columns[key] for key in ("mass", "cm_x", "cm_y", "i_edge", "i_flap", "i_cp", "i_plr")))
+    if not np.allclose(again, inertia, rtol=1e-6, atol=1e-6 * float(np.abs(inertia).max())):
+        raise fail(f"inertia of the {name}", "couplings of another kind", "those of masses off the axis")
+    return {
+        "stiffness_matrix": table,
+        "inertia_matrix": {"grid": grid.tolist(), **{key: column.tolist() for key, column in columns.items()}},
+        "structural_damping": {"mu": _NO_MU, "damping_ratio": damping},
+    }
+
+
+def _blade(blade: Blade, names: list[str]) -> dict[str, Any]:
+    axis_grid = _unit(blade.axis[:, 2].copy(), blade.length)
+    grid = _unit(blade.aero_station.copy(), blade.length)
+    shape: dict[str, Any] = {
+        "chord": _table(grid, blade.chord),
+        "twist": _table(grid, blade.twist / _DEGREE),
+        "section_offset_y": _table(grid, blade.le_offset * blade.chord),
+    }
+    if blade.normal_offset is not None and np.any(blade.normal_offset):
+        shape["section_offset_x"] = _table(grid, blade.normal_offset * blade.chord)
+    position = np.clip(blade.airfoil_station / blade.length, 0.0, 1.0)
+    index = blade.airfoil_index
+    if position[0] > 0.0:
+        position, index = np.concatenate(([0.0], position)), np.concatenate((index[:1], index))
+    if position[-1] < 1.0:
+        position, index = np.concatenate((position, [1.0])), np.concatenate((index, index[-1:]))
+    thickness = np.array([blade.airfoils[i].relative_thickness for i in index])
+    shape["rthick"] = _table(position, thickness)
+    shape["airfoils"] = [
+        {"name": names[i], "spanwise_position": x} for i, x in zip(index.tolist(), position.tolist(), strict=True)
+    ]
+    return {
+        "reference_axis": {key: _table(axis_grid, blade.axis[:, k]) for k, key in enumerate("xyz")},
+        "outer_shape": shape,
+        "structure": {
+            "anchors": [],  # the schema requires them; there are no composite layers
+            "layers": [],
+            "elastic_properties": _blade_sections(blade, axis_grid, grid),
+        },
+    }
+
+
+def _blade_sections(blade: Blade, axis_grid: NDArray[np.float64], grid: NDArray[np.float64]) -> dict[str, Any]:
+    """Return the section matrices in frames turned by the twist, over windIO's grid."""
+    s: BeamStations = blade.structure
+    place = _invert(PchipInterpolator(axis_grid, blade.axis_station), s.station)
+    turn = rotation_about_z(PchipInterpolator(grid, blade.twist)(place))
+    back = np.swapaxes(turn, -1, -2)
+    rigid = np.isinf(s.stiffness)
+    stiffness = np.where(rigid, np.inf, turn @ np.where(rigid, 0.0, s.stiffness) @ back)
+    outer = np.linspace(0.3, 1.0, 71)
+    edge, flap = (np.interp(outer, place, stiffness[:, k, k]) for k in (3, 4))
+    if np.mean(np.log(edge / flap)) < 0.0:
+        raise fail("Blade.structure.stiffness", "softer edgewise than flapwise", "stiffer edgewise over the outer 70 %")
+    return _sections("blade", place, stiffness, turn @ s.inertia @ back, blade.damping_ratio)
+
+
+def _invert(station: PchipInterpolator, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the places of the grid (n,) at distances along the axis, by bisection of an ascending function."""
+    low, high = np.zeros(at.size), np.ones(at.size)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = station(middle) > at
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    place = 0.5 * (low + high)
+    place[0], place[-1] = 0.0, 1.0
+    return place
+
+
+def _airfoil(airfoil: Airfoil, name: str, rotating: bool | None) -> dict[str, Any]:
+    polar = airfoil.polar
+    angle = (polar.alpha / _DEGREE).tolist()
+    words = {True: "rotational augmentation included", False: "no rotational augmentation"}
+    table = {key: {"grid": angle, "values": getattr(polar, key).tolist()} for key in ("cl", "cd", "cm")}
+    entry = {
+        "name": name,
+        "coordinates": {"x": airfoil.contour[:, 0].tolist(), "y": airfoil.contour[:, 1].tolist()},
+        "rthick": airfoil.relative_thickness,
+        "aerodynamic_center": 0.25,
+        "polars": [{"configuration": "default", "re_sets": [{"re": 1.0e6, **table}]}],
+    }
+    return entry | ({} if rotating is None else {"description": words[rotating]})
+
+
+def require_same(wanted: Any, found: Any, where: str = "Turbine") -> None:
+    """Require two turbines, or parts of them, to be equal but for rounding; notes and controllers are not compared.
+
+    Airfoils are compared in their order along the span.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        Naming the first field that differs.
+    """
+    for item in dataclasses.fields(wanted):
+        one, two = getattr(wanted, item.name), getattr(found, item.name)
+        name = f"{where}.{item.name}"
+        if item.name in ("notes", "control", "airfoils", "airfoil_index", "name"):
+            continue
+        if dataclasses.is_dataclass(one) and type(one) is type(two):
+            require_same(one, two, name)
+        elif not _equal(one, two):
+            raise fail(name, two, f"{one!r:.80}")
+    if isinstance(wanted, Blade) and isinstance(found, Blade):
+        pairs = zip(wanted.airfoil_index, found.airfoil_index, strict=True)
+        for i, (one, two) in enumerate(pairs):
+            require_same(wanted.airfoils[one], found.airfoils[two], f"{where}.airfoils[{i}]")
+
+
+def _equal(one: Any, two: Any) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(two, np.ndarray):
+        if one.shape != two.shape:
+            return False
+        rigid = np.isinf(one)
+        if not np.array_equal(rigid, np.isinf(two)):
+            return False
+        first, second = one[~rigid], two[~rigid]
+        return bool(np.all(np.abs(first - second) <= _ROUNDING * np.abs(first).max(initial=0.0)))
+    if isinstance(one, float) and isinstance(two, float):
+        return abs(one - two) <= _ROUNDING * max(abs(one), 1e-3)
+    return bool(one == two)
