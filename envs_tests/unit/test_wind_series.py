@@ -67,7 +67,7 @@ def test_uniform_wind_files_give_the_documented_formula(tmp_path):
     ],
 )
 def test_velocities_that_inflowwind_computes(tmp_path, point, published):
-    """Regression case ifw_uniform of OpenFAST at 30 s: the field turned by 10 degrees towards -y and up by 5 degrees."""
+    """Regression case ifw_uniform of OpenFAST at 30 s: the field is turned by 10 degrees towards -y, and up by 5."""
     row = np.array([[30.0, 23.27, 9.18, -3.95, 0.0, 0.2, 0.0, 0.0]])
     wind = read_uniform(write(tmp_path / "a.hh", row), hub_height=150.0, reference_length=125.88)
     aside, up = math.radians(10.0), math.radians(5.0)
