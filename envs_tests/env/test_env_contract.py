@@ -156,7 +156,7 @@ def test_reset_options_fix_the_start(env):
     assert signals["pitch_1"] == pytest.approx(0.05, abs=2e-3)
     with pytest.raises(ValueError, match="no options"):
         env.reset(options={"wind": 9.0})
-    with pytest.raises(InflowError, match="cut-in"):
+    with pytest.raises(InflowError, match="and 50 m/s"):
         env.reset(options={"wind_speed": 60.0})
 
 

@@ -183,7 +183,7 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
     ("kind", "kwargs", "message"),
     [
         ("gusty", {"wind_speed": 10.0}, "'steady', 'turbulent'"),
-        ("steady", {"wind_speed": -1.0}, "between 0 and 100 m/s"),
+        ("steady", {"wind_speed": -1.0}, "between 0 and 50 m/s"),
         ("turbulent", {"wind_speed": 0.0}, "do not pass in still air"),
         ("gusts", {"wind_speed": 0.0}, "do not pass in still air"),
         ("steady", {"wind_speed": (12.0, 8.0)}, "low <= high"),

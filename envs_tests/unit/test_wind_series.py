@@ -58,6 +58,26 @@ def test_uniform_wind_files_give_the_documented_formula(tmp_path):
         np.testing.assert_allclose(wind.velocity(POINTS, time), inflowwind(row, POINTS), rtol=1e-12, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("point", "published"),
+    [
+        ((-4.5, -0.5, 149.5), (22.22776892, -7.68844170, -1.93314988)),
+        ((-4.5, 4.5, 154.5), (22.37351085, -7.73923567, -1.91982115)),
+        ((-3.5, -4.5, 145.5), (22.10575262, -7.64591658, -1.94430880)),
+    ],
+)
+def test_velocities_that_inflowwind_computes(tmp_path, point, published):
+    """Regression case ifw_uniform of OpenFAST at 30 s: the field is turned by 10 degrees towards -y, and up by 5."""
+    row = np.array([[30.0, 23.27, 9.18, -3.95, 0.0, 0.2, 0.0, 0.0]])
+    wind = read_uniform(write(tmp_path / "a.hh", row), hub_height=150.0, reference_length=125.88)
+    aside, up = math.radians(10.0), math.radians(5.0)
+    turn = np.array([[math.cos(aside), math.sin(aside), 0], [-math.sin(aside), math.cos(aside), 0], [0, 0, 1.0]])
+    turn = turn @ np.array([[math.cos(up), 0, -math.sin(up)], [0, 1.0, 0], [math.sin(up), 0, math.cos(up)]])
+    origin = np.array([0.0, 0.0, 150.0])
+    velocity = turn @ wind.velocity(turn.T @ (np.array(point) - origin) + origin, 30.0)
+    np.testing.assert_allclose(velocity, published, atol=1e-7)
+
+
 def test_a_positive_direction_of_inflowwind_blows_to_the_right(tmp_path):
     row = np.array([[0.0, 10.0, 30.0, 0, 0, 0, 0, 0]], dtype=float)
     wind = read_uniform(write(tmp_path / "a.hh", row))

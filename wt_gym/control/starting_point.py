@@ -18,8 +18,8 @@ __all__ = ["starting_point"]
 def starting_point(turbine: Turbine, inflow: Inflow) -> OperatingPoint:
     """State of a turbine at the start of a simulation: the operating point of the wind's speed at time zero.
 
-    Below cut-in the rotor turns as at cut-in, without torque; what the wind and the controller make of it follows. Above
-    cut-out, where a schedule may end, the pitch is at least what the slope of the schedule below cut-out gives.
+    Below cut-in the rotor turns as at cut-in, without torque. Above cut-out, where a schedule may end, the pitch is at
+    least what the slope of the schedule below cut-out gives.
 
     Parameters
     ----------

@@ -71,8 +71,8 @@ _ALLOWED = (
     f"{KINDS}, an Inflow, a file of wind ({', '.join(SUFFIXES)}), a mapping that describes a wind, several of these "
     "or a callable"
 )
-FASTEST_WIND = 100.0
-"""Highest mean wind speed that can be asked for [m/s]."""
+FASTEST_WIND = 50.0
+"""Highest mean wind speed that can be asked for [m/s]: the reference speed of class I."""
 SLOWEST_TURBULENCE = 0.5
 """Lowest mean wind speed of turbulence and gusts [m/s]: what is carried along does not pass in still air."""
 # As far may hub heights of a turbulence box and its mean wind differ.
@@ -166,7 +166,7 @@ class WindSampler:
     Raises
     ------
     InflowError
-        If a choice is none of those allowed or belongs to another kind, a speed is negative or above 100 m/s, the
+        If a choice is none of those allowed or belongs to another kind, a speed is negative or above 50 m/s, the
         pool is empty or no list of integers, or direction or wander are no angles and times.
     """
 
