@@ -52,7 +52,7 @@ def resident_memory() -> float:
     return pages * resource.getpagesize() / 2**20
 
 
-def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v0", episode_steps: int = 50) -> MemoryRecord:
+def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v1", episode_steps: int = 50) -> MemoryRecord:
     """Step an environment at random with short episodes.
 
     Parameters

@@ -122,7 +122,7 @@ def test_a_turned_world_is_the_same_for_every_shipped_agent(folder):
 
     agent = TrainedAgent.load(folder)
     arguments = trained_arguments(agent.record) | {"wind_seeds": (1,)}
-    env = gym.make("wt_gym/NREL5MW-Turbulent-v0", **arguments)
+    env = gym.make("wt_gym/NREL5MW-Turbulent-v1", **arguments)
     first, turned = (play(env, {"yaw": math.radians(angle)}, agent) for angle in (0.0, 237.0))
     assert_same(first, turned)
 
@@ -273,7 +273,7 @@ def renamed(name, n_blades=3):
 def test_blades_have_no_rank(mode, controller):
     """Blade 1 starts where blade 2 did, with its actions: everything is the same under other names."""
     env = gym.make(
-        "wt_gym/NREL5MW-Turbulent-v0", action_mode="residual", pitch=mode, controller=controller, **WIND,
+        "wt_gym/NREL5MW-Turbulent-v1", action_mode="residual", pitch=mode, controller=controller, **WIND,
         action_components=("pitch",), observation=("rotor", "pitch", "blades", "fixed_frame", "tower"),
     )  # fmt: skip
     first = play(env, {"azimuth": 0.5})
