@@ -20,6 +20,7 @@ from wt_gym.agents.uniform import UniformAgent
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.ids import present_id
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -47,7 +48,7 @@ class DatasetConfig:
     dataset_id : str
         ``namespace/name-vN``.
     env_id : str or None
-        By default ``wt_gym/NREL5MW-Turbulent-v0``, for a trained model the environment of its training.
+        By default ``wt_gym/NREL5MW-Turbulent-v1``, for a trained model the environment of its training.
     env_kwargs : dict
         On top of `ENV_KWARGS`, for a trained model of those of its training.
     episodes : int
@@ -172,6 +173,7 @@ def _agent(config: DatasetConfig):
         env_id = config.env_id or of_training.get("env_id")
         if env_id is None:
             raise ValueError(f"{config.agent} has no record of its training: say which environment it is for")
+        env_id = env_id if config.env_id else present_id(env_id)
 
         def make_trained(env):
             trained.check_fits(layout_of(env))
@@ -180,7 +182,7 @@ def _agent(config: DatasetConfig):
             return trained
 
         return env_id, {**of_training.get("env_kwargs", {}), **config.env_kwargs}, make_trained
-    env_id, kwargs = config.env_id or "wt_gym/NREL5MW-Turbulent-v0", {**ENV_KWARGS, **config.env_kwargs}
+    env_id, kwargs = config.env_id or "wt_gym/NREL5MW-Turbulent-v1", {**ENV_KWARGS, **config.env_kwargs}
     if config.agent == "random":
         return env_id, kwargs, lambda env: UniformAgent(layout_of(env), config.seed)
     name, parameters = controller_of("discon" if config.agent == "baseline" else config.agent)

@@ -87,7 +87,7 @@ class EvaluationConfig:
         arguments of the environment hold a length of the episodes.
     """
 
-    env_id: str = "wt_gym/LoadReduction-v0"
+    env_id: str = "wt_gym/LoadReduction-v1"
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     winds: tuple[Wind, ...] = tuple(Wind(USUAL_SPEED, seed) for seed in DEFAULT_WIND_SEEDS)
     duration: float = 600.0

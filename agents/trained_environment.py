@@ -13,6 +13,7 @@ from wt_gym.agents.choices import is_controller_name
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.rewards import DEFAULT_WEIGHTS
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.ids import present_id
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -83,7 +84,7 @@ def trained_arguments(record: Mapping[str, Any]) -> dict[str, Any]:
     config: Any = record.get("config")
     if "environment" not in record and not config:
         return {}
-    return record.get("environment") or resolved_arguments(config["env_id"], config["env_kwargs"])
+    return record.get("environment") or resolved_arguments(present_id(config["env_id"]), config["env_kwargs"])
 
 
 def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:

@@ -143,7 +143,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     one = commands.add_parser("scaling")
-    one.add_argument("--env", default="wt_gym/NREL5MW-Steady-v0")
+    one.add_argument("--env", default="wt_gym/NREL5MW-Steady-v1")
     one.add_argument("--runs", type=int, default=8)
     one.add_argument("--duration", type=float, default=600.0, help="of a run [s]")
     one.add_argument("--workers", type=int, default=2)

@@ -44,7 +44,7 @@ def simulate(wind_speed, seed, start, n_frames):
     from wt_gym.agents.trained_agent import TrainedAgent
 
     env = gym.make(
-        "wt_gym/LoadReduction-v0", fidelity="engineering", inflow="turbulent", wind_speed=wind_speed,
+        "wt_gym/LoadReduction-v1", fidelity="engineering", inflow="turbulent", wind_speed=wind_speed,
         wind_seeds=[seed], max_episode_steps=10**9,
     )  # fmt: skip
     agent = TrainedAgent.load(ROOT / "agents" / "trained" / "load_reduction")

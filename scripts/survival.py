@@ -2,7 +2,7 @@
 """How many episodes a random policy survives: uniform actions, drawn anew in every step or held for a while.
 
     scripts/survival.py                                   # 200 episodes of residual fixed-frame actions, 6 to 18 m/s
-    scripts/survival.py --env wt_gym/FullRange-v0 --episodes 50
+    scripts/survival.py --env wt_gym/FullRange-v1 --episodes 50
 
 It prints how the episodes ended.
 """
@@ -15,14 +15,14 @@ from collections import Counter
 def parse_arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--env", default="wt_gym/NREL5MW-Turbulent-v0", help="environment id (default: %(default)s)")
+    parser.add_argument("--env", default="wt_gym/NREL5MW-Turbulent-v1", help="environment id (default: %(default)s)")
     default = {"action_mode": "residual", "pitch": "fixed-frame", "wind_speed": [6.0, 18.0], "episode_length": 60.0}
     parser.add_argument("--env-kwargs", type=json.loads, metavar="JSON", help=f"by default {json.dumps(default)}")
     parser.add_argument("--episodes", type=int, default=200, help="number of episodes (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of winds and actions (default: %(default)s)")
     arguments = parser.parse_args()
     if arguments.env_kwargs is None:
-        arguments.env_kwargs = default if arguments.env == "wt_gym/NREL5MW-Turbulent-v0" else {}
+        arguments.env_kwargs = default if arguments.env == "wt_gym/NREL5MW-Turbulent-v1" else {}
     return arguments
 
 

@@ -17,6 +17,7 @@ from scipy.linalg import eigh
 
 from validation.case import CaseResult, Check, case
 from wt_gym.analysis.metrics import run_metrics
+from wt_gym.ids import present_id
 from wt_gym.simulation import FIDELITIES, Recorder
 from wt_gym.simulation.assembly import assemble
 from wt_gym.simulation.equilibrium import elastic_equilibrium
@@ -141,7 +142,7 @@ def measure(combination):
     """
     times = combination.times
     env = gym.make(
-        f"wt_gym/{combination.turbine}-Turbulent-v0", fidelity=combination.fidelity, action_mode="residual",
+        present_id(f"wt_gym/{combination.turbine}-Turbulent-v0"), fidelity=combination.fidelity, action_mode="residual",
         wind_speed=WINDS[combination.turbine], episode_length=times.duration + times.random, max_episode_steps=10**9,
     )  # fmt: skip
     raw, found = env.unwrapped, {"failure": None}
@@ -220,7 +221,7 @@ def parked_frequencies(turbine, fidelity, step=1e-5):
 def steady_tip(combination, wind_speed=9.0):
     """Mean deflection of all tips in steady, sheared wind under the baseline controller [m]."""
     env = gym.make(
-        f"wt_gym/{combination.turbine}-Steady-v0", fidelity=combination.fidelity, action_mode="residual",
+        present_id(f"wt_gym/{combination.turbine}-Steady-v0"), fidelity=combination.fidelity, action_mode="residual",
         wind_speed=wind_speed, episode_length=STEADY, max_episode_steps=10**9,
     )  # fmt: skip
     env.reset(seed=1)

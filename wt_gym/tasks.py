@@ -12,7 +12,7 @@ __all__ = ["TASKS", "TWISTING", "Task"]
 
 _CONTROL_DT = 0.2
 TWISTING = {"fidelity": "training-torsion"}
-"""What version 1 of the ids of the IEA 15-MW adds: blades that long twist by degrees, a tenth of the thrust."""
+"""What the ids of the IEA 15-MW add: blades that long twist by degrees, a tenth of the thrust."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,10 @@ class Task:
         Length of an episode [s]; ``max_episode_steps`` of the id.
     arguments : dict
         Of the environment.
+    first_version : int
+        Number of the oldest id: those before it cannot be repeated any more and are gone (``docs/versions.md``).
     versions : tuple of dict
-        What each version changes of the arguments: version 0 first, the newest last.
+        What each version from there on changes of the arguments, the newest last.
     """
 
     name: str
@@ -40,12 +42,13 @@ class Task:
     score: str
     episode: float
     arguments: dict[str, Any] = field(default_factory=dict)
+    first_version: int = 0
     versions: tuple[dict[str, Any], ...] = ({},)
 
     @property
     def ids(self) -> tuple[str, ...]:
         """Id of each version, the newest last."""
-        return tuple(f"wt_gym/{self.name}-v{version}" for version in range(len(self.versions)))
+        return tuple(f"wt_gym/{self.name}-v{self.first_version + k}" for k in range(len(self.versions)))
 
     @property
     def max_episode_steps(self) -> int:
@@ -83,6 +86,7 @@ TASKS = {
             "flap DEL at no less than 99.5 % of the energy; pitch travel beside it",
             60.0,
             {**_LOAD_REDUCTION, "wind_speed": (12.0, 20.0)},
+            first_version=1,
         ),
         Task(
             "FullRange",
@@ -95,6 +99,7 @@ TASKS = {
                 "action_components": ("pitch", "torque"),
                 "wind_speed": (5.0, 22.0),
             },
+            first_version=1,
         ),
         Task(
             "MaxPower",
@@ -108,6 +113,7 @@ TASKS = {
                 "reward": {"blade_fatigue": 0.3, "tower_fore_aft_fatigue": 0.2, "tower_side_side_fatigue": 0.05},
                 "termination_penalty": 100.0,
             },
+            first_version=1,
         ),
         Task(
             "Yaw",
@@ -124,17 +130,15 @@ TASKS = {
                 "sensor_noise": 1.0,
                 "observation": ("rotor", "power", "wind", "tower", "previous_action"),
                 "history": 3,
-                "reward": {"tower_side_side_fatigue": 0.2},  # yaw can do little about it
+                "reward": _ENERGY_FIRST,
                 "termination_penalty": 100.0,
             },
-            # With the weights of version 0 a nacelle that stands still earns more than one that follows the wind, for
-            # 1.6 % less energy: what fatigue and the drive cost when it turns outweighs the energy it wins.
-            versions=({}, {"reward": _ENERGY_FIRST}),
+            first_version=2,
         ),
         Task(
             "Gusts",
-            "Survive the gusts of IEC 61400-1 (gust, change of direction, both, shear; from version 1 on extreme "
-            "turbulence too) with the least loads.",
+            "Survive the gusts of IEC 61400-1 (gust, change of direction, both, shear, extreme turbulence) "
+            "with the least loads.",
             "share of survived episodes, largest flap and tower moments, largest rotor speed",
             40.0,
             {
@@ -142,16 +146,17 @@ TASKS = {
                 "inflow": "gusts",
                 "action_components": ("pitch", "torque"),
                 "wind_speed": (6.0, 22.0),
+                "gusts": ("EOG", "EDC", "ECD", "EWS", "ETM"),
             },
-            versions=({}, {"gusts": ("EOG", "EDC", "ECD", "EWS", "ETM")}),
+            first_version=2,
         ),
         Task(
             "IEA15MW-LoadReduction",
             "Load reduction on a turbine of three times the power: does a method carry over?",
             "as LoadReduction",
             60.0,
-            {**_LOAD_REDUCTION, "turbine": "iea_15mw", "wind_speed": (11.0, 20.0)},
-            versions=({}, TWISTING),
+            {**_LOAD_REDUCTION, **TWISTING, "turbine": "iea_15mw", "wind_speed": (11.0, 20.0)},
+            first_version=2,
         ),
     )
 }

@@ -42,7 +42,7 @@ class MemoryRecord:
         return float(slope) * 1024.0 * 1000.0
 
 
-def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v0", episode_steps: int = 50) -> MemoryRecord:
+def measure_memory(steps: int, env_id: str = "wt_gym/LoadReduction-v1", episode_steps: int = 50) -> MemoryRecord:
     """Step an environment at random with short episodes.
 
     Parameters

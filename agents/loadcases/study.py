@@ -82,7 +82,7 @@ class LoadCaseConfig:
         decide, or no turbine could operate in the wind climate.
     """
 
-    env_id: str = "wt_gym/LoadReduction-v0"
+    env_id: str = "wt_gym/LoadReduction-v1"
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     cases: tuple[str, ...] = tuple(CASES)
     quick: bool = False

@@ -56,7 +56,7 @@ class TrainingConfig:
     """
 
     algorithm: str = "PPO"
-    env_id: str = "wt_gym/LoadReduction-v0"
+    env_id: str = "wt_gym/LoadReduction-v1"
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     hyperparameters: dict[str, Any] = field(default_factory=dict)
     total_steps: int = 200_000

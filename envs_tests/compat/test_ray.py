@@ -33,7 +33,7 @@ from wt_gym.turbines import load_turbine  # noqa: E402
 
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers do not find the modules of tests
 CLONE = Path(__file__).parents[2]
-STEADY = "wt_gym/NREL5MW-Steady-v0"
+STEADY = "wt_gym/NREL5MW-Steady-v1"
 SPEEDS = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0)
 CONFIG = EvaluationConfig(env_id=STEADY, winds=tuple(map(Wind, SPEEDS)), duration=60.0, skip=2.0, replay=1.0)
 AGENTS = {"Baseline PI": "baseline"}

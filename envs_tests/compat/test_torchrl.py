@@ -3,6 +3,7 @@
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.tasks import TASKS
 
 pytestmark = pytest.mark.slow
 torchrl_envs = pytest.importorskip("torchrl.envs")
@@ -10,7 +11,7 @@ torchrl_envs = pytest.importorskip("torchrl.envs")
 
 @pytest.mark.parametrize("task", ["LoadReduction", "MaxPower", "Yaw"])
 def test_specs_agree_with_what_the_environment_gives(task):
-    env = torchrl_envs.GymEnv(f"wt_gym/{task}-v0", wind_speed=12.0, wind_seeds=(1,))
+    env = torchrl_envs.GymEnv(TASKS[task].ids[-1], wind_speed=12.0, wind_seeds=(1,))
     torchrl_envs.check_env_specs(env)
     steps = env.rollout(4)
     assert steps["observation"].shape == (4, *env.observation_spec["observation"].shape)

@@ -32,8 +32,8 @@ from wt_gym.control.controllers import BaselineController
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation import Simulator
 
-TURBULENT = "wt_gym/NREL5MW-Turbulent-v0"
-STEADY = "wt_gym/NREL5MW-Steady-v0"
+TURBULENT = "wt_gym/NREL5MW-Turbulent-v1"
+STEADY = "wt_gym/NREL5MW-Steady-v1"
 
 
 def demands(env, agent, steps=25, **options):

@@ -17,12 +17,12 @@ from turbine_contract import both_checkers_are_content, random_episode, snapshot
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.errors import ActionError, InflowError, SimulationError
 
-IDS = ("wt_gym/NREL5MW-Steady-v0", "wt_gym/NREL5MW-Turbulent-v0")
+IDS = ("wt_gym/NREL5MW-Steady-v1", "wt_gym/NREL5MW-Turbulent-v1")
 
 
 @pytest.fixture(scope="module")
 def env():
-    env = gym.make("wt_gym/NREL5MW-Turbulent-v0", wind_speed=13.0)
+    env = gym.make("wt_gym/NREL5MW-Turbulent-v1", wind_speed=13.0)
     yield env
     env.close()
 
@@ -56,24 +56,24 @@ def test_stable_baselines_checker_has_nothing_to_say(env_id, kwargs):
         sb3_check_env(gym.make(env_id, **kwargs))
 
 
-@pytest.mark.parametrize("version", [0, 1])
-def test_iea_15mw_steps(version):
-    env = gym.make(f"wt_gym/IEA15MW-Steady-v{version}", wind_speed=9.0)
+@pytest.mark.parametrize("fidelity", ["training", "training-torsion"])
+def test_iea_15mw_steps(fidelity):
+    env = gym.make("wt_gym/IEA15MW-Steady-v2", wind_speed=9.0, fidelity=fidelity)
     observations, rewards, _ = rollout(env, np.zeros((5, 3), dtype=np.float32), seed=0)
     assert np.isfinite(observations).all()
     assert np.all(rewards > 0)
 
 
 def test_blades_that_twist_keep_the_contract():
-    both_checkers_are_content("wt_gym/IEA15MW-Steady-v1")
-    env = gym.make("wt_gym/IEA15MW-Steady-v1", max_episode_steps=100)
+    both_checkers_are_content("wt_gym/IEA15MW-Steady-v2")
+    env = gym.make("wt_gym/IEA15MW-Steady-v2", max_episode_steps=100)
     snapshot_repeats(env.unwrapped)
     assert random_episode(env)
 
 
 def test_blades_that_twist_in_fine_steps():
     """IEA 15-MW at "engineering-torsion": its tips turn by degrees towards feather."""
-    env = gym.make("wt_gym/IEA15MW-Turbulent-v1", fidelity="engineering-torsion", wind_speed=9.0)
+    env = gym.make("wt_gym/IEA15MW-Turbulent-v2", fidelity="engineering-torsion", wind_speed=9.0)
     observations, rewards, _ = rollout(env, np.zeros((10, 3), dtype=np.float32), seed=1)
     assert np.isfinite(observations).all()
     assert np.isfinite(rewards).all()
@@ -111,7 +111,7 @@ def test_a_used_environment_repeats_a_fresh_one(env):
     rollout(env, actions, seed=5)
     rollout(env, np.ones((25, 3), dtype=np.float32), seed=6)
     again = rollout(env, actions, seed=5)
-    fresh = rollout(gym.make("wt_gym/NREL5MW-Turbulent-v0", wind_speed=13.0), actions, seed=5)
+    fresh = rollout(gym.make("wt_gym/NREL5MW-Turbulent-v1", wind_speed=13.0), actions, seed=5)
     assert np.array_equal(again[0], fresh[0])
 
 
@@ -238,13 +238,13 @@ def run_adversary(env, n, seed):
     ],
 )
 def test_adversarial_actions_never_break_the_environment(n, kwargs):
-    env = gym.make("wt_gym/NREL5MW-Turbulent-v0", episode_length=60.0, **kwargs)
+    env = gym.make("wt_gym/NREL5MW-Turbulent-v1", episode_length=60.0, **kwargs)
     endings = run_adversary(env, n, seed=1)
     assert endings
 
 
 def test_bang_bang_pitch_of_single_blades():
-    env = gym.make("wt_gym/NREL5MW-Turbulent-v0", wind_speed=14.0, pitch="individual")
+    env = gym.make("wt_gym/NREL5MW-Turbulent-v1", wind_speed=14.0, pitch="individual")
     signs = np.where(np.arange(200) % 6 < 3, 1.0, -1.0)
     actions = np.column_stack([signs, -signs, np.roll(signs, 2), 0 * signs, 0 * signs]).astype(np.float32)
     observations, rewards, _ = rollout(env, actions, seed=2)

@@ -9,7 +9,7 @@ from wt_gym.agents.controller_agent import ControllerAgent
 from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers import IndividualPitch, make_controller
 
-TURBULENT = "wt_gym/NREL5MW-Turbulent-v0"
+TURBULENT = "wt_gym/NREL5MW-Turbulent-v1"
 
 
 @pytest.fixture(scope="module")

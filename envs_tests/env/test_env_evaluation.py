@@ -32,7 +32,7 @@ from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
-STEADY = "wt_gym/NREL5MW-Steady-v0"
+STEADY = "wt_gym/NREL5MW-Steady-v1"
 CONFIG = EvaluationConfig(env_id=STEADY, winds=(Wind(9.0), Wind(12.0)), duration=4.0, skip=1.0, replay=1.0)
 AGENTS = {"Baseline": "baseline", "Constant": "constant"}
 
@@ -165,7 +165,7 @@ def test_models_are_not_taken_into_another_environment_unasked(trained, here, me
     residual = {"action_mode": "residual", "inflow": "steady"}
     config = replace(CONFIG, env_kwargs=residual | here, winds=(Wind(9.0),), duration=2.0, skip=0.0)
     layout = gym.make(STEADY, **config.env_kwargs).unwrapped.layout
-    agents = {"mine": Trained(layout, "wt_gym/NREL5MW-Turbulent-v0", **{"action_mode": "residual"} | trained)}
+    agents = {"mine": Trained(layout, "wt_gym/NREL5MW-Turbulent-v1", **{"action_mode": "residual"} | trained)}
     with pytest.raises(ValueError, match=message):
         evaluate(agents, config, progress=False)
     assert count_runs[0] == []
@@ -220,17 +220,17 @@ def test_a_model_brings_the_controller_it_was_trained_on():
 
 def test_fidelity_inflow_and_an_idle_controller_are_free():
     env = gym.make(STEADY, inflow="gusts", wind_speed=9.0, fidelity="engineering")
-    config = {"env_id": "wt_gym/NREL5MW-Turbulent-v0", "env_kwargs": {"controller": "ipc", "action_spans": {}}}
+    config = {"env_id": "wt_gym/NREL5MW-Turbulent-v1", "env_kwargs": {"controller": "ipc", "action_spans": {}}}
     check_environment({"config": config}, env)  # nothing runs beneath rates
     check_environment({}, env)
 
 
 def test_a_record_says_what_an_id_meant_then():
     """The id may mean another action in the version that reads the record."""
-    env = gym.make("wt_gym/LoadReduction-v0")
-    record = {"config": {"env_id": "wt_gym/LoadReduction-v0", "env_kwargs": {}}}
+    env = gym.make("wt_gym/LoadReduction-v1")
+    record = {"config": {"env_id": "wt_gym/LoadReduction-v1", "env_kwargs": {}}}
     check_environment(record, env)
-    before = resolved_arguments("wt_gym/LoadReduction-v0", {}) | {"residual_fade": False}
+    before = resolved_arguments("wt_gym/LoadReduction-v1", {}) | {"residual_fade": False}
     with pytest.raises(ValueError, match=r"residual_fade False, here True;"):
         check_environment(record | {"environment": before}, env)
 
@@ -332,29 +332,33 @@ def test_notes_on_trainings_name_some_seeds_only():
     assert "trained on wind seeds 1, 2, 3, 4, 5, 6 and 4 more of" in notes["A"]
 
 
+TRANSIENT = """--env-kwargs '{"gusts": ["EOG", "EDC", "ECD", "EWS"]}'"""
+"""Gusts without turbulence among them."""
+
+
 @pytest.mark.parametrize(
     ("words", "speeds", "seeds", "draws"),
     [
         ("", {15.0}, DEFAULT_WIND_SEEDS, {None}),
-        ("--env wt_gym/MaxPower-v0", {7.5}, DEFAULT_WIND_SEEDS, {None}),
-        ("--env wt_gym/Yaw-v0", {10.0}, DEFAULT_WIND_SEEDS, {None}),
+        ("--env wt_gym/MaxPower-v1", {7.5}, DEFAULT_WIND_SEEDS, {None}),
+        ("--env wt_gym/Yaw-v2", {10.0}, DEFAULT_WIND_SEEDS, {None}),
         ("--wind-speed 12 18 --wind-seeds 3", {12.0, 18.0}, (3,), {None}),
-        ("--env wt_gym/NREL5MW-Steady-v0", {15.0}, (None,), {None}),
-        ("--env wt_gym/NREL5MW-Steady-v0 --env-kwargs '{\"wind_speed\": 9.0}'", {9.0}, (None,), {None}),
-        ("--env wt_gym/Gusts-v0", {15.0}, (None,), {1, 2, 3, 4, 5, 6}),
-        ("--env wt_gym/Gusts-v0 --wind-speed 8 10 --draws 2", {8.0, 10.0}, (None,), {1, 2}),
-        ("--env wt_gym/Gusts-v1", {15.0}, DEFAULT_WIND_SEEDS, {None}),  # of which extreme turbulence has one
+        ("--env wt_gym/NREL5MW-Steady-v1", {15.0}, (None,), {None}),
+        ("--env wt_gym/NREL5MW-Steady-v1 --env-kwargs '{\"wind_speed\": 9.0}'", {9.0}, (None,), {None}),
+        (f"--env wt_gym/Gusts-v2 {TRANSIENT}", {15.0}, (None,), {1, 2, 3, 4, 5, 6}),
+        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --wind-speed 8 10 --draws 2", {8.0, 10.0}, (None,), {1, 2}),
+        ("--env wt_gym/Gusts-v2", {15.0}, DEFAULT_WIND_SEEDS, {None}),  # of which extreme turbulence has one
         (
-            "--env wt_gym/NREL5MW-Steady-v0 --draws 3 --env-kwargs '{\"wind_direction\": [0.1, 0.2]}'",
+            "--env wt_gym/NREL5MW-Steady-v1 --draws 3 --env-kwargs '{\"wind_direction\": [0.1, 0.2]}'",
             {15.0}, (None,), {1, 2, 3},
         ),
         (
-            "--env wt_gym/NREL5MW-Steady-v0 --env-kwargs "
+            "--env wt_gym/NREL5MW-Steady-v1 --env-kwargs "
             "'{\"inflow\": \"extreme-turbulent\", \"standstill_limit\": -0.5}'",
             {50.0}, DEFAULT_WIND_SEEDS, {None},
         ),
         (
-            "--env wt_gym/NREL5MW-Steady-v0 --env-kwargs "
+            "--env wt_gym/NREL5MW-Steady-v1 --env-kwargs "
             "'{\"reference_height\": 10.0, \"wind_speed\": [6.0, 10.0], \"shear_exponent\": 0.2}'",
             {8.0}, (None,), {None},
         ),
@@ -371,11 +375,14 @@ def test_the_command_asks_for_winds_that_the_environment_has(words, speeds, seed
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--env wt_gym/Gusts-v0 --wind-seeds 3", r"no turbulence seeds, got \[3\]: give a number of draws"),
-        ("--env wt_gym/NREL5MW-Steady-v0 --wind-seeds 3", r"no turbulence seeds, got \[3\]"),
+        (
+            f"--env wt_gym/Gusts-v2 {TRANSIENT} --wind-seeds 3",
+            r"no turbulence seeds, got \[3\]: give a number of draws",
+        ),
+        ("--env wt_gym/NREL5MW-Steady-v1 --wind-seeds 3", r"no turbulence seeds, got \[3\]"),
         ("--draws 2", "nothing is drawn beside its speed and seed: give turbulence seeds"),
-        ("--env wt_gym/NREL5MW-Steady-v0 --draws 2", "one run in it is all"),
-        ("--env wt_gym/Gusts-v0 --draws 0", "at least 1 draw is needed, got 0"),
+        ("--env wt_gym/NREL5MW-Steady-v1 --draws 2", "one run in it is all"),
+        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --draws 0", "at least 1 draw is needed, got 0"),
         (
             '--wind-speed 12 --env-kwargs \'{"inflow": "extreme", "standstill_limit": -0.5}\'',
             r"has a speed of its own, got the speeds \[12.0\] m/s",
@@ -463,5 +470,5 @@ def test_refused_agents_leave_no_environment_open(monkeypatch):
     closed = []
     monkeypatch.setattr(WindTurbineEnv, "close", lambda self: closed.append(self))
     with pytest.raises(FileNotFoundError, match="nobody"):
-        Contenders({"Nobody": "nobody"}, "wt_gym/LoadReduction-v0", {})
+        Contenders({"Nobody": "nobody"}, "wt_gym/LoadReduction-v1", {})
     assert len(closed) == 1

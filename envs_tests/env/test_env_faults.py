@@ -13,7 +13,7 @@ WIND = {"wind_speed": 14.0, "wind_seed": 1001, "azimuth": 0.0}
 
 @pytest.fixture(scope="module")
 def env():
-    made = gym.make("wt_gym/LoadReduction-v0")
+    made = gym.make("wt_gym/LoadReduction-v1")
     yield made
     made.close()
 
@@ -86,10 +86,10 @@ def test_what_cannot_be_had_is_refused(env, options, kind, message):
 def test_environments_have_the_turbulence_of_mann(monkeypatch):
     full = TurbulenceBox.mann
     monkeypatch.setattr(TurbulenceBox, "mann", lambda *a, **options: full(*a, **options, grid=(3, 3), cache=False))
-    with gym.make("wt_gym/NREL5MW-Turbulent-v0", turbulence="mann", wind_speed=12.0) as env:
+    with gym.make("wt_gym/NREL5MW-Turbulent-v1", turbulence="mann", wind_speed=12.0) as env:
         env.reset(seed=0, options={"wind_seed": 3})
         assert "Mann NTM class" in env.unwrapped.episode_wind.inflow.description
     with pytest.raises(InflowError, match=r"turbulence must be one of \('kaimal', 'mann'\), got 'burgers'"):
-        gym.make("wt_gym/NREL5MW-Turbulent-v0", turbulence="burgers")
+        gym.make("wt_gym/NREL5MW-Turbulent-v1", turbulence="burgers")
     with pytest.raises(InflowError, match="turbulence='mann' belongs to the inflows"):
-        gym.make("wt_gym/NREL5MW-Steady-v0", turbulence="mann")
+        gym.make("wt_gym/NREL5MW-Steady-v1", turbulence="mann")

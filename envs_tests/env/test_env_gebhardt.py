@@ -17,7 +17,7 @@ from wt_gym.turbines.damper import with_damper
 from wt_gym.turbines.gebhardt_turbine import GENERATOR_DAMPER, boundary_layer
 from wt_gym.wind import SteadyInflow
 
-IDS = ("wt_gym/Gebhardt45m-Steady-v0", "wt_gym/Gebhardt45m-Turbulent-v0")
+IDS = ("wt_gym/Gebhardt45m-Steady-v1", "wt_gym/Gebhardt45m-Turbulent-v1")
 TURBINE = load_turbine("gebhardt_45m")
 HEIGHTS = np.array([[0.0, 0.0, z] for z in (5.0, 40.0, 70.0, 110.0, 275.0)])
 
@@ -153,7 +153,7 @@ def test_the_machine_as_they_built_it():
 
 def test_the_baseline_controller_holds_the_light_rotor_about_rated_wind():
     """Without the notch at the collective edgewise mode hub and pitch swing at 4 Hz here, to 19.7 rpm of 16."""
-    env = gym.make("wt_gym/Gebhardt45m-Turbulent-v0", action_mode="residual", episode_length=60.0)
+    env = gym.make("wt_gym/Gebhardt45m-Turbulent-v1", action_mode="residual", episode_length=60.0)
     env.reset(seed=1, options={"wind_speed": 12.0, "wind_seed": 1, "time_offset": 0.0})
     speeds, over = [], False
     while not over:

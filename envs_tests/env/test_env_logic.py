@@ -262,7 +262,7 @@ def test_step_needs_reset(make_env):
 
 
 def test_registered_spec_makes_this_class():
-    assert gym.spec("wt_gym/NREL5MW-Steady-v0").entry_point == "wt_gym.envs.turbine_env:WindTurbineEnv"
+    assert gym.spec("wt_gym/NREL5MW-Steady-v1").entry_point == "wt_gym.envs.turbine_env:WindTurbineEnv"
 
 
 QUIET = {f"tip_clearance_min_{blade}": 40.0 for blade in (1, 2, 3)}

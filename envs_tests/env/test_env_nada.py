@@ -11,7 +11,7 @@ import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.wind import SteadyInflow
 
-IDS = ("wt_gym/NadaSmall-Steady-v0", "wt_gym/NadaSmall-Turbulent-v0")
+IDS = ("wt_gym/NadaSmall-Steady-v1", "wt_gym/NadaSmall-Turbulent-v1")
 
 
 @pytest.mark.parametrize("env_id", IDS)

@@ -20,7 +20,7 @@ def main():
     venv.close()
     print(len(observations), len(rewards))
 """
-NAMED = "wt_gym:wt_gym/NREL5MW-Steady-v0"
+NAMED = "wt_gym:wt_gym/NREL5MW-Steady-v1"
 """The part before the colon is imported wherever the environment is made."""
 
 

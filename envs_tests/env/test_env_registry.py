@@ -6,6 +6,7 @@ from turbine_contract import both_checkers_are_content
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.envs.wind_sampler import GUSTS
+from wt_gym.ids import present_id
 from wt_gym.tasks import TASKS
 
 IDS = sorted(name for name in gym.registry if name.startswith("wt_gym/"))
@@ -15,15 +16,29 @@ SLOW = {name for name in IDS if "IEA15MW" in name and gym.spec(name).kwargs["inf
 
 def test_every_task_is_among_the_ids():
     assert {env_id for task in TASKS.values() for env_id in task.ids} < set(IDS)
-    assert {f"wt_gym/{name}-v0" for name in TASKS} < set(IDS)
     assert 0 < len(SLOW) < len(IDS) / 2
 
 
-def test_versions_change_what_their_task_says():
-    assert gym.spec("wt_gym/Gusts-v1").kwargs == {**gym.spec("wt_gym/Gusts-v0").kwargs, "gusts": GUSTS}
-    for turbine in ("LoadReduction", "Turbulent", "Steady"):
-        old, new = (gym.spec(f"wt_gym/IEA15MW-{turbine}-v{version}").kwargs for version in (0, 1))
-        assert new == {**old, "fidelity": "training-torsion"}
+def test_ids_are_what_their_versions_say():
+    assert gym.spec("wt_gym/Gusts-v2").kwargs["gusts"] == GUSTS
+    for name in ("LoadReduction", "Turbulent", "Steady"):
+        assert gym.spec(f"wt_gym/IEA15MW-{name}-v2").kwargs["fidelity"] == "training-torsion"
+
+
+@pytest.mark.parametrize("name", sorted({env_id.rpartition("-v")[0] for env_id in IDS}))
+def test_an_id_that_is_gone_names_the_present_one(name):
+    """Versions with tower signals along global axes cannot be repeated."""
+    present = present_id(f"{name}-v0")
+    assert present in IDS
+    assert present_id(present) == present
+    if present != f"{name}-v0":
+        with pytest.raises(gym.error.DeprecatedEnv, match=present):
+            gym.make(f"{name}-v0")
+
+
+def test_ids_without_a_present_one_stay_as_they_are():
+    for env_id in ("wt_gym/LoadReduction-v99", "wt_gym/Nothing-v0", "wt_gym/Nothing", "other"):
+        assert present_id(env_id) == env_id
 
 
 @pytest.mark.parametrize("env_id", [pytest.param(i, marks=pytest.mark.slow) if i in SLOW else i for i in IDS])

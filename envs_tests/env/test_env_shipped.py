@@ -10,6 +10,7 @@ from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.results import Wind
 from wt_gym.commands.train import configuration, parse_arguments
+from wt_gym.ids import present_id
 
 FOLDERS = sorted(path.parent for path in (Path(wt_gym.agents.__file__).parent / "trained").glob("*/model.zip"))
 
@@ -24,7 +25,7 @@ def test_it_spares_the_blades_in_a_wind_it_has_not_seen(folder):
     wind = Wind(16.0, 1013)
     record = TrainedAgent.load(folder).record
     assert wind.seed not in record["wind_seeds"]
-    config = EvaluationConfig(env_id=record["config"]["env_id"], winds=(wind,), duration=60.0, skip=10.0)
+    config = EvaluationConfig(env_id=present_id(record["config"]["env_id"]), winds=(wind,), duration=60.0, skip=10.0)
     found = evaluate({"baseline": "baseline", "agent": str(folder)}, config)
     flap, power = ([run.metrics[name] for run in found.runs] for name in ("blade_flap_del", "mean_power"))
     assert np.isfinite(flap).all()
@@ -36,5 +37,5 @@ def test_it_spares_the_blades_in_a_wind_it_has_not_seen(folder):
 def test_its_file_is_the_training_of_its_record(folder):
     config = configuration(parse_arguments(["--config", str(folder / "training.yml")]))
     record = TrainedAgent.load(folder).record["config"]
-    assert config.continues(record)
+    assert config.continues(record | {"env_id": present_id(record["env_id"])})
     assert (config.seed, config.total_steps) == (record["seed"], record["total_steps"])

@@ -30,7 +30,7 @@ from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
-TURBULENT = "wt_gym/NREL5MW-Turbulent-v0"
+TURBULENT = "wt_gym/NREL5MW-Turbulent-v1"
 RESIDUAL = {"action_mode": "residual", "pitch": "fixed-frame"}
 
 
@@ -64,7 +64,7 @@ def test_both_checkers_have_nothing_to_say(mode, pitch):
 
 @pytest.mark.parametrize("name", TASKS)
 def test_tasks_start_step_and_tell_their_length(name):
-    env = gym.make(f"wt_gym/{name}-v0")
+    env = gym.make(TASKS[name].ids[-1])
     assert env.spec.max_episode_steps * env.unwrapped.control_dt == TASKS[name].episode
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -81,7 +81,7 @@ def test_tasks_start_step_and_tell_their_length(name):
 @pytest.mark.parametrize("name", TASKS)
 def test_ending_a_task_early_never_pays(name):
     """The worst operation for ever, discounted by 0.99 a step, costs less than the end of the episode."""
-    env = gym.make(f"wt_gym/{name}-v0").unwrapped
+    env = gym.make(TASKS[name].ids[-1]).unwrapped
     assert -rewards.worst_rate(env.reward_terms) * env.control_dt / (1.0 - 0.99) < env.termination_penalty
 
 
@@ -101,12 +101,12 @@ def test_what_tasks_pay():
         "Gusts": default,
         "IEA15MW-LoadReduction": load_reduction,
     }
-    plain = gym.make("wt_gym/NREL5MW-Steady-v0").unwrapped
+    plain = gym.make("wt_gym/NREL5MW-Steady-v1").unwrapped
     assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == default
 
 
 def test_the_time_limit_of_a_task_is_a_truncation():
-    env = gym.make("wt_gym/LoadReduction-v0", max_episode_steps=4)
+    env = gym.make("wt_gym/LoadReduction-v1", max_episode_steps=4)
     env.reset(seed=0)
     ends = [env.step(np.zeros(3, dtype=np.float32))[2:4] for _ in range(4)]
     assert ends == [(False, False)] * 3 + [(False, True)]
@@ -119,7 +119,7 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
 
     def warned(steps=300, **kwargs):
         make = partial(gym.make_vec, num_envs=2) if vector else gym.make
-        env = make("wt_gym/LoadReduction-v0", **kwargs)
+        env = make("wt_gym/LoadReduction-v1", **kwargs)
         with warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always")
             for seed in range(3):
@@ -132,7 +132,7 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
         return [str(w.message) for w in found if "max_episode_steps" in str(w.message)]
 
     (message,) = warned(episode_length=120.0)
-    assert "the limit of wt_gym/LoadReduction-v0 ends episodes after 300 steps, 60 s, before the" in message
+    assert "the limit of wt_gym/LoadReduction-v1 ends episodes after 300 steps, 60 s, before the" in message
     assert "episode_length of 120 s: make it with max_episode_steps=600 instead" in message
     for quiet in ({"max_episode_steps": 600}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
         assert warned(**quiet) == []
@@ -144,7 +144,7 @@ def test_evaluations_take_the_limit_away_without_a_warning(monkeypatch):
     monkeypatch.setattr(turbine_env, "Simulator", ScriptedSimulator)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Environments("wt_gym/LoadReduction-v0", {}, 120.0).plain.reset(seed=0)
+        Environments("wt_gym/LoadReduction-v1", {}, 120.0).plain.reset(seed=0)
         task = load_task("load-reduction-15")
         make_env(task, task.winds[0]).reset(seed=0)
 
@@ -525,7 +525,7 @@ def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
 
 
 def test_yaw_task_is_on_top_of_the_dead_band():
-    env = gym.make("wt_gym/Yaw-v0", sensor_noise=0.0, wind_direction=0.3, wind_wander=None).unwrapped
+    env = gym.make("wt_gym/Yaw-v2", sensor_noise=0.0, wind_direction=0.3, wind_wander=None).unwrapped
     env.reset(seed=0)
     for _ in range(600):
         env.step(np.zeros(1))

@@ -31,7 +31,7 @@ from wt_gym.files import whole_file, write_whole
 from wt_gym.wind import SteadyInflow
 
 ROOT = Path(__file__).parents[2]
-STEADY = "wt_gym/NREL5MW-Steady-v0"
+STEADY = "wt_gym/NREL5MW-Steady-v1"
 SMALL = TrainingConfig(
     env_id=STEADY,
     env_kwargs={"wind_speed": 12.0, "episode_length": 5.0},
@@ -519,7 +519,7 @@ def test_evaluations_on_the_way_in_winds_of_ones_own(tmp_path):
 
 
 def test_a_training_goes_on_where_only_the_spelling_of_its_pay_has_changed(tmp_path):
-    config = replace(SMALL, env_id="wt_gym/LoadReduction-v0", env_kwargs={"inflow": "steady", "wind_speed": 14.0})
+    config = replace(SMALL, env_id="wt_gym/LoadReduction-v1", env_kwargs={"inflow": "steady", "wind_speed": 14.0})
     train(config, tmp_path, progress=False)
     record = json.loads((tmp_path / "training.json").read_text())
     assert "termination_penalty" not in record["environment"]
@@ -539,7 +539,7 @@ def test_a_training_goes_on_where_only_the_spelling_of_its_pay_has_changed(tmp_p
 
 FILE = """
 algo: ppo
-env: wt_gym/NREL5MW-Steady-v0
+env: wt_gym/NREL5MW-Steady-v1
 env_kwargs: {wind_speed: 12.0, episode_length: 5.0}
 hyper: {n_steps: 32, batch_size: 32, n_epochs: 1, net_arch: [8, 8], learning_rate: 1.0e-3}
 steps: 64

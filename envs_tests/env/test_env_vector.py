@@ -12,7 +12,7 @@ from wt_gym.control import Lidar
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.errors import ActionError, ControllerError
 
-ID = "wt_gym/LoadReduction-v0"
+ID = "wt_gym/LoadReduction-v1"
 STEPS = 9
 
 

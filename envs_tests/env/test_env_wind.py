@@ -138,7 +138,7 @@ def test_gusts_follow_from_the_seed_and_not_from_the_order_of_their_names():
 
 
 def test_default_gusts_are_what_they_were():
-    """The first winds of version 0 of the task, as drawn before there was a choice."""
+    """The first winds of transients, as drawn before there was a choice."""
     kinds = [wind.inflow.kind for wind in draw_gusts(6)]
     assert kinds == ["EDC", "EWS-horizontal", "EDC", "EDC", "ECD", "EWS-horizontal"]
     assert [round(wind.inflow.start_time, 3) for wind in draw_gusts(3)] == [13.133, 8.118, 11.001]

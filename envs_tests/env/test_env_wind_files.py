@@ -22,14 +22,14 @@ from wt_gym.agents.training.held_back import HeldBackEvaluation
 from wt_gym.analysis.results import Wind
 from wt_gym.commands.evaluate import configuration, parse_arguments
 from wt_gym.envs import turbine_env
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import TRANSIENTS, WindSampler
 from wt_gym.errors import InflowError
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox
 
 TURBINE = load_turbine("nrel_5mw")
-STEADY = "wt_gym/NREL5MW-Steady-v0"
+STEADY = "wt_gym/NREL5MW-Steady-v1"
 DURATION = 42.0
 
 
@@ -117,7 +117,7 @@ def test_environments_know_how_long_their_episodes_are(files):
     once = str(files / "once.bts")
     for env in (
         gym.make(STEADY, inflow=once, episode_length=40.0),
-        gym.make("wt_gym/Gusts-v0", inflow=once),
+        gym.make("wt_gym/Gusts-v2", inflow=once, gusts=TRANSIENTS),
         gym.make_vec(STEADY, num_envs=2, inflow=once, episode_length=None, max_episode_steps=200).envs[0],
     ):
         offsets = []

@@ -24,7 +24,7 @@ from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInfl
 from wt_gym.wind.mann_files import write_hawc2
 
 TURBINE = load_turbine("nrel_5mw")
-STEADY = "wt_gym/NREL5MW-Steady-v0"
+STEADY = "wt_gym/NREL5MW-Steady-v1"
 HUB = np.array([[0.0, 0.0, 90.0]])
 
 

@@ -7,7 +7,7 @@ from gymnasium import wrappers
 
 import wt_gym  # noqa: F401 - registers the environments
 
-ID = "wt_gym/NREL5MW-Steady-v0"
+ID = "wt_gym/NREL5MW-Steady-v1"
 
 
 def make(**kwargs):

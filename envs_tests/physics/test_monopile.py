@@ -256,7 +256,7 @@ def test_a_nodal_tower_stands_on_a_monopile():
 
 def test_environment_on_a_monopile():
     """The tower base feels the thrust on the lever above it, the picture reaches the sea bed, snapshots hold."""
-    environment = gym.make("wt_gym/NREL5MW-Steady-v0", turbine="nrel_5mw_monopile", wind_speed=10.0).unwrapped
+    environment = gym.make("wt_gym/NREL5MW-Steady-v1", turbine="nrel_5mw_monopile", wind_speed=10.0).unwrapped
     environment.reset(seed=1)
     action = np.zeros(environment.action_space.shape, dtype=np.float32)
     for _ in range(20):

@@ -19,7 +19,7 @@ from wt_gym.wind import SteadyInflow
 
 STEP = """
 import gymnasium as gym, wt_gym
-env = gym.make("wt_gym/NREL5MW-Turbulent-v0")
+env = gym.make("wt_gym/NREL5MW-Turbulent-v1")
 env.reset(seed=0)
 env.step(env.action_space.sample())
 """

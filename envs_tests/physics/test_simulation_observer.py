@@ -290,7 +290,7 @@ def test_energy_balance_holds_and_finds_a_drive_from_nowhere():
 
 @pytest.mark.slow
 def test_environment():
-    env = gymnasium.make("wt_gym/NREL5MW-Turbulent-v0", fidelity=OBSERVER)
+    env = gymnasium.make("wt_gym/NREL5MW-Turbulent-v1", fidelity=OBSERVER)
     check_env(env.unwrapped, skip_render_check=True)
 
 

@@ -51,7 +51,7 @@ def test_multipliers_are_recorded_and_disturb_nothing(integrator):
 
 
 def test_a_file_of_a_recorded_environment_brings_them_back(tmp_path):
-    env = gym.make("wt_gym/NREL5MW-Steady-v0", fidelity=CONSTRAINED, wind_speed=9.0)
+    env = gym.make("wt_gym/NREL5MW-Steady-v1", fidelity=CONSTRAINED, wind_speed=9.0)
     _, info = env.reset(seed=0)
     recorder = Recorder(env.unwrapped.simulator)
     for _ in range(3):

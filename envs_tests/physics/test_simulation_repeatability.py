@@ -102,7 +102,7 @@ def test_copies_of_a_simulator_continue_on_their_own():
 def test_copies_of_a_started_environment_continue_bit_for_bit():
     box = TurbulenceBox.kaimal(9.0, 90.0, 126.0, "B", seed=3, grid=(3, 3), duration=60.0, cache=False)
     inflow = TurbulentInflow(box, SteadyInflow(9.0, 90.0, shear_exponent=0.2))
-    env = gymnasium.make("wt_gym/NREL5MW-Steady-v0", inflow=inflow, sensor_noise=1.0, render_mode="rgb_array")
+    env = gymnasium.make("wt_gym/NREL5MW-Steady-v1", inflow=inflow, sensor_noise=1.0, render_mode="rgb_array")
     env.reset(seed=1)
     actions = np.random.default_rng(2).uniform(-1.0, 1.0, (4, *env.action_space.shape)).astype(np.float32)
     env.step(actions[0])

@@ -64,6 +64,9 @@ def run(turbine):
         "tower_base_fore_aft_moment": 30e6 + 40e6 * triangle,
         "tower_base_side_side_moment": 0.0 * ones,
         "tower_base_moment_max": 71e6 * ones,  # extremes lie between the samples
+        "tower_base_moment_x": 0.0 * ones,
+        "tower_base_moment_y": 30e6 + 40e6 * triangle,
+        "yaw": 0.0 * ones,
         "yaw_rate": 0.001 * ones,
     }
     for b in (1, 2, 3):
@@ -92,12 +95,32 @@ def test_metrics_of_a_made_up_run(run, turbine):
     # 999 half cycles in 100 s.
     assert metrics["blade_flap_del"] == pytest.approx(3e6 * (499.5 / 100.0) ** 0.1)
     assert metrics["tower_fore_aft_del"] == pytest.approx(40e6 * (499.5 / 100.0) ** 0.25)
+    assert metrics["tower_del"] == pytest.approx(metrics["tower_fore_aft_del"])
     assert metrics["blade_edge_del"] == 0.0
     assert (metrics["tip_deflection_max"], metrics["tip_clearance_min"]) == (4.0, 7.0)
     assert (metrics["blade_flap_max"], metrics["tower_base_max"]) == (3.5e6, 71e6)
     assert metrics["pitch_duty_cycle"] == pytest.approx(0.02 / turbine.pitch.max_rate)
     assert metrics["pitch_travel"] == pytest.approx(2.0)
     assert metrics["yaw_travel"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 0.5 * np.pi, 4.0])
+def test_the_worst_direction_of_the_tower_turns_with_the_world(run, turbine, angle):
+    along = run["tower_base_moment_y"].values
+    run["yaw"][:] = angle
+    run["tower_base_moment_x"][:], run["tower_base_moment_y"][:] = -np.sin(angle) * along, np.cos(angle) * along
+    metrics = run_metrics(run, turbine)
+    assert metrics["tower_del"] == pytest.approx(metrics["tower_fore_aft_del"])
+
+
+def test_a_moment_that_turns_with_the_nacelle_wears_the_tower(run, turbine):
+    """Constant in the axes of the nacelle, and a full cycle for every point of the wall in a turn of the world."""
+    turn = 2.0 * np.pi * np.arange(1000) / 1000
+    run["yaw"][:], run["tower_base_fore_aft_moment"][:] = turn, 50e6
+    run["tower_base_moment_x"][:], run["tower_base_moment_y"][:] = -50e6 * np.sin(turn), 50e6 * np.cos(turn)
+    metrics = run_metrics(run, turbine)
+    assert metrics["tower_fore_aft_del"] == 0.0
+    assert metrics["tower_del"] == pytest.approx(100e6 * (1.0 / 100.0) ** 0.25, rel=0.01)
 
 
 def test_power_out_of_the_rotor_is_no_power(run, turbine):

@@ -68,7 +68,7 @@ with FolderLock(folder, "work"):
     except ValueError as error:
         print(type(error).__name__)
 print(sorted(path.name for path in folder.iterdir()))
-env = gym.make("wt_gym/NREL5MW-Steady-v0")
+env = gym.make("wt_gym/NREL5MW-Steady-v1")
 env.reset(seed=0)
 print(len(env.step(env.action_space.sample())))
 """

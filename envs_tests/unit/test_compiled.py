@@ -272,7 +272,7 @@ def test_an_environment_without_a_place_for_its_kernels_says_so(tmp_path, nowher
     shutil.copytree(ROOT / "wt_gym", package, ignore=shutil.ignore_patterns("__pycache__", "agents"))
     for folder in (package, *(path for path in package.rglob("*") if path.is_dir())):
         (folder / "__pycache__").touch()
-    code = "import gymnasium, wt_gym\ngymnasium.make('wt_gym/NREL5MW-Steady-v0')"
+    code = "import gymnasium, wt_gym\ngymnasium.make('wt_gym/NREL5MW-Steady-v1')"
     done = process(code, [package.parent], **nowhere)
     assert Path(no_place(done)).is_relative_to(package)
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from wt_gym.agents.tuning import Cost, TuningTask, _defaults
+from wt_gym.angles import wrapped
 from wt_gym.control import Demand, LowPass, Notch
 from wt_gym.control.controllers import (
     BASES,
@@ -373,6 +374,20 @@ def test_yaw_turns_to_the_other_side_too(turbine):
     for _ in range(1000):
         rate = drive.step(readings(yaw_error=-0.4), 0.1, demand()).yaw_rate
     assert rate == -turbine.nacelle.max_yaw_rate
+
+
+def test_a_wind_from_behind_turns_the_nacelle_one_way(turbine):
+    """Its vane flips between the ends of the scale."""
+    drive, error, total = YawByDeadBand.of_turbine(turbine), math.radians(179.0), 0.0
+    drive.start(readings(yaw_error=error))
+    rates = set()
+    for k in range(6000):
+        seen = wrapped(error + math.radians(5.0) * math.sin(0.8 * k))
+        rate = drive.step(readings(yaw_error=seen), 0.1, demand()).yaw_rate
+        error, total = error - 0.1 * rate, total + 0.1 * rate
+        rates.add(rate)
+    assert rates == {0.0, drive.rate}
+    assert total == pytest.approx(math.radians(179.0), abs=math.radians(8.0))
 
 
 # ---- rotor table, estimator, ROSCO-like ----

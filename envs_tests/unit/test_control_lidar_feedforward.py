@@ -252,7 +252,7 @@ def test_beneath_an_agent_it_reads_what_the_observation_shows(monkeypatch):
     heard = []
     step = LidarFeedforward.step
     monkeypatch.setattr(LidarFeedforward, "step", lambda s, r, dt: (heard.append(r["lidar_2"]), step(s, r, dt))[1])
-    env = gym.make("wt_gym/LoadReduction-v0", controller="lidar+constrained_ipc", observation=("lidar",))
+    env = gym.make("wt_gym/LoadReduction-v1", controller="lidar+constrained_ipc", observation=("lidar",))
     observation, _ = env.reset(seed=3)
     shown = [float(env.unwrapped.layout.observation.value(observation, "lidar_2"))]
     for _ in range(3):
@@ -280,7 +280,7 @@ def test_it_steadies_the_rotor_in_turbulence(turbine):
 def test_as_an_agent_it_needs_the_lidar_of_the_observation():
     more = {"action_mode": "rate", "pitch": "collective", "action_components": None}
     more["observation"] = ("rotor", "power", "pitch", "lidar")
-    env = gym.make("wt_gym/NREL5MW-Turbulent-v0", **more, wind_speed=16.0, max_episode_steps=1000)
+    env = gym.make("wt_gym/NREL5MW-Turbulent-v1", **more, wind_speed=16.0, max_episode_steps=1000)
     agent = ControllerAgent.from_env(env, "lidar")
     observation, _ = env.reset(seed=1)
     for _ in range(100):
@@ -290,7 +290,7 @@ def test_as_an_agent_it_needs_the_lidar_of_the_observation():
     assert len(controller._seen) > 40
     assert abs(np.subtract(controller._seen, shown)).sum(axis=1).min() < 2.0  # of the observation before this one
     env.close()
-    other = gym.make("wt_gym/NREL5MW-Turbulent-v0", **more, lidar=Lidar((50.0, 100.0, 150.0)))
+    other = gym.make("wt_gym/NREL5MW-Turbulent-v1", **more, lidar=Lidar((50.0, 100.0, 150.0)))
     with pytest.raises(ValueError, match=r"the controller reads Lidar.* the observation has Lidar"):
         ControllerAgent.from_env(other, "lidar")
     other.close()
@@ -300,12 +300,12 @@ def test_an_observation_has_the_lidar_of_the_controller_beneath():
     lidar = Lidar([70, 140])
     assert lidar.ranges == (70.0, 140.0)
     more = {"observation": ("lidar",), "controller": lambda t: make_controller("lidar", t, lidar=lidar)}
-    env = gym.make("wt_gym/LoadReduction-v0", **more)
+    env = gym.make("wt_gym/LoadReduction-v1", **more)
     assert env.unwrapped.layout.lidar == lidar
     assert env.unwrapped.layout.observation.names == ("lidar_1", "lidar_2")
     env.close()
     with pytest.raises(ValueError, match="the controller beneath reads Lidar"):
-        gym.make("wt_gym/LoadReduction-v0", **more, lidar=Lidar((50.0,)))
+        gym.make("wt_gym/LoadReduction-v1", **more, lidar=Lidar((50.0,)))
 
 
 def test_the_reward_study_takes_it(turbine):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from wt_gym.angles import wrapped
 from wt_gym.control import Channel, LowPass, NacelleAnemometer
 from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.envs.layout import ObservationLayout
@@ -31,6 +32,29 @@ def test_anemometer_measures_horizontal_speed_and_starts_steady():
     speed, direction = anemometer.update(6.0, 8.0, 0.2, 1.0)
     assert speed == pytest.approx(10.0 - 5.0 * math.exp(-1.0))
     assert direction == pytest.approx(0.2 - 0.1 * math.exp(-0.2))
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0, 3.1, -3.1])
+def test_a_vane_is_filtered_around_the_circle(start):
+    """What it reads moves with the wind, wherever the scale begins anew."""
+    swings = 0.3 * np.sin(0.5 * np.arange(60))
+    vanes = NacelleAnemometer(), NacelleAnemometer()
+    vanes[0].reset(8.0, 0.0, 0.0)
+    vanes[1].reset(8.0, 0.0, start)
+    for swing in swings:
+        (_, straight), (_, turned) = (
+            vane.update(8.0, 0.0, wrapped(middle + swing), 0.2)
+            for vane, middle in zip(vanes, (0.0, start), strict=True)
+        )
+        assert -math.pi <= turned < math.pi
+        assert abs(wrapped(turned - start - straight)) < 1e-12
+
+
+def test_angles_are_wrapped_to_half_a_turn():
+    assert wrapped(0.25) == 0.25
+    assert wrapped(math.pi) == -math.pi
+    assert wrapped(3.5) == pytest.approx(3.5 - 2.0 * math.pi)
+    assert wrapped(-20.0) == pytest.approx(-20.0 + 6.0 * math.pi)
 
 
 def test_impossible_sensors_are_refused():

@@ -57,7 +57,7 @@ def test_commands_are_found():
 def test_the_file_of_hyperparameters_can_be_read(tmp_path):
     file = tmp_path / "mine.yml"
     file.write_text(YAML)
-    assert read_hyperparameters(file, "PPO", "wt_gym/FullRange-v0")["n_steps"] == 2048
+    assert read_hyperparameters(file, "PPO", "wt_gym/FullRange-v1")["n_steps"] == 2048
 
 
 def test_what_the_page_says_is_so():

@@ -108,7 +108,7 @@ from wt_gym.agents.folder_lock import FolderLock
 if __name__ == "__main__":
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         print(pool.apply(FolderLock, ("folder", "work")).__class__ is FolderLock, FolderLock.__module__)
-    print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v0")) > 3, Path(wt_gym.agents.__file__).parent)
+    print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v1")) > 3, Path(wt_gym.agents.__file__).parent)
 """
 
 

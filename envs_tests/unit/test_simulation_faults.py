@@ -128,6 +128,15 @@ def test_a_wrong_sensor_changes_what_is_read_from_its_time_on():
     assert late["rotor_speed"] == values[names.index("rotor_speed")]
 
 
+def test_a_biased_vane_reads_directions():
+    signals = Signals(np.zeros(len(channel_table(3))), 3)
+    names = [channel.name for channel in channel_table(3)]
+    signals.values[names.index("yaw_error")], signals.values[names.index("azimuth")] = 3.0, 6.0
+    read = SensorBias(0.0, ("yaw_error", "azimuth"), 1.0, 0.5).read(signals)
+    assert read.yaw_error == pytest.approx(3.5 - 2.0 * math.pi)
+    assert read.azimuth == pytest.approx(6.5 - 2.0 * math.pi)
+
+
 # ---- in the simulator ----
 
 

@@ -11,7 +11,7 @@ from wt_gym.agents.training.environments import make_training_env
 from wt_gym.agents.training.hyperparameters import ALGORITHMS, hyperparameters_for, parse_override, read_hyperparameters
 from wt_gym.agents.training.models import make_model
 
-TASK, STEADY = "wt_gym/LoadReduction-v0", "wt_gym/NREL5MW-Steady-v0"
+TASK, STEADY = "wt_gym/LoadReduction-v1", "wt_gym/NREL5MW-Steady-v1"
 
 
 def test_ppo_starts_with_what_was_found_for_load_reduction():

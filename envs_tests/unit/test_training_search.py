@@ -11,7 +11,7 @@ from wt_gym.agents.training.hyperparameters import hyperparameters_for
 from wt_gym.agents.training.search import BEST_FILE, SPACES, search
 
 pytest.importorskip("optuna")
-TASK = "wt_gym/LoadReduction-v0"
+TASK = "wt_gym/LoadReduction-v1"
 CONFIG = TrainingConfig(total_steps=300, eval_every=100, tensorboard=False)
 
 

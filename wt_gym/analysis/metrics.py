@@ -15,6 +15,8 @@ import rainflow
 from wt_gym.control.operating_point import rotor_inertia
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import xarray as xr
 
     from wt_gym.turbines import Turbine
@@ -26,6 +28,9 @@ BLADE_EXPONENT = 10.0
 
 TOWER_EXPONENT = 4.0
 """Woehler exponent of the welded steel tower base."""
+
+TOWER_DIRECTIONS = 12
+"""Directions over half a turn in which the bending of the tower base is looked at."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,7 @@ METRICS: dict[str, Metric] = {
     "tip_clearance_min": Metric("Tip clearance to the tower, smallest", "m", 1.0, +1, 2, "min"),
     "tower_fore_aft_del": Metric("Tower base fore-aft DEL (m = 4)", "MN m", 1e-6, -1, 2),
     "tower_side_side_del": Metric("Tower base side-side DEL (m = 4)", "MN m", 1e-6, -1, 2),
+    "tower_del": Metric("Tower base DEL, worst direction (m = 4)", "MN m", 1e-6, -1, 2),
     "tower_base_max": Metric("Tower base moment, largest", "MN m", 1e-6, -1, 1, "max"),
     "pitch_duty_cycle": Metric("Pitch actuator duty cycle", "%", 100.0, -1, 2),
     "pitch_travel": Metric("Pitch travel, mean of the blades", "deg", 180 / np.pi, -1, 1),
@@ -122,6 +128,18 @@ def _count_events(above: np.ndarray) -> int:
     return int(above[0]) + int(np.count_nonzero(above[1:] & ~above[:-1]))
 
 
+def _worst_direction(channel: Callable[[str], np.ndarray], duration: float) -> float:
+    """Largest damage-equivalent load of the tower base over `TOWER_DIRECTIONS` that are fixed to the ground [N m].
+
+    A point of the wall stays where it is while the nacelle turns: it feels the bending moment about one fixed axis,
+    cos(a) M_x + sin(a) M_y. The first axis is that of the nacelle at the start, so that the result does not depend on
+    where the wind comes from; between two neighbours a load in one direction reads 0.9 % low at most.
+    """
+    x, y, first = channel("tower_base_moment_x"), channel("tower_base_moment_y"), channel("yaw")[0]
+    angles = first + np.pi * np.arange(TOWER_DIRECTIONS) / TOWER_DIRECTIONS
+    return max(damage_equivalent_load(np.cos(a) * x + np.sin(a) * y, duration, TOWER_EXPONENT) for a in angles)
+
+
 def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[str, float]:
     """Figures of merit of a recorded run.
 
@@ -140,7 +158,8 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         Keys of `METRICS`, SI units. The corrected power is the mean electrical power plus the kinetic energy that rotor
         and generator gained over the time measured, divided by that time. Blade loads are those of the worst blade.
         Largest and smallest values are those of the structural steps, which the channels ``*_max`` and ``*_min`` hold
-        since the sample before.
+        since the sample before. Fore-aft and side-side loads of the tower are those in the axes of the nacelle, which
+        turn with it: what a controller sees and acts on. "tower_del" is what a point of the tower bears.
 
     Raises
     ------
@@ -189,6 +208,7 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         "tip_clearance_min": min(float(channel(f"tip_clearance_min_{b}").min()) for b in blades),
         "tower_fore_aft_del": damage_equivalent_load(fore_aft, duration, TOWER_EXPONENT),
         "tower_side_side_del": damage_equivalent_load(side_side, duration, TOWER_EXPONENT),
+        "tower_del": _worst_direction(channel, duration),
         "tower_base_max": float(channel("tower_base_moment_max").max()),
         "pitch_duty_cycle": float(travel / duration / turbine.pitch.max_rate),
         "pitch_travel": float(travel),

@@ -115,7 +115,7 @@ def measure_environment(fidelity: str, wall: float) -> dict:
 
     import wt_gym  # noqa: F401 - registers the environments
 
-    env = gymnasium.make("wt_gym/NREL5MW-Turbulent-v0", fidelity=fidelity, disable_env_checker=True)
+    env = gymnasium.make("wt_gym/NREL5MW-Turbulent-v1", fidelity=fidelity, disable_env_checker=True)
     env.reset(seed=0)
     env.action_space.seed(0)
     actions = itertools.cycle([0.2 * env.action_space.sample() for _ in range(1000)])  # to draw one takes 1 % of a step
@@ -150,7 +150,7 @@ def measure_outside(fidelity: str, wall: float) -> dict:
 
     import wt_gym  # noqa: F401 - registers the environments
 
-    name = "wt_gym/LoadReduction-v0"
+    name = "wt_gym/LoadReduction-v1"
     lidar: dict[str, Any] = {"controller": LIDAR_CONTROLLER, "observation": LIDAR_OBSERVATION}
     single = gymnasium.make(name, disable_env_checker=True, fidelity=fidelity)
     seeing = gymnasium.make(name, disable_env_checker=True, fidelity=fidelity, **lidar)
@@ -204,7 +204,7 @@ def measure_vector(fidelity: str, wall: float) -> dict:
 
     import wt_gym  # noqa: F401 - registers the environments
 
-    name, number = "wt_gym/LoadReduction-v0", min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
+    name, number = "wt_gym/LoadReduction-v1", min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
     made = {
         "one": gymnasium.make_vec(name, 1, fidelity=fidelity),
         "threads": gymnasium.make_vec(name, number, fidelity=fidelity),

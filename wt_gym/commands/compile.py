@@ -1,7 +1,7 @@
 """Compile the simulator of environments, in two processes, so that no later run has to wait for it.
 
     wt-gym compile
-    wt-gym compile wt_gym/LoadReduction-v0 wt_gym/IEA15MW-Turbulent-v1
+    wt-gym compile wt_gym/LoadReduction-v1 wt_gym/IEA15MW-Turbulent-v2
 
 Compiled kernels stay in the cache (NUMBA_CACHE_DIR, else beside the package). One that has them already is done within
 seconds. On a cluster run it once on every kind of node, before the workers start.
@@ -14,7 +14,7 @@ import time
 
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
 
-DEFAULT = "wt_gym/NREL5MW-Turbulent-v0"
+DEFAULT = "wt_gym/NREL5MW-Turbulent-v1"
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:

@@ -20,7 +20,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser = OneLineParser("dataset", description=__doc__, epilog=UNSAFE)
     parser.add_argument("agent")
     parser.add_argument("id", help="id of the data set, namespace/name-vN")
-    parser.add_argument("--env", help="environment id (default: wt_gym/NREL5MW-Turbulent-v0, or that of the training)")
+    parser.add_argument("--env", help="environment id (default: wt_gym/NREL5MW-Turbulent-v1, or that of the training)")
     parser.add_argument(
         "--env-kwargs", type=json_value, default={}, metavar="JSON", help="arguments of the environment"
     )

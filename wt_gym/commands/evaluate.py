@@ -36,7 +36,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("evaluate", description=__doc__, epilog=UNSAFE)
     parser.add_argument("agents", nargs="*", default=["baseline"], help="agents; the first is the yardstick")
-    parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
+    parser.add_argument("--env", default="wt_gym/LoadReduction-v1", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/evaluation", help="folder for the results (default: %(default)s)")
     parser.add_argument("--overwrite", action="store_true", help="remove the evaluation that is in the folder")
     parser.add_argument(

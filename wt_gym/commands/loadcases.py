@@ -35,7 +35,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--turbulence", choices=("kaimal", "mann"), default="kaimal", help="spectra of the winds (default: %(default)s)"
     )
-    parser.add_argument("--env", default="wt_gym/LoadReduction-v0", help="environment id (default: %(default)s)")
+    parser.add_argument("--env", default="wt_gym/LoadReduction-v1", help="environment id (default: %(default)s)")
     parser.add_argument("--out", default="runs/loadcases", help="folder for the results (default: %(default)s)")
     parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     kwargs_help = "more arguments of the environment, e.g. '{\"overspeed_limit\": 1.5}'; winds are the cases'"

@@ -17,7 +17,7 @@ __all__ = ["add_training_options", "config_from"]
 def add_training_options(parser: argparse.ArgumentParser) -> None:
     """Add what a configuration is made of. Options that are not given stay out of the result."""
     options = parser.add_argument_group("what to train on", argument_default=argparse.SUPPRESS)
-    options.add_argument("--env", help="environment id (default: wt_gym/LoadReduction-v0)")
+    options.add_argument("--env", help="environment id (default: wt_gym/LoadReduction-v1)")
     options.add_argument(
         "--wind-speed", type=float, nargs="+", metavar="M_S", help="mean wind speed, or the range to draw it from [m/s]"
     )

@@ -8,9 +8,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from wt_gym.angles import wrapped
 from wt_gym.wind.protocol import velocity_ahead
 
-__all__ = ["Channel", "Lidar", "LowPass", "NacelleAnemometer", "Notch"]
+__all__ = ["AngleLowPass", "Channel", "Lidar", "LowPass", "NacelleAnemometer", "Notch"]
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,24 @@ class LowPass:
         return self.value
 
 
+class AngleLowPass(LowPass):
+    """First-order low-pass filter of a direction: its value moves along the shorter way around the circle.
+
+    ``y = y + (1 - a) wrapped(u - y)``, the same as `LowPass` as long as the input stays within half a turn of the
+    value. An input that flips from +180 to -180 degrees has hardly moved.
+    """
+
+    def reset(self, value: float) -> float:
+        """Start in steady state at an angle [rad]."""
+        return super().reset(wrapped(float(value)))
+
+    def update(self, value: float, dt: float) -> float:
+        """Take the angle of a step of length ``dt`` [s] and return the filtered one, within [-π, π) [rad]."""
+        near = self.value + wrapped(float(value) - self.value)
+        self.value = wrapped(super().update(near, dt))
+        return self.value
+
+
 class Notch:
     """Second-order notch ``(s^2 + w^2) / (s^2 + 2 zeta w s + w^2)``, by the bilinear transform that is exact at w.
 
@@ -125,7 +144,7 @@ class NacelleAnemometer:
 
     def __init__(self, speed_time_constant: float = 1.0, direction_time_constant: float = 5.0):
         self._speed = LowPass(speed_time_constant)
-        self._direction = LowPass(direction_time_constant)
+        self._direction = AngleLowPass(direction_time_constant)
 
     def reset(self, wind_x: float, wind_y: float, yaw_error: float) -> tuple[float, float]:
         """Start in steady state; arguments and result as `update`."""

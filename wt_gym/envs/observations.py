@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.angles import wrapped
 from wt_gym.constants import GRAVITY
 from wt_gym.control import ActionMap, Aim, Channel, Demand, Lidar, NacelleAnemometer, torque_curve
 from wt_gym.control.coleman import FIXED_FRAME
@@ -201,6 +202,7 @@ class Observer:
         if "rotor_wind" in names and self._estimator is None:  # another turbine's table takes a while to make
             self._estimator = WindEstimator.of_turbine(self._turbine)
         self.sees_lidar = any(name.startswith("lidar_") for name in names)
+        self._directions = [k for k, name in enumerate(names) if name == "yaw_error"]
         self._size = len(names)
 
     def __getstate__(self):
@@ -266,6 +268,8 @@ class Observer:
             values[k] = function(situation)
         if self._noise_level > 0:
             values += self._noise_level * self._noise * rng.standard_normal(self._size)
+            for k in self._directions:
+                values[k] = wrapped(values[k])
         readings = self._readings
         readings.append(values)
         if self._history == 1:

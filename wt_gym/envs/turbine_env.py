@@ -55,7 +55,8 @@ if TYPE_CHECKING:
 __all__ = ["EnvSnapshot", "WindTurbineEnv"]
 
 _RESET_OPTIONS = (
-    "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "generator_torque", "faults",
+    "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
+    "faults",
 )  # fmt: skip
 
 # What an episode remembers beside the simulator, the sensors and the random numbers
@@ -192,16 +193,17 @@ class WindTurbineEnv(gym.Env):
     The turbine runs in the drawn wind near its steady operating point
     (`wt_gym.control.operating_point.operating_point`): rotor speed, pitch and generator torque of the mean wind speed,
     azimuth drawn uniformly, yaw angle 0, structure and wake as ``Simulator.reset`` leaves them. At yaw angle 0 the
-    nacelle faces a wind that blows along +x, as the steady and turbulent winds made here do; an inflow of one's own
-    from another direction meets the rotor with that yaw error. Extreme winds meet a parked turbine: rotor at rest,
-    blades feathered, no torque; it needs a negative ``standstill_limit``, and of the controllers beneath none is for
-    it.
+    nacelle faces a wind that blows along +x. Winds made here have their direction against the nacelle, so that the
+    option ``yaw`` turns the world: actions, observations and rewards stay the same. An inflow of your own blows from
+    where it does, and meets the rotor with the yaw error that follows from ``yaw``. Extreme winds meet a parked
+    turbine: rotor at rest, blades feathered, no torque; it needs a negative ``standstill_limit``, and of the
+    controllers beneath none is for it.
     ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
-    [rad/s], ``pitch`` [rad], ``azimuth`` [rad] and ``generator_torque`` [N m]. The torque is never more than a
-    generator can brake with at the rotor speed (`wt_gym.simulation.drives.available_torque`): none at standstill.
-    Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and ``faults``, what breaks
-    in it and when (`wt_gym.simulation.faults`): blades that stick, a generator that is lost, a shut-down, sensors that
-    read wrong. Actions, observations and the ends of episodes stay what they are.
+    [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more
+    than a generator can brake with at the rotor speed (`wt_gym.simulation.drives.available_torque`): none at
+    standstill. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and ``faults``,
+    what breaks in it and when (`wt_gym.simulation.faults`): blades that stick, a generator that is lost, a shut-down,
+    sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
 
     ## Episode end
 
@@ -514,24 +516,25 @@ class WindTurbineEnv(gym.Env):
         unknown = [name for name in options if name not in _RESET_OPTIONS]
         if unknown:
             raise ValueError(f"reset has no options {unknown}; there are {_RESET_OPTIONS}")
-        for name in ("rotor_speed", "pitch", "azimuth", "generator_torque"):
+        for name in ("rotor_speed", "pitch", "azimuth", "yaw", "generator_torque"):
             if name in options:
                 options[name] = check_number(name, options[name], finite=False)
         wind_options = {name: options[name] for name in ("wind_speed", "wind_seed", "time_offset") if name in options}
         faults = checked_faults(options.get("faults", ()), self.turbine.n_blades)
+        yaw = check_number("yaw", options.get("yaw", 0.0), "rad")
         if "inflow" in options:
             self.episode_wind = self.wind.given(options["inflow"], **wind_options)
         else:
-            self.episode_wind = self.wind.sample(self.np_random, **wind_options, length=self._longest())
+            self.episode_wind = self.wind.sample(self.np_random, **wind_options, length=self._longest(), heading=yaw)
         azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
 
         start = self._start_point()
         speed, pitch = float(options.get("rotor_speed", start.rotor_speed)), float(options.get("pitch", start.pitch))
         torque = min(start.generator_torque, available_torque(self.turbine.drivetrain, speed))
         torque, azimuth = float(options.get("generator_torque", torque)), float(options.get("azimuth", azimuth))
-        self._begin(self.episode_wind, speed, pitch, azimuth, torque, faults)
+        self._begin(self.episode_wind, speed, pitch, azimuth, yaw, torque, faults)
         if self._twin is not None:
-            self._twin._begin(self.episode_wind, speed, pitch, azimuth, torque, faults)
+            self._twin._begin(self.episode_wind, speed, pitch, azimuth, yaw, torque, faults)
         observation, saturated = self._observe()
         if self._renderer is not None:
             self._renderer.reset()
@@ -577,13 +580,13 @@ class WindTurbineEnv(gym.Env):
             return OperatingPoint(0.0, min(self.turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
         return starting_point(self.turbine, self.episode_wind.inflow)
 
-    def _begin(self, wind, rotor_speed, pitch, azimuth, torque, faults) -> None:
+    def _begin(self, wind, rotor_speed, pitch, azimuth, yaw, torque, faults) -> None:
         """Start simulator, controller, sensors and reward in a wind."""
         self.episode_wind = wind
         self._place_simulator()
         self._take_faults(faults)
         self.signals = self.simulator.reset(
-            rotor_speed=rotor_speed, pitch=pitch, azimuth=azimuth, yaw=0.0, generator_torque=torque
+            rotor_speed=rotor_speed, pitch=pitch, azimuth=azimuth, yaw=yaw, generator_torque=torque
         )
         self.demand = self.base = Demand(np.full(self.turbine.n_blades, pitch), 0.0, torque)
         self.aim = self.layout.action.start(self.demand)

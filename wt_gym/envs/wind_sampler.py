@@ -278,6 +278,7 @@ class WindSampler:
         wind_seed: int | None = None,
         time_offset: float | None = None,
         length: float | None = None,
+        heading: float = 0.0,
     ) -> EpisodeWind:
         """Draw a wind.
 
@@ -289,6 +290,9 @@ class WindSampler:
             beginning of the box unless an offset is given too.
         length : float, optional
             Of the episode, where it is known [s].
+        heading : float
+            Yaw angle of the nacelle at the start [rad], against which winds made here have their direction; inflows of
+            one's own come from where they come from.
 
         Returns
         -------
@@ -310,15 +314,16 @@ class WindSampler:
             return self._turned(_own_wind(own, time_offset, float(drawn_phase), length), rng)
         speed = self._checked_speed(wind_speed) if wind_speed is not None else float(drawn_speed)
         if self._kind == "gusts" and (gust := self._gust(speed, rng)) is not None:
-            return self._turned(EpisodeWind(gust, speed, -1, 0.0), rng)
+            return self._turned(EpisodeWind(gust, speed, -1, 0.0), rng, heading)
         steady = self._steady(speed)
         if not self._turbulent:
-            return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng)
+            return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng, heading)
         seed = self._checked_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
         box = self._box(speed, seed)
         if time_offset is None:
             time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * box.duration
-        return self._turned(EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset), rng)
+        wind = EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset)
+        return self._turned(wind, rng, heading)
 
     def given(self, inflow, **options) -> EpisodeWind:
         """Take a wind from outside in place of one of its own.
@@ -385,13 +390,13 @@ class WindSampler:
         hub = np.array([[0.0, 0.0, self._turbine.hub_height]])
         return float(SteadyInflow(1.0, reference_height, **self._profile).velocity(hub, 0.0)[0, 0])
 
-    def _turned(self, wind: EpisodeWind, rng: np.random.Generator) -> EpisodeWind:
-        """Give the wind its direction."""
+    def _turned(self, wind: EpisodeWind, rng: np.random.Generator, heading: float = 0.0) -> EpisodeWind:
+        """Give the wind its direction, against a heading [rad]."""
         if self._directions == (0.0, 0.0) and self._wander is None:
-            return wind
-        start = float(rng.uniform(*self._directions))
+            return wind if heading == 0.0 else replace(wind, inflow=TurningInflow.by(wind.inflow, heading))
+        start = heading + float(rng.uniform(*self._directions))
         if self._wander is None:
-            turned = TurningInflow(wind.inflow, np.zeros(1), np.array([start]))
+            turned = TurningInflow.by(wind.inflow, start)
         else:
             deviation, time_constant = self._wander
             turned = TurningInflow.wandering(wind.inflow, start, deviation, time_constant, WANDERING, rng)

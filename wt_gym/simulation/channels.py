@@ -1,4 +1,11 @@
-"""The signals of the simulator: one flat vector with a documented table of channels."""
+"""The signals of the simulator: one flat vector with a documented table of channels.
+
+Fore-aft and side-side are directions of the nacelle: along its heading, the level part of its x axis, which points
+downwind, and to the left of it. They turn with the nacelle when it yaws, so that no signal with such a name depends on
+where the wind comes from. What is along axes that stay is named after the global axis, x or y. OpenFAST's tower outputs
+TTDspFA, TTDspSS, TwrBsMxt and TwrBsMyt are of the second kind: they are along its tower-base axes (suffix t), which are
+fixed to the foundation. Both kinds agree where the nacelle heads along x.
+"""
 
 from dataclasses import dataclass
 from functools import cache
@@ -47,17 +54,21 @@ _SINGLE = (
     ("yaw", "rad", "YawPzn", "Angle of the nacelle on the tower top, counter-clockwise from above"),
     ("yaw_rate", "rad/s", "YawVzn", "Rate of the nacelle yaw"),
     ("yaw_error", "rad", "NacYawErr", "Wind direction at the hub minus nacelle yaw"),
-    ("tower_top_fore_aft", "m", "TTDspFA", "Tower-top displacement along global x"),
-    ("tower_top_side_side", "m", "TTDspSS", "Tower-top displacement along global y, to the left"),
-    ("tower_base_fore_aft_moment", "N m", "TwrBsMyt", "Tower-base moment about y, positive for a downwind push"),
-    ("tower_base_side_side_moment", "N m", "TwrBsMxt", "Tower-base moment about x"),
+    ("tower_top_fore_aft", "m", "", "Tower-top displacement along the nacelle's heading, positive downwind"),
+    ("tower_top_side_side", "m", "", "Tower-top displacement across the nacelle's heading, to the left"),
+    ("tower_base_fore_aft_moment", "N m", "", "Tower-base moment that bends the tower along the nacelle's heading"),
+    ("tower_base_side_side_moment", "N m", "", "Tower-base moment about the nacelle's heading"),
     ("tower_base_torsion", "N m", "TwrBsMzt", "Tower-base moment about z"),
-    ("nacelle_acceleration_fore_aft", "m/s^2", "", "Tower-top acceleration along the yawed nacelle"),
-    ("nacelle_acceleration_side_side", "m/s^2", "", "Tower-top acceleration across the yawed nacelle"),
+    ("nacelle_acceleration_fore_aft", "m/s^2", "", "Tower-top acceleration along the nacelle's x axis"),
+    ("nacelle_acceleration_side_side", "m/s^2", "", "Tower-top acceleration along the nacelle's y axis"),
     ("shaft_torque", "N m", "RotTorq", "Torque in the low-speed shaft"),
     ("rotor_thrust", "N", "RotThrust", "Axial force in the low-speed shaft, weight and inertia included"),
     ("rotor_speed_max", "rad/s", "", "Largest rotor speed since the last sample, over all structural steps"),
     ("tower_base_moment_max", "N m", "", "Largest tower-base bending moment since the last sample"),
+    ("tower_top_x", "m", "TTDspFA", "Tower-top displacement along global x"),
+    ("tower_top_y", "m", "TTDspSS", "Tower-top displacement along global y"),
+    ("tower_base_moment_x", "N m", "TwrBsMxt", "Tower-base moment about global x"),
+    ("tower_base_moment_y", "N m", "TwrBsMyt", "Tower-base moment about global y, positive for a push along x"),
 )
 _PER_BLADE = (
     ("pitch", "rad", "BldPitch", "Pitch angle, positive to feather"),

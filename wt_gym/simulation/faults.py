@@ -14,6 +14,7 @@ from functools import cache
 
 import numpy as np
 
+from wt_gym.angles import wrapped
 from wt_gym.errors import ActionError
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.simulation.drives import GeneratorLaw, PitchDrives
@@ -221,7 +222,7 @@ class SensorBias:
     """From a time on sensors read ``factor`` times the truth plus ``offset``: what is read, not what is.
 
     Controllers beneath an agent's actions and observations see it; rewards, ends of episodes and recorded signals do
-    not.
+    not. A yaw error or azimuth that leaves the range of its channel comes in again at the other end.
 
     Parameters
     ----------
@@ -268,6 +269,11 @@ class SensorBias:
             return signals
         values, places = signals.values.copy(), self.places(signals.n_blades)
         values[places] = self.factor * values[places] + self.offset
+        for name, place in zip(self.channels, places, strict=True):
+            if name == "yaw_error":
+                values[place] = wrapped(values[place])
+            elif name == "azimuth":
+                values[place] %= 2.0 * math.pi
         return Signals(values, signals.n_blades)
 
 

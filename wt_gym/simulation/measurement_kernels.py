@@ -13,6 +13,7 @@ SINGLE = (
     "aero_torque", "aero_thrust", "yaw", "yaw_rate", "yaw_error", "tower_top_fore_aft", "tower_top_side_side",
     "tower_base_fore_aft_moment", "tower_base_side_side_moment", "tower_base_torsion", "nacelle_acceleration_fore_aft",
     "nacelle_acceleration_side_side", "shaft_torque", "rotor_thrust", "rotor_speed_max", "tower_base_moment_max",
+    "tower_top_x", "tower_top_y", "tower_base_moment_x", "tower_base_moment_y",
 )  # fmt: skip
 PER_BLADE = (
     "pitch", "pitch_rate", "pitch_command", "tip_out_of_plane", "tip_in_plane", "root_flap_moment", "root_edge_moment",
@@ -24,6 +25,7 @@ PER_BLADE = (
     AERO_TORQUE, AERO_THRUST, YAW, YAW_RATE, YAW_ERROR, TOWER_TOP_FORE_AFT, TOWER_TOP_SIDE_SIDE,
     TOWER_BASE_FORE_AFT, TOWER_BASE_SIDE_SIDE, TOWER_BASE_TORSION, ACCELERATION_FORE_AFT,
     ACCELERATION_SIDE_SIDE, SHAFT_TORQUE, ROTOR_THRUST, ROTOR_SPEED_MAX, TOWER_BASE_MAX,
+    TOWER_TOP_X, TOWER_TOP_Y, TOWER_BASE_X, TOWER_BASE_Y,
     PITCH, PITCH_RATE, PITCH_COMMAND, TIP_OUT_OF_PLANE, TIP_IN_PLANE, ROOT_FLAP, ROOT_EDGE,
     ROOT_TORSION, TIP_CLEARANCE, TIP_CLEARANCE_MIN, TIP_OUT_OF_PLANE_MAX, ROOT_FLAP_MAX, PITCH_TRAVEL,
 ) = range(len(SINGLE) + len(PER_BLADE))  # fmt: skip
@@ -108,10 +110,21 @@ def _rotor(y, g, places, values, at):
 
 @kernel(fastmath=False)
 def _tower(work, g, places, values, at):
-    """Tower-top motion and tower-base loads."""
-    base = g.wrench[places.tower]
-    values[at[TOWER_TOP_FORE_AFT]], values[at[TOWER_TOP_SIDE_SIDE]] = work.r[g.nacelle, 0], work.r[g.nacelle, 1]
-    values[at[TOWER_BASE_FORE_AFT]], values[at[TOWER_BASE_SIDE_SIDE]] = -base[4], -base[3]
+    """Tower-top motion and tower-base loads: along global axes, and along and across the heading of the nacelle.
+
+    The heading is the level part of the nacelle's x axis. With the unit vectors f along it and s to its left the
+    displacement d has the components d·f and d·s, and the moment M the components M·s (a push along f bends the tower
+    about s) and M·f.
+    """
+    base, axis = g.wrench[places.tower], work.rot[g.nacelle, :, 0]
+    level = 1.0 / math.hypot(axis[0], axis[1])
+    cos, sin = axis[0] * level, axis[1] * level
+    x, y, moment_x, moment_y = work.r[g.nacelle, 0], work.r[g.nacelle, 1], -base[3], -base[4]
+    values[at[TOWER_TOP_X]], values[at[TOWER_TOP_Y]] = x, y
+    values[at[TOWER_BASE_X]], values[at[TOWER_BASE_Y]] = moment_x, moment_y
+    values[at[TOWER_TOP_FORE_AFT]], values[at[TOWER_TOP_SIDE_SIDE]] = cos * x + sin * y, cos * y - sin * x
+    values[at[TOWER_BASE_FORE_AFT]] = cos * moment_y - sin * moment_x
+    values[at[TOWER_BASE_SIDE_SIDE]] = cos * moment_x + sin * moment_y
     values[at[TOWER_BASE_TORSION]] = -base[5]
     values[at[TOWER_BASE_MAX]] = math.hypot(base[4], base[3])
     values[at[ACCELERATION_FORE_AFT]] = g.nacelle_acceleration[0]

@@ -291,8 +291,8 @@ class Simulator:
         -------
         array (6,)
             Force [N] and moment [N m] about the undeflected foot of the tower or of its support, global axes. On a
-            monopile it holds what the water bears (see `Support`); without one, the moments are the channels
-            tower_base_fore_aft_moment about y and tower_base_side_side_moment about x.
+            monopile it holds what the water bears (see `Support`); without one, the moments about x and y are the
+            channels tower_base_moment_x and tower_base_moment_y.
         """
         self._require_start()
         values = self._measurement.values.copy()

@@ -319,6 +319,18 @@ def rotor_nacelle_inertia(turbine, blade_inertia):
     return total
 
 
+def averaged_over_yaw(mass):
+    """Mean of a mass matrix (6, 6) on the tower top over the yaw angle of the nacelle.
+
+    With it the bending modes of a round tower have the same shapes in both planes, so that they span the same
+    deflections whichever way the nacelle faces. The mean over four quarter turns is that over all angles: a tensor of
+    second rank has no harmonic of the angle beyond the second.
+    """
+    quarter = np.kron(np.eye(2), [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
+    return np.mean([turn @ mass @ turn.T for turn in turns], axis=0)
+
+
 def tower_beam(tower, elements):
     """Finite-element model of a tower in that many elements, and in as short ones of the support it may stand on.
 
@@ -353,7 +365,7 @@ def _tower(turbine, fidelity, blade_body):
     """Tower body in plane bending and torsion modes shaped by the tower-top mass, with the support beneath."""
     _check_support(turbine, fidelity)
     tower, beam = turbine.tower, tower_beam(turbine.tower, fidelity.tower_elements)
-    top = rotor_nacelle_inertia(turbine, blade_body.inertia)
+    top = averaged_over_yaw(rotor_nacelle_inertia(turbine, blade_body.inertia))
     if fidelity.tower_coordinates == "modal":
         basis, names = _tower_modes(beam, fidelity, top)
         body = FlexibleBody.from_beam("tower", beam, basis, tower.damping_ratio, None, names)

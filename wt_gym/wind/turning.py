@@ -49,6 +49,11 @@ class TurningInflow(PointInflow):
             object.__setattr__(self, name, array)
 
     @classmethod
+    def by(cls, inner, angle) -> "TurningInflow":
+        """Another inflow turned by an angle that stays [rad]."""
+        return cls(inner, np.zeros(1), np.array([angle]))
+
+    @classmethod
     def wandering(cls, inner, start, deviation, time_constant, duration, rng) -> "TurningInflow":
         """Direction that wanders about its start as an Ornstein-Uhlenbeck process.
 

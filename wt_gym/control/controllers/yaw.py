@@ -11,7 +11,7 @@ import math
 from typing import TYPE_CHECKING
 
 from wt_gym.control.actions import Demand
-from wt_gym.control.sensors import LowPass
+from wt_gym.control.sensors import AngleLowPass
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
@@ -24,8 +24,9 @@ class YawByDeadBand:
     """Addition that turns the nacelle into the wind at the greatest rate of its drive.
 
     At rest the yaw error passes a slow low-pass filter; the drive starts when that leaves the dead-band. Turning, a
-    faster filter is read, and the drive stops when the error has become small or has changed sign; the slow filter then
-    goes on from that reading. A filter of time constant tau delays as much as an average over 2 tau.
+    faster filter is read, and the drive stops when the error has become small or has changed sign through zero; the
+    slow filter then goes on from that reading. A wind from behind, whose error flips between 180 and -180 degrees, does
+    not turn the drive back. A filter of time constant tau delays as much as an average over 2 tau.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ class YawByDeadBand:
         if not 0.0 <= stop < dead_band:
             raise ValueError(f"a yaw drive needs 0 <= stop < dead_band, got {stop!r} and {dead_band!r} rad")
         self.rate, self.dead_band, self.stop = float(rate), float(dead_band), float(stop)
-        self._slow, self._fast, self.turning = LowPass(slow), LowPass(fast), 0
+        self._slow, self._fast, self.turning = AngleLowPass(slow), AngleLowPass(fast), 0
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, **parameters) -> YawByDeadBand:
@@ -77,7 +78,7 @@ class YawByDeadBand:
         slow, fast = self._slow.update(error, dt), self._fast.update(error, dt)
         if self.turning == 0 and abs(slow) > self.dead_band:
             self.turning = 1 if slow > 0.0 else -1
-        elif self.turning != 0 and self.turning * fast <= self.stop:
+        elif self.turning != 0 and self.turning * fast <= self.stop and abs(fast) < 0.5 * math.pi:
             self.turning = 0
             self._slow.reset(fast)
         return Demand(demand.pitch, self.turning * self.rate, demand.generator_torque)

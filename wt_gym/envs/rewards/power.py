@@ -61,9 +61,10 @@ class Power:
       rotor earns nothing, nor does filling it at the end beyond rated speed, and driving it with the generator costs.
       It is a potential in the sense of Ng, Harada and Russell (1999), here without discount.
     - P_available is `available_power` at the rotor-effective wind: the size of the mean horizontal wind over 12 points
-      of equal area of the rotor disc at the hub, behind a first-order low-pass filter. It depends on nothing that an
-      agent does: yawing away from the wind does not lower it. Without an inflow the undisturbed wind at the hub stands
-      for it.
+      of equal area of a disc of the rotor's size at the hub, behind a first-order low-pass filter. The disc stands
+      across the wind: it faces the direction of that mean wind, behind a filter of the same kind. It depends on nothing
+      that an agent does: yawing away from the wind does not lower it. Without an inflow the undisturbed wind at the
+      hub stands for it.
 
     A difference and not a ratio, because a ratio to the available power of the moment would pay a joule stored in a
     lull more than it costs when taken out in a gust.
@@ -91,9 +92,10 @@ class Power:
         self._power_factor = _power_factor(turbine)
         disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
         ring = turbine.rotor_diameter / 2 * _RINGS
-        disc[..., 1] = np.outer(ring, np.sin(_AZIMUTHS))
+        self._beside = np.outer(ring, np.sin(_AZIMUTHS)).ravel()
         disc[..., 2] = turbine.hub_height + np.outer(ring, np.cos(_AZIMUTHS))
         self._disc, self._disc_wind = disc.reshape(-1, 3), np.zeros((disc.size // 3, 3))
+        self._mean_wind = (0.0, 0.0)
         self._filter_step, self._filter_gain = math.nan, math.nan
 
     def __call__(self, transition: Transition) -> float:
@@ -118,18 +120,31 @@ class Power:
     def _available(self, transition: Transition) -> float:
         """Available power over rated power [-]."""
         if math.isnan(self._wind_speed):
-            self._wind_speed = self._wind(transition.inflow, transition.before)
+            before = transition.before
+            self._mean_wind = before["wind_x"], before["wind_y"]
+            self._mean_wind = self._wind(transition.inflow, before)
+            self._wind_speed = math.hypot(*self._mean_wind)
         if self._filter_step != transition.dt:
             self._filter_step = transition.dt
             self._filter_gain = 1.0 - math.exp(-transition.dt / self.time_constant)
-        speed = self._wind(transition.inflow, transition.after)
-        self._wind_speed += self._filter_gain * (speed - self._wind_speed)
+        (x, y), (mean_x, mean_y), gain = (
+            self._wind(transition.inflow, transition.after),
+            self._mean_wind,
+            self._filter_gain,
+        )
+        self._wind_speed += gain * (math.hypot(x, y) - self._wind_speed)
+        self._mean_wind = mean_x + gain * (x - mean_x), mean_y + gain * (y - mean_y)
         return min(1.0, self._power_factor * self._wind_speed**3 / self._rated_power)
 
-    def _wind(self, inflow, signals: Signals) -> float:
-        """Rotor-effective wind speed [m/s]."""
+    def _wind(self, inflow, signals: Signals) -> tuple[float, float]:
+        """Mean horizontal wind over the disc, components along x and y [m/s]."""
         if inflow is None:
-            return math.hypot(signals["wind_x"], signals["wind_y"])
+            return signals["wind_x"], signals["wind_y"]
+        x, y = self._mean_wind
+        size = math.hypot(x, y)
+        cos, sin = (x / size, y / size) if size > 0.0 else (1.0, 0.0)  # in a calm any disc will do
+        np.multiply(self._beside, -sin, out=self._disc[:, 0])
+        np.multiply(self._beside, cos, out=self._disc[:, 1])
         fill_velocity(inflow, read_only(self._disc), signals["time"], self._disc_wind)
         x, y, _ = np.add.reduce(self._disc_wind).tolist()
-        return math.hypot(x, y) / len(self._disc)
+        return x / len(self._disc), y / len(self._disc)

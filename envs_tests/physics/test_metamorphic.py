@@ -1,0 +1,193 @@
+"""Metamorphic tests of the simulator: a world that is turned about the vertical or seen in a mirror is the same."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, span_distribution
+from wt_gym.simulation import FIDELITIES, Simulator
+from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation.turbine_structure import averaged_over_yaw
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
+
+GLOBAL = ("wind_x", "wind_y", "yaw", "tower_top_x", "tower_top_y", "tower_base_moment_x", "tower_base_moment_y")
+NAMES = [channel.name for channel in channel_table(3)]
+
+
+def course(simulator, inflow, angle, seconds=4.0):
+    """Signals (n, n_channels) of a nacelle that yaws in a sheared wind from its side, all turned by an angle."""
+    simulator.inflow = TurningInflow.by(inflow, angle)
+    rows = [simulator.reset(1.1, pitch=0.1, azimuth=0.4, yaw=angle + 0.1).values]
+    for k in range(round(seconds / 0.2)):
+        pitch = 0.1 + 0.02 * np.sin(0.5 * k + np.arange(3))
+        rows.append(simulator.advance(0.2, pitch, 0.004, 40e3).values)
+    return np.array(rows)
+
+
+def assert_turned(first, second, angle, tolerance):
+    """The same signals; those along global axes are turned."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    for k, name in enumerate(NAMES):
+        if name not in GLOBAL:
+            size = np.abs(first[:, k]).max() + 1e-12
+            np.testing.assert_allclose(second[:, k] / size, first[:, k] / size, atol=tolerance, err_msg=name)
+    for stem in ("wind", "tower_top", "tower_base_moment"):
+        (x, y), (u, v) = ([part[:, NAMES.index(f"{stem}_{axis}")] for axis in "xy"] for part in (first, second))
+        size = np.hypot(x, y).max()
+        np.testing.assert_allclose(u / size, (cos * x - sin * y) / size, atol=tolerance, err_msg=stem)
+        np.testing.assert_allclose(v / size, (sin * x + cos * y) / size, atol=tolerance, err_msg=stem)
+    k = NAMES.index("yaw")
+    np.testing.assert_allclose(second[:, k], first[:, k] + angle, atol=1e-9)
+
+
+WIND = SteadyInflow(13.0, 90.0, shear_exponent=0.2, veer=0.001, yaw_misalignment=0.2, inclination=0.1)
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    return Simulator("nrel_5mw", WIND)
+
+
+@pytest.fixture(scope="module")
+def straight(simulator):
+    return course(simulator, WIND, 0.0)
+
+
+@pytest.mark.parametrize("degrees", [30.0, 90.0, 180.0, 237.0])
+def test_a_turned_world_is_the_same(simulator, straight, degrees):
+    angle = math.radians(degrees)
+    assert_turned(straight, course(simulator, WIND, angle), angle, 1e-5)
+
+
+def test_a_gust_from_any_side_is_the_same(simulator):
+    gust = TransientInflow.ecd(12.0, 90.0, 126.0, start_time=0.5)
+    first, second = (course(simulator, gust, angle) for angle in (0.0, 2.0))
+    assert_turned(first, second, 2.0, 1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fidelity", "tolerance"),
+    [
+        (replace(FIDELITIES["training"], name="spring", yaw_drive="spring"), 1e-5),
+        (FIDELITIES["training-torsion"], 1e-5),
+        (FIDELITIES["engineering"], 1e-4),
+    ],
+    ids=lambda given: getattr(given, "name", None),
+)
+def test_a_turned_world_is_the_same_at_every_fidelity(fidelity, tolerance):
+    simulator = Simulator("nrel_5mw", WIND, fidelity)
+    first, second = (course(simulator, WIND, angle, 2.0) for angle in (0.0, 2.0))
+    assert_turned(first, second, 2.0, tolerance)
+
+
+def test_a_nacelle_that_turns_sees_its_loads_in_its_own_axes(simulator):
+    """Across the wind the thrust, which goes with the rotor, bends the tower along the nacelle and not along x."""
+    inflow = SteadyInflow(10.0, 90.0, yaw_misalignment=0.5 * math.pi)
+    simulator.inflow = inflow
+    signals = simulator.reset(1.1, yaw=0.5 * math.pi)
+    assert signals.tower_base_fore_aft_moment > 5.0 * abs(signals.tower_base_side_side_moment)
+    assert signals.tower_top_fore_aft > 5.0 * abs(signals.tower_top_side_side)
+    # a push along +y bends the tower about -x
+    assert signals.tower_base_moment_x == pytest.approx(-signals.tower_base_fore_aft_moment, rel=1e-3)
+    assert signals.tower_top_y == pytest.approx(signals.tower_top_fore_aft, rel=1e-3)
+
+
+def test_tower_modes_have_no_preferred_plane(simulator):
+    """Each bending shape along x has its like along y, of a round tower under whatever stands on it."""
+    _, shapes = simulator.structure.tower_field
+    along, across = shapes[0::6, :2], shapes[1::6, 2:4]
+    np.testing.assert_allclose(np.abs(across), np.abs(along), rtol=1e-9, atol=1e-12)
+    assert np.abs(along).max() > 0.0
+
+
+def test_the_mean_over_the_yaw_is_that_over_every_angle():
+    rng = np.random.default_rng(1)
+    mass = rng.normal(size=(6, 6))
+    mass = mass + mass.T
+    turned = []
+    for angle in 2.0 * np.pi * np.arange(7) / 7:
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.kron(np.eye(2), [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        turned.append(turn @ mass @ turn.T)
+    np.testing.assert_allclose(averaged_over_yaw(mass), np.mean(turned, axis=0), atol=1e-14)
+
+
+def test_turbine_of_the_tests_has_a_round_tower():
+    stiffness = load_turbine("nrel_5mw").tower.structure.stiffness
+    np.testing.assert_allclose(stiffness[:, 3, 3], stiffness[:, 4, 4], rtol=1e-12)
+
+
+# ---- mirrored ----
+
+MIRROR = np.array([1.0, -1.0, 1.0])
+LEFT = SteadyInflow(11.0, 90.0, shear_exponent=0.2, veer=0.002, yaw_misalignment=0.3, inclination=0.1)
+RIGHT = replace(LEFT, veer=-0.002, yaw_misalignment=-0.3)
+
+
+def mirrored_box(box):
+    """A box whose columns go the other way, as their lateral component does."""
+    return replace(box, fluctuation=np.ascontiguousarray(box.fluctuation[:, :, ::-1]) * MIRROR.astype(np.float32))
+
+
+def mirrored_winds():
+    """Pairs of inflows that are each other's mirror image at y = 0."""
+    box = TurbulenceBox.kaimal(11.0, 90.0, 126.0, "B", seed=1, grid=(5, 5), cache=False)
+    yield LEFT, RIGHT
+    yield TurbulentInflow(box, LEFT, 3.0), TurbulentInflow(mirrored_box(box), RIGHT, 3.0)
+    for make in (TransientInflow.ecd, TransientInflow.edc):
+        kind = {"turbulence_class": "B"} if make is TransientInflow.edc else {}
+        yield tuple(make(11.0, 90.0, 126.0, sign=sign, start_time=1.0, **kind) for sign in (1, -1))
+    shear = (TransientInflow.ews(11.0, 90.0, 126.0, "B", axis="horizontal", sign=sign) for sign in (1, -1))
+    yield tuple(shear)
+
+
+def test_every_wind_has_a_mirror_image():
+    points = np.random.default_rng(2).uniform([-200.0, -100.0, 20.0], [200.0, 100.0, 160.0], (40, 3))
+    for one, other in mirrored_winds():
+        for time in (0.0, 2.5, 7.0):
+            seen = one.velocity(points, time)
+            np.testing.assert_allclose(other.velocity(points * MIRROR, time), seen * MIRROR, atol=1e-5)
+        assert np.abs(other.velocity(points, 7.0) - seen).max() > 0.1
+
+
+def symmetric_blade():
+    """A twisted blade of symmetric sections, whose mirror image has the same polars."""
+    angles = -np.pi + 2.0 * np.pi * np.arange(360) / 360
+    polar = np.stack([1.1 * np.sin(2.0 * angles) + 4.0 * np.sin(angles), 0.01 + np.sin(angles) ** 2, 0 * angles], -1)
+    edges = span_distribution(4.0, 60.0, TRAINING.n_span)
+    axis = np.stack([0.0 * edges, 0.0 * edges, edges], -1)
+    twist, chord = 0.25 * (1.0 - edges / 60.0), 4.0 - 0.04 * edges
+    polars = np.tile(polar, (TRAINING.n_span, 1, 1))
+    return build_planform(edges, axis, chord, twist, 0.25 + 0.0 * edges, polars, TRAINING.n_chord)
+
+
+def rotor_forces(inflow, mirror, steps=40):
+    """Nodal forces (steps, 3, ...) of a rotor that begins to turn, clockwise or as its mirror image."""
+    planform, speed, dt, centre = symmetric_blade(), 1.2, 0.1, np.array([-5.0, 0.0, 90.0])
+    solver = VortexLattice(planform, 3, TRAINING, 1.225)
+    state, found = solver.new_state(), []
+    for k in range(steps + 1):
+        angles = 0.3 + speed * dt * k + 2.0 * np.pi * np.arange(3) / 3
+        turns = [np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]]) for a in angles]
+        nodes = np.array([planform.nodes @ turn.T for turn in turns])
+        velocities = np.cross([speed, 0.0, 0.0], nodes)
+        nodes, velocities = (nodes + centre) * mirror, velocities * mirror
+        if k == 0:
+            solver.reset(state, nodes, velocities, inflow.velocity(nodes, 0.0))
+            continue
+        solver.convect_wake(state, inflow, (k - 1) * dt, dt)
+        found.append(np.array(solver.solve(state, nodes, velocities, inflow.velocity(nodes, k * dt), dt)))
+        solver.accept(state)
+    return np.array(found)
+
+
+def test_a_rotor_that_turns_the_other_way_has_the_mirrored_forces():
+    """Wing and wake of the vortex lattice, in a sheared wind from the side."""
+    forces, mirrored = rotor_forces(LEFT, np.ones(3)), rotor_forces(RIGHT, MIRROR)
+    size = np.abs(forces).max()
+    assert np.abs(forces[..., 1]).max() > 0.05 * size
+    np.testing.assert_allclose(mirrored / size, forces * MIRROR / size, atol=1e-5)
