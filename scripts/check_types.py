@@ -33,7 +33,7 @@ if __name__ == "__main__":
         "--config-file",
         "../../pyproject.toml",
         "--cache-dir",
-        "..",
+        "../of_package",
         *sys.argv[1:],
     ]
     sys.exit(subprocess.run(command, cwd=COPY).returncode)

@@ -87,7 +87,7 @@ def measure(python: Path, way: str, caches: Path, tests: bool) -> dict:
     record |= {f"again: {name}": again[name] for name in ("first step [s]", "first step [CPU s]")}
     record |= {name: again[name] for name in ("simulated s / CPU s", "rotor speed")}
     if tests:
-        command = [str(python), "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", *CORE]
+        command = [str(python), "-m", "pytest", "--disable-warnings", "-n", "0", "-p", "no:cacheprovider", *CORE]
         done = subprocess.run(command, env=variables, stdout=subprocess.PIPE, text=True, cwd=ROOT)
         record["tests"] = done.stdout.strip().rsplit("\n", 1)[-1]
         if done.returncode:

@@ -56,6 +56,8 @@ print(root(np.arange(4.0), 3.0), *(
 """
 """Prints the result, and for each kernel 1 where it came from the cache, -1 where it was compiled."""
 
+linked_only = pytest.mark.skipif(way_to_compile() == "plain", reason="what only the linked way does")
+
 
 @pytest.fixture
 def modules(tmp_path):
@@ -79,6 +81,7 @@ def process(code, folders, **more):
     return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, cwd=folders[0])
 
 
+@linked_only
 def test_the_cache_brings_separate_kernels_along_and_notices_their_changes(modules):
     assert run(modules) == [18.0, -1, -1, -1]
     assert run(modules) == [18.0, 1, 1, 1]
@@ -89,12 +92,14 @@ def test_the_cache_brings_separate_kernels_along_and_notices_their_changes(modul
     assert run(modules) == [36.0, -1, -1, -1]
 
 
+@linked_only
 def test_a_plain_function_links_a_separate_kernel_from_the_cache(modules):
     code = RUN + "plain = numba.njit(lambda x: branch(x, 3.0) + leaf(x, 3.0))\nprint(plain(np.arange(4.0)))"
     run(modules)
     assert run(modules, code)[-1] == 6.0 * (3.0 + 4.0 + 3.0 + 3.0)
 
 
+@linked_only
 def test_a_caller_has_no_code_of_its_separate_kernels(modules, monkeypatch):
     monkeypatch.syspath_prepend(modules)
     from caller_module import root
@@ -109,6 +114,7 @@ def test_a_caller_has_no_code_of_its_separate_kernels(modules, monkeypatch):
     assert "internal" not in definition
 
 
+@linked_only
 def test_python_calls_a_separate_kernel_through_a_function_of_its_own(modules):
     (modules / "leaf_module.py").write_text(LEAF.replace("factor):", "factor=3.0):"))
     code = """
@@ -124,6 +130,7 @@ print(*(len(k.stats.cache_hits) - len(k.stats.cache_misses) for k in (leaf, leaf
     assert run(modules, code) == [18.0, 18.0, 18.0, 1, 2]
 
 
+@linked_only
 def test_an_inner_kernel_comes_from_the_cache_as_what_its_callers_link(modules):
     code = RUN + "print(between(np.arange(4.0), 3.0), len(between.stats.cache_hits), between.nopython_signatures)"
     run(modules)
@@ -296,6 +303,7 @@ def changed_at_equal_size(path, old, new):
     os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
+@linked_only
 def test_a_change_of_equal_size_and_time_is_noticed(modules):
     assert run(modules) == [18.0, -1, -1, -1]
     changed_at_equal_size(modules / "leaf_module.py", "total += factor", "total -= factor")
