@@ -352,6 +352,14 @@ def test_the_mass_of_the_whole_top_is_shared_out(tmp_path):
         load_turbine(save(data, tmp_path))
 
 
+def test_the_lowest_speed_is_that_of_the_optimal_ratio_at_cut_in(tmp_path):
+    data = small_turbine()
+    data["control"]["min_rotor_speed"] = 0.0
+    turbine = load_turbine(save(data, tmp_path))
+    assert turbine.drivetrain.min_rotor_speed == pytest.approx(7.0 * 3.0 / 41.0)
+    assert "4.89 rpm" in note(turbine, "control.min_rotor_speed")
+
+
 def test_a_geared_machine_without_its_ratio_is_refused(tmp_path):
     data = small_turbine()
     del data["components"]["drivetrain"]["gearbox"]["gear_ratio"]

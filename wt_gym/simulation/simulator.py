@@ -27,7 +27,7 @@ class Simulator:
     Parameters
     ----------
     turbine : str, path or Turbine
-        Name in the catalogue, path of a windIO v2 file, or a turbine.
+        Name in the catalogue, path of a windIO file, or a turbine.
     inflow : Inflow
         Undisturbed wind.
     fidelity : str or Fidelity
