@@ -230,7 +230,7 @@ class WindTurbineEnv(gym.Env):
     Parameters
     ----------
     turbine : str, path or Turbine
-        Name in the catalogue, a windIO v2 file, an OpenFAST model (.fst), or a turbine.
+        Name in the catalogue, a windIO file, an OpenFAST model (.fst), or a turbine.
     generator : {"torque", "damper"}, optional
         A torque that is demanded, or the damper of the turbine, M = c Ω, which takes no demand; default: what the
         turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the rated

@@ -90,7 +90,7 @@ def catalogue() -> tuple[str, ...]:
 def load_turbine(
     name_or_path: str | Path, water_depth: float | None = None, foundation: NDArray[np.float64] | None = None
 ) -> Turbine:
-    """Load a turbine of the catalogue, any windIO v2 file or any OpenFAST model.
+    """Load a turbine of the catalogue, any windIO file (version 2 or 1) or any OpenFAST model.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def turbine_file(name_or_path: str | Path) -> Path:
             f"turbine {name_or_path!r} has no windIO file, the package builds it: load_turbine({name_or_path!r}); with "
             f"a file are {', '.join(map(repr, _FILES))}"
         )
-    allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO v2 file or OpenFAST model (.fst)"
+    allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO file or OpenFAST model (.fst)"
     if not isinstance(name_or_path, (str, Path)):
         raise fail("turbine", name_or_path, allowed)
     path = Path(name_or_path).expanduser()

@@ -18,7 +18,7 @@ from wt_gym.user_cache import user_cache
 
 __all__ = ["load", "store"]
 
-_FORMAT = 3  # raise when what is checked before a file counts as valid changes
+_FORMAT = 5  # raise when what is checked before a file counts as valid changes
 _KEPT = 100  # files, of some 0.5 MB each
 _log = logging.getLogger(__name__)
 

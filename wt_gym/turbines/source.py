@@ -287,8 +287,7 @@ def _as_json(content: bytes) -> Any:
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         data = dict(pairs)
         if len(data) < len(pairs):
-            keys = [key for key, _ in pairs]
-            raise TurbineDefinitionError(f"not a valid JSON file: {max(keys, key=keys.count)!r} occurs twice")
+            raise ValueError("a key occurs twice")  # the YAML parser says which and where
         return data
 
     try:

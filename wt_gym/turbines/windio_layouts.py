@@ -74,7 +74,8 @@ def adopt_layout(data: dict[str, Any], notes: list[str]) -> None:
     Raises
     ------
     TurbineDefinitionError
-        If a number that enters the rated rotor speed or the stretching is not one.
+        If a number that enters the rated rotor speed or the stretching is not one, or the largest torque is far below
+        the rated one.
     """
     foreign = any(_get(data, path) is not None for path in _MARKS)
     speed = _rated_rotor_speed(data, notes)
@@ -92,6 +93,7 @@ def adopt_layout(data: dict[str, Any], notes: list[str]) -> None:
     for parent, names in moved.items():
         notes.append(f"{parent}: layout of windIO 2.0 or WISDEM, read {', '.join(names)}")
         _remove_if_empty(data, parent)
+    _to_newton_meters(data, notes)
     if foreign:
         _stretch(data, notes)
 
@@ -116,6 +118,33 @@ def _rated_rotor_speed(data: dict[str, Any], notes: list[str]) -> float | None:
         f"{' and assembly.rotor_diameter' if least in _TIP_SPEEDS else ''}"
     )
     return found[least]
+
+
+def _to_newton_meters(data: dict[str, Any], notes: list[str]) -> None:
+    """Turn torque limits that a tool wrote in kN m into N m; one far below the rated torque cannot be meant in N m.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If the largest torque is less than half the rated one in either unit.
+    """
+    largest, speed = _number(data, "control.max_gen_torque"), _number(data, "control.rated_rotor_speed")
+    power = _number(data, "assembly.rated_power") or _number(data, "control.rated_power")
+    if not largest or not speed or not power:
+        return
+    ratio = _number(data, "components.drivetrain.gearbox.gear_ratio") or 1.0
+    rated = power / (speed * math.pi / 30.0 * ratio)
+    if largest >= 0.5 * rated:
+        return
+    if not 0.9 * rated <= 1e3 * largest <= 3.0 * rated:
+        raise fail("control.max_gen_torque", largest, f"a torque of at least the rated one, {rated:.4g} N m")
+    scaled = [key for key in ("max_gen_torque", "max_torque_rate") if _number(data, f"control.{key}") is not None]
+    for key in scaled:
+        data["control"][key] *= 1e3
+    notes.append(
+        f"control: {', '.join(scaled)} read in kN m, because in N m the largest torque, {largest:g}, were a thousandth "
+        "of the rated one"
+    )
 
 
 def _stretch(data: dict[str, Any], notes: list[str]) -> None:

@@ -280,7 +280,7 @@ def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine, notes:
     shaft_torque = rated_power / (speed * ratio * gear_efficiency)
     efficiency = _generator_efficiency(node, control, speed * ratio, shaft_torque, notes)
     torque = shaft_torque / efficiency
-    slowest = _optional(control, "min_rotor_speed", 0.0, 1000.0, rpm, 0.0, "0 rpm", notes)
+    slowest = _min_rotor_speed(root, machine, notes)
     most = _optional(
         control, "max_gen_torque", 1.0, 1e12, 1.0, _TORQUE_MARGIN * torque, "110 % of the rated torque", notes
     )
@@ -301,6 +301,23 @@ def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine, notes:
             max_generator_torque=most,
             max_torque_rate=rate,
         )
+
+
+def _min_rotor_speed(root: Node, machine: Machine, notes: list[str]) -> float:
+    """Return the lowest rotor speed of operation [rad/s], where a file has none that of the optimal ratio at cut-in."""
+    control, assembly = root.at("control"), root.at("assembly")
+    if _given(control, "min_rotor_speed"):
+        return control.number("min_rotor_speed", 0.0, 1000.0, rpm)
+    where = control.where("min_rotor_speed")
+    if "optimal_tsr" not in control:
+        notes.append(f"{where}: not in the file, 0 rpm assumed")
+        return 0.0
+    cut_in = assembly.number("cut_in_wind_speed", 0.0, 30.0) if "cut_in_wind_speed" in assembly else 3.0
+    speed = control.number("optimal_tsr", 0.1, 50.0) * cut_in / (0.5 * machine.rotor_diameter)
+    speed = min(speed, 0.5 * machine.rated_speed)
+    notes.append(f"{where}: not in the file, {speed / rpm:.3g} rpm, of control.optimal_tsr at the cut-in wind speed, "
+                 "at most half the rated one")  # fmt: skip
+    return speed
 
 
 def _generator_inertia(root: Node, machine: Machine, notes: list[str]) -> float:
