@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation.blade_element import BladeElementRotor, blade_element
+from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.rigid_rotor import RigidRotor
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from validation.blade_element import BladeElementRotor, blade_element
+from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.rigid_rotor import RigidRotor
 from validation.tree_tools import read_table

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.blade_element import BladeElementRotor
+from wt_gym.control.blade_element import BladeElementRotor
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.dynamic_inflow import DynamicRotor
 from validation.rigid_rotor import RigidRotor

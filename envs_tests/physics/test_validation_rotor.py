@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation.blade_element import BladeElementRotor, blade_element
+from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from validation.dynamic_inflow import DynamicRotor, loewy, oye_filter, oye_times
 from validation.lattice_convergence import HELIX, rigid_helix
 from validation.nrel5mw_rotor import WIND, tilted_element, wake_options

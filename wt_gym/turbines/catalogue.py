@@ -16,6 +16,7 @@ from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Turbine
 from wt_gym.turbines.source import Node, read_windio
 from wt_gym.turbines.windio_blade import read_blade
+from wt_gym.turbines.windio_control import own_control_file, read_control, with_own_constants
 from wt_gym.turbines.windio_nacelle import read_drivetrain, read_hub, read_nacelle, read_pitch
 from wt_gym.turbines.windio_tower import read_support, read_tower
 
@@ -47,6 +48,7 @@ def _windio_example(name: str) -> Path:
 _FILES: dict[str, Callable[[], Path]] = {
     "nrel_5mw": lambda: _own_file("nrel_5mw.yaml"),
     "iea_15mw": lambda: _windio_example("IEA-15-240-RWT.yaml"),
+    "iea_22mw": lambda: _windio_example("IEA-22-280-RWT.yaml"),
 }
 
 
@@ -126,16 +128,18 @@ def load_turbine(
     if isinstance(name_or_path, str) and name_or_path in _BUILT:
         return _BUILT[name_or_path]()
     path = turbine_file(name_or_path)
+    beside = own_control_file(path)
     try:
         content = path.read_bytes()
-    except OSError as error:
-        raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
-    key = hashlib.sha256(content).hexdigest()
+        constants = None if beside is None else beside.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise TurbineDefinitionError(f"{path}: cannot be read: {error}") from error
+    key = hashlib.sha256(content + b"\0" + (constants or "").encode()).hexdigest()
     if water_depth is None and key in _loaded:
         return _loaded[key]
     try:
         root, alone = read_windio(path, content)
-        turbine = _build(root, water_depth, foundation)
+        turbine = _build(root, water_depth, foundation, constants)
     except TurbineDefinitionError as error:
         raise TurbineDefinitionError(f"{path}: {error}") from error
     if water_depth is None and alone:
@@ -182,8 +186,10 @@ _FILE_KEYS = {
 """Keys of the ``assembly`` section behind the fields of a turbine."""
 
 
-def _build(root: Node, water_depth: float | None, foundation: NDArray[np.float64] | None) -> Turbine:
-    """Turn a validated file into a turbine, on its monopile if the depth of the water is given."""
+def _build(
+    root: Node, water_depth: float | None, foundation: NDArray[np.float64] | None, constants: str | None = None
+) -> Turbine:
+    """Turn a validated file, and constants beside it, into a turbine, on a monopile if the water's depth is given."""
     notes: list[str] = []
     assembly = root.at("assembly")
     control = root.at("control", "a mapping with rated_rotor_speed, max_gen_torque and the limits of the actuators")
@@ -200,6 +206,9 @@ def _build(root: Node, water_depth: float | None, foundation: NDArray[np.float64
     nacelle = read_nacelle(root, blade, hub, n_blades, notes)
     diameter = 2.0 * (hub.radius + blade.length) * float(np.cos(hub.cone))
     height = tower.height + root.at("components.drivetrain.outer_shape").number("distance_tt_hub", 0.0, 20.0)
+    own = read_control(root, drivetrain.gear_ratio, notes)
+    if constants is not None:
+        own = with_own_constants(own, constants, "the .control.json beside it", notes)
     values: dict[str, Any] = dict(
         name=root.text("name"),
         n_blades=n_blades,
@@ -219,6 +228,7 @@ def _build(root: Node, water_depth: float | None, foundation: NDArray[np.float64
         iec_class=_iec_class(_default(assembly, "turbine_class", "I", notes)),
         turbulence_class=str(_default(assembly, "turbulence_class", "B", notes)).upper(),
         notes=tuple(notes),
+        control=own,
     )
     try:
         return Turbine(**values)
