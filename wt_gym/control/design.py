@@ -2,18 +2,19 @@
 
 Speed loop
 ----------
-Where nothing is published, the pitch controller places the poles of the rotor speed at a natural frequency omega_n and a
-damping ratio of 0.7 (Hansen et al., Control design for a pitch-regulated, variable speed wind turbine, Riso-R-1500, 2005,
-section 2, which recommends 0.6 to 0.8). omega_n is the least of three frequencies, all at 1.2 times the rated wind speed
-with sigma the standard deviation of the normal turbulence model (IEC 61400-1) for the turbine's class:
+Where nothing is published, the pitch controller places the poles of the rotor speed at a natural frequency omega_n
+and a damping ratio of 0.7 (Hansen et al., Control design for a pitch-regulated, variable speed wind turbine,
+Riso-R-1500, 2005, section 2, which recommends 0.6 to 0.8). omega_n is the least of three frequencies, all at 1.2
+times the rated wind speed with sigma the standard deviation of the normal turbulence model (IEC 61400-1) for the
+turbine's class:
 
 - *inertia*: with which a step of the wind by sigma raises the rotor speed by no more than 2 %. Above rated a pole pair
   of damping 1 answers a step dQ of the moment with ``dQ/J t exp(-omega_n t)``, at most ``dQ/(e J omega_n)``, so
   ``omega_n = (dQ/dV) sigma/(e J Omega 0.02)``;
 - *pitch rate*: with which that step asks the drives for no more than 0.4 of their rate; the pitch moves through
   ``(dtheta/dV) sigma`` in about ``1/omega_n``, so ``omega_n = 0.4 theta'_max/((dtheta/dV) sigma)``;
-- *tower*: 0.3 times the first fore-aft frequency. A pitch loop near that frequency takes the damping of the air from the
-  tower (Larsen and Hanson, J. Phys.: Conf. Ser. 75 (2007) 012073; Bossanyi, Wind Energy 6 (2003) 119).
+- *tower*: 0.3 times the first fore-aft frequency. A pitch loop near that frequency takes the damping of the air from
+  the tower (Larsen and Hanson, J. Phys.: Conf. Ser. 75 (2007) 012073; Bossanyi, Wind Energy 6 (2003) 119).
 
 The rule gives 0.6 rad/s for the NREL 5-MW, whose published value is 0.6, and 0.2 rad/s for turbines of 15 to 22 MW,
 whose published value is 0.2.
@@ -208,7 +209,9 @@ def _sensitivity(turbine: Turbine, rotor: Rotor) -> tuple[float, float]:
     speed, power, least = turbine.drivetrain.rated_rotor_speed, aerodynamic_rated_power(turbine), fine_pitch(turbine)
     winds = _TRIM * full_power_wind(turbine)
     pitch = rotor.pitch_of_power(winds, speed, power, least)
-    slope = np.array([rotor.frozen_pitch_slope(v, speed, p) for v, p in zip(winds.tolist(), pitch.tolist(), strict=True)])
+    slope = np.array(
+        [rotor.frozen_pitch_slope(v, speed, p) for v, p in zip(winds.tolist(), pitch.tolist(), strict=True)]
+    )
     rise, at_zero = np.polyfit(pitch, slope / power, 1)
     if not (at_zero < 0.0 and rise < 0.0):  # no straight line through zero describes such a rotor: hold the mean
         return float(np.mean(slope) / power), 10.0

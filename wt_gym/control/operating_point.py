@@ -3,8 +3,8 @@
 The torque curve is the one of the NREL 5-MW baseline controller (Jonkman et al., NREL/TP-500-38060, section 7): no
 torque below cut-in speed, a linear start-up ramp (region 1 1/2), torque proportional to speed squared at the optimal
 tip-speed ratio (region 2), an induction-machine slope (region 2 1/2) and constant power (region 3). Its constants
-are those published with a turbine (`wt_gym.turbines.ControlData`), or follow from it by simple rules, which reproduce the
-published constants of the NREL 5-MW.
+are those published with a turbine (`wt_gym.turbines.ControlData`), or follow from it by simple rules, which reproduce
+the published constants of the NREL 5-MW.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The quasi-steady rotor of a turbine by blade elements: coefficients, optimum, pitch schedule and sensitivities.
 
 All numbers follow from the turbine's own blade and polars (`wt_gym.control.blade_element`), in a fraction of a second.
-The blade is rigid and straight, the wind uniform along the shaft; tower, tilt and deflection are left out. The lattice of
-the simulator makes up to a tenth more power than blade-element theory below rated wind.
+The blade is rigid and straight, the wind uniform along the shaft; tower, tilt and deflection are left out. The
+lattice of the simulator makes up to a tenth more power than blade-element theory below rated wind.
 """
 
 from __future__ import annotations
@@ -190,8 +190,8 @@ class Rotor:
     def frozen_pitch_slope(self, wind: float, rotor_speed: float, pitch: float) -> float:
         """Change of the power with the pitch while the induced velocities are held [W/rad].
 
-        So NREL/TP-500-38060, section 7.3, defines the sensitivity behind the gains of the pitch controller: a speed loop
-        is faster than the wake.
+        So NREL/TP-500-38060, section 7.3, defines the sensitivity behind the gains of the pitch controller: a speed
+        loop is faster than the wake.
         """
         change = math.radians(0.25)
         moved = self.elements.frozen_wake(wind, rotor_speed, pitch, (change, -change))["power"]

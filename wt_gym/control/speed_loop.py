@@ -1,10 +1,10 @@
 """The closed loop of rotor speed and pitch, linear about steady operating points: is a controller stable there?
 
-States are the rotor speed, the first fore-aft motion of the tower top, the filter of the measured speed, the integral of
-the pitch law, the pitch drive, and the delay of a demand. The rotor is quasi-steady by blade elements
-(`wt_gym.control.rotor.Rotor.slopes`), which leaves out the lag of the wake and so gives the least answer of the moment to the
-pitch; blades are rigid, the shaft is stiff, drives have no limits. With the speed w of the rotor, the pitch theta and the
-velocity u of the tower top,
+States are the rotor speed, the first fore-aft motion of the tower top, the filter of the measured speed, the integral
+of the pitch law, the pitch drive, and the delay of a demand. The rotor is quasi-steady by blade elements
+(`wt_gym.control.rotor.Rotor.slopes`), which leaves out the lag of the wake and so gives the least answer of the
+moment to the pitch; blades are rigid, the shaft is stiff, drives have no limits. With the speed w of the rotor, the
+pitch theta and the velocity u of the tower top,
 
 ``J w' = Q_w w + Q_theta theta - Q_V u - N (dM/dw_gen) N w``,
 ``m u' + (2 zeta m w_t + T_V) u + m w_t^2 x = T_w w + T_theta theta``.
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 __all__ = ["LEAST_DAMPING", "LoopMode", "check_speed_loop", "checked_winds", "speed_loop_modes"]
 
 LEAST_DAMPING = 0.05
-"""Damping ratio of the speed loop below which a controller is warned of: a swing then halves in more than two turns of it
-[-]."""
+"""Damping ratio of the speed loop below which a controller is warned of: a swing then halves in more than two turns
+of it [-]."""
 INTERVAL = 0.1
 """Step of the controller for the delay of its demand [s], that of `training`."""
 
@@ -188,8 +188,8 @@ def check_speed_loop(turbine: Turbine, parameters: BaselineParameters) -> tuple[
     worst = min(modes, key=lambda mode: mode.damping)
     if worst.damping < LEAST_DAMPING:
         what = (
-            f"the speed loop of {turbine.name} at {worst.wind:.1f} m/s has a mode of {worst.frequency:.2f} rad/s with a "
-            f"damping ratio of {worst.damping:+.3f} ({_gains(turbine, parameters, worst.wind)})"
+            f"the speed loop of {turbine.name} at {worst.wind:.1f} m/s has a mode of {worst.frequency:.2f} rad/s with "
+            f"a damping ratio of {worst.damping:+.3f} ({_gains(turbine, parameters, worst.wind)})"
         )
         if worst.damping < 0.0:
             raise ControllerError(f"{what}; it must be positive: choose smaller gains or a lower natural_frequency")

@@ -42,8 +42,17 @@ _READ = {
 }
 """Keys that end up in `ControlData`, with the words for them."""
 _ELSEWHERE = frozenset(
-    "min_rotor_speed rated_rotor_speed rated_power max_gen_torque max_torque_rate min_pitch_limit max_pitch_limit "
-    "max_pitch_rate yaw_rate".split()
+    {
+        "max_gen_torque",
+        "max_pitch_limit",
+        "max_pitch_rate",
+        "max_torque_rate",
+        "min_pitch_limit",
+        "min_rotor_speed",
+        "rated_power",
+        "rated_rotor_speed",
+        "yaw_rate",
+    }
 )
 """Keys that the readers of drivetrain, nacelle and pitch system take."""
 
@@ -142,7 +151,7 @@ def _pitch_gains(node: Node, gear_ratio: float, values: dict[str, Any], notes: l
     # most files have the signs of ROSCO: more speed with a negative gain means more pitch
     sign = -1.0 if gains[1].sum() < 0.0 else 1.0
     scale = sign * _DEGREE / (rpm * gear_ratio)
-    grid = grids[0] if np.array_equal(*grids) else np.union1d(*grids)
+    grid = grids[0] if np.array_equal(grids[0], grids[1]) else np.union1d(grids[0], grids[1])
     values["gain_pitch"] = grid
     values["pitch_proportional_gain"] = scale * np.interp(grid, grids[0], gains[0])
     values["pitch_integral_gain"] = scale * np.interp(grid, grids[1], gains[1])
@@ -189,7 +198,7 @@ def with_own_constants(control: ControlData | None, text: str, name: str, notes:
         try:
             values[plain] = np.radians(value) if key != plain else value
         except TypeError as error:
-            raise TurbineDefinitionError(f"{name}: {key} must be a number or a list of numbers, got {value!r}") from error
+            raise TurbineDefinitionError(f"{name}: {key} must be numbers, got {value!r}") from error
     with within(name):
         made = replace(control or ControlData(), **values)
     notes.append(f"control: published constants of the controller from {source or name}")

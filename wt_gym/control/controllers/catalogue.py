@@ -99,7 +99,7 @@ SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper"), **TUNED}
 CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
 """Every name; what is no base stands on "discon" where there is none."""
 
-_BEHIND = {
+_BEHIND: dict[str, tuple[Callable[..., Any], ...]] = {
     "discon": (own_controller, own_parameters),
     "rosco": (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine),
     "ipc": (IndividualPitch.of_turbine,),
@@ -122,7 +122,9 @@ def controller_parameters(name: str) -> dict[str, Any]:
     {'gain_factor': None}
     """
     _parts(name)
-    makers = [{**BASES, **WRAPPERS, **ADDITIONS}[part] for part in SHORT_FOR.get(name, (name,))]
+    makers: list[Callable[..., Any]] = [
+        {**BASES, **WRAPPERS, **ADDITIONS}[part] for part in SHORT_FOR.get(name, (name,))
+    ]
     makers += [maker for part in SHORT_FOR.get(name, (name,)) for maker in _BEHIND.get(part, ())]
     found: dict[str, Any] = {}
     for maker in makers:

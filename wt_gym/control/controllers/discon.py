@@ -148,9 +148,9 @@ class BaselineParameters:
 
         The pitch gains place the closed-loop poles of the rotor speed (NREL/TP-500-38060, equations 7-15 and 7-16):
         ``KP = 2 I Omega zeta omega_n / (N |dP/dtheta|)``, ``KI = I Omega omega_n^2 / (N |dP/dtheta|)``. The corner
-        frequency of the speed filter scales with the rated rotor speed. Frequency, damping and ``dP/dtheta`` are those of
-        `wt_gym.control.design`. Fine pitch is that of the design point; under a damper, against which a rotor at fine
-        pitch stalls, it is that of the operating point in rated wind.
+        frequency of the speed filter scales with the rated rotor speed. Frequency, damping and ``dP/dtheta`` are
+        those of `wt_gym.control.design`. Fine pitch is that of the design point; under a damper, against which a
+        rotor at fine pitch stalls, it is that of the operating point in rated wind.
 
         A notch takes the collective edgewise mode out of the measured speed where the pitch loop, by the amplification
         of a rotor that only its material damps, has a gain of more than one half there (a margin of less than two):
@@ -319,7 +319,9 @@ class BaselineController:
         return pitch.copy(), torque
 
     def shift_pitch(self, change: float) -> None:
-        """Move the present command and its integral, and with them the next one, by so much [rad], within the limits."""
+        """Move the present command and its integral, and with them the next one, by so much [rad], within the
+        limits.
+        """
         p, state = self.parameters, cast(BaselineState, self.state)
         angles = state.pitch.tolist()  # arrays of three are slow
         pitch = [min(max(angle + change, p.min_pitch), p.max_pitch) for angle in angles]

@@ -1,14 +1,14 @@
 """The turbine's own controller: with what its data publish, and by rule where they say nothing.
 
-Two laws share one set of constants (`BaselineParameters`). A turbine whose data have the gains of a torque controller that
-tracks the tip-speed ratio, or a least pitch over the wind (peak shaving), gets the one that estimates the wind
+Two laws share one set of constants (`BaselineParameters`). A turbine whose data have the gains of a torque controller
+that tracks the tip-speed ratio, or a least pitch over the wind (peak shaving), gets the one that estimates the wind
 (`RoscoLikeController.published`); any other the torque curve of the NREL 5-MW's (`DisconController`).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.pitch_law import GainTable
@@ -43,8 +43,8 @@ def own_parameters(
     ----------
     turbine : Turbine
     kp, ki : float, optional
-        Gains at zero pitch from generator speed error to pitch [s], [-]. Where the turbine has a table of gains over the
-        pitch, those at its first pitch; the others keep their ratio to it.
+        Gains at zero pitch from generator speed error to pitch [s], [-]. Where the turbine has a table of gains over
+        the pitch, those at its first pitch; the others keep their ratio to it.
     gain_doubling_pitch : float, optional
         Pitch at which the gains are halved [rad]; takes the place of a table.
     natural_frequency, damping_ratio : float, optional
@@ -80,7 +80,7 @@ def own_parameters(
     table = made.gain_table
     if table is not None:
         made = replace(made, gain_table=_scaled(table, kp, ki))
-    given = {
+    given: dict[str, Any] = {
         "proportional_gain": kp,
         "integral_gain": ki,
         "corner_frequency": corner_frequency,
@@ -136,8 +136,8 @@ def own_controller(
     if tracks_tip_speed_ratio(turbine):
         if region_2_gain is not None:
             raise ValueError(
-                f"region_2_gain must be left out for {turbine.name}, whose torque controller tracks the tip-speed ratio: "
-                f"give tip_speed_ratio, got region_2_gain={region_2_gain!r}"
+                f"region_2_gain must be left out for {turbine.name}, whose controller tracks the tip-speed ratio: give "
+                f"tip_speed_ratio, got region_2_gain={region_2_gain!r}"
             )
         tracked: dict[str, float] = {}
         if tip_speed_ratio is not None:
@@ -147,8 +147,8 @@ def own_controller(
         return RoscoLikeController.published(turbine, made, **tracked)
     if thrust_limit is not None:
         raise ValueError(
-            f"thrust_limit must be left out for {turbine.name}, whose controller estimates no wind: give it to 'rosco', "
-            f"got thrust_limit={thrust_limit!r}"
+            f"thrust_limit must be left out for {turbine.name}, whose controller estimates no wind: give it to "
+            f"'rosco', got thrust_limit={thrust_limit!r}"
         )
     if region_2_gain is not None and tip_speed_ratio is not None:
         raise ValueError("region_2_gain and tip_speed_ratio say the same; one of them must be left out")

@@ -1,9 +1,9 @@
 """Gain-scheduled proportional-integral law of the collective pitch, shared by the speed controllers.
 
 Gains come in one of two forms. As published for the NREL 5-MW (NREL/TP-500-38060, section 7.3), a factor
-``GK = 1/(1 + theta/theta_K)`` before both gains and the integral of the speed error. Or as a table over the pitch, as in
-ROSCO's input files (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.2): then the integral gain stands inside the
-integral, so that a gain that changes with the pitch does not move the demand.
+``GK = 1/(1 + theta/theta_K)`` before both gains and the integral of the speed error. Or as a table over the pitch, as
+in ROSCO's input files (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.2): then the integral gain stands inside
+the integral, so that a gain that changes with the pitch does not move the demand.
 """
 
 from __future__ import annotations

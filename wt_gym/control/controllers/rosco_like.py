@@ -6,10 +6,11 @@ gain-scheduled pitch law of the baseline, set points of both moved apart so that
 and a lower limit of the pitch that rises with the estimated wind: for power where the rotor cannot turn slowly enough,
 and near rated to cut the peak of the thrust ("peak shaving", section 3.3).
 
-A turbine whose data publish such a controller gets its own numbers (`RoscoLikeParameters.published`): gains of torque and
-pitch, filters, tip-speed ratio, least pitch over the wind. Its wind estimate then reads a table by blade elements, as
-the published controller does. What is not published follows by the rules of `RoscoLikeParameters.from_turbine`. Times
-and rates of those rules were chosen for a rotor of 12.1 rpm, and go with the turn of the rotor.
+A turbine whose data publish such a controller gets its own numbers (`RoscoLikeParameters.published`): gains of torque
+and pitch, filters, tip-speed ratio, least pitch over the wind. Its wind estimate then reads a table by blade
+elements, as the published controller does. What is not published follows by the rules of
+`RoscoLikeParameters.from_turbine`. Times and rates of those rules were chosen for a rotor of 12.1 rpm, and go with
+the turn of the rotor.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ import numpy as np
 
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.discon import BaselineParameters
-from wt_gym.control.controllers.rotor_table import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
+from wt_gym.control.controllers.rotor_table import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.design import fine_pitch, rated_mechanical_power
 from wt_gym.control.operating_point import least_pitch, rotor_inertia

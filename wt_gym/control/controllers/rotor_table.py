@@ -4,8 +4,8 @@ Controllers that estimate the wind or limit the thrust need the quasi-steady rot
 turbines lie beside this file and were made by ``scripts/rotor_table.py``: the rotor of the coupled simulator (lattice,
 wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a steady uniform wind until
 the wake has settled (`rotor_measurement.measure_rotor`). Any other turbine gets its table by blade elements
-(`blade_element_table`) in about a second; below rated wind the simulator's rotor makes up to a tenth more power. A table
-measured by the script goes before it: put into the folder ``rotor`` of the user's cache (`measured_table_path`).
+(`blade_element_table`) in about a second; below rated wind the simulator's rotor makes up to a tenth more power. A
+table measured by the script goes before it: put into the folder ``rotor`` of the user's cache (`measured_table_path`).
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
+from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
 from wt_gym.control.operating_point import rotor_inertia
 
 if TYPE_CHECKING:
@@ -35,7 +35,9 @@ LOWEST, HIGHEST = 2.0, 40.0
 
 
 def bandwidth_of(turbine: Turbine) -> float:
-    """Bandwidth of the estimator by rule [rad/s]: 0.5 rad/s for a rotor of 12.1 rpm, in proportion to the rated speed."""
+    """Bandwidth of the estimator by rule [rad/s]: 0.5 rad/s for a rotor of 12.1 rpm, in proportion to the rated
+    speed.
+    """
     return 0.5 / slower_than_reference(turbine)
 
 
