@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.discon import BaselineParameters
+from wt_gym.control.controllers.discon import PITCH_OF_REGION_3, BaselineParameters
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
 from wt_gym.control.controllers.rotor_table import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.controllers.wind_estimator import WindEstimator
@@ -107,6 +107,9 @@ class RoscoLikeParameters:
         Least pitch over the wind [m/s], [rad].
     table : RotorTable
         Behind the estimated wind.
+    constant_power_pitch : float
+        Pitch above the least one from which on the torque may pass rated torque by a tenth, so that power is held while
+        the speed is below rated [rad]; 0: always.
     """
 
     baseline: BaselineParameters
@@ -123,6 +126,7 @@ class RoscoLikeParameters:
     schedule_wind: np.ndarray
     schedule_pitch: np.ndarray
     table: RotorTable
+    constant_power_pitch: float = 0.0
 
     @classmethod
     def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters) -> RoscoLikeParameters:
@@ -141,7 +145,8 @@ class RoscoLikeParameters:
         if parameters.get("tip_speed_ratio") is None:
             parameters["tip_speed_ratio"] = own.optimal_tip_speed_ratio
         made = cls.from_turbine(turbine, baseline=baseline, table=blade_element_table(turbine), **parameters)
-        given: dict[str, object] = {}
+        # below region 3 the published torque ends at rated torque, and the speed rises to rated
+        given: dict[str, object] = {"constant_power_pitch": PITCH_OF_REGION_3}
         if own.torque_proportional_gain and own.torque_integral_gain:
             given["torque_gain"] = own.torque_proportional_gain
             given["torque_integral_gain"] = own.torque_integral_gain
@@ -230,7 +235,8 @@ class RoscoLikeController:
        ``d = k_p (theta - theta_min)/(theta_max - theta_min) - k_t (M_rated - M)/M_rated``, low-pass filtered, lowers
        ``w_torque`` where positive (pitched: the torque stays at its upper end) and raises ``w_pitch`` where negative;
     2. torque ``M = K_P (w - w_torque) + I``, I its integral with K_I; both within 0 and the torque of rated power,
-       ``P/w``, at most a tenth above rated torque (rated torque where region 3 holds the torque); limited in rate;
+       ``P/w``, at most a tenth above rated torque (rated torque where region 3 holds the torque, and with published
+       numbers while the pitch is the least one); limited in rate;
     3. pitch: the baseline's gain-scheduled law on ``w - w_pitch``, within theta_min(v) and the upper limit, limited in
        rate.
 
@@ -298,8 +304,7 @@ class RoscoLikeController:
         self._shift.update(self._wanted_shift(least), dt)
         torque_error, pitch_error = self._errors()
 
-        most = 1.1 if b.constant_power else 1.0
-        highest = min(b.torque.rated_power / max(speed, 1e-3), most * p.rated_torque, b.max_torque)
+        highest = min(b.torque.rated_power / max(speed, 1e-3), self._most_torque(least), b.max_torque)
         integral = self._torque_integral + p.torque_integral_gain * torque_error * dt
         self._torque_integral = min(max(integral, 0.0), highest)
         torque = min(max(p.torque_gain * torque_error + self._torque_integral, 0.0), highest)
@@ -317,6 +322,16 @@ class RoscoLikeController:
         least = min(before, self._least_pitch())  # what is below the schedule rises to it at the limit of the rate
         self._pitch = min(max(before + change, least), b.max_pitch)
         self._pitch_integral = b.pitch_law.moved(before, self._pitch - before, self._pitch_integral)
+
+    def _most_torque(self, least: float) -> float:
+        """Largest torque while the speed is below rated [N m]: a tenth above rated to hold the power of region 3."""
+        p = self.parameters
+        if not p.baseline.constant_power:
+            return p.rated_torque
+        if p.constant_power_pitch == 0.0:
+            return 1.1 * p.rated_torque
+        pitched = (self._pitch - least) / p.constant_power_pitch
+        return (1.0 + 0.1 * min(max(pitched, 0.0), 1.0)) * p.rated_torque
 
     def _errors(self) -> tuple[float, float]:
         """Generator speed errors of torque and pitch [rad/s]."""
