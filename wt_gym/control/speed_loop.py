@@ -282,5 +282,6 @@ def _mode(turbine: Turbine, parameters: BaselineParameters, mode: LoopMode) -> s
     kp, ki = parameters.pitch_law.gains(pitch)
     return (
         f"the speed loop of {turbine.name} at {mode.wind:.1f} m/s has a mode of {mode.frequency:.2f} rad/s with a "
-        f"damping ratio of {mode.damping:+.3f} (gains {kp:.4g} s and {ki:.4g} at a pitch of {math.degrees(pitch):.1f} deg)"
+        f"damping ratio of {mode.damping:+.3f} (gains {kp:.4g} s and {ki:.4g} at a pitch of "
+        f"{math.degrees(pitch):.1f} deg)"
     )

@@ -132,8 +132,10 @@ def load_turbine(
     try:
         content = path.read_bytes()
         constants = None if beside is None else beside.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise TurbineDefinitionError(f"{path}: cannot be read: {error}") from error
+    except OSError as error:
+        raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise TurbineDefinitionError(f"{beside}: must be UTF-8 text: {error}") from error
     key = hashlib.sha256(content + b"\0" + (constants or "").encode()).hexdigest()
     if water_depth is None and key in _loaded:
         return _loaded[key]
