@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers import checked_demand, readings_of
+from wt_gym.control.controllers import checked_demand, make_controller, readings_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.starting_point import starting_point
 from wt_gym.simulation import Recorder
@@ -104,7 +104,10 @@ def run_baseline(
     duration, control_dt, on_step, rotor_speed, recorder
         See `run_controller`.
     parameters : BaselineParameters, optional
-        Constants of the controller, by default those of the turbine.
+        Constants of a controller with a torque curve; by default the turbine's own controller.
     """
-    controller = DisconController(parameters or BaselineParameters.from_turbine(simulator.turbine))
+    if parameters is None:
+        controller = make_controller("discon", simulator.turbine)
+    else:
+        controller = DisconController(parameters)
     return run_controller(simulator, controller, duration, control_dt, on_step, rotor_speed, "baseline", recorder)

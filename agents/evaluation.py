@@ -18,6 +18,7 @@ from wt_gym.agents.contenders import Contenders
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS, USUAL_SPEED, met_wind
 from wt_gym.agents.executors import SerialExecutor
+from wt_gym.agents.oscillation_notes import oscillation_notes
 from wt_gym.agents.progress import ProgressLine, clock
 from wt_gym.agents.training_notes import training_notes
 from wt_gym.analysis.lifetime import WindClimate
@@ -200,6 +201,10 @@ def evaluate(
                     line.show(f"{len(runs)} of {len(jobs)}: {run.agent} at {run.wind.name}", final=True)
         _require_common_winds(runs, agents, config.winds)
         turbine = layout.turbine
+        swinging = oscillation_notes(runs.values(), turbine.drivetrain.rated_rotor_speed, config.skip)
+        for name, note in swinging.items():
+            _log.warning(note)
+            notes[name] = f"{notes[name]} {note}" if name in notes else note
         evaluation = Evaluation(
             turbine=turbine.name,
             settings=_settings(config, layout, env),

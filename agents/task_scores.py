@@ -176,6 +176,13 @@ STUDIES: dict[str, Study] = {
         (Part(_winds((4.0, 5.0, 6.0), 1), arguments={"wind_speed": [4.0, 6.0]}),),
         (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
     ),
+    "IEA22MW-LoadReduction": Study(
+        "IEA22MW-LoadReduction",
+        ("discon", RANDOM, "ipc"),
+        (Part(_winds((12.0, 18.0), 2)),),
+        _LOADS,
+        duration=180.0,
+    ),
 }  # fmt: skip
 """What the pages of the tasks show, by the name of the table."""
 

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation.blade_element import BladeElementRotor, blade_element
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.rigid_rotor import RigidRotor
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
+from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.turbines import load_turbine
 
 __all__ = ["BANDS", "element_force", "mean_between", "strip_force"]

@@ -11,11 +11,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from validation.blade_element import BladeElementRotor, blade_element
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.rigid_rotor import RigidRotor
 from validation.tree_tools import read_table
 from wt_gym.aerodynamics import AeroOptions
+from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.turbines import load_turbine
 
 TABLE = "CCBlade (blade-element momentum theory), table of the ROSCO toolbox, 2019"

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.blade_element import BladeElementRotor
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.dynamic_inflow import DynamicRotor
 from validation.rigid_rotor import RigidRotor
 from validation.rotor_transients import Ramp, Response, long_wake, respond
 from wt_gym.aerodynamics import ENGINEERING, TRAINING, AeroOptions, build_planform, span_distribution
+from wt_gym.control.blade_element import BladeElementRotor
 from wt_gym.simulation.blade_lattice import N_ALPHA
 from wt_gym.turbines.airfoil import Polar
 

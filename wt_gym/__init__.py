@@ -10,21 +10,21 @@ id                                   turbine and wind
 ``wt_gym/NREL5MW-Turbulent-v1``      NREL 5-MW, IEC Kaimal turbulence
 ``wt_gym/IEA15MW-Steady-v2``         IEA 15-MW (240 m rotor), steady sheared wind
 ``wt_gym/IEA15MW-Turbulent-v2``      IEA 15-MW, IEC Kaimal turbulence
+``wt_gym/IEA22MW-Steady-v0``         IEA 22-MW (284 m rotor), steady sheared wind
+``wt_gym/IEA22MW-Turbulent-v0``      IEA 22-MW, IEC Kaimal turbulence
 ``wt_gym/Gebhardt45m-Steady-v1``     45-m blades, 68-m tower (Gebhardt et al. 2012), steady sheared wind
 ``wt_gym/Gebhardt45m-Turbulent-v1``  the same, IEC Kaimal turbulence
 ``wt_gym/NadaSmall-Steady-v1``       0.5-m rotor on a copper rod (Nada & Al-Shahrani 2019), steady sheared wind
 ``wt_gym/NadaSmall-Turbulent-v1``    the same, IEC Kaimal turbulence
-===================================  ==============================================================
-
-and the tasks of `wt_gym.tasks`: ``wt_gym/LoadReduction-v1``, ``wt_gym/FullRange-v1``, ``wt_gym/MaxPower-v1``,
-``wt_gym/Yaw-v2``, ``wt_gym/Gusts-v2`` and ``wt_gym/IEA15MW-LoadReduction-v2``. The blades of the 15-MW turbine twist.
-Ids of earlier versions are gone: Gymnasium's error names the present one.
+===================================  =======================================================
 
 Examples
 --------
 >>> import gymnasium as gym, wt_gym
 >>> env = gym.make("wt_gym/NREL5MW-Turbulent-v1", wind_speed=12.0)
 """
+
+from typing import Any
 
 from gymnasium.envs.registration import register
 
@@ -33,9 +33,19 @@ from wt_gym.tasks import TASKS, TWISTING
 __all__ = ["__version__"]
 __version__ = "0.1.0"
 
-_TURBINES = {"NREL5MW": "nrel_5mw", "IEA15MW": "iea_15mw", "Gebhardt45m": "gebhardt_45m", "NadaSmall": "nada_small"}
-_OWN = {"nada_small": {"wind_speed": (6.0, 10.0), "control_dt": 0.02, "episode_length": 4.0}}
-"""Arguments of turbines for which the defaults do not fit: four seconds are a hundred turns of the small rotor."""
+_TURBINES = {
+    "NREL5MW": "nrel_5mw",
+    "IEA15MW": "iea_15mw",
+    "IEA22MW": "iea_22mw",
+    "Gebhardt45m": "gebhardt_45m",
+    "NadaSmall": "nada_small",
+}
+_OWN: dict[str, dict[str, Any]] = {
+    "iea_22mw": TWISTING,
+    "nada_small": {"wind_speed": (6.0, 10.0), "control_dt": 0.02, "episode_length": 4.0},
+}
+"""Arguments of turbines for which the defaults do not fit: blades of 138 m twist by two degrees, and four seconds are a
+hundred turns of the small rotor."""
 _INFLOWS = {"Steady": "steady", "Turbulent": "turbulent"}
 _VERSIONS: dict[str, tuple[int, tuple[dict, ...]]] = {
     "nrel_5mw": (1, ({},)),

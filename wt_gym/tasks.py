@@ -158,6 +158,13 @@ TASKS = {
             {**_LOAD_REDUCTION, **TWISTING, "turbine": "iea_15mw", "wind_speed": (11.0, 20.0)},
             first_version=2,
         ),
+        Task(
+            "IEA22MW-LoadReduction",
+            "Load reduction on a turbine of 22 MW, whose own controller cuts the peak of the thrust.",
+            "as LoadReduction",
+            60.0,
+            {**_LOAD_REDUCTION, **TWISTING, "turbine": "iea_22mw", "wind_speed": (12.0, 20.0)},
+        ),
     )
 }
 """Tasks by name."""

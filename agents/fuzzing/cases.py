@@ -40,7 +40,7 @@ _CONTROLLERS = (
 )
 _THREE_BLADES = 3
 _WITH_TABLES = ("nrel_5mw", "iea_15mw", "gebhardt_45m")
-"""Turbines whose wind estimator needs no table measured first, which takes minutes."""
+"""Turbines whose wind estimator has a measured table."""
 
 
 @dataclass(frozen=True)

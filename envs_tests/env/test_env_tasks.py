@@ -100,6 +100,7 @@ def test_what_tasks_pay():
         "Yaw": (1.0, 0.3, 0.2, 0.05, 0.02, 0.4, 100.0),
         "Gusts": default,
         "IEA15MW-LoadReduction": load_reduction,
+        "IEA22MW-LoadReduction": load_reduction,
     }
     plain = gym.make("wt_gym/NREL5MW-Steady-v1").unwrapped
     assert (*(term.weight for term in plain.reward_terms if term.weight), plain.termination_penalty) == default

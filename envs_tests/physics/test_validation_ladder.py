@@ -8,7 +8,7 @@ import pytest
 from validation import reference_runs
 from validation.pitch_ramp import ANGLE, HOLD, RATE, SETTLE, ramps
 from validation.reference_runs import EXPERIMENTS, QUANTITIES, StaleRecordError, constant_gain, recorded, stamp
-from wt_gym.control.controllers.discon import NREL_5MW, BaselineController
+from wt_gym.control.controllers.discon import BaselineController, nrel_5mw_parameters
 from wt_gym.simulation.fidelity import fidelity
 
 
@@ -38,10 +38,10 @@ def test_stamps_know_wind_and_control_and_ignore_the_last_bits_of_numbers():
 
 @pytest.mark.parametrize("speed", [20.0, 90.0, 130.0, 300.0])
 def test_the_law_of_the_gain_sweep_is_the_square_of_the_speed_everywhere(speed):
-    controller = BaselineController(constant_gain(NREL_5MW, 0.7))
+    controller = BaselineController(constant_gain(nrel_5mw_parameters(), 0.7))
     controller.start(speed, 0.0)
     pitch, torque = controller.step(speed, 0.2)
-    assert torque == pytest.approx(min(0.7 * 2.332287 * speed**2, NREL_5MW.max_torque), rel=1e-9)
+    assert torque == pytest.approx(min(0.7 * 2.332287 * speed**2, nrel_5mw_parameters().max_torque), rel=1e-9)
     assert np.all(pitch == 0.0)
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation.blade_element import BladeElementRotor, blade_element
 from validation.dynamic_inflow import DynamicRotor, loewy, oye_filter, oye_times
 from validation.lattice_convergence import HELIX, rigid_helix
 from validation.nrel5mw_rotor import WIND, tilted_element, wake_options
@@ -19,6 +18,7 @@ from validation.tree_tools import read_table
 from validation.unsteady_aerofoil import theodorsen
 from wt_gym.aerodynamics import TRAINING
 from wt_gym.constants import GRAVITY
+from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.turbines import load_turbine
 
 RPM = np.pi / 30.0

@@ -1,14 +1,17 @@
 """The baseline controller against numbers worked out by hand from its published constants."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from wt_gym.control.controllers.discon import NREL_5MW, BaselineController, BaselineParameters
+from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, nrel_5mw_parameters
+from wt_gym.control.operating_point import TorqueCurve, design_point, rotor_inertia
 from wt_gym.turbines import load_turbine
 
 DT = 0.0125
+NREL_5MW = nrel_5mw_parameters()
 
 
 def started(speed, pitch, torque=math.nan):
@@ -119,19 +122,24 @@ def test_gain_rule_reproduces_the_published_gains():
 
 
 def test_published_constants_serve_the_nrel_5mw():
-    assert BaselineParameters.from_turbine(load_turbine("nrel_5mw")) is NREL_5MW
+    """NREL/TP-500-38060, Tables 7-1 and 7-2, with the digits of the published source."""
+    curve = TorqueCurve(70.16224, 91.21091, 121.6805, 2.332287, 5_296_610.0, 0.1)
+    published = BaselineParameters(
+        1.570796, 0.01882681, 0.008068634, 0.1099965, 122.9096, 0.0, 1.570796, 0.1396263, curve, 47_402.91, 15_000.0,
+        0.01745329,
+    )  # fmt: skip
+    assert published == NREL_5MW
+    assert BaselineParameters.from_turbine(load_turbine("nrel_5mw_monopile")) == NREL_5MW
 
 
 def test_closed_loop_of_the_gain_rule_has_the_wanted_poles():
     # I dw/dt = (dP/dtheta) dtheta / Omega with the PI law on N w: s^2 + 2 zeta wn s + wn^2.
-    parameters = BaselineParameters.by_rule(load_turbine("iea_15mw"))
-    turbine = load_turbine("iea_15mw")
-    from wt_gym.control.operating_point import IEA_15MW_DESIGN, rotor_inertia
-
-    sensitivity = abs(IEA_15MW_DESIGN.pitch_sensitivity) * parameters.torque.rated_power
+    turbine = replace(load_turbine("iea_15mw"), control=None)
+    parameters, design = BaselineParameters.by_rule(turbine), design_point(turbine)
+    sensitivity = abs(design.pitch_sensitivity) * parameters.torque.rated_power
     factor = sensitivity * turbine.drivetrain.gear_ratio / turbine.drivetrain.rated_rotor_speed / rotor_inertia(turbine)
-    assert factor * parameters.integral_gain == pytest.approx(0.2**2)
-    assert factor * parameters.proportional_gain == pytest.approx(2 * 1.0 * 0.2)
+    assert factor * parameters.integral_gain == pytest.approx(design.natural_frequency**2)
+    assert factor * parameters.proportional_gain == pytest.approx(2 * 0.7 * design.natural_frequency)
 
 
 def test_step_before_start_is_refused():

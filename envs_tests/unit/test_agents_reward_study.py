@@ -71,7 +71,7 @@ def test_there_are_22_controllers_and_every_term():
 
 def test_weights_of_the_tasks_are_the_default_with_what_they_change():
     tasks = study.task_weights()
-    assert set(tasks) == {"LoadReduction", "IEA15MW-LoadReduction", "MaxPower", "Yaw"}
+    assert set(tasks) == {"LoadReduction", "IEA15MW-LoadReduction", "IEA22MW-LoadReduction", "MaxPower", "Yaw"}
     assert tasks["MaxPower"] == rewards.DEFAULT_WEIGHTS | TASKS["MaxPower"].arguments["reward"]
     assert tasks["MaxPower"]["power"] == rewards.DEFAULT_WEIGHTS["power"]
 

@@ -17,7 +17,6 @@ from wt_gym.control import Demand, LowPass, Notch
 from wt_gym.control.controllers import (
     BASES,
     CONTROLLERS,
-    NREL_5MW,
     AboveRated,
     BaselineController,
     BaselineParameters,
@@ -37,6 +36,7 @@ from wt_gym.control.controllers import (
     controller_parameters,
     from_harmonic,
     make_controller,
+    nrel_5mw_parameters,
     retuned_parameters,
     rotor_table,
     to_harmonic,
@@ -200,7 +200,7 @@ def test_a_fade_by_its_end(turbine):
 
 
 def test_discon_is_the_published_law():
-    controller, law = DisconController(), BaselineController(NREL_5MW)
+    controller, law = DisconController(), BaselineController(nrel_5mw_parameters())
     controller.start(readings(), demand())
     law.start(RATED * 97, np.full(3, 0.2), 43_093.5)
     for k in range(50):
@@ -508,7 +508,7 @@ EVERY = [*CONTROLLERS, "rosco+lidar+ipc+tower_dampers+yaw", "retuned+constrained
 def test_start_is_bumpless(name, turbine_name):
     turbine = load_turbine(turbine_name)
     rated = turbine.drivetrain.rated_rotor_speed
-    torque = NREL_5MW.torque.rated_power / 122.9
+    torque = nrel_5mw_parameters().torque.rated_power / 122.9
     if turbine_name == "iea_15mw":
         torque = 15e6 / rated / turbine.drivetrain.generator_efficiency
     now = readings(

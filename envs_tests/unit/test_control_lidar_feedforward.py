@@ -13,13 +13,13 @@ from wt_gym.agents.controller_agent import ControllerAgent
 from wt_gym.agents.reward_study import simulate
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.controllers import (
-    NREL_5MW,
     Combined,
     DisconController,
     ForeAftDamper,
     LidarFeedforward,
     lidar_of,
     make_controller,
+    nrel_5mw_parameters,
     readings_of,
 )
 from wt_gym.control.operating_point import operating_point
@@ -28,7 +28,7 @@ from wt_gym.turbines import load_turbine
 from wt_gym.turbines.damper import with_damper
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
-MEAN, STEP, RATED = 16.0, 0.05, NREL_5MW.reference_speed / 97
+MEAN, STEP, RATED = 16.0, 0.05, nrel_5mw_parameters().reference_speed / 97
 
 
 @pytest.fixture(scope="module")

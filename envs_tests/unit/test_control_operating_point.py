@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from wt_gym.control import TorqueCurve, operating_point, torque_curve
-from wt_gym.control.operating_point import NREL_5MW_TORQUE_CURVE, rotor_inertia
+from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.errors import TurbineDefinitionError
-from wt_gym.turbines import load_turbine
+from wt_gym.turbines import ControlData, load_turbine
 
 RPM = math.pi / 30
+NREL_5MW_TORQUE_CURVE = torque_curve(load_turbine("nrel_5mw"))
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +56,10 @@ def test_pitched_blades_mean_constant_power_at_any_speed():
 
 
 def test_the_rule_reproduces_the_published_curve(turbine):
-    curve, published = TorqueCurve.from_turbine(turbine), NREL_5MW_TORQUE_CURVE
-    assert torque_curve(turbine) is published
+    # the rule knows the rotor's optimum, none of the published constants of the controller
+    optimum = ControlData(peak_power_coefficient=0.482, optimal_tip_speed_ratio=7.55)
+    curve, published = TorqueCurve.from_turbine(replace(turbine, control=optimum)), NREL_5MW_TORQUE_CURVE
+    assert published == TorqueCurve(70.16224, 91.21091, 121.6805, 2.332287, 5_296_610.0, 0.1)  # Table 7-2
     assert curve.region_2_gain == pytest.approx(published.region_2_gain, rel=2e-3)
     assert curve.cut_in_speed == pytest.approx(published.cut_in_speed, rel=5e-3)
     assert curve.region_2_speed == pytest.approx(published.region_2_speed, rel=5e-3)
@@ -87,13 +90,14 @@ def test_operating_points_of_the_nrel_5mw(turbine, wind_speed, rotor_rpm, pitch_
     assert 0.0 <= point.generator_torque <= turbine.drivetrain.max_generator_torque
 
 
-@pytest.mark.parametrize("name", ["nrel_5mw", "iea_15mw"])
+@pytest.mark.parametrize("name", ["nrel_5mw", "iea_15mw", "iea_22mw"])
 def test_operating_points_rise_with_the_wind(name):
     turbine = load_turbine(name)
     points = [operating_point(turbine, v) for v in np.arange(turbine.cut_in, turbine.cut_out + 0.1, 0.5)]
     speeds, pitches = np.array([p.rotor_speed for p in points]), np.array([p.pitch for p in points])
     assert np.all(np.diff(speeds) >= 0)
-    assert np.all(np.diff(pitches) >= 0)
+    above = np.arange(turbine.cut_in, turbine.cut_out + 0.1, 0.5) > turbine.rated_wind_speed
+    assert np.all(np.diff(pitches[above]) > 0)
     assert speeds[-1] == turbine.drivetrain.rated_rotor_speed
 
 
@@ -105,7 +109,7 @@ def test_iea_15mw_follows_its_design(turbine):
 
 
 def test_an_unknown_turbine_gets_a_curve_through_its_rated_point(turbine):
-    other = replace(turbine, drivetrain=replace(turbine.drivetrain, rated_power=4.0e6))
+    other = replace(turbine, drivetrain=replace(turbine.drivetrain, rated_power=4.0e6), control=None)
     curve = torque_curve(other)
     assert curve.torque(curve.rated_generator_speed) * curve.rated_generator_speed == pytest.approx(4.0e6 / 0.944)
 

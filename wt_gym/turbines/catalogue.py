@@ -16,6 +16,7 @@ from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Turbine
 from wt_gym.turbines.source import Node, WindioFile, read_windio
 from wt_gym.turbines.windio_blade import read_blade
+from wt_gym.turbines.windio_control import own_control_file, read_control, with_own_constants
 from wt_gym.turbines.windio_nacelle import read_drivetrain, read_hub, read_machine, read_nacelle, read_pitch, rpm
 from wt_gym.turbines.windio_tower import read_support, read_tower
 
@@ -47,6 +48,7 @@ def _windio_example(name: str) -> Path:
 _FILES: dict[str, Callable[[], Path]] = {
     "nrel_5mw": lambda: _own_file("nrel_5mw.yaml"),
     "iea_15mw": lambda: _windio_example("IEA-15-240-RWT.yaml"),
+    "iea_22mw": lambda: _windio_example("IEA-22-280-RWT.yaml"),
 }
 
 
@@ -129,17 +131,21 @@ def load_turbine(
     path = turbine_file(name_or_path)
     if path.suffix.lower() == ".fst":
         return _openfast(path, water_depth)
+    beside = own_control_file(path)
     try:
         content = path.read_bytes()
+        constants = None if beside is None else beside.read_text(encoding="utf-8")
     except OSError as error:
         raise TurbineDefinitionError(f"{path}: cannot be read: {error.strerror}") from error
-    key = hashlib.sha256(content).hexdigest()
+    except UnicodeDecodeError as error:
+        raise TurbineDefinitionError(f"{beside}: must be UTF-8 text: {error}") from error
+    key = hashlib.sha256(content + b"\0" + (constants or "").encode()).hexdigest()
     if water_depth is None and key in _loaded:
         return _loaded[key]
     file: WindioFile | None = None
     try:
         file = read_windio(path, content)
-        turbine = _build(file, water_depth, foundation)
+        turbine = _build(file, water_depth, foundation, constants)
     except TurbineDefinitionError as error:
         raise TurbineDefinitionError(f"{path}: {error}{_resembling(error, file)}") from error
     if water_depth is None and file.alone:
@@ -205,8 +211,13 @@ _FILE_KEYS = {
 """Keys of the ``assembly`` section behind the fields of a turbine."""
 
 
-def _build(file: WindioFile, water_depth: float | None, foundation: NDArray[np.float64] | None) -> Turbine:
-    """Turn a file into a turbine, on its monopile if the depth of the water is given."""
+def _build(
+    file: WindioFile,
+    water_depth: float | None,
+    foundation: NDArray[np.float64] | None,
+    constants: str | None = None,
+) -> Turbine:
+    """Turn a file, and constants beside it, into a turbine, on its monopile if the depth of the water is given."""
     root = file.root
     notes = list(file.notes)
     assembly = root.at("assembly")
@@ -229,6 +240,9 @@ def _build(file: WindioFile, water_depth: float | None, foundation: NDArray[np.f
         tower = replace(tower, support=read_support(root, tower, water_depth, foundation, notes))
     nacelle = read_nacelle(root, blade, hub, machine, notes)
     height = tower.height + root.at("components.drivetrain.outer_shape").number("distance_tt_hub", 0.0, 20.0)
+    own = read_control(root, drivetrain.gear_ratio, notes)
+    if constants is not None:
+        own = with_own_constants(own, constants, "the .control.json beside it", notes)
     values: dict[str, Any] = dict(
         name=root.text("name"),
         n_blades=n_blades,
@@ -248,6 +262,7 @@ def _build(file: WindioFile, water_depth: float | None, foundation: NDArray[np.f
         iec_class=_iec_class(_default(assembly, "turbine_class", "I", notes)),
         turbulence_class=str(_default(assembly, "turbulence_class", "B", notes)).upper(),
         notes=tuple(notes),
+        control=own,
     )
     try:
         return Turbine(**values)

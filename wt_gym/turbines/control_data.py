@@ -33,6 +33,8 @@ class ControlData(ArrayRecord):
         Aerodynamic power coefficient at fine pitch and optimal tip-speed ratio [-].
     region_2_gain : float or None
         Generator torque over the square of the generator speed below rated [N m/(rad/s)^2].
+    air_density : float or None
+        For which the region-2 gain is made [kg/m^3]; None for the standard atmosphere at sea level.
     cut_in_generator_speed, region_2_speed, region_3_speed : float or None
         Generator speeds at which torque begins, at which region 2 begins, and from which on region 3 holds [rad/s]
         (VS_CtInSp, VS_Rgn2Sp, VS_RtGnSp).
@@ -47,7 +49,12 @@ class ControlData(ArrayRecord):
     gain_pitch : ndarray (n,) or None
         Pitch of the gain schedule, ascending [rad].
     pitch_proportional_gain, pitch_integral_gain : ndarray (n,) or None
-        From generator speed error [rad/s] to pitch [rad] at ``gain_pitch`` [s], [-]. Both come with ``gain_pitch``.
+        From generator speed error [rad/s] to pitch [rad] at ``gain_pitch`` [s], [-]. Both come with ``gain_pitch``. The
+        proportional gain may turn negative at a large pitch, where the air damps more than is wanted.
+    gain_doubling_pitch : float or None
+        Pitch at which the gains are half of those at zero pitch [rad] (PC_KK); ``gain_pitch`` is then the one value 0.
+    power_per_pitch : float or None
+        Change of the aerodynamic power with the pitch at rated and fine pitch [W/rad], negative.
     reference_generator_speed : float or None
         Generator speed that the pitch controller holds [rad/s] (PC_RefSpd).
     speed_filter_frequency : float or None
@@ -63,6 +70,10 @@ class ControlData(ArrayRecord):
         Of the speed loop for which the pitch gains were made [rad/s], [-].
     region_3_min_pitch : float or None
         Pitch from which on the torque controller is in region 3 [rad] (VS_Rgn3MP).
+    max_pitch, max_pitch_rate : float or None
+        Limits of the pitch controller where they are not those of the drives [rad], [rad/s] (PC_MaxPit, PC_MaxRat).
+    trim_wind, trim_pitch : ndarray (k,) or None
+        Wind speed at hub height from rated on, ascending [m/s], and the steady pitch there [rad]. Both or neither.
 
     Raises
     ------
@@ -74,6 +85,7 @@ class ControlData(ArrayRecord):
     optimal_tip_speed_ratio: float | None = None
     peak_power_coefficient: float | None = None
     region_2_gain: float | None = None
+    air_density: float | None = None
     cut_in_generator_speed: float | None = None
     region_2_speed: float | None = None
     region_3_speed: float | None = None
@@ -88,6 +100,8 @@ class ControlData(ArrayRecord):
     reference_generator_speed: float | None = None
     speed_filter_frequency: float | None = None
     speed_filter_damping: float | None = None
+    gain_doubling_pitch: float | None = None
+    power_per_pitch: float | None = None
     min_pitch_wind: NDArray[np.float64] | None = None
     min_pitch: NDArray[np.float64] | None = None
     pitch_actuator_frequency: float | None = None
@@ -95,6 +109,10 @@ class ControlData(ArrayRecord):
     natural_frequency: float | None = None
     damping_ratio: float | None = None
     region_3_min_pitch: float | None = None
+    max_pitch: float | None = None
+    max_pitch_rate: float | None = None
+    trim_wind: NDArray[np.float64] | None = None
+    trim_pitch: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Check the fields and make the arrays read-only."""
@@ -103,6 +121,7 @@ class ControlData(ArrayRecord):
             "optimal_tip_speed_ratio": (0.1, 50.0),
             "peak_power_coefficient": (0.01, 0.7),
             "region_2_gain": (0.0, _BIG),
+            "air_density": (0.1, 10.0),
             "cut_in_generator_speed": (0.0, 1e4),
             "region_2_speed": (0.0, 1e4),
             "region_3_speed": (0.0, 1e4),
@@ -118,6 +137,10 @@ class ControlData(ArrayRecord):
             "natural_frequency": (1e-3, 100.0),
             "damping_ratio": (0.0, 10.0),
             "region_3_min_pitch": (-_ANGLE, _ANGLE),
+            "gain_doubling_pitch": (1e-4, 10.0),
+            "power_per_pitch": (-_BIG, 0.0),
+            "max_pitch": (-_ANGLE, _ANGLE),
+            "max_pitch_rate": (1e-6, 10.0),
         }
         for name, (low, high) in ranges.items():
             value = getattr(self, name)
@@ -125,8 +148,11 @@ class ControlData(ArrayRecord):
                 self._set(**{name: check_number(f"ControlData.{name}", value, low, high)})
         if self.constant_power is not None and not isinstance(self.constant_power, bool):
             raise fail("ControlData.constant_power", self.constant_power, "True, False or None")
-        self._check_table("gain_pitch", _ANGLE, {"pitch_proportional_gain": 0.0, "pitch_integral_gain": 0.0})
+        self._check_table("gain_pitch", _ANGLE, {"pitch_proportional_gain": -_BIG, "pitch_integral_gain": 0.0})
+        self._check_table("trim_wind", 200.0, {"trim_pitch": -_ANGLE})
         self._check_table("min_pitch_wind", 200.0, {"min_pitch": -_ANGLE})
+        if self.gain_doubling_pitch is not None and (self.gain_pitch is None or self.gain_pitch.tolist() != [0.0]):
+            raise fail("ControlData.gain_doubling_pitch", self.gain_doubling_pitch, "None unless gain_pitch is [0]")
 
     def _check_table(self, grid_name: str, high: float, columns: dict[str, float]) -> None:
         """Check a grid and its columns (name: least value), which stand together or not at all."""

@@ -139,6 +139,7 @@ def read_openfast_control(
     slip = 0.01 * servodyn.number("VS_SlPc")
     return ControlData(
         region_2_gain=servodyn.number("VS_Rgn2K") / _RPM**2,
+        air_density=density,
         region_3_speed=servodyn.number("VS_RtGnSp") * _RPM,
         slip=slip if slip <= 1.0 else None,
         rated_mechanical_power=rating.mechanical_power,
@@ -147,7 +148,7 @@ def read_openfast_control(
 
 
 def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, notes: list[str]) -> ControlData:
-    values: dict[str, Any] = {"rated_mechanical_power": rating.mechanical_power}
+    values: dict[str, Any] = {"rated_mechanical_power": rating.mechanical_power, "air_density": density}
     for name, key in (
         ("fine_pitch", "PC_FinePit"),
         ("region_2_gain", "VS_Rgn2K"),

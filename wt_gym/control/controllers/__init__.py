@@ -24,11 +24,11 @@ from wt_gym.control.controllers.controller import (
     readings_of,
 )
 from wt_gym.control.controllers.discon import (
-    NREL_5MW,
     BaselineController,
     BaselineParameters,
     BaselineState,
     DisconController,
+    nrel_5mw_parameters,
 )
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
 from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
@@ -44,7 +44,6 @@ __all__ = [
     "ADDITIONS",
     "BASES",
     "CONTROLLERS",
-    "NREL_5MW",
     "WRAPPERS",
     "AboveRated",
     "Addition",
@@ -74,6 +73,7 @@ __all__ = [
     "lidar_of",
     "make_controller",
     "name_and_parameters",
+    "nrel_5mw_parameters",
     "readings_of",
     "retuned_parameters",
     "rotor_table",

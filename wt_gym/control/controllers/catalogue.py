@@ -8,10 +8,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.controllers.controller import Addition, Combined, Controller, is_addition, is_controller
-from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
-from wt_gym.control.controllers.retuned import retuned_parameters
+from wt_gym.control.controllers.own import own_controller, own_parameters
+from wt_gym.control.controllers.retuned import retuned_controller
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
 from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
@@ -31,14 +31,14 @@ __all__ = [
 ]
 
 
-def _discon(turbine: Turbine) -> Controller:
-    """The published baseline controller (`discon`)."""
-    return DisconController(BaselineParameters.from_turbine(turbine))
+def _discon(turbine: Turbine, **parameters) -> Controller:
+    """The turbine's own controller, with published constants where its data have them (`own`)."""
+    return own_controller(turbine, **parameters)
 
 
 def _retuned(turbine: Turbine, gain_factor: float | None = None) -> Controller:
-    """The baseline with a region-2 gain that fits the turbine as simulated (`retuned`)."""
-    return DisconController(retuned_parameters(turbine, gain_factor))
+    """The turbine's own controller, below rated at the best tip-speed ratio of the turbine as simulated (`retuned`)."""
+    return retuned_controller(turbine, gain_factor)
 
 
 def _rosco(turbine: Turbine, **parameters) -> Controller:
@@ -99,7 +99,8 @@ SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper"), **TUNED}
 CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
 """Every name; what is no base stands on "discon" where there is none."""
 
-_BEHIND = {
+_BEHIND: dict[str, tuple[Callable[..., Any], ...]] = {
+    "discon": (own_controller, own_parameters),
     "rosco": (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine),
     "ipc": (IndividualPitch.of_turbine,),
     "ipc_2p": (IndividualPitch.of_turbine,),
@@ -121,7 +122,9 @@ def controller_parameters(name: str) -> dict[str, Any]:
     {'gain_factor': None}
     """
     _parts(name)
-    makers = [{**BASES, **WRAPPERS, **ADDITIONS}[part] for part in SHORT_FOR.get(name, (name,))]
+    makers: list[Callable[..., Any]] = [
+        {**BASES, **WRAPPERS, **ADDITIONS}[part] for part in SHORT_FOR.get(name, (name,))
+    ]
     makers += [maker for part in SHORT_FOR.get(name, (name,)) for maker in _BEHIND.get(part, ())]
     found: dict[str, Any] = {}
     for maker in makers:

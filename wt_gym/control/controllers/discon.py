@@ -1,4 +1,4 @@
-"""The NREL 5-MW baseline controller (DISCON), and its generalisation to other turbines.
+"""The baseline controller: the law of the NREL 5-MW's (DISCON) with the constants of any turbine.
 
 Variable-speed torque control and gain-scheduled collective pitch control as published by Jonkman et al. (Definition of
 a 5-MW Reference Wind Turbine, NREL/TP-500-38060, 2009, section 7). `BaselineController` works on generator speeds in SI
@@ -8,31 +8,39 @@ units; `DisconController` puts it behind the contract of `wt_gym.control.control
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.drive_mode import drive_mode
+from wt_gym.control.controllers.filters import LowPass, SecondOrderLowPass
+from wt_gym.control.controllers.pitch_law import GainTable, PitchLaw
 from wt_gym.control.operating_point import (
-    NREL_5MW_TORQUE_CURVE,
+    DesignPoint,
     TorqueCurve,
     design_point,
-    is_nrel_5mw,
     operating_point,
     rotor_inertia,
     torque_curve,
 )
 from wt_gym.control.sensors import Notch
 from wt_gym.errors import ControllerError
+from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["NREL_5MW", "BaselineController", "BaselineParameters", "BaselineState", "DisconController"]
+__all__ = ["BaselineController", "BaselineParameters", "BaselineState", "DisconController", "nrel_5mw_parameters"]
 
+FILTER_OVER_ROTOR_SPEED = 1.570796 / (12.1 * math.pi / 30)
+"""Corner of the speed filter over the rated rotor speed where nothing is published: as of the NREL 5-MW (a quarter of
+its first edgewise frequency, which scales with the rotor speed) [-]."""
+PITCH_OF_REGION_3 = math.radians(1.0)
+"""Pitch above fine pitch from which on the torque controller holds constant power where nothing is published [rad]."""
 # Of the pitch loop at the collective edgewise mode: a margin of two. The rule gives 0.29 for the IEA 15-MW and 0.488
 # for the NREL 5-MW, whose published controller has no notch and needs none; without material damping it is infinite.
 _LARGEST_LOOP_GAIN = 0.5
@@ -63,6 +71,12 @@ class BaselineParameters:
     n_blades : int
     notch_frequency : float
         Of a notch before the filter on the generator speed [rad/s]; 0 for none, as in the published controller.
+    gain_table : GainTable or None
+        Pitch gains over the pitch, in place of ``proportional_gain``, ``integral_gain`` and ``gain_doubling_pitch``.
+    filter_damping : float
+        Damping ratio of a second-order filter on the generator speed [-]; 0 for one of first order.
+    constant_power : bool
+        Whether region 3 holds power or torque.
     """
 
     corner_frequency: float
@@ -79,20 +93,64 @@ class BaselineParameters:
     region_3_min_pitch: float
     n_blades: int = 3
     notch_frequency: float = 0.0
+    gain_table: GainTable | None = None
+    filter_damping: float = 0.0
+    constant_power: bool = True
+
+    @cached_property
+    def pitch_law(self) -> PitchLaw:
+        """The law of the pitch with these gains."""
+        return PitchLaw(self.proportional_gain, self.integral_gain, self.gain_doubling_pitch, self.gain_table)
+
+    @property
+    def rated_torque(self) -> float:
+        """Torque of rated power at the reference speed [N m]."""
+        return self.torque.rated_power / self.reference_speed
+
+    def speed_filter(self) -> LowPass | SecondOrderLowPass:
+        """A new filter for the generator speed."""
+        if self.filter_damping > 0.0:
+            return SecondOrderLowPass(self.corner_frequency, self.filter_damping)
+        return LowPass(1.0 / self.corner_frequency)
 
     @classmethod
     def from_turbine(cls, turbine: Turbine) -> BaselineParameters:
-        """Constants for a turbine: those published for the NREL 5-MW, else `by_rule`."""
-        return NREL_5MW if is_nrel_5mw(turbine) else cls.by_rule(turbine)
+        """Constants for a turbine: what its data publish (`wt_gym.turbines.ControlData`), the rest `by_rule`.
+
+        A notch belongs to gains by rule: published gains stand as they are published.
+        """
+        rule, own = cls.by_rule(turbine), turbine.control
+        if own is None:
+            return rule
+        given: dict[str, object] = {
+            "corner_frequency": own.speed_filter_frequency,
+            "reference_speed": own.reference_generator_speed,
+            "region_3_min_pitch": own.region_3_min_pitch,
+            "max_pitch": own.max_pitch,
+            "max_pitch_rate": own.max_pitch_rate,
+            "constant_power": own.constant_power,
+        }
+        if own.speed_filter_frequency is not None:
+            given["filter_damping"] = own.speed_filter_damping
+        kp, ki = own.pitch_proportional_gain, own.pitch_integral_gain
+        if own.gain_pitch is not None and kp is not None and ki is not None:
+            given["notch_frequency"] = 0.0
+            if own.gain_doubling_pitch is not None:
+                given |= {"proportional_gain": float(kp[0]), "integral_gain": float(ki[0])}
+                given["gain_doubling_pitch"] = own.gain_doubling_pitch
+            else:
+                given["gain_table"] = GainTable(*(tuple(row.tolist()) for row in (own.gain_pitch, kp, ki)))
+        return replace(rule, **{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
 
     @classmethod
-    def by_rule(cls, turbine: Turbine) -> BaselineParameters:
+    def by_rule(cls, turbine: Turbine, design: DesignPoint | None = None) -> BaselineParameters:
         """Derive the constants from a turbine.
 
         The pitch gains place the closed-loop poles of the rotor speed (NREL/TP-500-38060, equations 7-15 and 7-16):
         ``KP = 2 I Omega zeta omega_n / (N |dP/dtheta|)``, ``KI = I Omega omega_n^2 / (N |dP/dtheta|)``. The corner
-        frequency of the speed filter scales with the rated rotor speed. Fine pitch is zero; under a damper, against
-        which a rotor at zero pitch stalls, it is that of the operating point in rated wind.
+        frequency of the speed filter scales with the rated rotor speed. Frequency, damping and ``dP/dtheta`` are
+        those of `wt_gym.control.design`. Fine pitch is that of the design point; under a damper, against which a
+        rotor at fine pitch stalls, it is that of the operating point in rated wind.
 
         A notch takes the collective edgewise mode out of the measured speed where the pitch loop, by the amplification
         of a rotor that only its material damps, has a gain of more than one half there (a margin of less than two):
@@ -101,21 +159,23 @@ class BaselineParameters:
         Parameters
         ----------
         turbine : Turbine
+        design : DesignPoint, optional
+            By default `design_point`.
 
         Returns
         -------
         BaselineParameters
         """
-        design, drivetrain, pitch = design_point(turbine), turbine.drivetrain, turbine.pitch
+        design, drivetrain, pitch = design or design_point(turbine), turbine.drivetrain, turbine.pitch
         curve = torque_curve(turbine)
         gain = (
             rotor_inertia(turbine) * drivetrain.rated_rotor_speed
             / (drivetrain.gear_ratio * abs(design.pitch_sensitivity) * curve.rated_power)
         )  # fmt: skip
-        fine_pitch = max(pitch.min_pitch, 0.0)
+        fine_pitch = design.fine_pitch
         if not drivetrain.takes_torque:
             fine_pitch = operating_point(turbine, turbine.rated_wind_speed).pitch
-        corner_frequency = NREL_5MW.corner_frequency * drivetrain.rated_rotor_speed / (12.1 * math.pi / 30)
+        corner_frequency = FILTER_OVER_ROTOR_SPEED * drivetrain.rated_rotor_speed
         mode = drive_mode(turbine)
         rigid_gain = 2 * design.damping_ratio * design.natural_frequency / mode.frequency
         loop_gain = rigid_gain * mode.amplification() / math.hypot(1.0, mode.frequency / corner_frequency)
@@ -131,26 +191,16 @@ class BaselineParameters:
             torque=curve,
             max_torque=drivetrain.max_generator_torque,
             max_torque_rate=drivetrain.max_torque_rate,
-            region_3_min_pitch=fine_pitch + NREL_5MW.region_3_min_pitch,
+            region_3_min_pitch=fine_pitch + PITCH_OF_REGION_3,
             n_blades=turbine.n_blades,
             notch_frequency=mode.frequency if loop_gain > _LARGEST_LOOP_GAIN else 0.0,
         )
 
 
-NREL_5MW = BaselineParameters(
-    corner_frequency=1.570796,
-    proportional_gain=0.01882681,
-    integral_gain=0.008068634,
-    gain_doubling_pitch=0.1099965,
-    reference_speed=122.9096,
-    min_pitch=0.0,
-    max_pitch=1.570796,
-    max_pitch_rate=0.1396263,
-    torque=NREL_5MW_TORQUE_CURVE,
-    max_torque=47_402.91,
-    max_torque_rate=15_000.0,
-    region_3_min_pitch=0.01745329,
-)
+@cache
+def nrel_5mw_parameters() -> BaselineParameters:
+    """Constants of the published controller of the NREL 5-MW, from that turbine's data."""
+    return BaselineParameters.from_turbine(load_turbine("nrel_5mw"))
 
 
 @dataclass(frozen=True)
@@ -162,7 +212,7 @@ class BaselineState:
     filtered_speed : float
         Generator speed behind the low-pass filter [rad/s].
     speed_integral : float
-        Integral of the speed error [rad].
+        Integral of the speed error [rad], or with a table of gains of the pitch [rad], see `PitchLaw`.
     pitch : numpy.ndarray, shape (n_blades,)
         Pitch commands [rad].
     torque : float
@@ -180,8 +230,8 @@ class BaselineController:
 
     Parameters
     ----------
-    parameters : BaselineParameters
-        `NREL_5MW` by default.
+    parameters : BaselineParameters, optional
+        By default those of the NREL 5-MW.
 
     Attributes
     ----------
@@ -195,10 +245,12 @@ class BaselineController:
     >>> pitch, torque = controller.step(generator_speed=123.0, dt=0.0125)
     """
 
-    def __init__(self, parameters: BaselineParameters = NREL_5MW):
-        self.parameters = parameters
+    def __init__(self, parameters: BaselineParameters | None = None):
+        self.parameters = nrel_5mw_parameters() if parameters is None else parameters
         self.state: BaselineState | None = None
-        self._notch = Notch(parameters.notch_frequency)
+        self._notch = Notch(self.parameters.notch_frequency)
+        damping = self.parameters.filter_damping
+        self._filter = SecondOrderLowPass(self.parameters.corner_frequency, damping) if damping > 0.0 else None
 
     def start(self, generator_speed: float, pitch, torque: float = math.nan) -> None:
         """Start bumplessly: the first command continues from the present pitch.
@@ -223,8 +275,10 @@ class BaselineController:
                 f"the baseline controller is made for {p.n_blades} blades, got pitch of shape {pitch.shape}"
             )
         pitch = np.broadcast_to(pitch, p.n_blades).copy()
-        integral = pitch[0] / (self._gain_factor(float(pitch[0])) * p.integral_gain)
-        self._notch.reset(generator_speed)
+        integral = p.pitch_law.holding(float(pitch[0]))
+        speed = self._notch.reset(generator_speed)
+        if self._filter is not None:
+            self._filter.reset(speed)
         self.state = BaselineState(float(generator_speed), float(integral), pitch, float(torque))
 
     def step(self, generator_speed: float, dt: float) -> tuple[np.ndarray, float]:
@@ -251,8 +305,12 @@ class BaselineController:
         """
         if self.state is None:
             raise RuntimeError("BaselineController.step was called before start")
-        memory = math.exp(-dt * self.parameters.corner_frequency)
-        filtered = (1.0 - memory) * self._notch.update(generator_speed, dt) + memory * self.state.filtered_speed
+        measured = self._notch.update(generator_speed, dt)
+        if self._filter is None:
+            memory = math.exp(-dt * self.parameters.corner_frequency)
+            filtered = (1.0 - memory) * measured + memory * self.state.filtered_speed
+        else:
+            filtered = self._filter.update(measured, dt)
         before = self.state.pitch.tolist()  # arrays of three are slow
         torque = self._torque(filtered, before[0], dt)
         commands, integral = self._pitch(filtered, before, dt)
@@ -261,17 +319,13 @@ class BaselineController:
         return pitch.copy(), torque
 
     def shift_pitch(self, change: float) -> None:
-        """Move the present command and its integral, and with them the next one, by so much [rad], within the limits.
-
-        The gain factor stands before the integral too: a shift of the integral alone would shrink with the factor that
-        belongs to the new pitch.
+        """Move the present command and its integral, and with them the next one, by so much [rad], within the
+        limits.
         """
         p, state = self.parameters, cast(BaselineState, self.state)
         angles = state.pitch.tolist()  # arrays of three are slow
         pitch = [min(max(angle + change, p.min_pitch), p.max_pitch) for angle in angles]
-        before, moved = angles[0], pitch[0] - angles[0]
-        integral = self._gain_factor(before) * state.speed_integral + moved / p.integral_gain
-        integral /= self._gain_factor(before + moved)
+        integral = p.pitch_law.moved(angles[0], pitch[0] - angles[0], state.speed_integral)
         self.state = BaselineState(state.filtered_speed, integral, np.array(pitch), state.torque)
 
     def _torque(self, filtered_speed: float, pitch: float, dt: float) -> float:
@@ -279,6 +333,8 @@ class BaselineController:
         p, previous = self.parameters, cast(BaselineState, self.state).torque
         pitched = pitch >= p.region_3_min_pitch
         torque = min(p.torque.torque(filtered_speed, constant_power=pitched), p.max_torque)
+        if not p.constant_power:
+            torque = min(torque, p.rated_torque)
         if math.isnan(previous):
             return torque
         step = p.max_torque_rate * dt
@@ -287,19 +343,10 @@ class BaselineController:
     def _pitch(self, filtered_speed: float, previous: list[float], dt: float) -> tuple[list[float], float]:
         """Pitch commands [rad] and integral of the speed error [rad]: gain-scheduled PI with anti-windup."""
         p = self.parameters
-        factor = self._gain_factor(previous[0])
-        error = filtered_speed - p.reference_speed
-        to_integral = 1.0 / (factor * p.integral_gain)
-        integral = cast(BaselineState, self.state).speed_integral + error * dt
-        integral = min(max(integral, p.min_pitch * to_integral), p.max_pitch * to_integral)
-        demand = factor * (p.proportional_gain * error + p.integral_gain * integral)
-        demand = min(max(demand, p.min_pitch), p.max_pitch)
+        error, integral = filtered_speed - p.reference_speed, cast(BaselineState, self.state).speed_integral
+        demand, integral = p.pitch_law.step(previous[0], integral, error, dt, p.min_pitch, p.max_pitch)
         step, low, high = p.max_pitch_rate * dt, p.min_pitch, p.max_pitch
         return [min(max(min(max(demand, now - step), now + step), low), high) for now in previous], integral
-
-    def _gain_factor(self, pitch: float) -> float:
-        """Gain reduction for the stronger response of the rotor at larger pitch [-]."""
-        return 1.0 / (1.0 + pitch / self.parameters.gain_doubling_pitch)
 
 
 class DisconController:
@@ -307,13 +354,13 @@ class DisconController:
 
     Parameters
     ----------
-    parameters : BaselineParameters
-        `NREL_5MW` by default; `BaselineParameters.from_turbine` gives those of any turbine.
+    parameters : BaselineParameters, optional
+        By default those of the NREL 5-MW; `BaselineParameters.from_turbine` gives those of any turbine.
     """
 
     channels = ("generator_speed",)
 
-    def __init__(self, parameters: BaselineParameters = NREL_5MW):
+    def __init__(self, parameters: BaselineParameters | None = None):
         self.law = BaselineController(parameters)
 
     @property

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.control.operating_point import least_pitch
 from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:
@@ -94,7 +95,8 @@ class AboveRated:
                     f"got {fade!r}"
                 )
             parameters = FadeParameters(pitch=(fade / 6.0, float(fade)))
-        fine = max(turbine.pitch.min_pitch, 0.0)
+        # with peak shaving the blades are pitched below rated too: what counts begins above the least pitch at rated
+        fine = least_pitch(turbine, turbine.rated_wind_speed)
         return cls(parameters, fine, turbine.drivetrain.rated_rotor_speed)
 
     def start(self, pitch: float) -> None:

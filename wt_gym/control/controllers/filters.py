@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from scipy.linalg import expm
+
 from wt_gym.control.sensors import LowPass
 
-__all__ = ["BandLimitedIntegrator", "LowPass"]
+__all__ = ["BandLimitedIntegrator", "LowPass", "SecondOrderLowPass"]
 
 
 class BandLimitedIntegrator:
@@ -45,3 +48,41 @@ class BandLimitedIntegrator:
         self._first = e * first + (1.0 - e) / w * value
         self._second = e * self._second + dt * e * first + (1.0 - e - w * dt * e) / w**2 * value
         return self._first - w * self._second
+
+
+class SecondOrderLowPass:
+    """Low-pass filter ``w^2/(s^2 + 2 zeta w s + w^2)``, exact for an input held over a step.
+
+    Parameters
+    ----------
+    frequency : float
+        w [rad/s].
+    damping_ratio : float
+        zeta [-].
+    """
+
+    def __init__(self, frequency: float, damping_ratio: float):
+        if not (0.0 < frequency < math.inf and 0.0 < damping_ratio < math.inf):
+            raise ValueError(
+                "a second-order filter needs a positive frequency and damping ratio, got "
+                f"{frequency!r} rad/s and {damping_ratio!r}"
+            )
+        self.frequency, self.damping_ratio = float(frequency), float(damping_ratio)
+        self.value, self._rate = math.nan, 0.0
+        self._step, self._transition = math.nan, (1.0, 0.0, 0.0, 1.0)
+
+    def reset(self, value: float) -> float:
+        """Start in steady state at a value."""
+        self.value, self._rate = float(value), 0.0
+        return self.value
+
+    def update(self, value: float, dt: float) -> float:
+        """Take the value of a step of length ``dt`` [s] and return the filtered one."""
+        if dt != self._step:
+            w, z = self.frequency, self.damping_ratio
+            matrix = expm(dt * np.array([[0.0, 1.0], [-(w**2), -2.0 * z * w]]))
+            self._step, self._transition = dt, tuple(matrix.ravel().tolist())
+        a, b, c, d = self._transition
+        deviation = self.value - value
+        self.value, self._rate = value + a * deviation + b * self._rate, c * deviation + d * self._rate
+        return self.value

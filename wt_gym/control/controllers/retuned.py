@@ -13,15 +13,26 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from wt_gym.control.controllers.discon import BaselineParameters
+from wt_gym.control.controllers.discon import BaselineParameters, DisconController
+from wt_gym.control.controllers.own import own_controller
 from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
+from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
+from wt_gym.control.speed_loop import check_speed_loop
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
+    from wt_gym.control.controllers.controller import Controller
     from wt_gym.turbines import Turbine
 
-__all__ = ["FOUND", "found_factor", "gain_of_table", "retuned_parameters", "with_region_2_gain"]
+__all__ = [
+    "FOUND",
+    "found_factor",
+    "gain_of_table",
+    "retuned_controller",
+    "retuned_parameters",
+    "with_region_2_gain",
+]
 
 FOUND: dict[str, float] = {"nrel_5mw": 0.74}
 """Multiple of the published region-2 gain, by the turbine of the catalogue with the rotor and drive train."""
@@ -68,3 +79,24 @@ def retuned_parameters(turbine: Turbine, gain_factor: float | None = None) -> Ba
     if factor is None:
         return with_region_2_gain(parameters, gain_of_table(turbine, rotor_table(turbine)))
     return with_region_2_gain(parameters, factor * parameters.torque.region_2_gain)
+
+
+def retuned_controller(turbine: Turbine, gain_factor: float | None = None) -> Controller:
+    """The turbine's own controller with a torque below rated that fits the turbine as simulated.
+
+    Where it tracks the tip-speed ratio, that ratio takes the place of the gain, which goes with its inverse cube: by
+    default the optimum of the turbine's table.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    gain_factor : float, optional
+        As of `retuned_parameters`.
+    """
+    if not tracks_tip_speed_ratio(turbine):
+        parameters = retuned_parameters(turbine, gain_factor)
+        check_speed_loop(turbine, parameters)
+        return DisconController(parameters)
+    if gain_factor is None:
+        return own_controller(turbine, tip_speed_ratio=rotor_table(turbine).optimum[0])
+    return own_controller(turbine, tip_speed_ratio=design_point(turbine).tip_speed_ratio * gain_factor ** (-1 / 3))

@@ -5,21 +5,29 @@ After the description of NREL's reference open-source controller (Abbas, Zalkind
 gain-scheduled pitch law of the baseline, set points of both moved apart so that only one acts at a time (section 3.4),
 and a lower limit of the pitch that rises with the estimated wind: for power where the rotor cannot turn slowly enough,
 and near rated to cut the peak of the thrust ("peak shaving", section 3.3).
+
+A turbine whose data publish such a controller gets its own numbers (`RoscoLikeParameters.published`): gains of torque
+and pitch, filters, tip-speed ratio, least pitch over the wind. Its wind estimate then reads a table by blade
+elements, as the published controller does. What is not published follows by the rules of
+`RoscoLikeParameters.from_turbine`. Times and rates of those rules were chosen for a rotor of 12.1 rpm, and go with
+the turn of the rotor.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.discon import BaselineParameters
-from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
+from wt_gym.control.controllers.discon import PITCH_OF_REGION_3, BaselineParameters
+from wt_gym.control.controllers.rotor_rules import slower_than_reference
+from wt_gym.control.controllers.rotor_table import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.controllers.wind_estimator import WindEstimator
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import fine_pitch, rated_mechanical_power
+from wt_gym.control.operating_point import least_pitch, rotor_inertia
 from wt_gym.control.sensors import LowPass, Notch
 
 if TYPE_CHECKING:
@@ -53,12 +61,12 @@ def pitch_schedule(
     drivetrain, radius = turbine.drivetrain, table.radius
     winds = np.linspace(turbine.cut_in, turbine.cut_out, 89)
     speeds = np.clip(tip_speed_ratio * winds / radius, drivetrain.min_rotor_speed, drivetrain.rated_rotor_speed)
-    fine = max(turbine.pitch.min_pitch, 0.0)
+    fine = fine_pitch(turbine)
     # where the rotor tracks the best ratio, fine pitch is best; only a ratio above it, at low wind, asks for more
     ratios = speeds * radius / winds
     best = np.array([table.best_pitch(r) if r > 1.02 * tip_speed_ratio else fine for r in ratios])
     best = np.maximum(best, fine)
-    rated = drivetrain.rated_power / drivetrain.generator_efficiency
+    rated = rated_mechanical_power(turbine)
     powers = [table.torque(*point) * point[1] for point in zip(winds, speeds, best, strict=True)]
     below_rated = np.array(powers) < rated
     peak = max(
@@ -97,6 +105,11 @@ class RoscoLikeParameters:
         [s].
     schedule_wind, schedule_pitch : numpy.ndarray, shape (n,)
         Least pitch over the wind [m/s], [rad].
+    table : RotorTable
+        Behind the estimated wind.
+    constant_power_pitch : float
+        Pitch above the least one from which on the torque may pass rated torque by a tenth, so that power is held while
+        the speed is below rated [rad]; 0: always.
     """
 
     baseline: BaselineParameters
@@ -112,6 +125,35 @@ class RoscoLikeParameters:
     smoothing_time_constant: float
     schedule_wind: np.ndarray
     schedule_pitch: np.ndarray
+    table: RotorTable
+    constant_power_pitch: float = 0.0
+
+    @classmethod
+    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters) -> RoscoLikeParameters:
+        """Numbers of the turbine's own controller, by rule where its data say nothing.
+
+        Parameters
+        ----------
+        turbine : Turbine
+        baseline : BaselineParameters
+            Of the pitch law, the filter and the limits.
+        **parameters
+            Of `from_turbine`; one that is given goes before what is published.
+        """
+        own = turbine.control
+        assert own is not None  # asked for such turbines only
+        if parameters.get("tip_speed_ratio") is None:
+            parameters["tip_speed_ratio"] = own.optimal_tip_speed_ratio
+        made = cls.from_turbine(turbine, baseline=baseline, table=blade_element_table(turbine), **parameters)
+        # below region 3 the published torque ends at rated torque, and the speed rises to rated
+        given: dict[str, object] = {"constant_power_pitch": PITCH_OF_REGION_3}
+        if own.torque_proportional_gain and own.torque_integral_gain:
+            given["torque_gain"] = own.torque_proportional_gain
+            given["torque_integral_gain"] = own.torque_integral_gain
+        if own.min_pitch_wind is not None and "thrust_limit" not in parameters:
+            given["schedule_wind"] = own.min_pitch_wind
+            given["schedule_pitch"] = np.array([least_pitch(turbine, wind) for wind in own.min_pitch_wind.tolist()])
+        return replace(made, **given)  # type: ignore[arg-type]
 
     @classmethod
     def from_turbine(
@@ -119,12 +161,15 @@ class RoscoLikeParameters:
         turbine: Turbine,
         tip_speed_ratio: float | None = None,
         thrust_limit: float = 1.0,
-        torque_frequency: float = 0.25,
+        torque_frequency: float | None = None,
         torque_damping: float = 1.0,
-        wind_time_constant: float = 3.0,
+        wind_time_constant: float | None = None,
         pitch_to_speed: float = 1.0,
         torque_to_speed: float = 0.1,
-        smoothing_time_constant: float = 5.0,
+        smoothing_time_constant: float | None = None,
+        *,
+        baseline: BaselineParameters | None = None,
+        table: RotorTable | None = None,
     ) -> RoscoLikeParameters:
         """By rule.
 
@@ -138,11 +183,22 @@ class RoscoLikeParameters:
             By default that of the largest power in the turbine's table.
         thrust_limit : float
             Peak shaving, see `pitch_schedule`.
-        torque_frequency, torque_damping, wind_time_constant : float
-        pitch_to_speed, torque_to_speed, smoothing_time_constant : float
+        torque_frequency, torque_damping : float
+            [rad/s], [-]; by default 0.25 rad/s for a rotor of 12.1 rpm.
+        wind_time_constant, smoothing_time_constant : float, optional
+            [s]; by default 3 s and 5 s for a rotor of 12.1 rpm.
+        pitch_to_speed, torque_to_speed : float
+        baseline : BaselineParameters, optional
+            By default `BaselineParameters.from_turbine`.
+        table : RotorTable, optional
+            By default `rotor_table`.
         """
-        table, drivetrain = rotor_table(turbine), turbine.drivetrain
-        baseline = BaselineParameters.from_turbine(turbine)
+        table, drivetrain = rotor_table(turbine) if table is None else table, turbine.drivetrain
+        baseline = BaselineParameters.from_turbine(turbine) if baseline is None else baseline
+        slower = slower_than_reference(turbine)
+        torque_frequency = 0.25 / slower if torque_frequency is None else torque_frequency
+        wind_time_constant = 3.0 * slower if wind_time_constant is None else wind_time_constant
+        smoothing_time_constant = 5.0 * slower if smoothing_time_constant is None else smoothing_time_constant
         ratio = table.optimum[0] if tip_speed_ratio is None else tip_speed_ratio
         inertia, gear = rotor_inertia(turbine), drivetrain.gear_ratio
         wind = 0.5 * turbine.rated_wind_speed
@@ -166,6 +222,7 @@ class RoscoLikeParameters:
             smoothing_time_constant=smoothing_time_constant,
             schedule_wind=winds,
             schedule_pitch=pitch,
+            table=table,
         )
 
 
@@ -178,7 +235,8 @@ class RoscoLikeController:
        ``d = k_p (theta - theta_min)/(theta_max - theta_min) - k_t (M_rated - M)/M_rated``, low-pass filtered, lowers
        ``w_torque`` where positive (pitched: the torque stays at its upper end) and raises ``w_pitch`` where negative;
     2. torque ``M = K_P (w - w_torque) + I``, I its integral with K_I; both within 0 and the torque of rated power,
-       ``P/w``, at most a tenth above rated torque; limited in rate;
+       ``P/w``, at most a tenth above rated torque (rated torque where region 3 holds the torque, and with published
+       numbers while the pitch is the least one); limited in rate;
     3. pitch: the baseline's gain-scheduled law on ``w - w_pitch``, within theta_min(v) and the upper limit, limited in
        rate.
 
@@ -197,7 +255,7 @@ class RoscoLikeController:
         self.parameters, self.estimator = parameters, estimator
         self.channels = tuple(dict.fromkeys(("generator_speed", *estimator.channels)))
         self._notch = Notch(parameters.baseline.notch_frequency)
-        self._speed = LowPass(1.0 / parameters.baseline.corner_frequency)
+        self._speed = parameters.baseline.speed_filter()
         self._wind = LowPass(parameters.wind_time_constant)
         self._shift = LowPass(parameters.smoothing_time_constant)
         self._pitch = self._torque = self._pitch_integral = self._torque_integral = math.nan
@@ -208,10 +266,23 @@ class RoscoLikeController:
         return self._wind.value
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, estimator_bandwidth: float = 0.5, **parameters) -> RoscoLikeController:
-        """By rule; parameters as those of `RoscoLikeParameters.from_turbine`."""
-        estimator = WindEstimator.of_turbine(turbine, estimator_bandwidth)
-        return cls(RoscoLikeParameters.from_turbine(turbine, **parameters), estimator)
+    def of_turbine(
+        cls, turbine: Turbine, estimator_bandwidth: float | None = None, **parameters
+    ) -> RoscoLikeController:
+        """By rule; parameters as those of `RoscoLikeParameters.from_turbine`.
+
+        The bandwidth of the estimator is by default that of `bandwidth_of` [rad/s].
+        """
+        made = RoscoLikeParameters.from_turbine(turbine, **parameters)
+        return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth))
+
+    @classmethod
+    def published(
+        cls, turbine: Turbine, baseline: BaselineParameters, estimator_bandwidth: float | None = None, **parameters
+    ) -> RoscoLikeController:
+        """With the turbine's own numbers, see `RoscoLikeParameters.published`."""
+        made = RoscoLikeParameters.published(turbine, baseline, **parameters)
+        return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth, made.table))
 
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start bumplessly from the mean of the pitch demands and the torque demand."""
@@ -222,8 +293,7 @@ class RoscoLikeController:
         self._shift.reset(self._wanted_shift(self._least_pitch()))
         torque_error, pitch_error = self._errors()
         self._torque_integral = self._torque - p.torque_gain * torque_error
-        proportional = p.baseline.proportional_gain * pitch_error
-        self._pitch_integral = (self._pitch / self._gain_factor() - proportional) / p.baseline.integral_gain
+        self._pitch_integral = p.baseline.pitch_law.holding(self._pitch, pitch_error)
 
     def step(self, signals: Readings, dt: float) -> Demand:
         """Demand for the next ``dt`` [s]."""
@@ -234,28 +304,34 @@ class RoscoLikeController:
         self._shift.update(self._wanted_shift(least), dt)
         torque_error, pitch_error = self._errors()
 
-        highest = min(b.torque.rated_power / max(speed, 1e-3), 1.1 * p.rated_torque, b.max_torque)
+        highest = min(b.torque.rated_power / max(speed, 1e-3), self._most_torque(least), b.max_torque)
         integral = self._torque_integral + p.torque_integral_gain * torque_error * dt
         self._torque_integral = min(max(integral, 0.0), highest)
         torque = min(max(p.torque_gain * torque_error + self._torque_integral, 0.0), highest)
         self._torque += min(max(torque - self._torque, -b.max_torque_rate * dt), b.max_torque_rate * dt)
 
-        factor = self._gain_factor()
-        integral = self._pitch_integral + pitch_error * dt
-        to_integral = 1.0 / (factor * b.integral_gain)
-        self._pitch_integral = min(max(integral, least * to_integral), b.max_pitch * to_integral)
-        pitch = factor * (b.proportional_gain * pitch_error + b.integral_gain * self._pitch_integral)
-        pitch = min(max(pitch, least), b.max_pitch)
+        pitch, self._pitch_integral = b.pitch_law.step(
+            self._pitch, self._pitch_integral, pitch_error, dt, least, b.max_pitch
+        )
         self._pitch += min(max(pitch - self._pitch, -b.max_pitch_rate * dt), b.max_pitch_rate * dt)
         return Demand(np.full(b.n_blades, self._pitch), 0.0, self._torque)
 
     def shift_pitch(self, change: float) -> None:
         """Move the present demand and its integral, and with them the next one, by so much [rad], within the limits."""
-        b, before, factor = self.parameters.baseline, self._pitch, self._gain_factor()
+        b, before = self.parameters.baseline, self._pitch
         least = min(before, self._least_pitch())  # what is below the schedule rises to it at the limit of the rate
         self._pitch = min(max(before + change, least), b.max_pitch)
-        integral = factor * self._pitch_integral + (self._pitch - before) / b.integral_gain
-        self._pitch_integral = integral / self._gain_factor()
+        self._pitch_integral = b.pitch_law.moved(before, self._pitch - before, self._pitch_integral)
+
+    def _most_torque(self, least: float) -> float:
+        """Largest torque while the speed is below rated [N m]: a tenth above rated to hold the power of region 3."""
+        p = self.parameters
+        if not p.baseline.constant_power:
+            return p.rated_torque
+        if p.constant_power_pitch == 0.0:
+            return 1.1 * p.rated_torque
+        pitched = (self._pitch - least) / p.constant_power_pitch
+        return (1.0 + 0.1 * min(max(pitched, 0.0), 1.0)) * p.rated_torque
 
     def _errors(self) -> tuple[float, float]:
         """Generator speed errors of torque and pitch [rad/s]."""
@@ -273,7 +349,3 @@ class RoscoLikeController:
     def _least_pitch(self) -> float:
         """Lower limit of the pitch [rad]."""
         return float(np.interp(self.wind, self.parameters.schedule_wind, self.parameters.schedule_pitch))
-
-    def _gain_factor(self) -> float:
-        """Gain reduction for the stronger response of the rotor at larger pitch [-]."""
-        return 1.0 / (1.0 + self._pitch / self.parameters.baseline.gain_doubling_pitch)

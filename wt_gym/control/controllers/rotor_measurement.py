@@ -10,7 +10,7 @@ import numpy as np
 
 import wt_gym
 from wt_gym.control.controllers.rotor_table import RotorTable
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import fine_pitch, rotor_inertia
 from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drives import TorqueCommand
@@ -80,7 +80,7 @@ def measure_rotor(
     RotorTable
     """
     radius, rated = turbine.rotor_diameter / 2, turbine.drivetrain.rated_rotor_speed
-    pitches = max(turbine.pitch.min_pitch, 0.0) + np.radians(PITCH_DEG)
+    pitches = fine_pitch(turbine) + np.radians(PITCH_DEG)
     simulator = Simulator(
         turbine,
         SteadyInflow(turbine.rated_wind_speed, turbine.hub_height),

@@ -11,7 +11,10 @@ import numpy as np
 if TYPE_CHECKING:
     from wt_gym.turbines import Support, Tower, Turbine
 
-__all__ = ["TowerTop", "flap_moment_sensitivity", "same_rotor", "tower_top"]
+__all__ = ["TowerTop", "flap_moment_sensitivity", "same_rotor", "slower_than_reference", "tower_top"]
+
+_REFERENCE_SPEED = 12.1 * (math.pi / 30.0)
+"""Rated speed of the rotor for which times and rates of rules were chosen, that of the NREL 5-MW [rad/s]."""
 
 
 def flap_moment_sensitivity(turbine: Turbine) -> float:
@@ -25,6 +28,11 @@ def flap_moment_sensitivity(turbine: Turbine) -> float:
     radius = blade.root_radius + along
     lift = math.pi * turbine.air_density * speed**2 * radius**2 * blade.chord_at(along)
     return float(np.trapezoid(lift * along, along))
+
+
+def slower_than_reference(turbine: Turbine) -> float:
+    """Time of a turn at rated speed over that of a rotor of 12.1 rpm: by how much times of rules are longer [-]."""
+    return _REFERENCE_SPEED / turbine.drivetrain.rated_rotor_speed
 
 
 def same_rotor(one: Turbine, other: Turbine) -> bool:

@@ -3,36 +3,37 @@
 Controllers that estimate the wind or limit the thrust need the quasi-steady rotor. The tables of the catalogue's
 turbines lie beside this file and were made by ``scripts/rotor_table.py``: the rotor of the coupled simulator (lattice,
 wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a steady uniform wind until
-the wake has settled (`rotor_measurement.measure_rotor`). Any other turbine is measured on demand, which takes minutes,
-and kept in the cache folder of the user.
+the wake has settled (`rotor_measurement.measure_rotor`). Any other turbine gets its table by blade elements
+(`blade_element_table`) in about a second; below rated wind the simulator's rotor makes up to a tenth more power. A
+table measured by the script goes before it: put into the folder ``rotor`` of the user's cache (`measured_table_path`).
 """
 
 from __future__ import annotations
 
 import json
-import logging
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.control.design import fine_pitch
+from wt_gym.control.rotor import rotor_of
 from wt_gym.turbines.site import at_controller_density
 from wt_gym.user_cache import user_cache
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = ["RotorTable", "rotor_table"]
+__all__ = ["RotorTable", "blade_element_table", "measured_table_path", "rotor_table"]
 
 _DATA = Path(__file__).parent / "data"
 _known: dict[str, RotorTable] = {}
 _MEASUREMENT = 2
 """Of tables in the cache; one more when `measure_rotor` or what it runs on measures anything else."""
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +154,7 @@ def _place(grid: list, value: float) -> tuple[int, float]:
 
 
 def rotor_table(turbine: Turbine) -> RotorTable:
-    """Table of a turbine: stored for those of the catalogue, else from the cache, else measured (minutes).
+    """Table of a turbine: measured where there is one, else by blade elements.
 
     Coefficients do not depend on the density of the air: at a site with another the table is that of the turbine in the
     air of its controller, with forces and torques of the site's.
@@ -171,9 +172,36 @@ def rotor_table(turbine: Turbine) -> RotorTable:
     home = at_controller_density(turbine)
     key = fingerprint(home)
     if key not in _known:
-        _known[key] = _stored(home) or _cached(home, key)
+        path = measured_table_path(home)
+        measured = RotorTable.load(path) if path is not None and path.is_file() else None
+        _known[key] = _stored(home) or measured or blade_element_table(home)
     table = _known[key]
     return table if table.air_density == turbine.air_density else replace(table, air_density=turbine.air_density)
+
+
+@lru_cache(maxsize=32)
+def blade_element_table(turbine: Turbine) -> RotorTable:
+    """Table of a turbine by blade elements (`wt_gym.control.rotor`), from its fine pitch on.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    """
+    fine = fine_pitch(turbine)
+    pitch = fine + np.radians(np.concatenate([np.arange(0.0, 6.0, 0.5), np.arange(6.0, 36.1, 1.5)]))
+    ratios = np.concatenate([np.arange(2.0, 6.0, 0.5), np.arange(6.0, 11.0, 0.25), np.arange(11.0, 16.1, 0.5)])
+    rotor = rotor_of(turbine)
+    power, thrust = rotor.coefficients(ratios, pitch)
+    return RotorTable(
+        turbine=turbine.name,
+        radius=rotor.radius,
+        air_density=turbine.air_density,
+        tip_speed_ratio=ratios,
+        pitch=pitch,
+        power=power,
+        thrust=thrust,
+        made_by="blade elements",
+    )
 
 
 def _stored(turbine: Turbine) -> RotorTable | None:
@@ -185,20 +213,9 @@ def _stored(turbine: Turbine) -> RotorTable | None:
     return None
 
 
-def _cached(turbine: Turbine, key: str) -> RotorTable:
-    """Table from the user's cache folder, measured if it is not there."""
-    folder = user_cache()
-    path = folder / "rotor" / f"{key[:20]}-{_MEASUREMENT}.json" if folder is not None else None
-    if path is not None and path.is_file():
-        return RotorTable.load(path)
-    from wt_gym.control.controllers.rotor_measurement import measure_rotor  # brings the simulator
+def measured_table_path(turbine: Turbine) -> Path | None:
+    """Where a table of this turbine, measured by ``scripts/rotor_table.py``, is looked for; None without a cache."""
+    from wt_gym.simulation.state import fingerprint
 
-    _log.warning("no rotor table for %s: it is measured now, which takes minutes", turbine.name)
-    table = measure_rotor(turbine)
-    if path is not None:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            table.save(path)
-        except OSError as error:
-            _log.warning("the rotor table of %s is not kept: %s", turbine.name, error)
-    return table
+    folder = user_cache()
+    return folder / "rotor" / f"{fingerprint(turbine)[:20]}-{_MEASUREMENT}.json" if folder is not None else None

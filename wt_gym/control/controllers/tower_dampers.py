@@ -18,7 +18,7 @@ from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
 from wt_gym.control.controllers.filters import BandLimitedIntegrator
 from wt_gym.control.controllers.rotor_rules import tower_top
-from wt_gym.control.operating_point import design_point, rated_mechanical_power
+from wt_gym.control.design import design_point, fine_pitch, rated_mechanical_power
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
@@ -80,7 +80,7 @@ class ForeAftDamper:
         power = abs(design_point(turbine).pitch_sensitivity) * rated_mechanical_power(turbine)
         gain = 2.0 * damping * tower.fore_aft * tower.mass * turbine.rated_wind_speed / power
         fading = AboveRated.of_turbine(turbine, fade)
-        limits = (max(turbine.pitch.min_pitch, 0.0), turbine.pitch.max_pitch)
+        limits = (fine_pitch(turbine), turbine.pitch.max_pitch)
         return cls(gain, CORNER * tower.fore_aft, limit, fading, limits)
 
     def start(self, signals: Readings) -> None:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.control.controllers.rotor_rules import slower_than_reference
 from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
 from wt_gym.control.operating_point import rotor_inertia
 
@@ -27,10 +28,17 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["WindEstimator"]
+__all__ = ["WindEstimator", "bandwidth_of"]
 
 LOWEST, HIGHEST = 2.0, 40.0
 """Range of the estimate [m/s]."""
+
+
+def bandwidth_of(turbine: Turbine) -> float:
+    """Bandwidth of the estimator by rule [rad/s]: 0.5 rad/s for a rotor of 12.1 rpm, in proportion to the rated
+    speed.
+    """
+    return 0.5 / slower_than_reference(turbine)
 
 
 class WindEstimator:
@@ -79,16 +87,18 @@ class WindEstimator:
         self.wind, self._speed = math.nan, math.nan
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, bandwidth: float = 0.5) -> WindEstimator:
-        """Of a turbine, with its table (`rotor_table.rotor_table`)."""
+    def of_turbine(
+        cls, turbine: Turbine, bandwidth: float | None = None, table: RotorTable | None = None
+    ) -> WindEstimator:
+        """Of a turbine, by default with its table (`rotor_table.rotor_table`) and the bandwidth of `bandwidth_of`."""
         drivetrain = turbine.drivetrain
         return cls(
-            rotor_table(turbine),
+            rotor_table(turbine) if table is None else table,
             rotor_inertia(turbine),
             drivetrain.gear_ratio,
             drivetrain.gearbox_efficiency,
             turbine.n_blades,
-            bandwidth,
+            bandwidth_of(turbine) if bandwidth is None else bandwidth,
             0.1 * drivetrain.rated_rotor_speed,
         )
 

@@ -1,0 +1,48 @@
+"""An evaluation says whose rotor speed swings."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from wt_gym.agents.oscillation_notes import oscillation_notes, swings
+
+TIME = np.arange(0.0, 200.0, 0.2)
+
+
+def run(speed, wind, agent="one"):
+    data = xr.Dataset({"rotor_speed": ("time", speed), "wind_x": ("time", wind)}, coords={"time": TIME})
+    return SimpleNamespace(agent=agent, data=data, wind=SimpleNamespace(name="14 m/s"))
+
+
+STEADY, GUSTY = np.full(TIME.size, 14.0), 14.0 + 2.0 * np.sin(0.2 * TIME)
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "middle", "wind", "count"),
+    [
+        (0.3, 1.0, STEADY, 12),  # 6.4 swings of 31 s, two sides each
+        (0.05, 1.0, STEADY, 0),
+        (0.2, 0.6, STEADY, 12),  # below rated, in a wind that explains nothing
+        (0.2, 0.6, GUSTY, 0),  # below rated the speed follows the wind
+        (0.3, 1.0, GUSTY, 12),
+    ],
+)
+def test_swings_are_counted(amplitude, middle, wind, count):
+    speed = middle + amplitude * np.sin(0.2 * TIME)
+    assert swings(run(speed, wind).data, 1.0) == count
+
+
+def test_the_start_does_not_count():
+    speed = 1.0 + 0.5 * np.exp(-TIME / 10.0) * np.sin(0.5 * TIME)
+    assert swings(run(speed, STEADY).data, 1.0) > 0
+    assert swings(run(speed, STEADY).data, 1.0, skip=30.0) == 0
+
+
+def test_the_note_names_agent_wind_and_numbers():
+    notes = oscillation_notes(
+        [run(2.0 + 0.9 * np.sin(0.2 * TIME), STEADY, "bad"), run(np.full(TIME.size, 2.0), STEADY, "good")], 2.0, 10.0
+    )
+    assert set(notes) == {"bad"}
+    assert "under bad in 14 m/s: it swings between 0.55 and 1.45 times rated" in notes["bad"]

@@ -1,0 +1,238 @@
+"""A turbine's own controller: what its file says is used, any other turbine is controlled by rule, both are checked."""
+
+import json
+import math
+import shutil
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from wt_gym.control import Demand
+from wt_gym.control.controllers import controller_parameters, make_controller
+from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, DisconController
+from wt_gym.control.controllers.filters import SecondOrderLowPass
+from wt_gym.control.controllers.own import own_parameters
+from wt_gym.control.controllers.pitch_law import GainTable, PitchLaw
+from wt_gym.control.controllers.rosco_like import RoscoLikeController
+from wt_gym.control.speed_loop import check_speed_loop, checked_winds, speed_loop_modes
+from wt_gym.errors import ControllerError, TurbineDefinitionError
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines.catalogue import turbine_file
+
+CATALOGUE = ("nrel_5mw", "nrel_5mw_monopile", "iea_15mw", "iea_15mw_monopile", "iea_22mw")
+
+
+# ---- what the file says ----
+
+
+def test_control_section_of_the_22mw():
+    """Numbers of windIO's file, by hand: deg/rpm to s is 1/6, N m/rpm to N m s is 30/pi; the drive is direct."""
+    own = load_turbine("iea_22mw").control
+    assert own.gain_pitch[0] == pytest.approx(math.radians(6.932789321))
+    assert own.pitch_proportional_gain[0] == pytest.approx(5.1048 / 6)
+    assert own.pitch_integral_gain[0] == pytest.approx(0.26094 / 6)
+    assert own.torque_proportional_gain == pytest.approx(6759000.4585 * 30 / math.pi)
+    assert own.torque_integral_gain == pytest.approx(1134397.69128 * 30 / math.pi)
+    assert own.region_2_gain == pytest.approx(810380.0579 * (30 / math.pi) ** 2)
+    assert math.degrees(own.min_pitch.min()) == pytest.approx(-1.283425461)
+    assert (own.constant_power, own.speed_filter_frequency, own.speed_filter_damping) == (True, 0.91328, None)
+
+
+def test_gains_come_to_the_side_of_the_generator():
+    own = load_turbine("nrel_5mw").control
+    # 240.648348 N m/rpm^2 of the rotor behind a gearbox of 97 (the JSON beside the file has more digits)
+    assert own.region_2_gain == pytest.approx(240.648348 * (30 / math.pi) ** 2 / 97**2, rel=1e-5)
+
+
+def test_notes_say_what_was_read_and_left():
+    notes = "\n".join(load_turbine("iea_15mw").notes)
+    for words in ("pitch gains", "torque gains", "speed filter", "least pitch over the wind"):
+        assert words in notes
+    assert "gen_actuator_damping, gen_actuator_frequency, max_rotor_speed not used" in notes
+    assert "control.pitch_actuator_frequency: kept in Turbine.control only" in notes
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "not JSON"),
+        ("[1]", "must be a JSON object"),
+        ('{"kp": 1}', "unknown key 'kp'"),
+        ('{"fine_pitch_deg": "x"}', "must be numbers"),
+        ('{"gain_doubling_pitch": 0.1}', "None unless gain_pitch is"),
+    ],
+)
+def test_constants_beside_a_file_are_checked(text, message, tmp_path):
+    path = tmp_path / "mine.yaml"
+    shutil.copy(turbine_file("nrel_5mw"), path)
+    assert load_turbine(path).control.cut_in_generator_speed is None
+    (tmp_path / "mine.control.json").write_text(text, encoding="utf-8")
+    with pytest.raises(TurbineDefinitionError, match=message):
+        load_turbine(path)
+
+
+def test_constants_beside_a_file_are_used(tmp_path):
+    path = tmp_path / "mine.yaml"
+    shutil.copy(turbine_file("nrel_5mw"), path)
+    constants = {"fine_pitch_deg": 1.5, "natural_frequency": 0.4}
+    (tmp_path / "mine.control.json").write_text(json.dumps(constants), encoding="utf-8")
+    turbine = load_turbine(path)
+    assert turbine.control.fine_pitch == pytest.approx(math.radians(1.5))
+    assert BaselineParameters.from_turbine(turbine).min_pitch == pytest.approx(math.radians(1.5))
+    assert Path(path).is_file()
+
+
+# ---- which controller ----
+
+
+def test_published_gains_serve_the_turbines_that_have_them():
+    controller = make_controller("discon", load_turbine("iea_22mw"))
+    assert isinstance(controller, RoscoLikeController)
+    p, own = controller.parameters, load_turbine("iea_22mw").control
+    assert p.torque_gain == own.torque_proportional_gain
+    assert p.baseline.gain_table.proportional[0] == own.pitch_proportional_gain[0]
+    assert p.speed_per_wind == pytest.approx(9.15 / 142.0)
+    np.testing.assert_array_equal(p.schedule_pitch, own.min_pitch)
+    assert isinstance(make_controller("discon", load_turbine("nrel_5mw")), DisconController)
+    assert isinstance(make_controller("discon", replace(load_turbine("iea_22mw"), control=None)), DisconController)
+
+
+def test_a_second_order_filter_where_damping_is_given():
+    fifteen = make_controller("discon", load_turbine("iea_15mw")).parameters.baseline
+    assert (fifteen.corner_frequency, fifteen.filter_damping) == (1.0081, 0.7)
+    assert not fifteen.constant_power
+    assert make_controller("discon", load_turbine("iea_22mw")).parameters.baseline.filter_damping == 0.0
+
+
+@pytest.mark.parametrize("dt", [0.05, 0.3])
+def test_second_order_filter_is_exact_for_any_step(dt):
+    made = SecondOrderLowPass(1.0081, 0.7)
+    made.reset(2.0)
+    time = dt * np.arange(1, 30)
+    found = [made.update(5.0, dt) for _ in time]
+    _, exact = signal.step(([1.0081**2], [1.0, 2 * 0.7 * 1.0081, 1.0081**2]), T=np.concatenate([[0.0], time]))
+    np.testing.assert_allclose(found, 2.0 + 3.0 * exact[1:], rtol=1e-6)
+    with pytest.raises(ValueError, match="positive frequency and damping ratio"):
+        SecondOrderLowPass(0.0, 0.7)
+
+
+def test_a_table_of_gains_does_not_move_the_demand():
+    """Where the integral gain changes fivefold over the pitch, a speed at its reference holds the pitch."""
+    law = PitchLaw(1.0, 1.0, 1.0, GainTable((0.0, 0.2), (1.0, 0.5), (0.01, 0.05)))
+    pitch = integral = law.holding(0.1)
+    for _ in range(50):
+        pitch, integral = law.step(pitch, integral, 0.0, 0.1, 0.0, 1.0)
+    assert pitch == pytest.approx(0.1)
+    moved, _ = law.step(0.1, law.moved(0.1, 0.03, law.holding(0.1)), 0.0, 0.1, 0.0, 1.0)
+    assert moved == pytest.approx(0.13)
+    with pytest.raises(ControllerError, match="integral gains of a table must be positive"):
+        GainTable((0.0, 0.2), (1.0, 0.5), (0.01, 0.0))
+
+
+def test_constant_torque_above_rated():
+    parameters = replace(own_parameters(load_turbine("nrel_5mw")), constant_power=False)
+    law = BaselineController(parameters)
+    law.start(122.9096, 0.2)
+    # 43 093.55 N m, where constant power would have 48 151 N m at 110 rad/s
+    assert law.step(110.0, 0.1)[1] == pytest.approx(43_093.55, rel=1e-5)
+
+
+def test_least_pitch_follows_the_estimated_wind():
+    turbine = load_turbine("iea_22mw")
+    controller = make_controller("discon", turbine)
+    speed = 9.15 * 10.0 / 142.0
+    torque = 0.9 * controller.estimator.table.torque(10.0, speed, 0.0)
+    now = {"generator_speed": speed, "rotor_speed": speed, "generator_torque": torque}
+    now |= {f"pitch_{b}": 0.0127 for b in (1, 2, 3)}
+    controller.start(now, Demand(np.full(3, 0.0127), 0.0, torque))
+    for _ in range(600):
+        demand = controller.step(now, 0.1)
+    own = turbine.control
+    assert demand.pitch[0] == pytest.approx(np.interp(controller.wind, own.min_pitch_wind, own.min_pitch), abs=1e-4)
+
+
+# ---- parameters by name ----
+
+
+def test_discon_takes_parameters_by_name():
+    turbine = load_turbine("nrel_5mw")
+    assert {"kp", "ki", "natural_frequency", "region_2_gain"} <= set(controller_parameters("discon"))
+    parameters = make_controller("discon:kp=0.03,corner_frequency=1.2", turbine).parameters
+    assert (parameters.proportional_gain, parameters.corner_frequency) == (0.03, 1.2)
+    assert parameters.integral_gain == 0.008068634
+    slower = make_controller("discon:natural_frequency=0.3", turbine).parameters
+    assert slower.integral_gain == pytest.approx(0.25 * 0.008068634, rel=5e-3)
+    gain = make_controller("discon+ipc:tip_speed_ratio=8.0", turbine).base.parameters.torque.region_2_gain
+    assert gain == pytest.approx(2.332287 * (7.55 / 8.0) ** 3)
+
+
+def test_gains_of_a_table_keep_their_ratio():
+    turbine = load_turbine("iea_22mw")
+    table, changed = own_parameters(turbine).gain_table, own_parameters(turbine, kp=0.5).gain_table
+    assert changed.proportional[0] == pytest.approx(0.5)
+    assert changed.proportional[9] / changed.proportional[0] == pytest.approx(
+        table.proportional[9] / table.proportional[0]
+    )
+    assert changed.integral == table.integral
+
+
+def test_parameters_that_a_controller_does_not_have_are_refused():
+    with pytest.raises(ValueError, match="give tip_speed_ratio"):
+        make_controller("discon:region_2_gain=1e7", load_turbine("iea_22mw"))
+    with pytest.raises(ValueError, match="estimates no wind"):
+        make_controller("discon:thrust_limit=0.8", load_turbine("nrel_5mw"))
+    with pytest.raises(ValueError, match="say the same"):
+        make_controller("discon:region_2_gain=2.0,tip_speed_ratio=8.0", load_turbine("nrel_5mw"))
+
+
+# ---- the check of the closed loop ----
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_controllers_of_the_catalogue_pass_the_check(name):
+    turbine = load_turbine(name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for checked in (turbine, replace(turbine, control=None)):
+            report = check_speed_loop(checked, BaselineParameters.from_turbine(checked))
+            assert len(report.modes) == len(checked_winds(checked)) == 5
+            assert report.pitch_rate < 1.0
+
+
+def test_gains_of_a_small_turbine_on_a_large_one_are_warned_of():
+    """0.6 rad/s, the frequency of the NREL 5-MW, makes the rotor of the 22-MW swing."""
+    with pytest.warns(UserWarning, match=r"IEA 22MW.*rad/s with a damping ratio of \+0\.1.*at least 0.15"):
+        make_controller("discon:natural_frequency=0.6", load_turbine("iea_22mw"))
+
+
+def test_an_unstable_loop_is_refused():
+    turbine = load_turbine("nrel_5mw")
+    # Routh on J s^2 (s + c) + Q N c (kp s + ki) = 0: unstable where ki > kp c, but for the little that the rotor damps
+    with pytest.raises(ControllerError, match="must be positive: choose smaller gains"):
+        make_controller("discon:ki=0.2", turbine)
+
+
+def test_the_loop_has_the_poles_that_its_gains_place():
+    """With fast filter, frozen tower and the rotor's own damping known: s^2 + (2 zeta w + d) s + w^2."""
+    turbine = load_turbine("nrel_5mw")
+    from wt_gym.control.design import rotor_inertia
+    from wt_gym.control.operating_point import operating_point
+    from wt_gym.control.rotor import rotor_of
+
+    wind = 18.0
+    point = operating_point(turbine, wind)
+    slopes = rotor_of(turbine).slopes(wind, point.rotor_speed, point.pitch)
+    inertia = rotor_inertia(turbine)
+    table = GainTable((0.0,), (0.004,), (0.004,))
+    parameters = replace(own_parameters(turbine), corner_frequency=200.0, gain_table=table)
+    modes = speed_loop_modes(turbine, parameters, wind)
+    rotor = next(mode for mode in modes if mode.tower_share < 0.5)
+    frequency = math.sqrt(-slopes.torque_pitch * 97 * 0.004 / inertia)
+    assert rotor.frequency == pytest.approx(frequency, rel=0.1)
+    power = 97.0 * point.generator_torque / point.rotor_speed  # constant power feeds: -P/w^2
+    damping = (-slopes.torque_pitch * 97 * 0.004 - slopes.torque_speed - power) / inertia
+    assert rotor.damping == pytest.approx(damping / (2 * frequency), rel=0.15)

@@ -1,0 +1,302 @@
+"""Blade-element momentum theory of a rigid rotor in a uniform axial wind, for many operating points at once.
+
+Each section is solved on its own (Ning, Wind Energy 17 (2014) 1327): the inflow angle at which the momentum of the
+annulus balances the forces of the polar, with Prandtl's losses at tip and root and Buhl's thrust above a = 0.4
+(NREL/TP-500-36834). The residual has one root in each bracket of that paper; bisection finds it to rounding, for all
+sections and points together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from wt_gym.turbines import Turbine
+
+__all__ = ["BladeElementResult", "BladeElementRotor", "BladeElements", "blade_element"]
+
+_SMALL = 1e-6
+_BISECTIONS = 46
+"""Halvings of a bracket of at most pi/2: the inflow angle is then known to 3e-14 rad."""
+
+
+@dataclass(frozen=True)
+class BladeElementRotor:
+    """A rotor as blade-element theory sees it.
+
+    Attributes
+    ----------
+    n_blades : int
+    root_radius, length : float
+        Distance of the blade root from the axis, and length of the blade [m].
+    radius : float
+        Radius of the disc to which coefficients refer [m].
+    cone : float
+        [rad].
+    air_density : float
+        [kg/m^3].
+    chord_at, twist_at : callable
+        Chord [m] and twist [rad] at a distance from the root [m].
+    polar_at : callable
+        `Polar` at a distance from the root [m].
+    """
+
+    n_blades: int
+    root_radius: float
+    length: float
+    radius: float
+    cone: float
+    air_density: float
+    chord_at: Callable
+    twist_at: Callable
+    polar_at: Callable
+
+    @classmethod
+    def of_turbine(cls, turbine: Turbine) -> BladeElementRotor:
+        """Rotor of a turbine; coefficients refer to the nominal diameter."""
+        blade = turbine.blade
+        return cls(
+            turbine.n_blades, blade.root_radius, blade.length, 0.5 * turbine.rotor_diameter, turbine.hub.cone,
+            turbine.air_density, blade.chord_at, blade.twist_at, blade.polar_at,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class BladeElementResult:
+    """Blade-element momentum solution; arrays are of shape (n_span,).
+
+    Attributes
+    ----------
+    power, thrust : float
+        [W], [N] of the rotor.
+    cp, ct : float
+        Referred to the nominal diameter.
+    span : ndarray
+        Distance of the sections from the axis, along the blade [m].
+    alpha : ndarray
+        Angle of attack [rad].
+    speed : ndarray
+        In the section plane [m/s].
+    axial, tangential : ndarray
+        Induction factors a and a'.
+    cl, cd : ndarray
+    force : ndarray, shape (n_span, 2)
+        Force per length along the axis and in the direction of motion [N/m].
+    """
+
+    power: float
+    thrust: float
+    cp: float
+    ct: float
+    span: np.ndarray
+    alpha: np.ndarray
+    speed: np.ndarray
+    axial: np.ndarray
+    tangential: np.ndarray
+    cl: np.ndarray
+    cd: np.ndarray
+    force: np.ndarray
+
+
+@dataclass(frozen=True)
+class BladeElements:
+    """The sections of a rotor, ready to be solved.
+
+    Parameters
+    ----------
+    rotor : BladeElementRotor
+    n_span : int
+        Sections, of equal length.
+    """
+
+    rotor: BladeElementRotor
+    n_span: int = 60
+
+    @cached_property
+    def _middle(self) -> NDArray[np.float64]:
+        """Distance of the sections from the root [m]."""
+        edges = np.linspace(0.0, self.rotor.length, self.n_span + 1)
+        return 0.5 * (edges[1:] + edges[:-1])
+
+    @cached_property
+    def width(self) -> float:
+        """Length of a section [m]."""
+        return self.rotor.length / self.n_span
+
+    @cached_property
+    def span(self) -> NDArray[np.float64]:
+        """Distance of the sections from the axis, along the blade [m], shape (n_span,)."""
+        return self.rotor.root_radius + self._middle
+
+    @cached_property
+    def radius(self) -> NDArray[np.float64]:
+        """Radius of the circles of the sections [m], shape (n_span,)."""
+        return self.span * np.cos(self.rotor.cone)
+
+    @cached_property
+    def chord(self) -> NDArray[np.float64]:
+        """Chord [m], shape (n_span,)."""
+        return np.array([float(self.rotor.chord_at(z)) for z in self._middle])
+
+    @cached_property
+    def twist(self) -> NDArray[np.float64]:
+        """Twist [rad], shape (n_span,)."""
+        return np.array([float(self.rotor.twist_at(z)) for z in self._middle])
+
+    @cached_property
+    def _polars(self) -> list[Any]:
+        return [self.rotor.polar_at(z) for z in self._middle]
+
+    @cached_property
+    def _ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distances to tip and root in Prandtl's losses, over the radius of the section and of the root [-]."""
+        cos, rotor = np.cos(self.rotor.cone), self.rotor
+        tip, root = (rotor.root_radius + rotor.length) * cos, rotor.root_radius * cos
+        return (tip - self.radius) / self.radius, (self.radius - root) / root
+
+    def coefficients(self, alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lift and drag coefficient of every section at angles of attack (points, n_span) [rad]."""
+        wrapped = np.where(np.abs(alpha) <= np.pi, alpha, np.mod(alpha + np.pi, 2.0 * np.pi) - np.pi)
+        cl, cd = np.empty_like(wrapped), np.empty_like(wrapped)
+        for k, polar in enumerate(self._polars):
+            cl[:, k] = np.interp(wrapped[:, k], polar.alpha, polar.cl)
+            cd[:, k] = np.interp(wrapped[:, k], polar.alpha, polar.cd)
+        return cl, cd
+
+    def solve(self, wind: ArrayLike, rotor_speed: ArrayLike, pitch: ArrayLike) -> dict[str, NDArray[np.float64]]:
+        """Solve points of shape (n,), or numbers: wind [m/s], rotor speed [rad/s], pitch [rad].
+
+        Returns
+        -------
+        dict
+            ``power`` [W] and ``thrust`` [N] of shape (n,); ``alpha``, ``speed``, ``axial``, ``tangential``, ``cl``,
+            ``cd``, ``normal`` and ``driving`` (forces per length across the section and in the direction of motion
+            [N/m]) of shape (n, n_span).
+        """
+        given = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (wind, rotor_speed, pitch))
+        points = np.broadcast_arrays(*given)
+        wind_, speed_, pitch_ = (x[:, None] for x in points)
+        angle = self.twist[None, :] + pitch_
+        along, across = wind_ * np.cos(self.rotor.cone), speed_ * self.radius[None, :]
+        phi = self._inflow_angle(angle, across / along)
+        cl, cd, axial, tangential = self._induction(phi, angle)
+        return self._forces(phi, phi - angle, cl, cd, axial, tangential, along, across, speed_)
+
+    def frozen_wake(
+        self, wind: float, rotor_speed: float, pitch: float, pitch_changes: ArrayLike
+    ) -> dict[str, NDArray[np.float64]]:
+        """Forces at changed pitch angles while the induced velocities stay those of a steady point.
+
+        Parameters
+        ----------
+        wind, rotor_speed, pitch : float
+            Steady point [m/s], [rad/s], [rad].
+        pitch_changes : array_like, shape (n,)
+            [rad].
+
+        Returns
+        -------
+        dict
+            As `solve`.
+        """
+        steady = self.solve(wind, rotor_speed, pitch)
+        along, across = wind * np.cos(self.rotor.cone), rotor_speed * self.radius[None, :]
+        phi = np.arctan2(along * (1.0 - steady["axial"]), across * (1.0 + steady["tangential"]))
+        changes = np.atleast_1d(np.asarray(pitch_changes, dtype=np.float64))[:, None]
+        alpha = phi - self.twist[None, :] - pitch - changes
+        phi = np.broadcast_to(phi, alpha.shape)
+        cl, cd = self.coefficients(alpha)
+        return self._forces(phi, alpha, cl, cd, steady["axial"], steady["tangential"], along, across, rotor_speed)
+
+    def _forces(self, phi, alpha, cl, cd, axial, tangential, along, across, rotor_speed) -> dict[str, Any]:
+        """Forces of the sections and of the rotor from the inflow."""
+        rotor, cos_cone = self.rotor, np.cos(self.rotor.cone)
+        speed = np.hypot(along * (1.0 - axial), across * (1.0 + tangential))
+        pressure = 0.5 * rotor.air_density * speed**2 * self.chord[None, :]
+        normal = pressure * (cl * np.cos(phi) + cd * np.sin(phi))
+        driving = pressure * (cl * np.sin(phi) - cd * np.cos(phi))
+        moment = rotor.n_blades * np.sum(driving * self.radius[None, :], axis=1) * self.width
+        return {
+            "power": moment * np.ravel(rotor_speed),
+            "thrust": rotor.n_blades * np.sum(normal, axis=1) * self.width * cos_cone,
+            "alpha": alpha, "speed": speed, "axial": axial, "tangential": tangential, "cl": cl, "cd": cd,
+            "normal": normal, "driving": driving,
+        }  # fmt: skip
+
+    def _inflow_angle(self, angle: NDArray[np.float64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Root of the residual in the first of three brackets with a change of sign [rad]."""
+
+        def residual(phi: NDArray[np.float64]) -> NDArray[np.float64]:
+            _, _, axial, tangential = self._induction(phi, angle)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return np.sin(phi) / (1.0 - axial) - np.cos(phi) / ratio / (1.0 + tangential)
+
+        whole = np.ones_like(angle)
+        usual = residual(_SMALL * whole) * residual(0.5 * np.pi * whole) < 0.0
+        # the rotor drives the air
+        driving = ~usual & (residual(-0.25 * np.pi * whole) * residual(-_SMALL * whole) < 0.0)
+        low = np.where(usual, _SMALL, np.where(driving, -0.25 * np.pi, 0.5 * np.pi + _SMALL))
+        high = np.where(usual, 0.5 * np.pi, np.where(driving, -_SMALL, np.pi - _SMALL))
+        sign = np.sign(residual(low))
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            same = np.sign(residual(middle)) == sign
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        return 0.5 * (low + high)
+
+    def _induction(self, phi: NDArray[np.float64], angle: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Lift, drag, a and a' of the momentum balance at inflow angles, each (points, n_span)."""
+        cl, cd = self.coefficients(phi - angle)
+        s, c = np.sin(phi), np.cos(phi)
+        normal, tangential = cl * c + cd * s, cl * s - cd * c
+        n_blades, loss = self.rotor.n_blades, np.ones_like(phi)
+        for distance in self._ends:
+            exponent = -0.5 * n_blades * distance[None, :] / np.maximum(np.abs(s), 1e-9)
+            loss = loss * (2.0 / np.pi * np.arccos(np.exp(exponent)))
+        solidity = n_blades * self.chord[None, :] / (2.0 * np.pi * self.radius[None, :])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            k = solidity * normal / (4.0 * loss * s * s)
+            k_turn = solidity * tangential / (4.0 * loss * s * c)
+            # Buhl's thrust, solved for a
+            g1 = 2.0 * loss * k - (10.0 / 9.0 - loss)
+            g2 = np.maximum(2.0 * loss * k - loss * (4.0 / 3.0 - loss), 0.0)
+            g3 = 2.0 * loss * k - (25.0 / 9.0 - 2.0 * loss)
+            heavy = np.where(np.abs(g3) > 1e-6, (g1 - np.sqrt(g2)) / g3, 1.0 - 0.5 / np.sqrt(g2))
+            axial = np.where((k <= 2.0 / 3.0) | (phi < 0.0), k / (1.0 + k), heavy)
+            return cl, cd, axial, k_turn / (1.0 - k_turn)
+
+
+def blade_element(rotor: BladeElementRotor, wind: float, rotor_speed: float, pitch: float = 0.0, n_span: int = 60):
+    """Solve one point of a rotor without tilt, tower and deflection.
+
+    Parameters
+    ----------
+    rotor : BladeElementRotor
+    wind : float
+        [m/s].
+    rotor_speed : float
+        [rad/s].
+    pitch : float
+        [rad].
+    n_span : int
+        Sections, of equal length.
+
+    Returns
+    -------
+    BladeElementResult
+    """
+    elements = BladeElements(rotor, n_span)
+    solved = elements.solve(wind, rotor_speed, pitch)
+    power, thrust = float(solved["power"][0]), float(solved["thrust"][0])
+    reference = 0.5 * rotor.air_density * np.pi * rotor.radius**2 * wind**2
+    rows = {name: solved[name][0] for name in ("alpha", "speed", "axial", "tangential", "cl", "cd")}
+    return BladeElementResult(
+        power=power, thrust=thrust, cp=power / (reference * wind), ct=thrust / reference, span=elements.span,
+        force=np.column_stack((solved["normal"][0] * np.cos(rotor.cone), solved["driving"][0])), **rows,
+    )  # fmt: skip

@@ -1,0 +1,160 @@
+"""The turbine's own controller: with what its data publish, and by rule where they say nothing.
+
+Two laws share one set of constants (`BaselineParameters`). A turbine whose data have the gains of a torque controller
+that tracks the tip-speed ratio, or a least pitch over the wind (peak shaving), gets the one that estimates the wind
+(`RoscoLikeController.published`); any other the torque curve of the NREL 5-MW's (`DisconController`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.control.controllers.discon import BaselineParameters, DisconController
+from wt_gym.control.controllers.pitch_law import GainTable
+from wt_gym.control.controllers.rosco_like import RoscoLikeController
+from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
+from wt_gym.control.speed_loop import check_speed_loop
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers.controller import Controller
+    from wt_gym.turbines import Turbine
+
+__all__ = ["own_controller", "own_parameters"]
+
+
+def own_parameters(
+    turbine: Turbine,
+    kp: float | None = None,
+    ki: float | None = None,
+    gain_doubling_pitch: float | None = None,
+    natural_frequency: float | None = None,
+    damping_ratio: float | None = None,
+    corner_frequency: float | None = None,
+    filter_damping: float | None = None,
+    notch_frequency: float | None = None,
+    reference_speed: float | None = None,
+    min_pitch: float | None = None,
+    region_3_min_pitch: float | None = None,
+) -> BaselineParameters:
+    """Constants of pitch law, filter and limits of a turbine's own controller, some of them chosen.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    kp, ki : float, optional
+        Gains at zero pitch from generator speed error to pitch [s], [-]. Where the turbine has a table of gains over
+        the pitch, those at its first pitch; the others keep their ratio to it.
+    gain_doubling_pitch : float, optional
+        Pitch at which the gains are halved [rad]; takes the place of a table.
+    natural_frequency, damping_ratio : float, optional
+        Gains by rule for these poles of the speed loop [rad/s], [-], in place of published ones.
+    corner_frequency, filter_damping : float, optional
+        Of the filter on the generator speed [rad/s], [-]; a damping of 0 makes it one of first order.
+    notch_frequency : float, optional
+        [rad/s]; 0 for none.
+    reference_speed : float, optional
+        Generator speed that is held above rated [rad/s].
+    min_pitch, region_3_min_pitch : float, optional
+        Least pitch, and pitch from which on the torque controller is in region 3 [rad].
+    """
+    made = BaselineParameters.from_turbine(turbine)
+    if natural_frequency is not None or damping_ratio is not None:
+        design = design_point(turbine)
+        design = replace(
+            design,
+            natural_frequency=design.natural_frequency if natural_frequency is None else natural_frequency,
+            damping_ratio=design.damping_ratio if damping_ratio is None else damping_ratio,
+        )
+        rule = BaselineParameters.by_rule(turbine, design)
+        made = replace(
+            made,
+            proportional_gain=rule.proportional_gain,
+            integral_gain=rule.integral_gain,
+            gain_doubling_pitch=rule.gain_doubling_pitch,
+            notch_frequency=rule.notch_frequency,
+            gain_table=None,
+        )
+    if gain_doubling_pitch is not None:
+        made = replace(made, gain_doubling_pitch=gain_doubling_pitch, gain_table=None)
+    table = made.gain_table
+    if table is not None:
+        made = replace(made, gain_table=_scaled(table, kp, ki))
+    given: dict[str, Any] = {
+        "proportional_gain": kp,
+        "integral_gain": ki,
+        "corner_frequency": corner_frequency,
+        "filter_damping": filter_damping,
+        "notch_frequency": notch_frequency,
+        "reference_speed": reference_speed,
+        "min_pitch": min_pitch,
+        "region_3_min_pitch": region_3_min_pitch,
+    }
+    return replace(made, **{name: value for name, value in given.items() if value is not None})
+
+
+def _scaled(table: GainTable, kp: float | None, ki: float | None) -> GainTable:
+    """Table whose first gains are those given."""
+
+    def row(values: tuple[float, ...], first: float | None) -> tuple[float, ...]:
+        return values if first is None else tuple(first / values[0] * value for value in values)
+
+    return GainTable(table.pitch, row(table.proportional, kp), row(table.integral, ki))
+
+
+def own_controller(
+    turbine: Turbine,
+    region_2_gain: float | None = None,
+    tip_speed_ratio: float | None = None,
+    thrust_limit: float | None = None,
+    **parameters,
+) -> Controller:
+    """Make the turbine's own controller and look at its speed loop (`wt_gym.control.speed_loop.check_speed_loop`).
+
+    Parameters
+    ----------
+    turbine : Turbine
+    region_2_gain : float, optional
+        Torque over the square of the generator speed below rated [N m/(rad/s)^2], for a controller with a torque curve.
+    tip_speed_ratio : float, optional
+        That below rated is run at [-]: tracked, or by the gain of region 2, which goes with its inverse cube.
+    thrust_limit : float, optional
+        Peak shaving by rule in place of a published least pitch, see `wt_gym.control.controllers.rosco_like` [-]; for a
+        controller that estimates the wind.
+    **parameters
+        Of `own_parameters`.
+
+    Raises
+    ------
+    wt_gym.errors.ControllerError
+        If the closed loop is unstable.
+    ValueError
+        For a parameter that the turbine's controller does not have.
+    """
+    made = own_parameters(turbine, **parameters)
+    check_speed_loop(turbine, made)
+    if tracks_tip_speed_ratio(turbine):
+        if region_2_gain is not None:
+            raise ValueError(
+                f"region_2_gain must be left out for {turbine.name}, whose controller tracks the tip-speed ratio: give "
+                f"tip_speed_ratio, got region_2_gain={region_2_gain!r}"
+            )
+        tracked: dict[str, float] = {}
+        if tip_speed_ratio is not None:
+            tracked["tip_speed_ratio"] = tip_speed_ratio
+        if thrust_limit is not None:
+            tracked["thrust_limit"] = thrust_limit
+        return RoscoLikeController.published(turbine, made, **tracked)
+    if thrust_limit is not None:
+        raise ValueError(
+            f"thrust_limit must be left out for {turbine.name}, whose controller estimates no wind: give it to "
+            f"'rosco', got thrust_limit={thrust_limit!r}"
+        )
+    if region_2_gain is not None and tip_speed_ratio is not None:
+        raise ValueError("region_2_gain and tip_speed_ratio say the same; one of them must be left out")
+    curve = made.torque
+    if tip_speed_ratio is not None:
+        region_2_gain = curve.region_2_gain * (design_point(turbine).tip_speed_ratio / tip_speed_ratio) ** 3
+    if region_2_gain is not None:
+        made = replace(made, torque=replace(curve, region_2_gain=region_2_gain))
+    return DisconController(made)
