@@ -182,4 +182,5 @@ def test_power_balance_in_the_air(changes, reverses, bound):
     given = np.array(given)
     work = np.concatenate([[0.0], np.cumsum(0.5 * dt * (given[1:] + given[:-1]))])
     assert np.ptp(work) > 0.05 * dt * sum(of_air)
-    assert np.abs(energy - energy[0] - work).max() < bound * dt * sum(of_air)
+    error = np.abs(np.array(energy) - energy[0] - work).max()
+    assert error < bound * dt * sum(of_air)
