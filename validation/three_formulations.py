@@ -115,7 +115,7 @@ def observed(system, speed=0.0):
 def observed_frequencies(system):
     """Circular frequencies at rest of a system in observer frames: K and M on the null space of the constraints.
 
-    Springs of hinges add k bᵀb with the row b of their angle.
+    Springs of hinges add k bᵀb with the row b of their angle, rotors geared to them I bᵀb to the mass.
     """
     model, state, work = system.pack()
     system._check_constraints(model, state, work)
@@ -128,7 +128,7 @@ def observed_frequencies(system):
                 b = model.marker_body[m]
                 row[b] = row[b] + work.weight[r, side] @ model.marker_shape[m, :, : system.bodies[b].n]
         if model.row_spring[r] >= 0:
-            springs.append(np.sqrt(model.row_stiffness[r]) * np.concatenate(row))
+            springs.append((model.row_stiffness[r], model.row_inertia[r], np.concatenate(row)))
         else:
             rows.append(np.concatenate(row))
     free = null_space(np.array(rows))
@@ -136,8 +136,10 @@ def observed_frequencies(system):
         free.T @ block_diag(*blocks) @ free
         for blocks in ([b.stiffness for b in system.bodies], [b.mass_matrix for b in system.bodies])
     )
-    for spring in springs:
-        stiffness += np.outer(spring @ free, spring @ free)
+    for spring, rotor, row in springs:
+        angle = np.outer(row @ free, row @ free)
+        stiffness += spring * angle
+        mass += rotor * angle
     return np.sqrt(np.maximum(eigh(stiffness, mass, eigvals_only=True), 0.0))
 
 

@@ -116,7 +116,7 @@ def test_envelope_factors_solve():
         a[i, : first[i]] = a[: first[i], i] = 0.0
     low, up, x = np.tril(a), np.tril(a.T), rng.standard_normal(n)
     expected = np.linalg.solve(a, x)
-    assert matrix.factorize(0, n, first, low, up)
+    assert matrix.factorize(0, n, first, low, up, True)
     matrix.solve(n, first, low, up, x)
     np.testing.assert_allclose(x, expected, rtol=1e-10)
 

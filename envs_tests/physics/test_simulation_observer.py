@@ -33,8 +33,8 @@ OBSERVER = replace(FIDELITIES["training"], formulation="observer")
 # ---- mechanisms ------------------------------------------------------------------------------------------------------
 
 
-def mechanism():
-    """A turbine in small: a sprung column, a servo and a spring behind it, a massless generator, a shaft, a pitch."""
+def mechanism(ratio=1.0):
+    """A turbine in small: a sprung column, a servo and a spring behind it, a geared generator, a shaft, a pitch."""
     turn = Rotation.from_euler("xyz", (0.3, -0.2, 0.5)).as_matrix()
     tree, none = MultibodySystem(), np.zeros((3, 3))
     column = FlexibleBody.rigid("column", 4.0, (0.1, 0.0, 0.5), np.diag([0.6, 0.7, 0.5]), {"top": (0.0, 0.1, 1.0)})
@@ -44,8 +44,9 @@ def mechanism():
     gear = tree.add(FlexibleBody.rigid("gear", 0.0, np.zeros(3), none), drive, column, "top")
     house = FlexibleBody.rigid("house", 3.0, (0.2, 0.1, 0.3), np.diag([0.2, 0.3, 0.25]), {"end": (0.0, 0.0, 0.4)})
     house = tree.add(house, Joint("revolute", (0.0, 1.0, 0.0), stiffness=80.0, damping=1.0, name="twist"), gear)
-    generator = FlexibleBody.rigid("generator", 0.0, np.zeros(3), np.diag([0.3, 0.0, 0.0]))
-    generator = tree.add(generator, Joint("revolute", (1.0, 0.0, 0.0), rotation=turn, name="azimuth"), house, "end")
+    generator = FlexibleBody.rigid("generator", 0.0, np.zeros(3), none)
+    hinge = Joint("revolute", (1.0, 0.0, 0.0), turn, name="azimuth", rotor_inertia=0.3 / ratio**2, rotor_ratio=ratio)
+    generator = tree.add(generator, hinge, house, "end")
     rotor = FlexibleBody.rigid("rotor", 2.0, (0.1, 0.0, 0.0), np.diag([0.4, 0.3, 0.3]))
     shaft = Joint("revolute", (1.0, 0.0, 0.0), None, (0.3, 0.0, 0.0), 50.0, 0.2, name="shaft")
     rotor = tree.add(rotor, shaft, generator)
@@ -63,10 +64,10 @@ def motion(amplitude, frequency):
     )
 
 
-@pytest.mark.parametrize("radius", [None, 0.5])
-def test_servos_springs_and_massless_bodies_move_like_the_tree(radius):
+@pytest.mark.parametrize(("radius", "ratio"), [(None, 1.0), (0.5, 1.0), (None, 4.0), (0.5, -4.0), (None, -0.5)])
+def test_servos_springs_and_massless_bodies_move_like_the_tree(radius, ratio):
     """Tip of the mechanism against the tree and an eighth-order scheme: the difference is the scheme's O(h²)."""
-    system, duration = mechanism(), 1.0
+    system, duration = mechanism(ratio), 1.0
     motions, n = {"drive": motion(0.3, 3.0), "pitch": motion(0.5, 2.0)}, system.n_q + system.n_u
     y, inputs, work = system.initial_state(), system.new_inputs(), system.new_work()
     y[:n] = 0.2, 0.1, 0.3, 0.05, 0.3, -0.2, 4.0, -0.5

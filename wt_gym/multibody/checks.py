@@ -49,16 +49,18 @@ def check_rotation(owner, name, value):
         raise MultibodyError(f"{owner}: {name} is a reflection (determinant −1); a proper rotation is needed")
 
 
-def check_number(owner, name, value, positive=False):
-    """A finite number that is not negative, or not zero either.
+def check_number(owner, name, value, positive=False, signed=False):
+    """A finite number that is not negative, or not zero either, or of any sign where it is ``signed``.
 
     Raises
     ------
     MultibodyError
     """
     number = _numbers(owner, name, value)
-    if number.shape != () or not np.isfinite(number) or number < 0.0 or (positive and number == 0.0):
-        raise MultibodyError(f"{owner}: {name} is {value!r}; allowed: a finite number {'>' if positive else '>='} 0")
+    low = not signed and (number < 0.0 if number.shape == () else True)
+    if number.shape != () or not np.isfinite(number) or low or (positive and number == 0.0):
+        bound = "" if signed else " > 0" if positive else " >= 0"
+        raise MultibodyError(f"{owner}: {name} is {value!r}; allowed: a finite number{bound}")
 
 
 def _numbers(owner, name, value):

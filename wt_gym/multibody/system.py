@@ -28,8 +28,9 @@ Tree = namedtuple(
     "marker_position marker_linear marker_second marker_rotation n_elastic joint_q joint_u "
     "elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
     "stiffness damping "
-    "cols n_col dof_stiffness dof_damping dof_q servo_frequency servo_damping gravity n_q n_u n_servo load_parent "
-    "constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation projection",
+    "cols n_col dof_stiffness dof_damping dof_inertia dof_q servo_frequency servo_damping gravity n_q n_u n_servo "
+    "load_parent constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation "
+    "projection",
 )
 Work = namedtuple(
     "Work",
@@ -100,7 +101,8 @@ class MultibodySystem:
         Raises
         ------
         MultibodyError
-            For an unknown parent or marker, a body with negative mass or inertia, or a system that is already built.
+            For an unknown parent or marker, a body with negative mass or inertia, a rotor geared to a joint on a
+            flexible parent, or a system that is already built.
         """
         self._check_open(f"body {body.name!r}")
         check_body(body)
@@ -113,6 +115,11 @@ class MultibodySystem:
             if marker not in markers:
                 raise MultibodyError(
                     f"body {body.name!r}: {self.bodies[parent].name!r} has no marker {marker!r}, only {sorted(markers)}"
+                )
+            if joint.rotor_inertia > 0.0 and self.bodies[parent].n_elastic:
+                raise MultibodyError(
+                    f"body {body.name!r}: the rotor geared to its joint needs bearings in a rigid body, but "
+                    f"{self.bodies[parent].name!r} has {self.bodies[parent].n_elastic} elastic coordinates"
                 )
             self._markers.append(markers[marker])
         self.bodies.append(body)
@@ -359,6 +366,7 @@ class MultibodySystem:
             "marker_rotation": np.zeros((n, 3, nf)),
             "dof_stiffness": np.zeros(self.n_u),
             "dof_damping": np.zeros(self.n_u),
+            "dof_inertia": np.zeros(self.n_u),
             "dof_q": np.full(self.n_u, -1),
             "servo_frequency": np.array([d.servo_frequency for d in servos], dtype=float),
             "servo_damping": np.array([d.servo_damping for d in servos], dtype=float),
@@ -376,6 +384,7 @@ class MultibodySystem:
             out["dof_q"][u : u + n_slide] = np.arange(q, q + n_slide)
             if joint.kind in ("revolute", "prismatic"):
                 out["dof_stiffness"][u], out["dof_damping"][u] = joint.stiffness, joint.damping
+                out["dof_inertia"][u] = joint.rotor_tensors[2]
             first = entry["elastic_u"]
             out["dof_q"][first : first + body.n_elastic] = entry["elastic_q"] + np.arange(body.n_elastic)
         return out
@@ -414,6 +423,18 @@ class MultibodySystem:
                 out[key][(b, *(slice(0, n) for n in value.shape))] = value
             n = body.n_elastic
             out["stiffness"][b, :n, :n], out["damping"][b, :n, :n] = body.stiffness, body.damping
+        out["j0"] += self.rotor_tensors
+        return out
+
+    @property
+    def rotor_tensors(self):
+        """Inertia tensors (n_b, 3, 3) that rotors geared to joints add to the bodies; see `Joint.rotor_tensors`."""
+        out = np.zeros((len(self.bodies), 3, 3))
+        for b, (joint, parent) in enumerate(zip(self.joints, self.parents, strict=True)):
+            of_parent, of_body, _ = joint.rotor_tensors
+            out[b] += of_body
+            if parent >= 0:
+                out[parent] += of_parent
         return out
 
     def new_work(self, trail=0):

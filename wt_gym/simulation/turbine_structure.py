@@ -299,7 +299,7 @@ def rotor_nacelle_inertia(turbine, blade_inertia):
     reach = hub.radius + blade_inertia.c0[2] / blade_mass
     rotor_inertia = rotor_axial_inertia(turbine, blade_inertia)
     rotor_mass = hub.mass + n * blade_mass
-    axial = rotor_inertia + drive.generator_inertia * drive.gear_ratio**2
+    axial = rotor_inertia + drive.generator_inertia  # neither shaft turns against the nacelle
     across = hub.inertia_transverse + 0.5 * (rotor_inertia - hub.inertia_axial)
     tilt = rotation_y(nacelle.tilt)
     centre = np.array([0.0, 0.0, nacelle.tower_top_to_shaft]) + tilt @ [-nacelle.overhang, 0.0, 0.0]
@@ -476,10 +476,14 @@ def rotor_axial_inertia(turbine, blade_inertia):
 
 
 def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest, damping):
-    """Generator and damper on the shaft axis, hub behind the shaft's torsion spring, if that is not too stiff."""
+    """Generator and damper on the shaft axis, hub behind the shaft's torsion spring, if that is not too stiff.
+
+    The body "generator" is the massless end of the low-speed shaft in the gearbox. The rotor of the generator is geared
+    to its joint: it turns in the nacelle at ± N times the speed, so that it weighs N² J_g on the shaft, while nacelle
+    and yaw bearing feel its angular momentum ± N J_g Ω and the torque that reaches the gearbox (`Joint.rotor_inertia`).
+    """
     drive, hub = turbine.drivetrain, turbine.hub
-    inertia = np.diag([drive.generator_inertia * drive.gear_ratio**2, 0.0, 0.0])
-    generator = FlexibleBody.rigid("generator", 0.0, np.zeros(3), inertia)
+    generator = FlexibleBody.rigid("generator", 0.0, np.zeros(3), np.zeros((3, 3)))
     joint = Joint(
         "revolute",
         (1.0, 0.0, 0.0),
@@ -487,6 +491,8 @@ def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest, damping):
         offset=(0.0, 0.0, turbine.nacelle.tower_top_to_shaft),
         damping=damping,
         name="azimuth",
+        rotor_inertia=drive.generator_inertia,
+        rotor_ratio=drive.speed_ratio,
     )
     generator = system.add(generator, joint, nacelle)
     if not drive.spring > 0.0:
@@ -498,7 +504,8 @@ def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest, damping):
         np.diag([hub.inertia_axial, hub.inertia_transverse, hub.inertia_transverse]),
     )
     offset = (-turbine.nacelle.overhang, 0.0, 0.0)
-    compliance = 1.0 / inertia[0, 0] + 1.0 / rotor_axial_inertia(turbine, blade_inertia)
+    at_shaft = drive.generator_inertia * drive.gear_ratio**2
+    compliance = 1.0 / at_shaft + 1.0 / rotor_axial_inertia(turbine, blade_inertia)
     if np.sqrt(drive.spring * compliance) > 2.0 * np.pi * stiffest:
         torsion = Joint("fixed", offset=offset, name="shaft")
     else:

@@ -249,6 +249,8 @@ class Drivetrain(ArrayRecord):
     generator_damping : float
         Torque over speed of a generator that is, or may run as, a linear damper, low-speed shaft [N m s/rad]; 0 if it
         cannot.
+    gearbox_reverses : bool
+        Whether the high-speed shaft turns against the low-speed shaft (GBRevers).
     """
 
     gear_ratio: float
@@ -263,6 +265,12 @@ class Drivetrain(ArrayRecord):
     max_generator_torque: float
     max_torque_rate: float
     generator_damping: float = later_field(0.0)
+    gearbox_reverses: bool = later_field(False)
+
+    @property
+    def speed_ratio(self) -> float:
+        """Speed of the generator against the nacelle over that of the rotor; negative where the gearbox reverses."""
+        return -self.gear_ratio if self.gearbox_reverses else self.gear_ratio
 
     @property
     def takes_torque(self) -> bool:
@@ -292,6 +300,8 @@ class Drivetrain(ArrayRecord):
         checked["min_rotor_speed"] = check_number(
             "Drivetrain.min_rotor_speed", self.min_rotor_speed, 0.0, checked["rated_rotor_speed"]
         )
+        if not isinstance(self.gearbox_reverses, bool):
+            raise fail("Drivetrain.gearbox_reverses", self.gearbox_reverses, "True or False")
         self._set(**checked)
 
 

@@ -128,7 +128,8 @@ Model = namedtuple(
     "n first stiffness damping gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
     "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
     "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes "
-    "prediction row_drive row_axis row_spring row_stiffness row_damping load_section rule",
+    "prediction row_drive row_axis row_spring row_stiffness row_damping row_inertia load_section "
+    "rule definite",
 )
 State = namedtuple(
     "State",
@@ -139,7 +140,7 @@ Work = namedtuple(
     "low up columns pairs base rhs next vector schur multiplier row_value row_rate row_bias weight marker_rotation "
     "marker_tangent marker_point marker_rate marker_bias marker_field turn tangent angle spare lever one two normal "
     "normal_rate field field_rate rate bias pull load moments second mixed mean pair drive spring body_load row_change "
-    "axis second_rate second_bias order row_scale row_reach",
+    "axis second_rate second_bias order row_scale row_reach ahead",
 )
 
 
@@ -181,7 +182,7 @@ class Drive:
 
 @dataclass
 class Spring:
-    """Spring, damper and drive torque of a hinge: k (θ_r − θ) + c (θ̇_r − θ̇) + τ on its first section.
+    """Spring, damper, drive torque and inertia of a hinge: k (θ_r − θ) + c (θ̇_r − θ̇) + τ − I θ̈ on its first section.
 
     Attributes
     ----------
@@ -192,6 +193,8 @@ class Spring:
         θ_r [rad], θ̇_r [rad/s] and τ [N m] as functions of time [s]; None: all zero.
     angle : float
         θ at the start [rad]; it goes on from there through whole turns.
+    inertia : float
+        I [kg m²], of either sign: what a rotor that gears couple to the hinge adds to the inertia of the sections.
     """
 
     name: str
@@ -199,6 +202,7 @@ class Spring:
     damping: float
     acting: object = None
     angle: float = 0.0
+    inertia: float = 0.0
 
     def at(self, time):
         """References of angle and rate, and torque."""
@@ -515,8 +519,10 @@ class ObserverFrameSystem:
             row_spring=np.array([r.spring for r in self._rows], dtype=np.int64),
             row_stiffness=np.array([self.springs[r.spring].stiffness if r.spring >= 0 else 0.0 for r in self._rows]),
             row_damping=np.array([self.springs[r.spring].damping if r.spring >= 0 else 0.0 for r in self._rows]),
+            row_inertia=np.array([self.springs[r.spring].inertia if r.spring >= 0 else 0.0 for r in self._rows]),
             load_section=np.full(n_b, -1, dtype=np.int64),
             rule=np.array(NEWMARK),
+            definite=np.array([b.definite for b in self.bodies]),
         )
         self._pack_bodies(model)
         self._pack_markers(model)
@@ -542,7 +548,7 @@ class ObserverFrameSystem:
             model.mass_low[i, :n, :n] = model.mass_up[i, :n, :n] = body.mass_matrix
             m, s = body.particle_mass, body.particle_position
             model.reference_first[i], model.reference_second[i] = m @ s, (m[:, None] * s).T @ s
-            if not matrix.factorize(0, n, model.first[i], model.mass_low[i], model.mass_up[i]):
+            if not matrix.factorize(0, n, model.first[i], model.mass_low[i], model.mass_up[i], body.definite):
                 raise ObserverFrameError(f"substructure {body.name!r}: the mass matrix is singular")
 
     def _pack_markers(self, model):
@@ -624,7 +630,7 @@ class ObserverFrameSystem:
 def _new_work(n_b, n_max, n_m, n_row, n_drive, n_spring):
     shapes = dict.fromkeys(Work._fields, (3,))
     shapes |= dict.fromkeys(("low", "up"), (n_b, n_max, n_max))
-    shapes |= dict.fromkeys(("base", "rhs", "next", "vector", "body_load"), (n_b, n_max))
+    shapes |= dict.fromkeys(("base", "rhs", "next", "vector", "ahead", "body_load"), (n_b, n_max))
     shapes |= dict.fromkeys(("multiplier", "row_value", "row_rate", "row_bias", "row_change", "row_scale"), (n_row,))
     shapes |= dict.fromkeys(("marker_rotation", "marker_tangent"), (n_m, 3, 3))
     shapes |= dict.fromkeys(("marker_rate", "marker_bias", "marker_field"), (n_m, 6))

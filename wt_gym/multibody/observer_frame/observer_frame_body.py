@@ -153,6 +153,8 @@ class Substructure:
         ∫ N_kᵀN_l for kl = 11, 22, 33 and the symmetric pairs 12, 13, 23.
     reference_moment : array (n, 9)
         X.
+    definite : bool
+        Whether the mass matrix is positive definite by itself; not that of a body that shares the inertia of a rotor.
     beam : Beam or None
     basis : array (n_dof, n) or None
         Nodal displacements of the coordinates of a beam; the last six columns are the rigid-body modes.
@@ -172,6 +174,7 @@ class Substructure:
     gyro: np.ndarray = dataclasses.field(repr=False)
     second: np.ndarray = dataclasses.field(repr=False)
     reference_moment: np.ndarray = dataclasses.field(repr=False)
+    definite: bool = True
     beam: object = dataclasses.field(default=None, repr=False)
     basis: np.ndarray | None = dataclasses.field(default=None, repr=False)
 
@@ -192,7 +195,7 @@ class Substructure:
         reference : str
             Name of the condition with which the elastic shapes comply.
         **more
-            ``frequency``, ``beam`` and ``basis``.
+            ``frequency``, ``definite``, ``beam`` and ``basis``.
         """
         mass, position, linear = points
         rigid = np.concatenate([np.tile(np.eye(3), (len(mass), 1, 1)), -skew(position)], axis=2)

@@ -233,23 +233,31 @@ def row_torque(row, model, work):
 
 
 @kernel
-def free_hinges(model, work):
-    """Make the equations of hinges in B A⁻¹ Bᵀ λ = rhs say what λ is; ``work.row_scale`` keeps its factor."""
+def free_hinges(model, work, share):
+    """Make the equations of hinges in B A⁻¹ Bᵀ λ = rhs say what λ is; ``work.row_scale`` keeps its factor.
+
+    With a rotor's inertia I on a hinge, λ = I θ̈ − τ and θ̈ = θ̈₀ − B A⁻¹ Bᵀ λ make it λ + I B A⁻¹ Bᵀ λ = I θ̈₀ − τ.
+    """
     n_row = model.row_kind.shape[0]
     for r in range(n_row):
         if model.row_kind[r] == TORQUE:
-            scale = work.schur[r, r]
+            scale, inertia = work.schur[r, r], share * model.row_inertia[r]
             for s in range(n_row):
-                work.schur[r, s] = 0.0
-            work.schur[r, r], work.row_scale[r] = scale, scale
+                work.schur[r, s] *= scale * inertia
+            work.schur[r, r] += scale
+            work.row_scale[r] = scale
 
 
 @kernel
 def give_torques(model, work, known):
-    """The right-hand sides of these equations: λ is minus the torque, or zero where torques are not ``known``."""
+    """The right-hand sides of these equations, or zero where torques are not ``known``.
+
+    ``work.multiplier`` holds the accelerations θ̈₀ without reactions.
+    """
     for r in range(model.row_kind.shape[0]):
         if model.row_kind[r] == TORQUE:
-            work.multiplier[r] = -work.row_scale[r] * row_torque(r, model, work) if known else 0.0
+            torque = row_torque(r, model, work) - model.row_inertia[r] * work.multiplier[r]
+            work.multiplier[r] = -work.row_scale[r] * torque if known else 0.0
 
 
 @kernel

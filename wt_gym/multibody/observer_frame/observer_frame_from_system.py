@@ -6,9 +6,10 @@ frame does not know is left out: the second-order displacements, and with them t
 
 *Servos* make their rows rheonomic: a drive turns the axes of the second section. *Springs and dampers* are torques on
 the hinge that they bridge. *Massless bodies* have no mass matrix of their own. One without any inertia, held by a servo
-or fixed, is no body but a turned section of its parent, to which what it carries is joined. One with an inertia about
-its hinge (a generator) borrows mass from its rigid parent: points on the axis of the hinge move with both bodies alike,
-so that the machine stays the same when their mass is counted with the other.
+or fixed, is no body but a turned section of its parent, to which what it carries is joined. One on a hinge
+that a rotor is geared to (the shaft of a generator) borrows mass from its rigid parent: points on the axis of the hinge
+move with both bodies alike, so that the machine stays the same when their mass is counted with the other. Of the rotor
+itself both bodies get mass points and the hinge an inertia (`Joint.rotor_tensors`).
 """
 
 from dataclasses import dataclass
@@ -103,12 +104,12 @@ def mass_points(inertia):
     return np.full(6, inertia.mass / 6.0), centre + np.concatenate([reach.T, -reach.T])
 
 
-def _massless_points(inertia):
-    """The same for a body without mass: points one metre out on the principal axes and one that makes up for them.
+def _massless_points(tensor):
+    """The same for an inertia tensor (3, 3) without mass: points one metre out on its axes, one that makes up for them.
 
     Some of their masses are negative; in the sums over mass points that does not matter.
     """
-    value, axis = np.linalg.eigh(0.5 * np.trace(inertia.j0) * np.eye(3) - inertia.j0)
+    value, axis = np.linalg.eigh(0.5 * np.trace(tensor) * np.eye(3) - tensor)
     masses = np.concatenate([np.repeat(0.5 * value, 2), [-value.sum()]])
     return masses, np.concatenate([np.stack([axis.T, -axis.T], axis=1).reshape(6, 3), np.zeros((1, 3))])
 
@@ -135,7 +136,8 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", len
     n = body.n_elastic
     rigid = np.zeros((6, n))
     if n == 0:
-        mass, position = mass_points(body.inertia) if body.inertia.mass > 0.0 else _massless_points(body.inertia)
+        whole = body.inertia.mass > 0.0
+        mass, position = mass_points(body.inertia) if whole else _massless_points(body.inertia.j0)
         ends = position[:2]
         if lent:
             mass = np.concatenate([mass, [m for m, _ in lent]])
@@ -159,8 +161,9 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", len
     none = np.zeros((3, n, n))
     places[FRAME] = Place(np.zeros(3), rigid, lambda: none)
     return Substructure.from_points(
-        body.name, points, body.stiffness, body.damping, places, ends, reference=reference if n else "given"
-    )
+        body.name, points, body.stiffness, body.damping, places, ends, reference=reference if n else "given",
+        definite=not lent,
+    )  # fmt: skip
 
 
 def _place(marker, offset, rigid):
@@ -250,7 +253,10 @@ class Translation:
         return nothing and self.system.joints[b].kind in ("fixed", "servo")
 
     def _lend(self):
-        """Mass points (mass, place) that each body gets or gives: bodies without mass borrow on their hinge."""
+        """Mass points (mass, place) that each body gets or gives.
+
+        Bodies without mass borrow on their hinge; rotors geared to hinges have axial inertia in both bodies.
+        """
         system, lent = self.system, [[] for _ in self.system.bodies]
         for b, body in enumerate(system.bodies):
             if body.inertia.mass > 0.0 or self._is_carrier[b]:
@@ -272,6 +278,15 @@ class Translation:
             for side in (-reach, reach):
                 lent[b].append((0.5 * LENT * mass, side * axis))
                 lent[p].append((-0.5 * LENT * mass, there + side * turn @ axis))
+        for body, points, tensor in zip(system.bodies, lent, system.rotor_tensors, strict=True):
+            if not np.any(tensor):
+                continue
+            if body.n_elastic:
+                raise ObserverFrameError(
+                    f"body {body.name!r} is flexible; in local observer frames a rotor may be geared to the joint of a "
+                    "rigid body only"
+                )
+            points.extend(zip(*_massless_points(tensor), strict=True))
         return lent
 
     # ---- places ------------------------------------------------------------------------------------------------------
@@ -402,7 +417,8 @@ class Translation:
             axis = np.asarray(joint.axis, dtype=float)
             across = np.linalg.svd(axis[None])[2][1:]
             observed._orthogonal(*mine, *other, [(axis, axes @ t) for t in across], f"hinge {label}", *drive)
-            acts = joint.stiffness or joint.damping or self._torques is None or label in self._torques
+            acts = joint.stiffness or joint.damping or joint.rotor_inertia
+            acts = acts or self._torques is None or label in self._torques
             if acts:
                 self._bridge(b, mine, other, label, axes @ axis, (across[0], axes @ across[0]))
 
@@ -414,6 +430,7 @@ class Translation:
         along = base.axis if base.drive >= 0 else axis
         spring = Spring(label, joint.stiffness, joint.damping, (self._torques or {}).get(label))
         spring.angle = float(self.y[self.system.index(b, "joint_q")])
+        spring.inertia = joint.rotor_tensors[2]
         self.observed.spring(*mine, *other, along, vectors, spring, base.drive)
         self.hinges.append((len(self.observed.springs) - 1, b))
 

@@ -189,8 +189,9 @@ class ObserverFrameIntegrator:
         return self.state.multiplier[chosen]
 
     def energy(self):
-        """Kinetic, elastic and gravitational energy (3,) [J] of all substructures."""
+        """Kinetic, elastic and gravitational energy (3,) [J] of all substructures and the rotors geared to hinges."""
         total = np.zeros(3)
+        total[0] = 0.5 * self.model.row_inertia @ self._work.row_rate**2
         for b, body in enumerate(self.system.bodies):
             q, v = self.state.q[b, : body.n], self.state.v[b, : body.n]
             point, rate = _particle_motion(self, b, body, q, v)

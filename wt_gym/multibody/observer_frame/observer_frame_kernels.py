@@ -262,7 +262,7 @@ def renew_rotations(b, model, state, work):
             model.mass_low[b, row, j], model.mass_up[b, row, j] = mass, mass
     for i in range(n - 6):
         state.deformed[b, i] = q[i]
-    return factorize(n - 3, n, model.first[b], model.mass_low[b], model.mass_up[b])
+    return factorize(n - 3, n, model.first[b], model.mass_low[b], model.mass_up[b], model.definite[b])
 
 
 @kernel
@@ -337,7 +337,7 @@ def accelerations(value, model, state, work):
 def factorize_constraints(model, work):
     """Factors of B M⁻¹ Bᵀ for the directions of the rows as they were evaluated last; False when it is singular."""
     schur_complement(model, model.mass_pairs, work, work.schur)
-    free_hinges(model, work)
+    free_hinges(model, work, 1.0)
     return factorize_dense(model.row_kind.shape[0], work.schur, work.order)
 
 
@@ -381,7 +381,7 @@ def hold_positions(model, state, work, n_passes):
             return OK
         if i == 0:
             schur_complement(model, work.pairs, work, work.schur)
-            free_hinges(model, work)
+            free_hinges(model, work, 0.0)
             if not factorize_dense(n_row, work.schur, work.order):
                 return SINGULAR_CONSTRAINTS
         solve_dense(n_row, work.schur, work.order, work.multiplier)
@@ -416,7 +416,7 @@ def factorize_step(h, model, state, work):
     """Matrices of the step at its end, their factors and S⁻¹ shapeᵀ of the held markers."""
     for b in range(model.n.shape[0]):
         step_matrix(b, h, model, state, work.low[b], work.up[b])
-        if not factorize(0, model.n[b], model.first[b], work.low[b], work.up[b]):
+        if not factorize(0, model.n[b], model.first[b], work.low[b], work.up[b], model.definite[b]):
             return SINGULAR_BODY
     for m in range(model.marker_body.shape[0]):
         b = model.marker_body[m]
@@ -433,17 +433,20 @@ def factorize_step(h, model, state, work):
 def spring_rows(h, model, state, work):
     """The equations of hinges with springs and dampers in the system B S⁻¹ Bᵀ λ = rhs of a step.
 
-    At the end of the step, angle θ and rate being linear in the coordinates x about the iterate y, the torque
-    −λ = k (θ_r − θ) + c (θ̇_r − θ̇) + τ is τ₀ − κ B (x − y) with κ = k + c γ/(β h) and τ₀ the torque at y and its Newmark
-    velocity; x = x₀ − S⁻¹ Bᵀ λ gives
+    At the end of the step, angle θ, rate and acceleration being linear in the coordinates x about the iterate y, the
+    torque −λ = k (θ_r − θ) + c (θ̇_r − θ̇) + τ − I θ̈ is τ₀ − κ B (x − y) with κ = k + c γ/(β h) + I (1−αm)/((1−αf) β h²)
+    and τ₀ the torque at y and its rates by the rule of `step_solve`; x = x₀ − S⁻¹ Bᵀ λ gives
 
         (κ B S⁻¹ Bᵀ + 1) λ = κ B (x₀ − y) − τ₀,
 
-    of which work.multiplier holds B (x₀ − y). A stiff spring thus limits no step.
+    of which work.multiplier holds B (x₀ − y). The bias of θ̈ is that of the expected rates, ``work.ahead``. A stiff
+    spring thus limits no step.
     """
     n_row, some = model.row_kind.shape[0], False
-    beta, gamma = model.rule[0], model.rule[1]
-    rate, kept, pushed = gamma / (beta * h), gamma / beta, h * (1.0 - 0.5 * gamma / beta)
+    beta, gamma, alpha_m, alpha_f = model.rule
+    share = (1.0 - alpha_m) / (1.0 - alpha_f)
+    second = share / (beta * h * h)
+    rate, kept, pushed = gamma / (beta * h), 1.0 - gamma / beta, h * (1.0 - 0.5 * gamma / beta)
     for r in range(n_row):
         work.row_change[r] = 0.0
         some = some or model.row_kind[r] == TORQUE
@@ -452,14 +455,23 @@ def spring_rows(h, model, state, work):
     for b in range(model.n.shape[0]):
         for k in range(model.n[b]):
             start = state.a[b, k] + state.lead[b, k]
-            work.vector[b, k] = rate * (work.next[b, k] - state.q[b, k]) - kept * state.v[b, k] + pushed * start
+            end = rate * (work.next[b, k] - state.q[b, k]) + kept * state.v[b, k] + pushed * start
+            work.vector[b, k] = end - work.ahead[b, k]
     rows_of(model, work.vector, work, work.row_change)
+    for b in range(model.n.shape[0]):
+        for k in range(model.n[b]):
+            start = state.a[b, k] + state.lead[b, k]
+            end = second * (work.next[b, k] - state.q[b, k] - h * state.v[b, k]) - share * (0.5 / beta - 1.0) * start
+            work.vector[b, k] = end + (alpha_m * start - alpha_f * state.a[b, k]) / (1.0 - alpha_f)
+    rows_of(model, work.vector, work, work.row_bias)
     for r in range(n_row):
         if model.row_kind[r] != TORQUE:
             continue
         work.row_rate[r] += work.row_change[r]
-        stiffness, scale = model.row_stiffness[r] + rate * model.row_damping[r], work.schur[r, r]
-        work.multiplier[r] = scale * (stiffness * work.multiplier[r] - row_torque(r, model, work))
+        inertia, scale = model.row_inertia[r], work.schur[r, r]
+        stiffness = model.row_stiffness[r] + rate * model.row_damping[r] + second * inertia
+        torque = row_torque(r, model, work) - inertia * work.row_bias[r]
+        work.multiplier[r] = scale * (stiffness * work.multiplier[r] - torque)
         for s in range(n_row):
             work.schur[r, s] *= scale * stiffness
         work.schur[r, r] += scale
@@ -474,7 +486,8 @@ def step_solve(h, value, n_iterations, model, state, work):
         q̇ = γ/(βh) x + (1 − γ/β) q̇₀ + h (1 − γ/2β) a,
         q̈ = (1−αm)/(1−αf) (x/(βh²) − q̇₀/(βh) − (1/2β − 1) a) + (αm a − αf q̈₀)/(1−αf).
 
-    The matrices do not depend on q: an iteration renews only loads and constraint directions.
+    The matrices do not depend on q: an iteration renews only loads and constraint directions. ``work.ahead`` holds the
+    rates that are expected at the end, with which rotors feel the turn of the axes of their hinges.
     """
     n_b, n_row = model.n.shape[0], model.row_kind.shape[0]
     beta, gamma, alpha_m, alpha_f = model.rule
@@ -485,6 +498,7 @@ def step_solve(h, value, n_iterations, model, state, work):
             start = state.a[b, k] + state.lead[b, k]
             vector[k] = (1.0 - gamma / beta) * state.v[b, k] + h * (1.0 - 0.5 * gamma / beta) * start
             work.next[b, k] = state.q[b, k]
+            work.ahead[b, k] = state.v[b, k] + h * start
         inner_forces(b, model, state, state.q[b], vector, base)
         for k in range(n):
             start = state.a[b, k] + state.lead[b, k]
@@ -499,7 +513,7 @@ def step_solve(h, value, n_iterations, model, state, work):
         for b in range(n_b):
             solve(model.n[b], model.first[b], work.low[b], work.up[b], work.rhs[b])
         if n_row > 0:
-            constraint_rows(model, state, work.next, state.v, work)
+            constraint_rows(model, state, work.next, work.ahead, work)
             for b in range(n_b):
                 for k in range(model.n[b]):
                     work.vector[b, k] = state.q[b, k] + work.rhs[b, k] - work.next[b, k]

@@ -12,10 +12,11 @@ from wt_gym.compiled import kernel
 
 
 @kernel
-def factorize(start, n, first, low, up):
+def factorize(start, n, first, low, up, definite):
     """A = L U in place, L with unit diagonal, from the row start on; False when a pivot is not positive.
 
-    No pivoting is needed: the matrices have a positive definite symmetric part.
+    No pivoting is needed: the matrices have a positive definite symmetric part. Where they are not ``definite``, since
+    the inertia of a rotor is shared out between bodies, pivots have either sign and must not vanish.
     """
     for i in range(start, n):
         fi = first[i]
@@ -29,7 +30,8 @@ def factorize(start, n, first, low, up):
         pivot = up[i, i]
         for k in range(fi, i):
             pivot -= low[i, k] * up[i, k]
-        if not pivot > 1e-13 * abs(up[i, i]):
+        size = pivot if definite else abs(pivot)
+        if not size > 1e-13 * abs(up[i, i]):
             return False
         up[i, i] = pivot
     return True

@@ -47,12 +47,17 @@ class Joint:
         ω [rad/s] and ζ of a servo.
     name : str
         Name of the coordinate(s).
+    rotor_inertia : float
+        Axial moment of inertia [kg m²] of a rotor in bearings of the parent, parallel to the axis of a revolute joint
+        and geared to it. Its mass and its transverse inertia are part of the parent.
+    rotor_ratio : float
+        Speed of the rotor against the parent over the rate of the joint; negative: it turns against the joint.
 
     Raises
     ------
     MultibodyError
         For an unknown kind, vectors that are not three finite numbers, an axis that is no unit vector, a matrix that is
-        no proper rotation, negative values, and springs, dampers or servos that the kind does not have.
+        no proper rotation, negative values, and springs, dampers, servos or rotors that the kind does not have.
     """
 
     kind: str = "fixed"
@@ -64,6 +69,8 @@ class Joint:
     servo_frequency: float = 0.0
     servo_damping: float = 1.0
     name: str = ""
+    rotor_inertia: float = 0.0
+    rotor_ratio: float = 1.0
 
     def __post_init__(self):
         if self.kind not in _JOINTS:
@@ -72,14 +79,34 @@ class Joint:
         check_vector(owner, "axis", self.axis, unit=self.kind in ("revolute", "prismatic", "servo"))
         check_vector(owner, "offset", self.offset)
         check_rotation(owner, "rotation", self.rotation)
-        for name in ("stiffness", "damping", "servo_frequency"):
-            bears = ("servo",) if name == "servo_frequency" else ("revolute", "prismatic")
+        allowed = {"servo_frequency": ("servo",), "rotor_inertia": ("revolute",)}
+        for name in ("stiffness", "damping", "servo_frequency", "rotor_inertia"):
+            bears = allowed.get(name, ("revolute", "prismatic"))
             check_number(owner, name, getattr(self, name), positive=self.kind == "servo" and name == "servo_frequency")
             if getattr(self, name) != 0.0 and self.kind not in bears:
                 raise MultibodyError(
                     f"{owner} bears no {name}, got {getattr(self, name)}; allowed: {' and '.join(bears)}"
                 )
         check_number(owner, "servo_damping", self.servo_damping)
+        check_number(owner, "rotor_ratio", self.rotor_ratio, signed=True)
+
+    @property
+    def rotor_tensors(self):
+        """Inertia tensors (3, 3) of parent and body, and inertia of the coordinate, that stand for the geared rotor.
+
+        With n the ratio, a the axis, ω the angular velocity of the parent and u the rate of the joint, the rotor has
+        the kinetic energy (Kane & Levinson, Dynamics: Theory and Applications, 1985, section 3.9, gyrostats)
+
+            T = ½ J (a·ω + n u)² = ½ (1 − n) J (a·ω)² + ½ n J (a·ω + u)² + ½ n (n − 1) J u².
+
+        The first term is an axial inertia of the parent, the second one of the body, the third one of the coordinate
+        alone; the equations of motion and all loads in joints follow from their sum. Single terms may be negative.
+        """
+        axis = np.asarray(self.axis, dtype=float)
+        turned = axis if self.rotation is None else np.asarray(self.rotation, dtype=float) @ axis
+        inertia, n = self.rotor_inertia, self.rotor_ratio
+        body = n * inertia * np.outer(axis, axis)
+        return (1.0 - n) * inertia * np.outer(turned, turned), body, n * (n - 1.0) * inertia
 
     @property
     def code(self):

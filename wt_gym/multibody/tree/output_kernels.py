@@ -33,6 +33,7 @@ def energies(y, tree, work):
                 kinetic += 0.5 * yd[u0 + k] * work.mff[b, k, j] * yd[u0 + j]
                 elastic += 0.5 * y[q0 + k] * tree.stiffness[b, k, j] * y[q0 + j]
     for i in range(n_u):
+        kinetic += 0.5 * tree.dof_inertia[i] * yd[i] * yd[i]
         if tree.dof_stiffness[i] != 0.0:
             elastic += 0.5 * tree.dof_stiffness[i] * y[tree.dof_q[i]] ** 2
     return kinetic, elastic, potential

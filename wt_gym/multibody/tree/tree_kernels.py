@@ -13,8 +13,9 @@ Newton–Euler–Lagrange equations of the body, from the kinetic energy second 
         + (m1_klj − ½ m1_ljk) q̇_l q̇_j + K q + D q̇                           = Q
 
 Gravity enters as a − g. The velocity transformation Vᵀ(·) of all bodies gives the equations M u̇ = f in the joint and
-elastic velocities u; constraint forces do not appear. Equations that tie bodies as well are in
-:mod:`wt_gym.multibody.constraints.constraint_kernels`, the solution for u̇ in :mod:`wt_gym.multibody.tree.rate_kernels`.
+elastic velocities u, with the inertia of rotors geared to joints on the diagonal of M; constraint forces do not appear.
+Equations that tie bodies as well are in :mod:`wt_gym.multibody.constraints.constraint_kernels`, the solution for u̇ in
+:mod:`wt_gym.multibody.tree.rate_kernels`.
 """
 
 from wt_gym.compiled import kernel
@@ -407,6 +408,8 @@ def assemble(y, loads, tree, work):
     mass, force = work.mass, work.force
     mass[:, :] = 0.0
     force[:] = 0.0
+    for i in range(n_u):
+        mass[i, i] = tree.dof_inertia[i]
     inertia_terms(y, yd, tree, work)
     for b in range(tree.parent.shape[0]):
         m, nf, nc = tree.mass[b], tree.n_elastic[b], tree.n_col[b]
