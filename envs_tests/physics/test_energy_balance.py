@@ -164,7 +164,7 @@ def test_balances_stay_far_from_their_limits(turbines, name, turbine, inflow, st
 @pytest.mark.parametrize(("turbine", "wind"), [("nrel_5mw", 8.0), ("nrel_5mw", 24.0), ("iea_15mw", 12.0)])
 def test_controlled_turbine_in_turbulence_gains_nothing(turbines, turbine, wind):
     simulator = turbines[turbine]
-    height, diameter = simulator.turbine.hub_height, min(simulator.turbine.rotor_diameter, 170.0)
+    height, diameter = simulator.turbine.hub_height, simulator.turbine.rotor_diameter
     box = TurbulenceBox.kaimal(wind, height, diameter, "A", seed=2, grid=(7, 7))
     simulator.inflow = TurbulentInflow(box, SteadyInflow(wind, height, shear_exponent=0.2))
     watched = Watched(simulator)

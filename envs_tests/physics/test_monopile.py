@@ -218,8 +218,8 @@ def test_ground_loads_carry_the_weight_and_the_moment_to_the_sea_bed():
     nacelle, hub = simulator.turbine.nacelle, simulator.turbine.hub
     mass = steel + 3 * blade + hub.mass + nacelle.mass + nacelle.yaw_bearing_mass
     assert loads[2] == pytest.approx(-9.81 * mass, rel=0.02)
-    assert loads[4] == pytest.approx(signals.tower_base_fore_aft_moment + 30.0 * loads[0], rel=1e-12)
-    assert loads[3] == pytest.approx(signals.tower_base_side_side_moment - 30.0 * loads[1], rel=1e-12)
+    assert loads[4] == pytest.approx(signals.tower_base_moment_y + 30.0 * loads[0], rel=1e-12)
+    assert loads[3] == pytest.approx(signals.tower_base_moment_x - 30.0 * loads[1], rel=1e-12)
     assert loads[0] == pytest.approx(signals.rotor_thrust, rel=0.2)
     simulator.advance(0.2, 0.0)
     simulator.restore(kept)
