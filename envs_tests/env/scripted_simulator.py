@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from wt_gym.envs import turbine_env
+from wt_gym.envs.running_start import RunningStart
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table
@@ -12,6 +14,12 @@ from wt_gym.simulation.channels import channel_table
 def scripted_signals(values: dict[str, float], n_blades: int = 3) -> Signals:
     """Signals with these values, zero where nothing is said."""
     return Signals(np.array([values.get(c.name, 0.0) for c in channel_table(n_blades)]), n_blades)
+
+
+def use(monkeypatch, simulator: type) -> None:
+    """Let environments have this simulator, and begin at operating points: the running turbine is a real one."""
+    monkeypatch.setattr(turbine_env, "Simulator", simulator)
+    monkeypatch.setattr(RunningStart, "draw", lambda *_: None)
 
 
 class ScriptedSimulator:
@@ -27,8 +35,9 @@ class ScriptedSimulator:
         self.turbine, self.inflow, self.fidelity = turbine, inflow, fidelity
         self.time = 0.0
 
-    def reset(self, rotor_speed, pitch, azimuth=0.0, yaw=0.0, generator_torque=0.0):
+    def reset(self, rotor_speed, pitch, azimuth=0.0, yaw=0.0, generator_torque=0.0, tower_top=None):
         """Start at the given state."""
+        pitch = np.broadcast_to(pitch, self.turbine.n_blades).tolist()
         self.time = 0.0
         self._values = {
             "time": 0.0, "azimuth": azimuth, "yaw": yaw, "yaw_rate": 0.0, "yaw_error": 0.0,
@@ -40,7 +49,7 @@ class ScriptedSimulator:
         }  # fmt: skip
         for blade in range(1, self.turbine.n_blades + 1):
             self._values |= {
-                f"pitch_{blade}": pitch, f"pitch_rate_{blade}": 0.0, f"pitch_travel_{blade}": 0.0,
+                f"pitch_{blade}": pitch[blade - 1], f"pitch_rate_{blade}": 0.0, f"pitch_travel_{blade}": 0.0,
                 f"tip_out_of_plane_{blade}": 3.0,
                 f"tip_in_plane_{blade}": -0.3, f"root_flap_moment_{blade}": 8e6, f"root_edge_moment_{blade}": 1e6,
                 f"tip_clearance_{blade}": 12.0, f"tip_clearance_min_{blade}": 11.0,

@@ -9,7 +9,7 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
-from scripted_simulator import ScriptedSimulator
+from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.agents import evaluation as module
 from wt_gym.agents.constant import ConstantAgent
@@ -25,7 +25,6 @@ from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training_notes import training_notes
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.commands import evaluate as command
-from wt_gym.envs import turbine_env
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
@@ -421,7 +420,7 @@ def drawn_inflow(rng):
 )
 def test_runs_are_labelled_by_the_wind_that_they_had(kwargs, labels, monkeypatch, tmp_path):
     """Asked for two seeds at 15 m/s, whatever the wind of the environment is."""
-    monkeypatch.setattr(turbine_env, "Simulator", RecordedSimulator)
+    use(monkeypatch, RecordedSimulator)
     monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
     winds = (Wind(15.0, 1001), Wind(15.0, 1002))
     config = EvaluationConfig(STEADY, kwargs, winds, duration=3.0, skip=1.0, replay=0.0)
@@ -438,7 +437,7 @@ def test_runs_are_labelled_by_the_wind_that_they_had(kwargs, labels, monkeypatch
 
 
 def test_agents_that_did_not_meet_one_wind_are_not_compared(monkeypatch):
-    monkeypatch.setattr(turbine_env, "Simulator", RecordedSimulator)
+    use(monkeypatch, RecordedSimulator)
     monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
     count = iter(range(100))
     kwargs = {"inflow": lambda rng: SteadyInflow(9.0 + 0.1 * next(count), 90.0)}

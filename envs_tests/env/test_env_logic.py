@@ -6,9 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
-from scripted_simulator import ScriptedSimulator
+from scripted_simulator import ScriptedSimulator, use
 
-from wt_gym.envs import turbine_env
 from wt_gym.envs.costs import unloaded_clearance
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import ControllerError
@@ -22,7 +21,7 @@ RATED = 12.1 * np.pi / 30
 def make_env(monkeypatch):
     def make(script=None, break_at=None, **kwargs):
         simulator = type("Scripted", (ScriptedSimulator,), {"script": script or {}, "break_at": break_at})
-        monkeypatch.setattr(turbine_env, "Simulator", simulator)
+        use(monkeypatch, simulator)
         return WindTurbineEnv(wind_speed=12.0, **kwargs)
 
     return make

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from scripted_simulator import ScriptedSimulator
+from scripted_simulator import ScriptedSimulator, use
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from wt_gym.agents.closed_loop import run_baseline
@@ -20,7 +20,7 @@ from wt_gym.benchmark.tasks import load_task
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
 from wt_gym.control.coleman import to_fixed_frame
 from wt_gym.control.controllers import make_controller
-from wt_gym.envs import rewards, turbine_env
+from wt_gym.envs import rewards
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
@@ -116,7 +116,7 @@ def test_the_time_limit_of_a_task_is_a_truncation():
 @pytest.mark.parametrize("vector", [False, True])
 def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
     """Made with episode_length=120 a task of 60 s stays at 60 s, which shows when its first episode has ended there."""
-    monkeypatch.setattr(turbine_env, "Simulator", ScriptedSimulator)
+    use(monkeypatch, ScriptedSimulator)
 
     def warned(steps=300, **kwargs):
         make = partial(gym.make_vec, num_envs=2) if vector else gym.make
@@ -142,7 +142,7 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(vector, monkeypatch):
 
 
 def test_evaluations_take_the_limit_away_without_a_warning(monkeypatch):
-    monkeypatch.setattr(turbine_env, "Simulator", ScriptedSimulator)
+    use(monkeypatch, ScriptedSimulator)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Environments("wt_gym/LoadReduction-v1", {}, 120.0).plain.reset(seed=0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-from scripted_simulator import ScriptedSimulator
+from scripted_simulator import ScriptedSimulator, use
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.agents import evaluation
@@ -21,7 +21,6 @@ from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.held_back import HeldBackEvaluation
 from wt_gym.analysis.results import Wind
 from wt_gym.commands.evaluate import configuration, parse_arguments
-from wt_gym.envs import turbine_env
 from wt_gym.envs.wind_sampler import TRANSIENTS, WindSampler
 from wt_gym.errors import InflowError
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
@@ -45,7 +44,7 @@ def files(tmp_path):
 @pytest.fixture
 def scripted(monkeypatch):
     """Environments whose simulator stands still."""
-    monkeypatch.setattr(turbine_env, "Simulator", ScriptedSimulator)
+    use(monkeypatch, ScriptedSimulator)
 
 
 def sampled(sampler, n=200, **more):
@@ -207,7 +206,7 @@ def test_runs_of_an_evaluation_begin_where_the_pieces_do(files, monkeypatch):
             begun.append(self.inflow.time_offset)
             return super().reset(**given)
 
-    monkeypatch.setattr(turbine_env, "Simulator", Watched)
+    use(monkeypatch, Watched)
     monkeypatch.setattr(evaluation, "_metrics", lambda *_: {"mean_power": 1.0})
     winds = tuple(Wind(15.0, draw=k) for k in (1, 2))
     config = EvaluationConfig(STEADY, {"inflow": str(files / "once.bts")}, winds, duration=20.0, skip=1.0, replay=0.0)

@@ -6,7 +6,7 @@ import warnings
 import gymnasium as gym
 import numpy as np
 import pytest
-from scripted_simulator import ScriptedSimulator
+from scripted_simulator import ScriptedSimulator, use
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.agents.evaluation import EvaluationConfig
@@ -14,7 +14,6 @@ from wt_gym.agents.evaluation_winds import winds_of
 from wt_gym.commands import evaluate, simulate
 from wt_gym.commands.site_options import site_word, wind_word, with_options
 from wt_gym.commands.training_options import add_training_options, config_from
-from wt_gym.envs import turbine_env
 from wt_gym.envs.wind_files import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import InflowError, SimulationError, TurbineDefinitionError
@@ -31,7 +30,7 @@ HUB = np.array([[0.0, 0.0, 90.0]])
 @pytest.fixture
 def scripted(monkeypatch):
     """Environments whose simulator stands still."""
-    monkeypatch.setattr(turbine_env, "Simulator", ScriptedSimulator)
+    use(monkeypatch, ScriptedSimulator)
 
 
 @pytest.fixture

@@ -29,6 +29,7 @@ from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_
 from wt_gym.envs.costs import Costs
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, Situation
+from wt_gym.envs.running_start import RunningStart, Start, steady_start
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, TRANSIENTS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation import Simulator
@@ -58,6 +59,9 @@ _RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
     "faults",
 )  # fmt: skip
+
+STARTS = ("running", "steady")
+"""What state an episode in turbulence begins with."""
 
 # What an episode remembers beside the simulator, the sensors and the random numbers
 _SNAPSHOT = (
@@ -190,14 +194,20 @@ class WindTurbineEnv(gym.Env):
 
     ## Starting state
 
-    The turbine runs in the drawn wind near its steady operating point
+    In turbulence the turbine runs, by default (``start="running"``): rotor speed, pitch, generator torque, azimuth and
+    the swinging tower are those of an instant of a record of the turbine under its base controller, or the baseline
+    where there is none, in turbulence of the same kind; the base controller has read what it read before that instant.
+    The instant is one after winds like those before the start (`wt_gym.envs.running_start`). Records are made once for
+    a turbine, a controller and a wind speed and kept on disk. With ``start="steady"``, in steady winds, gusts and
+    winds below cut-in and above cut-out, it starts near its steady operating point
     (`wt_gym.control.operating_point.operating_point`): rotor speed, pitch and generator torque of the mean wind speed,
-    azimuth drawn uniformly, yaw angle 0, structure and wake as ``Simulator.reset`` leaves them. At yaw angle 0 the
-    nacelle faces a wind that blows along +x. Winds made here have their direction against the nacelle, so that the
-    option ``yaw`` turns the world: actions, observations and rewards stay the same. An inflow of your own blows from
-    where it does, and meets the rotor with the yaw error that follows from ``yaw``. Extreme winds meet a parked
-    turbine: rotor at rest, blades feathered, no torque; it needs a negative ``standstill_limit``, and of the
-    controllers beneath none is for it.
+    azimuth drawn uniformly, tower at rest. So it does where an option fixes rotor speed, pitch or torque. Structure and
+    wake are as ``Simulator.reset`` leaves them, the yaw angle is 0. At yaw angle 0 the nacelle faces a wind that blows
+    along +x. Winds made here have their direction against the nacelle, so that the option ``yaw`` turns the world:
+    actions, observations and rewards stay the same. An inflow of your own blows from where it does, and meets the rotor
+    with the yaw error that follows from ``yaw``. Extreme winds meet a parked turbine: rotor at rest, blades feathered,
+    no torque; it needs a negative ``standstill_limit``, and of the controllers beneath none is for it.
+
     ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
     [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more
     than a generator can brake with at the rotor speed (`wt_gym.simulation.drives.available_torque`): none at
@@ -328,6 +338,8 @@ class WindTurbineEnv(gym.Env):
         does, else `wt_gym.control.Lidar.for_rotor`.
     render_mode : {"rgb_array"}, optional
         Picture of turbine and wake with the recent course of the key signals.
+    start : {"running", "steady"}
+        What an episode in turbulence begins with, see "Starting state".
 
     Notes
     -----
@@ -384,9 +396,12 @@ class WindTurbineEnv(gym.Env):
         turbulence: str = "kaimal",
         gusts: Sequence[str] = TRANSIENTS,
         site: Mapping[str, Any] | None = None,
+        start: str = "running",
     ):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
+        if start not in STARTS:
+            raise ValueError(f"start must be one of {STARTS}, got {shown(start)}")
         if not check_number("overspeed_limit", overspeed_limit) > 1.0:
             raise ValueError(f"overspeed_limit must be above 1, got {overspeed_limit!r}")
         if check_number("termination_penalty", termination_penalty) < 0.0:
@@ -476,7 +491,9 @@ class WindTurbineEnv(gym.Env):
                 control_dt=control_dt, episode_length=None, action_mode="residual", action_components=("pitch",),
                 controller=copy.deepcopy(controller), reward=self.reward_terms, termination_penalty=termination_penalty,
                 overspeed_limit=overspeed_limit, standstill_limit=standstill_limit, observation=("rotor",),
+                start="steady",
             )  # fmt: skip
+        self._starts = self._make_starts(start)
         self._renderer = self._make_renderer()
         self._running = self._failed = self._told_of_limit = False
         self._steps = 0
@@ -527,19 +544,39 @@ class WindTurbineEnv(gym.Env):
         else:
             self.episode_wind = self.wind.sample(self.np_random, **wind_options, length=self._longest(), heading=yaw)
         azimuth = self.np_random.uniform(0.0, 2.0 * math.pi)
-
-        start = self._start_point()
-        speed, pitch = float(options.get("rotor_speed", start.rotor_speed)), float(options.get("pitch", start.pitch))
-        torque = min(start.generator_torque, available_torque(self.turbine.drivetrain, speed))
-        torque, azimuth = float(options.get("generator_torque", torque)), float(options.get("azimuth", azimuth))
-        self._begin(self.episode_wind, speed, pitch, azimuth, yaw, torque, faults)
+        start = self._drawn_start(options, yaw, azimuth)
+        self._begin(self.episode_wind, start, yaw, faults)
         if self._twin is not None:
-            self._twin._begin(self.episode_wind, speed, pitch, azimuth, yaw, torque, faults)
+            self._twin._begin(self.episode_wind, start, yaw, faults)
         observation, saturated = self._observe()
         if self._renderer is not None:
             self._renderer.reset()
             self._renderer.record(self.signals)
         return observation, self._info(saturated)
+
+    def _drawn_start(self, options: dict[str, Any], yaw: float, azimuth: float) -> Start:
+        """Start of the running turbine in the wind of the episode, or a steady one where there is none or one is asked.
+
+        A steady start has the operating point of the wind, or what the options of the reset say.
+        """
+        given = {name for name in ("rotor_speed", "pitch", "generator_torque") if name in options}
+        if self._starts is not None and not given:
+            chosen = float(options["azimuth"]) if "azimuth" in options else None
+            start = self._starts.draw(self.episode_wind, yaw, self.np_random, chosen)
+            if start is not None:
+                return start
+        point = self._start_point()
+        speed, pitch = float(options.get("rotor_speed", point.rotor_speed)), float(options.get("pitch", point.pitch))
+        torque = min(point.generator_torque, available_torque(self.turbine.drivetrain, speed))
+        torque, azimuth = float(options.get("generator_torque", torque)), float(options.get("azimuth", azimuth))
+        return steady_start(speed, pitch, torque, azimuth, self.turbine.n_blades)
+
+    def _make_starts(self, kind: str) -> RunningStart | None:
+        """Where episodes get their starts from, None where they are steady."""
+        if kind == "steady" or self.wind.parks:
+            return None
+        controller = make_controller("discon", self.turbine) if self.controller is None else self.controller
+        return RunningStart(self.turbine, self.fidelity, controller, self.wind, self.overspeed_limit)
 
     def _longest(self) -> float | None:
         """Longest time that an episode can last [s], None without a limit."""
@@ -580,25 +617,27 @@ class WindTurbineEnv(gym.Env):
             return OperatingPoint(0.0, min(self.turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
         return starting_point(self.turbine, self.episode_wind.inflow)
 
-    def _begin(self, wind, rotor_speed, pitch, azimuth, yaw, torque, faults) -> None:
+    def _begin(self, wind: EpisodeWind, start: Start, yaw: float, faults) -> None:
         """Start simulator, controller, sensors and reward in a wind."""
         self.episode_wind = wind
         self._place_simulator()
         self._take_faults(faults)
         self.signals = self.simulator.reset(
-            rotor_speed=rotor_speed, pitch=pitch, azimuth=azimuth, yaw=yaw, generator_torque=torque
-        )
-        self.demand = self.base = Demand(np.full(self.turbine.n_blades, pitch), 0.0, torque)
+            rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=yaw,
+            generator_torque=start.generator_torque, tower_top=start.tower_top,
+        )  # fmt: skip
+        self.demand = self.base = Demand(start.pitch.copy(), 0.0, start.generator_torque)
         self.aim = self.layout.action.start(self.demand)
         if self.controller is not None:
-            self.controller.start(self._read_by(self.controller, self._measured(self.signals)), self.demand)
+            start.start(self.controller, self._read_by(self.controller, self._measured(self.signals)), self.demand)
         if self._residual is not None:
-            self._residual.start(pitch, rotor_speed, self._inner_dt)
+            pitch = start.pitch[0] + float((start.pitch - start.pitch[0]).mean())  # exactly that of equal blades
+            self._residual.start(pitch, start.rotor_speed, self._inner_dt)
         self._action = np.zeros(self.layout.action.size)
         self._steps, self._running, self._failed = 0, True, False
         self._observer.reset(self._situation())
         self._observation, self._saturated = None, ()
-        rewards.reset(self.reward_terms, self.turbine, self.signals)
+        rewards.reset(self.reward_terms, self.turbine, self.signals, start.averaged(self.signals))
 
     def step(self, action):
         """Advance by one control step.

@@ -325,6 +325,27 @@ class WindSampler:
         wind = EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset)
         return self._turned(wind, rng, heading)
 
+    def turbulence(self, speed: float, seed: int) -> TurbulentInflow:
+        """Turbulence from the beginning of a box, along x.
+
+        Parameters
+        ----------
+        speed : float
+            At hub height [m/s].
+        seed : int
+        """
+        return TurbulentInflow(self._box(speed, seed), self._steady(speed))
+
+    @property
+    def turbulence_key(self) -> tuple:
+        """What decides on `turbulence` beside turbine, speed and seed."""
+        return self._class, self._model, self._whose, sorted(self._profile.items())
+
+    @property
+    def turbulent(self) -> bool:
+        """Whether some of its winds are turbulence made here."""
+        return self._turbulent
+
     def given(self, inflow, **options) -> EpisodeWind:
         """Take a wind from outside in place of one of its own.
 

@@ -149,6 +149,12 @@ class Signals:
         except AttributeError as error:
             raise KeyError(str(error)) from None
 
+    def set(self, name, value):
+        """Change a signal, or that of all blades at once."""
+        if name not in self._places:
+            raise KeyError(f"no signal {name!r}; the signals are {', '.join(_layout(self.n_blades)[0])}")
+        self.values[self._places[name]] = value
+
     def __reduce__(self):
         return Signals, (self.values, self.n_blades)
 

@@ -1,5 +1,7 @@
 """The coupled simulator: flexible multibody turbine and free-wake vortex lattice marched together in time."""
 
+import numpy as np
+
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.errors import ActionError, InflowError, SimulationError
 from wt_gym.multibody.checks import check_state
@@ -138,8 +140,8 @@ class Simulator:
         self._require_start()
         return Signals(self._measurement.values.copy(), self.turbine.n_blades)
 
-    def reset(self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None):
-        """Start at time zero near a steady state: developed wake, deflected structure.
+    def reset(self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None):
+        """Start at time zero near a steady state: developed wake, deflected structure that turns with the rotor.
 
         Parameters
         ----------
@@ -153,6 +155,9 @@ class Simulator:
             Nacelle yaw [rad].
         generator_torque : float, optional
             High-speed shaft [N m]; by default what balances the torque of the air.
+        tower_top : array (4,), optional
+            Displacement of the tower top, fore-aft and side-side [m], and its rates [m/s]: the tower starts amid a
+            swing in its first modes. By default it stands still where its loads are in balance.
 
         Returns
         -------
@@ -169,13 +174,17 @@ class Simulator:
         check_finite(rotor_speed=rotor_speed, azimuth=azimuth)
         if not 0.0 <= rotor_speed < limit:
             raise ActionError(f"rotor_speed is {rotor_speed} rad/s; allowed: 0 … {limit:.3f} rad/s")
+        if tower_top is not None:
+            tower_top = np.asarray(tower_top, dtype=float)
+            if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
+                raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
         if not self._compiled:  # to look that up takes as long as half a start
             announce_compilation(self.coupling, self.turbine)
             self._compiled = True
         self.drives.start(pitch, yaw, rotor_speed, generator_torque)
         self._n_steps, self._started = 0, False
         try:
-            self._starter.balance(rotor_speed, azimuth, generator_torque, self.inflow)
+            self._starter.balance(rotor_speed, azimuth, generator_torque, self.inflow, tower_top)
         except (MultibodyError, AerodynamicsError, SimulationError, InflowError) as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True
@@ -304,6 +313,23 @@ class Simulator:
             loads[3] -= depth * force[1]
             loads[4] += depth * force[0]
         return loads
+
+    def tower_top(self):
+        """Motion of the tower top as it is now, in the form that `reset` takes.
+
+        Returns
+        -------
+        array (4,)
+            Displacement along and across the heading of the nacelle [m] and its rates [m/s].
+        """
+        self._require_start()
+        coupling, nacelle = self.coupling, self.structure.nacelle
+        coupling.move_lattice(coupling.integrator.state)
+        work, yaw = coupling.integrator.work, self.drives.command[1]
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        to_heading = np.array([[cos, sin], [-sin, cos]])
+        velocity = work.rot[nacelle] @ work.v[nacelle]
+        return np.concatenate([to_heading @ work.r[nacelle, :2], to_heading @ velocity[:2]])
 
     def constraint_drift(self, restart=True):
         """How far steps have drifted off the constraint equations before they were put back onto them.

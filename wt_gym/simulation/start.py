@@ -1,5 +1,7 @@
 """The start of a simulation: turbine, wake and generator in balance with each other."""
 
+import numpy as np
+
 from wt_gym.simulation import coupling_kernels
 from wt_gym.simulation.coupling import Coupling
 from wt_gym.simulation.equilibrium import elastic_equilibrium
@@ -26,7 +28,7 @@ class Starter:
         embedded = coupling.models.embedded
         self._balanced = coupling if embedded is None else Coupling(embedded)
 
-    def balance(self, rotor_speed, azimuth, generator_torque, inflow):
+    def balance(self, rotor_speed, azimuth, generator_torque, inflow, tower_top=None):
         """Balance turbine, wake and air, and begin to move; pitch and yaw are those that the drives have started with.
 
         Parameters
@@ -36,6 +38,9 @@ class Starter:
         generator_torque : float or None
             High-speed shaft [N m]; None: what balances the torque of the air.
         inflow : Inflow
+        tower_top : array (4,), optional
+            Displacement of the tower top along and across the heading of the nacelle [m] and its rates [m/s]; by
+            default the balance, at rest.
 
         Raises
         ------
@@ -50,6 +55,9 @@ class Starter:
         balanced.aero.clear()  # the tower stands in what the last wake slowed
         y = self._rigid_state(rotor_speed, azimuth)
         self._find_equilibrium(y, rotor_speed, generator_torque, inflow)
+        self._turn_loads(y, rotor_speed, azimuth)
+        if tower_top is not None:
+            self._sway(y, tower_top)
         if balanced is not coupling:
             y = coupling.models.structure.adopt(balanced.models.structure, y)
             coupling.aero.assign(balanced.aero)
@@ -67,6 +75,38 @@ class Starter:
         y[s.azimuth_q], y[s.system.n_q + s.azimuth_u] = azimuth, rotor_speed
         y[n_y : n_y + s.system.n_servo] = self.drives.command[1:]
         return y
+
+    def _turn_loads(self, y, rotor_speed, azimuth):
+        """Rates of the blades (y, in place) as their balance turns with the rotor past weight, shear and yawed wind.
+
+        Each elastic coordinate has its balance at as many azimuths as there are blades. Its mean and the first harmonic
+        that run through them, q = a + b cos ψ + c sin ψ, give the rate Ω (c cos ψ − b sin ψ) of a blade that follows
+        slowly changing loads. Without it blades start at rest amid the swing of their weight and ring edgewise for a
+        minute. Two blades do not tell three coefficients apart; theirs start at rest.
+        """
+        s, n = self._balanced.models.structure, self._balanced.models.turbine.n_blades
+        if n < 3:
+            return
+        psi = azimuth + 2.0 * np.pi * np.arange(n) / n
+        harmonics = np.column_stack([np.ones(n), np.cos(psi), np.sin(psi)])
+        rates = rotor_speed * np.column_stack([np.zeros(n), -np.sin(psi), np.cos(psi)])
+        slope = rates @ np.linalg.pinv(harmonics)
+        for bodies in zip(*s.parts, strict=True):
+            q, u = zip(*(s.elastic(body, y) for body in bodies), strict=True)
+            for own, rate in zip(u, slope @ np.array(q), strict=True):
+                own[:] = rate
+
+    def _sway(self, y, tower_top):
+        """Displacement and motion of the tower top (y, in place) in its first modes."""
+        c = self._balanced
+        s, yaw = c.models.structure, self.drives.command[1]
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        turn = np.array([[cos, -sin], [sin, cos]])  # from the heading to global axes
+        c.move_lattice(y)
+        moved = turn @ tower_top[:2] - c.integrator.work.r[s.nacelle, :2]
+        q, u = s.elastic(s.tower, y)
+        q += s.tower_sway @ moved
+        u += s.tower_sway @ (turn @ tower_top[2:])
 
     def _find_equilibrium(self, y, rotor_speed, generator_torque, inflow):
         """Wake, loads and elastic state (y, in place) in balance with each other and the generator."""

@@ -62,6 +62,8 @@ class TurbineStructure:
         Points of the tower that bear its drag.
     blade_field, tower_field : (Beam, array (n_dof, n))
         Finite elements of a blade and the tower, and the nodal displacements of their coordinates.
+    tower_sway : array (n_f, 2)
+        Elastic coordinates of the tower as it swings in the first mode along global x and y, for 1 m of its top.
     """
 
     system: MultibodySystem
@@ -81,6 +83,7 @@ class TurbineStructure:
     drag_points: Points
     blade_field: tuple
     tower_field: tuple
+    tower_sway: np.ndarray
 
     def elastic(self, body, y):
         """Elastic coordinates and rates (n_f,) of a body in a state, views."""
@@ -175,7 +178,7 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     if fidelity.formulation == "observer":
         blade_body = without_second_order(blade_body, blade_beam, blade_basis)
     system = MultibodySystem(stabilisation=fidelity.stabilisation, projection=fidelity.projection)
-    tower_body, tower_points, tower_radius, drag_points, tower_field = _tower(turbine, fidelity, blade_body)
+    tower_body, tower_points, tower_radius, drag_points, tower_field, sway = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
     nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)
     generator, hub = _add_drivetrain(
@@ -212,6 +215,7 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
         drag_points=drag_points,
         blade_field=(blade_beam, blade_basis),
         tower_field=tower_field,
+        tower_sway=sway,
     )
 
 
@@ -377,7 +381,22 @@ def _tower(turbine, fidelity, blade_body):
         body = without_second_order(body, beam, basis)
     height, radius = _axis_points(tower)
     points, for_drag = (body_points(beam, basis, z[:, None] * [0.0, 0.0, 1.0]) for z in (height, drag_heights(tower)))
-    return body, points, radius, for_drag, (beam, basis)
+    return body, points, radius, for_drag, (beam, basis), _first_modes(beam, basis, top)
+
+
+def _first_modes(beam, basis, top):
+    """Coordinates of the first bending mode under the top mass in either plane (n, 2), for 1 m of the tower top.
+
+    Of coordinates that do not span the mode, the nearest in displacement of the nodes; zero where there are none.
+    """
+    sway = np.zeros((basis.shape[1], 2))
+    for k, dofs in enumerate(((0, 4), (1, 3))):
+        mode = clamped_modes(beam, 1, tip_mass=top, node_dofs=dofs).shape[:, 0]
+        mode /= mode[-6 + dofs[0]]
+        sway[:, k] = np.linalg.lstsq(basis, mode, rcond=None)[0]
+        reached = basis[-6 + dofs[0]] @ sway[:, k]
+        sway[:, k] = sway[:, k] / reached if abs(reached) > 0.5 else 0.0
+    return sway
 
 
 def _check_support(turbine, fidelity):

@@ -9,7 +9,7 @@ x = 1. Any callable with a ``name``, a ``weight`` and the same signature joins i
 
 from wt_gym.envs.rewards.compose import DEFAULT_WEIGHTS, compose, reset, total, worst_rate
 from wt_gym.envs.rewards.damage import Damage, Load
-from wt_gym.envs.rewards.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
+from wt_gym.envs.rewards.fatigue import AVERAGED, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
 from wt_gym.envs.rewards.operation import ActuatorUse, Overspeed
 from wt_gym.envs.rewards.power import Power, available_power
@@ -17,6 +17,7 @@ from wt_gym.envs.rewards.rainflow_counter import RainflowCounter
 from wt_gym.envs.rewards.term import RewardTerm, Transition
 
 __all__ = [
+    "AVERAGED",
     "DEFAULT_WEIGHTS",
     "ActuatorUse",
     "BladeFatigue",

@@ -85,7 +85,7 @@ def compose(reward: Mapping[str, float] | Iterable[RewardTerm] | None) -> tuple[
     return kept
 
 
-def reset(terms: Iterable[RewardTerm], turbine: Turbine, signals: Signals) -> None:
+def reset(terms: Iterable[RewardTerm], turbine: Turbine, signals: Signals, averaged: Signals | None = None) -> None:
     """Let the terms that remember something forget it.
 
     Parameters
@@ -94,10 +94,13 @@ def reset(terms: Iterable[RewardTerm], turbine: Turbine, signals: Signals) -> No
     turbine : Turbine
     signals : Signals
         First signals of the episode.
+    averaged : Signals, optional
+        The same with running means in place of the loads, for terms with the attribute ``begins_with_means``.
     """
     for term in terms:
         if hasattr(term, "reset"):
-            term.reset(turbine, signals)
+            begins_with_means = averaged is not None and getattr(term, "begins_with_means", False)
+            term.reset(turbine, averaged if begins_with_means else signals)
 
 
 def worst_rate(terms: Iterable[RewardTerm]) -> float:

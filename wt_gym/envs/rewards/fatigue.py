@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
-__all__ = ["BladeFatigue", "TowerForeAftFatigue", "TowerSideSideFatigue"]
+__all__ = ["AVERAGED", "BladeFatigue", "TowerForeAftFatigue", "TowerSideSideFatigue"]
+
+AVERAGED = ("root_flap_moment", "tower_base_fore_aft_moment", "tower_base_side_side_moment")
+"""Loads whose high-pass filters begin an episode with the running mean of the turbine that runs before it."""
 
 
 class BladeFatigue:
@@ -43,6 +46,8 @@ class BladeFatigue:
     name : str
     """
 
+    begins_with_means = True
+
     def __init__(
         self,
         weight: float = 1.5,
@@ -56,7 +61,7 @@ class BladeFatigue:
         self._started = False
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
-        """Start an episode with the mean moment of all blades as the mean of each."""
+        """Start an episode with the mean moment of all blades, of the signals given, as the mean of each."""
         self._started, n = True, turbine.n_blades
         mean = sum(signals["root_flap_moment"].tolist()) / n
         self._filters = [HighPass(self.time_constant, mean) for _ in range(n)]
@@ -82,6 +87,7 @@ class _TowerFatigue:
     """
 
     _channel: str
+    begins_with_means = True
 
     def __init__(self, weight: float, scale: float, time_constant: float, name: str):
         self.weight, self.scale, self.time_constant, self.name = weight, scale, time_constant, name

@@ -46,6 +46,7 @@ class RewardTerm(Protocol):
 
     A term that remembers something between steps also has ``reset(turbine, signals)``, called at the start of every
     episode with the first signals, and keeps its memory in plain attributes, so that ``copy.deepcopy`` is a snapshot.
+    With a true attribute ``begins_with_means`` it gets the running means of root and tower moments in their place.
     A term whose rate is not bounded by its weight says so by an attribute ``worst_rate`` [1/s].
     """
 

@@ -1,0 +1,17 @@
+"""What all tests share."""
+
+import pytest
+
+from wt_gym.envs import running_start
+
+
+@pytest.fixture(scope="session", autouse=True)
+def short_records():
+    """Let the running turbine, from which episodes begin, be recorded for seconds: tests of it ask for what they need.
+
+    Processes that a test starts record it in full.
+    """
+    full = running_start.LENGTHS
+    running_start.LENGTHS = running_start.Lengths(runs=1, settling=5.0, recorded=25.0, replayed=5.0)
+    yield full
+    running_start.LENGTHS = full

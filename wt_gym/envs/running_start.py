@@ -1,0 +1,621 @@
+"""Episodes that begin amid the operation of a turbine: a start in the distribution of the running turbine.
+
+A turbine that is put into turbulence at rest is another one than that which runs in it: the side-side motion of the
+tower, for one, needs minutes to build up. So the turbine is recorded under its base controller in winds like those of
+the episodes, and an episode begins with an instant of such a record: rotor speed, pitch, torque, azimuth, motion of the
+tower top, and the memory of the controller, which is fed with what it has read before that instant. Blades, wake and
+circulation are those of a steady state there (`wt_gym.simulation.Simulator.reset`), which they reach within seconds.
+
+Which instant is decided by the wind before the start of the episode. With w the means of the rotor-effective wind over
+the windows `WINDOWS` before an instant, a linear fit z = B w + c of the record tells what of the motion z (`FOLLOWS`)
+the wind explains. Candidates are the instants whose explained motion B w is nearest to that of the wind of the episode,
+in standard deviations of z; one of them is drawn. What the wind does not explain, and the motion side-side above all,
+is thus drawn from its distribution.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import hashlib
+import inspect
+import logging
+import math
+import os
+import pickle
+import secrets
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import filelock
+import numpy as np
+
+from wt_gym.compiled import digest_of
+from wt_gym.control import Demand
+from wt_gym.control.coleman import to_blades, to_fixed_frame
+from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of, readings_of
+from wt_gym.control.starting_point import starting_point
+from wt_gym.envs.rewards import AVERAGED
+from wt_gym.errors import SimulationError
+from wt_gym.files import whole_file
+from wt_gym.simulation import Signals, Simulator
+from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation.state import fingerprint
+from wt_gym.user_cache import user_cache
+from wt_gym.wind import TurbulentInflow, TurningInflow
+from wt_gym.wind.protocol import fill_velocity, read_only
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from wt_gym.control.controllers import Controller, Readings
+    from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
+    from wt_gym.simulation import Fidelity
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+__all__ = ["Lengths", "RunningStart", "Start", "steady_start"]
+
+_log = logging.getLogger(__name__)
+_FORMAT = 1  # raise when what a record holds changes
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """How long and how often the running turbine is recorded; times of the pace of a large turbine [s].
+
+    Attributes
+    ----------
+    runs : int
+        Winds recorded at a wind speed.
+    settling : float
+        Left out at the beginning of a run: the side-side motion of the 5-MW decays by half in 100 s.
+    recorded : float
+        Of a run.
+    replayed : float
+        Before an instant, over which the base controller reads the record.
+    """
+
+    runs: int = 4
+    settling: float = 120.0
+    recorded: float = 600.0
+    replayed: float = 30.0
+
+
+LENGTHS = Lengths()
+"""Of the records made from now on."""
+SPACING = 0.5
+"""Between the instants of a record with which an episode can begin [s]."""
+WINDOWS = (0.0, 1.0, 3.0, 7.0, 15.0)
+"""Times before the start between which the wind is averaged [s]; the first window is the instant itself."""
+FOLLOWS = ("rotor_speed", "pitch", "generator_torque", "aero_thrust", "tower_top_fore_aft")
+"""What of the motion decides which instants are alike."""
+NEAREST = 8
+"""Instants alike from which one is drawn."""
+BIN = 2.0
+"""Distance of the wind speeds at which the turbine is recorded [m/s]."""
+RECORD_SEED = 7_777_000
+"""First seed of the turbulence in which it is recorded, none of an evaluation or training."""
+_SLOW_TURN = 2.0 * math.pi / 1.267
+"""Seconds a turn of a large turbine: times are shorter by as much as a small one turns faster."""
+_MEAN_TIME = 10.0
+"""Time constant of the running means of loads [s], that of the rewards' filters."""
+_ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "wind")
+_NEEDED = ("rotor_speed", "azimuth", "generator_torque", "aero_thrust", "tower_top_fore_aft", "pitch", *AVERAGED)
+_HIGHEST = 0.97
+"""Rotor speed over that at which an episode ends, beyond which none begins."""
+
+
+@dataclass(frozen=True)
+class Before:
+    """What a controller has read and demanded before the start of an episode, oldest first.
+
+    Attributes
+    ----------
+    signals : numpy.ndarray, shape (n_times, n_channels)
+        Not a number where a signal is not recorded.
+    pitch : numpy.ndarray, shape (n_times, n_blades)
+        Demanded [rad].
+    torque : numpy.ndarray, shape (n_times,)
+        Demanded [N m].
+    lidar : numpy.ndarray, shape (n_times, n_gates)
+        [m/s].
+    dt : float
+        Between the times [s].
+    """
+
+    signals: np.ndarray
+    pitch: np.ndarray
+    torque: np.ndarray
+    lidar: np.ndarray
+    dt: float
+
+    def feed(self, controller: Controller) -> None:
+        """Start a controller at the first time, and let it read all."""
+        controller.start(self._readings(0), Demand(self.pitch[0], 0.0, float(self.torque[0])))
+        for k in range(len(self.signals)):
+            controller.step(self._readings(k), self.dt)
+
+    def _readings(self, k: int) -> Readings:
+        signals = Signals(self.signals[k], self.pitch.shape[1])
+        return WithLidar(signals, self.lidar[k]) if self.lidar.shape[1] else signals
+
+
+@dataclass(frozen=True)
+class Start:
+    """What an episode begins with.
+
+    Attributes
+    ----------
+    rotor_speed : float
+        [rad/s].
+    pitch : numpy.ndarray, shape (n_blades,)
+        [rad].
+    generator_torque : float
+        High-speed shaft [N m].
+    azimuth : float
+        Of blade 1 [rad].
+    tower_top : numpy.ndarray, shape (4,), optional
+        As `wt_gym.simulation.Simulator.reset` takes it; None: at rest in balance.
+    means : dict
+        Running means of channels, by name.
+    before : Before, optional
+        What the base controller has read until then.
+    """
+
+    rotor_speed: float
+    pitch: np.ndarray
+    generator_torque: float
+    azimuth: float
+    tower_top: np.ndarray | None = None
+    means: dict[str, float | np.ndarray] = field(default_factory=dict)
+    before: Before | None = None
+
+    def start(self, controller: Controller, readings, demand: Demand) -> None:
+        """Start a controller with the memory of what it has read before; without any, from the present demand.
+
+        Parameters
+        ----------
+        controller : Controller
+        readings : Readings
+            Of the present instant.
+        demand : Demand
+            Of the present instant.
+        """
+        if self.before is None:
+            controller.start(readings, demand)
+        else:
+            self.before.feed(controller)
+
+    def averaged(self, signals: Signals) -> Signals:
+        """Signals with the running means in place of the present values of the loads."""
+        if not self.means:
+            return signals
+        averaged = Signals(signals.values.copy(), signals.n_blades)
+        for name, mean in self.means.items():
+            averaged.set(name, mean)
+        return averaged
+
+
+def steady_start(rotor_speed: float, pitch: float, generator_torque: float, azimuth: float, n_blades: int) -> Start:
+    """Start at rest in balance, with equal pitch of all blades."""
+    return Start(rotor_speed, np.full(n_blades, pitch), generator_torque, azimuth)
+
+
+class RunningStart:
+    """Starts of a turbine that runs under a controller in the turbulence of a sampler.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    fidelity : str or Fidelity
+        Of the episodes. Records are made with "training", or "training-torsion" for blades that twist.
+    controller : Controller
+        The base controller; it is copied.
+    winds : WindSampler
+    overspeed_limit : float
+        Rotor speed over rated at which an episode ends.
+    """
+
+    def __init__(
+        self,
+        turbine: Turbine,
+        fidelity: str | Fidelity,
+        controller: Controller,
+        winds: WindSampler,
+        overspeed_limit: float,
+    ):
+        self._turbine, self._winds = turbine, winds
+        twists = isinstance(fidelity, str) and fidelity.endswith("-torsion")
+        self._maker = Maker(turbine, "training-torsion" if twists else "training", copy.deepcopy(controller))
+        self._identity = _identity(self._maker.controller)
+        self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
+        self._own: dict[int, tuple[object, Record | None]] = {}
+
+    def draw(self, wind: EpisodeWind, yaw: float, rng: np.random.Generator, azimuth: float | None) -> Start | None:
+        """Draw a start.
+
+        Parameters
+        ----------
+        wind : EpisodeWind
+        yaw : float
+            Nacelle yaw [rad].
+        rng : numpy.random.Generator
+            Two numbers are drawn of it.
+        azimuth : float, optional
+            Of blade 1 [rad]; by default that of the record.
+
+        Returns
+        -------
+        Start or None
+            None where the wind has no turbulence of which there are records, blows below cut-in or above cut-out, or
+            the turbine cannot run in it.
+        """
+        which, among = rng.random(2).tolist()
+        record = self._record_for(wind, which)
+        if record is None:
+            return None
+        return record.start(wind.inflow, yaw, among, azimuth, self._fastest)
+
+    def _record_for(self, wind: EpisodeWind, which: float) -> Record | None:
+        """Record of the turbine in winds like this one.
+
+        Of the speeds with records on both sides one is drawn, the nearer one as much more often as it is nearer: the
+        distribution is then interpolated linearly.
+        """
+        low, high = self._turbine.cut_in, self._turbine.cut_out
+        if not low <= wind.wind_speed <= high:
+            return None
+        if wind.wind_seed >= 0:
+            speed = min(max(BIN * math.floor(wind.wind_speed / BIN + which), low), high)
+            return _kept(self._maker, self._identity, self._winds, speed)
+        inflow = wind.inflow.inner if isinstance(wind.inflow, TurningInflow) else wind.inflow
+        if not isinstance(inflow, TurbulentInflow):
+            return None
+        box = inflow.box
+        if id(box) not in self._own:  # with the box, so that no other one takes its place in memory
+            self._own[id(box)] = box, self._maker.record([replace(inflow, time_offset=0.0)])
+        return self._own[id(box)][1]
+
+
+def _pace(turbine: Turbine) -> float:
+    """Times of a turbine over those of a large one."""
+    return min(1.0, 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / _SLOW_TURN)
+
+
+class Maker:
+    """Records a turbine under a controller.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    fidelity : str
+    controller : Controller
+        Is copied for each run.
+    """
+
+    def __init__(self, turbine: Turbine, fidelity: str, controller: Controller):
+        self.turbine, self.fidelity, self.controller = turbine, fidelity, controller
+        names = dict.fromkeys((*_NEEDED, *controller.channels))
+        known = _table(turbine.n_blades)
+        lidar = lidar_of(controller)
+        self.n_gates = 0 if lidar is None else len(lidar.ranges)
+        # the gates of a lidar are among the names that a controller reads, and no signals
+        places = [np.atleast_1d(known[name]) for name in names if not name.startswith("lidar_")]
+        self.places = np.unique(np.concatenate(places)).astype(int)
+        self.pace = _pace(turbine)
+        n_means = sum(_width(name, turbine.n_blades) for name in AVERAGED)
+        self.counts = (len(self.places), 4, 1, n_means, turbine.n_blades, 1, self.n_gates)
+        self.n_columns = sum(self.counts)
+
+    def record(self, inflows: list[Inflow]) -> Record | None:
+        """Run the turbine in winds; None where it cannot run in any of them."""
+        with ThreadPoolExecutor(max(os.cpu_count() or 1, 1)) as pool:  # compiled steps run side by side
+            runs = list(pool.map(self._run, inflows))
+        rows = [run for run in runs if run is not None]
+        if not rows:
+            return None
+        return Record(self, rows[0][0], np.stack([table for _, table in rows]))
+
+    def _run(self, inflow: Inflow) -> tuple[float, np.ndarray] | None:
+        """Run the turbine in a wind.
+
+        Returns
+        -------
+        (float, numpy.ndarray, shape (n_times, n_columns), float32) or None
+            Step [s] and the columns of `Record`; None where the simulation fails.
+        """
+        turbine, controller = self.turbine, copy.deepcopy(self.controller)
+        simulator = Simulator(turbine, inflow, self.fidelity)
+        point = starting_point(turbine, inflow)
+        signals = simulator.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
+        demand = Demand(np.array(signals.pitch), 0.0, signals.generator_torque)
+        readings = readings_of(controller, signals, inflow, turbine.hub_height)
+        controller.start(readings, demand)
+        dt = simulator.time_step
+        settling, recorded, before = (
+            round(self.pace * time / dt)
+            for time in (LENGTHS.settling, LENGTHS.recorded, LENGTHS.replayed + WINDOWS[-1])
+        )
+        means, gain = None, -math.expm1(-dt / (self.pace * _MEAN_TIME))
+        rows = []
+        try:
+            for k in range(settling + recorded):
+                present = np.concatenate([np.atleast_1d(signals[name]) for name in AVERAGED])
+                means = present if means is None else means + gain * (present - means)
+                if k >= settling - before:
+                    wind = _rotor_wind(inflow, turbine, 0.0, signals["time"])
+                    seen = [readings[f"lidar_{gate + 1}"] for gate in range(self.n_gates)]
+                    kept = signals.values[self.places], simulator.tower_top(), [wind], means, demand.pitch
+                    rows.append(np.concatenate([*kept, [demand.generator_torque], seen]).astype(np.float32))
+                demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
+                signals = simulator.advance(dt, demand.pitch, 0.0, demand.generator_torque)
+                readings = readings_of(controller, signals, inflow, turbine.hub_height)
+        except SimulationError as error:
+            _log.warning("%s does not run in %s (%s): no start is taken of it", turbine.name, inflow, error)
+            return None
+        return dt, np.array(rows)
+
+
+class Record:
+    """A turbine as it ran in some winds.
+
+    Parameters
+    ----------
+    maker : Maker
+        Of what it is a record.
+    step : float
+        Between the rows [s].
+    rows : numpy.ndarray, shape (n_runs, n_times, n_columns), float32
+        Signals at ``maker.places``; motion of the tower top (4); rotor-effective wind; running means of the loads;
+        demanded pitch and torque; what the lidar saw.
+    """
+
+    def __init__(self, maker: Maker, step: float, rows: np.ndarray):
+        self.step, self.rows, self._n_gates = step, rows, maker.n_gates
+        self._turbine, self._pace = maker.turbine, maker.pace
+        self._places = maker.places
+        ends = np.cumsum(maker.counts).tolist()
+        parts = [slice(end - count, end) for end, count in zip(ends, maker.counts, strict=True)]
+        self._signals, self._tower_top, self._wind, self._means, self._pitch, self._torque, self._lidar = parts
+        self._n_before = round(self._pace * LENGTHS.replayed / step)
+        self._windows = [max(round(self._pace * time / step), k) for k, time in enumerate(WINDOWS)]
+        first = self._n_before + self._windows[-1]
+        spacing = max(round(self._pace * SPACING / step), 1)
+        self._instants = np.arange(first, rows.shape[1], spacing)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Which motion the wind before explains."""
+        wind = self.rows[:, :, self._wind.start].astype(float)
+        total = np.concatenate([np.zeros((len(wind), 1)), np.cumsum(wind, axis=1)], axis=1)
+        at = self._instants
+        histories = [wind[:, at]]
+        for late, early in zip(self._windows[:-1], self._windows[1:], strict=True):
+            histories.append((total[:, at - late + 1] - total[:, at - early + 1]) / (early - late))
+        history = np.stack(histories, axis=-1).reshape(-1, len(histories))
+        motion = self._motion().reshape(len(history), -1)
+        self._spread = np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30)
+        self._mean_history = history.mean(axis=0)
+        centred = history - self._mean_history
+        gram = centred.T @ centred
+        gram += 1e-3 * np.trace(gram) / len(gram) * np.eye(len(gram))
+        normal = (motion - motion.mean(axis=0)) / self._spread
+        self._follows = np.linalg.solve(gram, centred.T @ normal)
+        self._explained = centred @ self._follows
+
+    def _motion(self) -> np.ndarray:
+        """Values of `FOLLOWS` at the instants (n_runs, n_instants, n)."""
+        known = self._places_of
+        columns = [self.rows[:, self._instants][..., known(name)].mean(axis=-1) for name in FOLLOWS]
+        return np.stack(columns, axis=-1).astype(float)
+
+    def _places_of(self, name: str) -> np.ndarray:
+        """Columns of a signal, of the blades together."""
+        return np.searchsorted(self._places, np.atleast_1d(_table(self._turbine.n_blades)[name]))
+
+    def start(self, inflow: Inflow, yaw: float, number: float, azimuth: float | None, fastest: float) -> Start:
+        """Start that fits the wind before the beginning of an episode.
+
+        Parameters
+        ----------
+        inflow : Inflow
+        yaw : float
+            Nacelle yaw [rad].
+        number : float
+            Decides between instants alike, 0 … 1.
+        azimuth : float, optional
+            Of blade 1, by default that of the record [rad].
+        fastest : float
+            Rotor speed beyond which nothing begins [rad/s].
+        """
+        explained = (self._history(inflow, yaw) - self._mean_history) @ self._follows
+        distance = ((self._explained - explained) ** 2).sum(axis=1)
+        speed = self.rows[:, self._instants][..., self._places_of("rotor_speed")].ravel()
+        distance[speed > fastest] = np.inf
+        alike = np.argsort(distance, kind="stable")[:NEAREST]
+        chosen = alike[int(number * len(alike))]
+        run, place = divmod(int(chosen), len(self._instants))
+        return self._at(run, int(self._instants[place]), azimuth, yaw)
+
+    def _history(self, inflow: Inflow, yaw: float) -> np.ndarray:
+        """Means of the rotor-effective wind over the windows before time zero [m/s]."""
+        steps = np.arange(0, self._windows[-1], max(round(0.5 * self._pace / self.step), 1))
+        wind = np.array([_rotor_wind(inflow, self._turbine, yaw, -k * self.step) for k in steps])
+        pairs = zip(self._windows[:-1], self._windows[1:], strict=True)
+        return np.array([wind[0], *(wind[(steps >= late) & (steps < early)].mean() for late, early in pairs)])
+
+    def _at(self, run: int, k: int, azimuth: float | None, yaw: float) -> Start:
+        """Start at an instant of a run."""
+        rows, n = self.rows[run].astype(float), self._turbine.n_blades
+        row = rows[k]
+        pitch, recorded = row[self._places_of("pitch")], float(row[self._places_of("azimuth")[0]])
+        if azimuth is None:
+            azimuth = recorded
+        elif n == 3:  # what the blades do by azimuth they do elsewhere
+            pitch = np.array(to_blades(to_fixed_frame(pitch, recorded), azimuth, n))
+        else:
+            pitch = np.full(n, pitch.mean())
+        means: dict[str, float | np.ndarray] = {}
+        first = self._means.start
+        for name in AVERAGED:
+            last = first + _width(name, n)
+            means[name] = row[first:last] if last - first > 1 else float(row[first])
+            first = last
+        return Start(
+            float(row[self._places_of("rotor_speed")[0]]), pitch, max(float(row[self._torque.start]), 0.0), azimuth,
+            row[self._tower_top], means, self._before(rows, k, yaw),
+        )  # fmt: skip
+
+    def _before(self, rows: np.ndarray, k: int, yaw: float) -> Before:
+        """What was read and demanded before an instant."""
+        n, before = self._turbine.n_blades, rows[k - self._n_before : k]
+        signals = np.full((len(before), len(channel_table(n))), np.nan)
+        signals[:, self._places] = before[:, self._signals]
+        known = _table(n)
+        signals[:, known["time"]] = self.step * np.arange(-len(before), 0)
+        signals[:, known["yaw"]] = yaw
+        return Before(signals, before[:, self._pitch], before[:, self._torque.start], before[:, self._lidar], self.step)
+
+
+@cache
+def _width(name: str, n_blades: int) -> int:
+    """Numbers of a signal."""
+    return np.size(_table(n_blades)[name])
+
+
+@cache
+def _table(n_blades: int) -> Signals:
+    """Places of the channels, as signals."""
+    return Signals(np.arange(len(channel_table(n_blades))), n_blades)
+
+
+_RINGS = np.sqrt([0.25, 0.75])
+_AZIMUTHS = 2.0 * np.pi * np.arange(6) / 6
+
+
+def _rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> float:
+    """Mean over 12 points of equal area of the rotor disc of the wind along the heading of the nacelle [m/s]."""
+    disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
+    ring = turbine.rotor_diameter / 2 * _RINGS
+    beside = np.outer(ring, np.sin(_AZIMUTHS))
+    disc[..., 0], disc[..., 1] = -math.sin(yaw) * beside, math.cos(yaw) * beside
+    disc[..., 2] = turbine.hub_height + np.outer(ring, np.cos(_AZIMUTHS))
+    wind = np.empty((disc.size // 3, 3))
+    fill_velocity(inflow, read_only(disc.reshape(-1, 3)), time, wind)
+    x, y, _ = wind.mean(axis=0).tolist()
+    return x * math.cos(yaw) + y * math.sin(yaw)
+
+
+# ---- records that are kept ------------------------------------------------------------------------------------------
+
+_MOST = 64
+"""Records in memory, of some 3 MB each."""
+_MOST_FILES = 300
+_records: dict[str, Record | None] = {}
+_told: set[str] = set()
+
+
+def _kept(maker: Maker, identity: str, winds: WindSampler, speed: float) -> Record | None:
+    """Record at a wind speed: from memory, from the disk, or made now."""
+    parts = _FORMAT, LENGTHS, maker.turbine, maker.fidelity, winds.turbulence_key, speed, _sources(), identity
+    key = fingerprint(*parts)[:32]
+    if key not in _records:
+        folder = _folder()
+        with _alone(folder, key):
+            record = _load(folder, key, maker)
+            if record is None and key not in _records:
+                _tell(maker.turbine)
+                seeds = range(RECORD_SEED, RECORD_SEED + LENGTHS.runs)
+                record = maker.record([winds.turbulence(speed, seed) for seed in seeds])
+                if record is not None:
+                    _store(folder, key, record)
+        while len(_records) >= _MOST:
+            _records.pop(next(iter(_records)))
+        _records.setdefault(key, record)
+    return _records[key]
+
+
+def _tell(turbine: Turbine) -> None:
+    """Once."""
+    if turbine.name not in _told:
+        _told.add(turbine.name)
+        _log.warning(
+            "recording how %s runs in turbulence, so that episodes begin amid its operation: some seconds for each "
+            "wind speed, once on this machine",
+            turbine.name,
+        )
+
+
+def _identity(controller: Controller) -> str:
+    """Digest of a controller and of the file in which its class is written; of its own where it has no such digest."""
+    try:
+        digest = hashlib.sha256(pickle.dumps(controller))
+    except (pickle.PicklingError, AttributeError, TypeError):  # it holds a function, or something of the system
+        return secrets.token_hex()
+    module = inspect.getmodule(type(controller))
+    source = getattr(module, "__file__", None)
+    if source is not None and Path(source).is_file():
+        digest.update(Path(source).read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def _sources() -> str:
+    """Digest of the simulator's sources: how another version of it runs is not how this one does."""
+    package = Path(__file__).parents[1]
+    return digest_of(package, [file for room in _ROOMS for file in (package / room).rglob("*.py")])
+
+
+def _folder() -> Path | None:
+    """Where records are kept, None if there is no such place."""
+    cache = user_cache()
+    if cache is None:
+        return None
+    folder = cache / "starts"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        _log.warning("records of the running turbine cannot be kept in %s (%s)", folder, error)
+        return None
+    return folder
+
+
+def _alone(folder: Path | None, key: str) -> AbstractContextManager:
+    """Have other processes and threads wait that want the same record."""
+    return contextlib.nullcontext() if folder is None else filelock.FileLock(folder / f"{key}.lock")
+
+
+def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
+    """Record from the disk, None if there is none that is sound."""
+    path = None if folder is None else folder / f"{key}.npz"
+    if path is None or not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            step, rows = float(file["step"]), file["rows"]
+        if rows.ndim != 3 or rows.shape[2] != maker.n_columns or not np.isfinite(rows).all():
+            raise ValueError("its rows have another form")
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        _log.warning("record %s of the running turbine is unreadable (%s); it is made again", path, error)
+        return None
+    return Record(maker, step, rows)
+
+
+def _store(folder: Path | None, key: str, record: Record) -> None:
+    """Keep a record; one that cannot be written costs the time of the next making."""
+    if folder is None:
+        return
+    path = folder / f"{key}.npz"
+    try:
+        with whole_file(path) as partial, partial.open("wb") as file:
+            np.savez(file, step=record.step, rows=record.rows)
+        for old in sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime)[:-_MOST_FILES]:
+            old.unlink(missing_ok=True)
+            old.with_suffix(".lock").unlink(missing_ok=True)
+    except OSError as error:
+        _log.warning("a record of the running turbine could not be kept in %s (%s)", folder, error)
