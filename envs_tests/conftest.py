@@ -12,6 +12,6 @@ def short_records():
     Processes that a test starts record it in full.
     """
     full = running_start.LENGTHS
-    running_start.LENGTHS = running_start.Lengths(runs=1, settling=5.0, recorded=25.0, replayed=5.0)
+    running_start.LENGTHS = running_start.Lengths(runs=1, settling=10.0, recorded=20.0)
     yield full
     running_start.LENGTHS = full

@@ -39,10 +39,10 @@ def test_tower_top_velocity_is_the_rate_of_its_displacement(simulator):
 
 
 def test_free_swing_side_side_has_the_frequency_of_the_first_mode():
-    """Without wind and rotation it stays in the first mode: 0.3120 Hz by FAST, 0.3164 Hz by ADAMS (NREL/TP-500-38060)."""
+    """Of a parked turbine: 0.3120 Hz by FAST, 0.3164 Hz by ADAMS (NREL/TP-500-38060)."""
     still = Simulator("nrel_5mw", inflow=SteadyInflow(0.0))
     rest = still.reset(0.0, np.pi / 2).tower_top_side_side
-    still.reset(0.0, np.pi / 2, tower_top=still.tower_top() + [0.0, 0.1, 0.0, 0.0])
+    still.reset(0.0, np.pi / 2, tower_top=still.tower_top() + np.array([0.0, 0.1, 0.0, 0.0]))
     series = [still.advance(0.1, (np.pi / 2,) * 3).tower_top_side_side - rest for _ in range(400)]
     spectrum = np.abs(np.fft.rfft(series * np.hanning(400), 8000))
     frequency = np.fft.rfftfreq(8000, 0.1)[spectrum.argmax()]
@@ -53,7 +53,8 @@ def test_blades_start_in_the_motion_of_their_weight(simulator):
     """Edgewise the running blade follows its weight at 1P; a blade at rest would ring ten times as much."""
 
     def ringing(moments, azimuths):
-        harmonics = np.column_stack([np.ones(len(azimuths)), *(f(k * azimuths) for k in (1, 2) for f in (np.cos, np.sin))])
+        turns = [f(k * azimuths) for k in (1, 2) for f in (np.cos, np.sin)]
+        harmonics = np.column_stack([np.ones(len(azimuths)), *turns])
         return np.std(moments - harmonics @ np.linalg.lstsq(harmonics, moments, rcond=None)[0])
 
     signals = simulator.reset(SPEED, PITCH)

@@ -38,6 +38,7 @@ from wt_gym.compiled import digest_of
 from wt_gym.control import Demand
 from wt_gym.control.coleman import to_blades, to_fixed_frame
 from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of, readings_of
+from wt_gym.control.controllers.memory import Memory, memory_of, remember
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.rewards import AVERAGED
 from wt_gym.errors import SimulationError
@@ -61,7 +62,7 @@ if TYPE_CHECKING:
 __all__ = ["Lengths", "RunningStart", "Start", "steady_start"]
 
 _log = logging.getLogger(__name__)
-_FORMAT = 1  # raise when what a record holds changes
+_FORMAT = 3  # raise when what a record holds changes
 
 
 @dataclass(frozen=True)
@@ -76,19 +77,16 @@ class Lengths:
         Left out at the beginning of a run: the side-side motion of the 5-MW decays by half in 100 s.
     recorded : float
         Of a run.
-    replayed : float
-        Before an instant, over which the base controller reads the record.
     """
 
     runs: int = 4
     settling: float = 120.0
     recorded: float = 600.0
-    replayed: float = 30.0
 
 
 LENGTHS = Lengths()
 """Of the records made from now on."""
-SPACING = 0.5
+SPACING = 1.0
 """Between the instants of a record with which an episode can begin [s]."""
 WINDOWS = (0.0, 1.0, 3.0, 7.0, 15.0)
 """Times before the start between which the wind is averaged [s]; the first window is the instant itself."""
@@ -106,6 +104,8 @@ _MEAN_TIME = 10.0
 """Time constant of the running means of loads [s], that of the rewards' filters."""
 _ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "wind")
 _NEEDED = ("rotor_speed", "azimuth", "generator_torque", "aero_thrust", "tower_top_fore_aft", "pitch", *AVERAGED)
+_READINGS = 10
+"""Readings after which a controller has the form in which its numbers are put."""
 _HIGHEST = 0.97
 """Rotor speed over that at which an episode ends, beyond which none begins."""
 
@@ -126,6 +126,8 @@ class Before:
         [m/s].
     dt : float
         Between the times [s].
+    memory : Memory
+        What the controller remembers then.
     """
 
     signals: np.ndarray
@@ -133,12 +135,14 @@ class Before:
     torque: np.ndarray
     lidar: np.ndarray
     dt: float
+    memory: Memory
 
     def feed(self, controller: Controller) -> None:
-        """Start a controller at the first time, and let it read all."""
+        """Let a controller read, after which it has the form to remember what it would after a longer time."""
         controller.start(self._readings(0), Demand(self.pitch[0], 0.0, float(self.torque[0])))
         for k in range(len(self.signals)):
             controller.step(self._readings(k), self.dt)
+        remember(controller, self.memory)
 
     def _readings(self, k: int) -> Readings:
         signals = Signals(self.signals[k], self.pitch.shape[1])
@@ -316,18 +320,29 @@ class Maker:
         """Run the turbine in winds; None where it cannot run in any of them."""
         with ThreadPoolExecutor(max(os.cpu_count() or 1, 1)) as pool:  # compiled steps run side by side
             runs = list(pool.map(self._run, inflows))
-        rows = [run for run in runs if run is not None]
-        if not rows:
+        done = [run for run in runs if run is not None]
+        if not done:
             return None
-        return Record(self, rows[0][0], np.stack([table for _, table in rows]))
+        memories = [memory for _, _, each in done for memory in each]
+        values = np.full((len(memories), max(len(memory.values) for memory in memories)), np.nan)
+        for row, memory in zip(values, memories, strict=True):
+            row[: len(memory.values)] = memory.values
+        sizes = np.array([memory.sizes for memory in memories])
+        return Record(self, done[0][0], np.stack([rows for _, rows, _ in done]), Memory(values, sizes))
 
-    def _run(self, inflow: Inflow) -> tuple[float, np.ndarray] | None:
+    def times(self, step: float) -> tuple[list[int], int, int]:
+        """Rows: ends of the windows, before the first instant, and between instants."""
+        windows = [max(round(self.pace * time / step), k) for k, time in enumerate(WINDOWS)]
+        return windows, max(windows[-1], _READINGS), max(round(self.pace * SPACING / step), 1)
+
+    def _run(self, inflow: Inflow) -> tuple[float, np.ndarray, list[Memory]] | None:
         """Run the turbine in a wind.
 
         Returns
         -------
-        (float, numpy.ndarray, shape (n_times, n_columns), float32) or None
-            Step [s] and the columns of `Record`; None where the simulation fails.
+        (float, numpy.ndarray, shape (n_times, n_columns), float32, list of Memory) or None
+            Step [s], the columns of `Record` and what the controller remembers at the instants; None where the
+            simulation fails.
         """
         turbine, controller = self.turbine, copy.deepcopy(self.controller)
         simulator = Simulator(turbine, inflow, self.fidelity)
@@ -337,17 +352,18 @@ class Maker:
         readings = readings_of(controller, signals, inflow, turbine.hub_height)
         controller.start(readings, demand)
         dt = simulator.time_step
-        settling, recorded, before = (
-            round(self.pace * time / dt)
-            for time in (LENGTHS.settling, LENGTHS.recorded, LENGTHS.replayed + WINDOWS[-1])
-        )
+        settling, recorded = (round(self.pace * time / dt) for time in (LENGTHS.settling, LENGTHS.recorded))
+        _, before, spacing = self.times(dt)
         means, gain = None, -math.expm1(-dt / (self.pace * _MEAN_TIME))
-        rows = []
+        rows: list[np.ndarray] = []
+        memories: list[Memory] = []
         try:
             for k in range(settling + recorded):
                 present = np.concatenate([np.atleast_1d(signals[name]) for name in AVERAGED])
                 means = present if means is None else means + gain * (present - means)
                 if k >= settling - before:
+                    if len(rows) >= before and (len(rows) - before) % spacing == 0:
+                        memories.append(memory_of(controller))
                     wind = _rotor_wind(inflow, turbine, 0.0, signals["time"])
                     seen = [readings[f"lidar_{gate + 1}"] for gate in range(self.n_gates)]
                     kept = signals.values[self.places], simulator.tower_top(), [wind], means, demand.pitch
@@ -358,7 +374,7 @@ class Maker:
         except SimulationError as error:
             _log.warning("%s does not run in %s (%s): no start is taken of it", turbine.name, inflow, error)
             return None
-        return dt, np.array(rows)
+        return dt, np.array(rows), memories
 
 
 class Record:
@@ -373,19 +389,19 @@ class Record:
     rows : numpy.ndarray, shape (n_runs, n_times, n_columns), float32
         Signals at ``maker.places``; motion of the tower top (4); rotor-effective wind; running means of the loads;
         demanded pitch and torque; what the lidar saw.
+    memory : Memory
+        What the controller remembers at the instants of all runs: values (n_instants, n), not numbers at the end where
+        there are fewer, and sizes (n_instants, n_parts).
     """
 
-    def __init__(self, maker: Maker, step: float, rows: np.ndarray):
-        self.step, self.rows, self._n_gates = step, rows, maker.n_gates
+    def __init__(self, maker: Maker, step: float, rows: np.ndarray, memory: Memory):
+        self.step, self.rows, self.memory, self._n_gates = step, rows, memory, maker.n_gates
         self._turbine, self._pace = maker.turbine, maker.pace
         self._places = maker.places
         ends = np.cumsum(maker.counts).tolist()
         parts = [slice(end - count, end) for end, count in zip(ends, maker.counts, strict=True)]
         self._signals, self._tower_top, self._wind, self._means, self._pitch, self._torque, self._lidar = parts
-        self._n_before = round(self._pace * LENGTHS.replayed / step)
-        self._windows = [max(round(self._pace * time / step), k) for k, time in enumerate(WINDOWS)]
-        first = self._n_before + self._windows[-1]
-        spacing = max(round(self._pace * SPACING / step), 1)
+        self._windows, first, spacing = maker.times(step)
         self._instants = np.arange(first, rows.shape[1], spacing)
         self._fit()
 
@@ -439,8 +455,7 @@ class Record:
         distance[speed > fastest] = np.inf
         alike = np.argsort(distance, kind="stable")[:NEAREST]
         chosen = alike[int(number * len(alike))]
-        run, place = divmod(int(chosen), len(self._instants))
-        return self._at(run, int(self._instants[place]), azimuth, yaw)
+        return self._at(int(chosen), azimuth, yaw)
 
     def _history(self, inflow: Inflow, yaw: float) -> np.ndarray:
         """Means of the rotor-effective wind over the windows before time zero [m/s]."""
@@ -449,10 +464,12 @@ class Record:
         pairs = zip(self._windows[:-1], self._windows[1:], strict=True)
         return np.array([wind[0], *(wind[(steps >= late) & (steps < early)].mean() for late, early in pairs)])
 
-    def _at(self, run: int, k: int, azimuth: float | None, yaw: float) -> Start:
-        """Start at an instant of a run."""
-        rows, n = self.rows[run].astype(float), self._turbine.n_blades
-        row = rows[k]
+    def _at(self, chosen: int, azimuth: float | None, yaw: float) -> Start:
+        """Start at one of the instants of all runs."""
+        run, place = divmod(chosen, len(self._instants))
+        k, n = int(self._instants[place]), self._turbine.n_blades
+        rows = self.rows[run, k - _READINGS : k + 1].astype(float)
+        row = rows[-1]
         pitch, recorded = row[self._places_of("pitch")], float(row[self._places_of("azimuth")[0]])
         if azimuth is None:
             azimuth = recorded
@@ -468,18 +485,20 @@ class Record:
             first = last
         return Start(
             float(row[self._places_of("rotor_speed")[0]]), pitch, max(float(row[self._torque.start]), 0.0), azimuth,
-            row[self._tower_top], means, self._before(rows, k, yaw),
+            row[self._tower_top], means, self._before(rows[:-1], Memory(*(part[chosen] for part in self.memory)), yaw),
         )  # fmt: skip
 
-    def _before(self, rows: np.ndarray, k: int, yaw: float) -> Before:
-        """What was read and demanded before an instant."""
-        n, before = self._turbine.n_blades, rows[k - self._n_before : k]
+    def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> Before:
+        """What was read and demanded in the rows before an instant."""
+        n = self._turbine.n_blades
         signals = np.full((len(before), len(channel_table(n))), np.nan)
         signals[:, self._places] = before[:, self._signals]
         known = _table(n)
         signals[:, known["time"]] = self.step * np.arange(-len(before), 0)
         signals[:, known["yaw"]] = yaw
-        return Before(signals, before[:, self._pitch], before[:, self._torque.start], before[:, self._lidar], self.step)
+        return Before(
+            signals, before[:, self._pitch], before[:, self._torque.start], before[:, self._lidar], self.step, memory
+        )
 
 
 @cache
@@ -513,7 +532,7 @@ def _rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> fl
 
 # ---- records that are kept ------------------------------------------------------------------------------------------
 
-_MOST = 64
+_MOST = 32
 """Records in memory, of some 3 MB each."""
 _MOST_FILES = 300
 _records: dict[str, Record | None] = {}
@@ -598,12 +617,15 @@ def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
     try:
         with np.load(path, allow_pickle=False) as file:
             step, rows = float(file["step"]), file["rows"]
+            values = np.tile(file["values"], (len(file["sizes"]), 1))
+            values[:, file["changing"]] = file["changes"]
+            memory = Memory(values, file["sizes"])
         if rows.ndim != 3 or rows.shape[2] != maker.n_columns or not np.isfinite(rows).all():
             raise ValueError("its rows have another form")
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         _log.warning("record %s of the running turbine is unreadable (%s); it is made again", path, error)
         return None
-    return Record(maker, step, rows)
+    return Record(maker, step, rows, memory)
 
 
 def _store(folder: Path | None, key: str, record: Record) -> None:
@@ -613,7 +635,12 @@ def _store(folder: Path | None, key: str, record: Record) -> None:
     path = folder / f"{key}.npz"
     try:
         with whole_file(path) as partial, partial.open("wb") as file:
-            np.savez(file, step=record.step, rows=record.rows)
+            values, sizes = record.memory  # hardly any of the values change
+            changing = np.flatnonzero((values != values[0]).any(axis=0))
+            np.savez(
+                file, step=record.step, rows=record.rows, sizes=sizes, values=values[0], changing=changing,
+                changes=values[:, changing],
+            )  # fmt: skip
         for old in sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime)[:-_MOST_FILES]:
             old.unlink(missing_ok=True)
             old.with_suffix(".lock").unlink(missing_ok=True)
