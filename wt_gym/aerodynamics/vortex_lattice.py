@@ -215,9 +215,9 @@ class VortexLattice:
 
     def initialise_helix(
         self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5, induced=None,
-        accept=True,
+        accept=True, thrust_before=None,
     ) -> float:  # fmt: skip
-        """Start a rotor with a full wake of helices in the momentum balance of its own thrust.
+        """Start a rotor with a full wake of helices in the momentum balance of its own thrust, or of an earlier one.
 
         Without a wake where there is no such balance, as for a rotor that is driven backwards in still air.
 
@@ -239,6 +239,10 @@ class VortexLattice:
         accept : bool
             End the start with the velocities that move the wake on. False for a start that only serves another call:
             the state cannot be marched.
+        thrust_before : float, optional
+            Mean thrust of the rotor over the time in which the wake was shed [N], where loads change: the wake then has
+            circulation in the proportion of that thrust to the present one, the mean of the blades. Rows younger than a
+            quarter of a turn keep the present circulation of their own blade, in a share that falls with their age.
 
         Returns
         -------
@@ -288,6 +292,11 @@ class VortexLattice:
             pressure = thrust / (2.0 * self.air_density * np.pi * radius**2) * np.copysign(1.0, stream @ axis)
             target = np.sqrt(0.25 * speed**2 - min(pressure, 0.24 * speed**2)) - 0.5 * speed
             induced, slowest = 0.5 * (induced + target), max(0.5 * np.sqrt(abs(pressure)), closest)
+        if thrust_before is not None and thrust_before * thrust > 0.0:
+            own = state.arrays.wake_gamma[: len(numbers)]
+            recent = np.exp(-ages * abs(rotor_speed) / (0.5 * np.pi))[:, None, None]
+            own[:] = recent * own + (1.0 - recent) * (thrust_before / thrust) * own.mean(axis=1, keepdims=True)
+            self._solve_anew(state, nodes, velocities, wind)
         if accept:
             self._accept(state, place=False, all_rows=True)
             state.arrays.shed[1:] = -numbers

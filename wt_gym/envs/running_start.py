@@ -88,7 +88,7 @@ LENGTHS = Lengths()
 """Of the records made from now on."""
 SPACING = 1.0
 """Between the instants of a record with which an episode can begin [s]."""
-WINDOWS = (0.0, 1.0, 3.0, 7.0, 15.0)
+WINDOWS = (0.0, 1.0, 3.0, 6.0, 12.0)
 """Times before the start between which the wind is averaged [s]; the first window is the instant itself."""
 FOLLOWS = ("rotor_speed", "pitch", "generator_torque", "aero_thrust", "tower_top_fore_aft")
 """What of the motion decides which instants are alike."""
@@ -165,6 +165,8 @@ class Start:
         Of blade 1 [rad].
     tower_top : numpy.ndarray, shape (4,), optional
         As `wt_gym.simulation.Simulator.reset` takes it; None: at rest in balance.
+    thrust_before : float, optional
+        Mean thrust of the air in the time before, to which the wake belongs [N].
     means : dict
         Running means of channels, by name.
     before : Before, optional
@@ -176,6 +178,7 @@ class Start:
     generator_torque: float
     azimuth: float
     tower_top: np.ndarray | None = None
+    thrust_before: float | None = None
     means: dict[str, float | np.ndarray] = field(default_factory=dict)
     before: Before | None = None
 
@@ -403,17 +406,13 @@ class Record:
         self._signals, self._tower_top, self._wind, self._means, self._pitch, self._torque, self._lidar = parts
         self._windows, first, spacing = maker.times(step)
         self._instants = np.arange(first, rows.shape[1], spacing)
+        self._steps = np.arange(0, self._windows[-1], max(round(0.5 * self._pace / step), 1))
         self._fit()
 
     def _fit(self) -> None:
         """Which motion the wind before explains."""
         wind = self.rows[:, :, self._wind.start].astype(float)
-        total = np.concatenate([np.zeros((len(wind), 1)), np.cumsum(wind, axis=1)], axis=1)
-        at = self._instants
-        histories = [wind[:, at]]
-        for late, early in zip(self._windows[:-1], self._windows[1:], strict=True):
-            histories.append((total[:, at - late + 1] - total[:, at - early + 1]) / (early - late))
-        history = np.stack(histories, axis=-1).reshape(-1, len(histories))
+        history = self._averaged(wind[:, self._instants[:, None] - self._steps]).reshape(-1, len(self._windows))
         motion = self._motion().reshape(len(history), -1)
         self._spread = np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30)
         self._mean_history = history.mean(axis=0)
@@ -459,16 +458,22 @@ class Record:
 
     def _history(self, inflow: Inflow, yaw: float) -> np.ndarray:
         """Means of the rotor-effective wind over the windows before time zero [m/s]."""
-        steps = np.arange(0, self._windows[-1], max(round(0.5 * self._pace / self.step), 1))
-        wind = np.array([_rotor_wind(inflow, self._turbine, yaw, -k * self.step) for k in steps])
-        pairs = zip(self._windows[:-1], self._windows[1:], strict=True)
-        return np.array([wind[0], *(wind[(steps >= late) & (steps < early)].mean() for late, early in pairs)])
+        return self._averaged(
+            np.array([_rotor_wind(inflow, self._turbine, yaw, -k * self.step) for k in self._steps.tolist()])
+        )
+
+    def _averaged(self, wind: np.ndarray) -> np.ndarray:
+        """Wind at ``self._steps`` before an instant (..., n) as means over the windows (..., n_windows)."""
+        steps, pairs = self._steps, zip(self._windows[:-1], self._windows[1:], strict=True)
+        means = [wind[..., (steps >= late) & (steps < early)].mean(axis=-1) for late, early in pairs]
+        return np.stack([wind[..., 0], *means], axis=-1)
 
     def _at(self, chosen: int, azimuth: float | None, yaw: float) -> Start:
         """Start at one of the instants of all runs."""
         run, place = divmod(chosen, len(self._instants))
         k, n = int(self._instants[place]), self._turbine.n_blades
-        rows = self.rows[run, k - _READINGS : k + 1].astype(float)
+        rows = self.rows[run, k - self._windows[-1] : k + 1].astype(float)
+        thrust = float(rows[:, self._places_of("aero_thrust")[0]].mean())
         row = rows[-1]
         pitch, recorded = row[self._places_of("pitch")], float(row[self._places_of("azimuth")[0]])
         if azimuth is None:
@@ -483,9 +488,10 @@ class Record:
             last = first + _width(name, n)
             means[name] = row[first:last] if last - first > 1 else float(row[first])
             first = last
+        memory = Memory(*(part[chosen] for part in self.memory))
         return Start(
             float(row[self._places_of("rotor_speed")[0]]), pitch, max(float(row[self._torque.start]), 0.0), azimuth,
-            row[self._tower_top], means, self._before(rows[:-1], Memory(*(part[chosen] for part in self.memory)), yaw),
+            row[self._tower_top], thrust, means, self._before(rows[-1 - _READINGS : -1], memory, yaw),
         )  # fmt: skip
 
     def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> Before:

@@ -140,7 +140,9 @@ class Simulator:
         self._require_start()
         return Signals(self._measurement.values.copy(), self.turbine.n_blades)
 
-    def reset(self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None):
+    def reset(
+        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, thrust_before=None
+    ):
         """Start at time zero near a steady state: developed wake, deflected structure that turns with the rotor.
 
         Parameters
@@ -158,6 +160,9 @@ class Simulator:
         tower_top : array (4,), optional
             Displacement of the tower top, fore-aft and side-side [m], and its rates [m/s]: the tower starts amid a
             swing in its first modes. By default it stands still where its loads are in balance.
+        thrust_before : float, optional
+            Mean thrust of the air on the rotor over some ten seconds before [N], in which the wake was shed. By default
+            that of the start.
 
         Returns
         -------
@@ -178,13 +183,15 @@ class Simulator:
             tower_top = np.asarray(tower_top, dtype=float)
             if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
                 raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
+        if thrust_before is not None:
+            check_finite(thrust_before=thrust_before)
         if not self._compiled:  # to look that up takes as long as half a start
             announce_compilation(self.coupling, self.turbine)
             self._compiled = True
         self.drives.start(pitch, yaw, rotor_speed, generator_torque)
         self._n_steps, self._started = 0, False
         try:
-            self._starter.balance(rotor_speed, azimuth, generator_torque, self.inflow, tower_top)
+            self._starter.balance(rotor_speed, azimuth, generator_torque, self.inflow, tower_top, thrust_before)
         except (MultibodyError, AerodynamicsError, SimulationError, InflowError) as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True

@@ -28,7 +28,7 @@ class Starter:
         embedded = coupling.models.embedded
         self._balanced = coupling if embedded is None else Coupling(embedded)
 
-    def balance(self, rotor_speed, azimuth, generator_torque, inflow, tower_top=None):
+    def balance(self, rotor_speed, azimuth, generator_torque, inflow, tower_top=None, thrust_before=None):
         """Balance turbine, wake and air, and begin to move; pitch and yaw are those that the drives have started with.
 
         Parameters
@@ -41,6 +41,8 @@ class Starter:
         tower_top : array (4,), optional
             Displacement of the tower top along and across the heading of the nacelle [m] and its rates [m/s]; by
             default the balance, at rest.
+        thrust_before : float, optional
+            Mean thrust in the time before, to which the wake belongs [N]; by default that of the balance.
 
         Raises
         ------
@@ -54,7 +56,7 @@ class Starter:
             each.restart()
         balanced.aero.clear()  # the tower stands in what the last wake slowed
         y = self._rigid_state(rotor_speed, azimuth)
-        self._find_equilibrium(y, rotor_speed, generator_torque, inflow)
+        self._find_equilibrium(y, rotor_speed, generator_torque, inflow, thrust_before)
         self._turn_loads(y, rotor_speed, azimuth)
         if tower_top is not None:
             self._sway(y, tower_top)
@@ -108,7 +110,7 @@ class Starter:
         q += s.tower_sway @ moved
         u += s.tower_sway @ (turn @ tower_top[2:])
 
-    def _find_equilibrium(self, y, rotor_speed, generator_torque, inflow):
+    def _find_equilibrium(self, y, rotor_speed, generator_torque, inflow, thrust_before):
         """Wake, loads and elastic state (y, in place) in balance with each other and the generator."""
         c = self._balanced
         s, lattice, x = c.models.structure, c.models.lattice, c.exchange
@@ -121,6 +123,7 @@ class Starter:
             induced = lattice.initialise_helix(
                 c.aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, c.models.time_step,
                 passes=4 if induced is None else 1, induced=induced, accept=k == PASSES - 1,
+                thrust_before=thrust_before,
             )  # fmt: skip
             loads = inputs.body_loads[1]
             coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
