@@ -35,7 +35,7 @@ class ScriptedSimulator:
         self.turbine, self.inflow, self.fidelity = turbine, inflow, fidelity
         self.time = 0.0
 
-    def reset(self, rotor_speed, pitch, azimuth=0.0, yaw=0.0, generator_torque=0.0, tower_top=None, thrust_before=None):
+    def reset(self, rotor_speed, pitch, azimuth=0.0, yaw=0.0, generator_torque=0.0, **of_running_turbine):
         """Start at the given state."""
         pitch = np.broadcast_to(pitch, self.turbine.n_blades).tolist()
         self.time = 0.0

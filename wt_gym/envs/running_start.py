@@ -2,9 +2,10 @@
 
 A turbine that is put into turbulence at rest is another one than that which runs in it: the side-side motion of the
 tower, for one, needs minutes to build up. So the turbine is recorded under its base controller in winds like those of
-the episodes, and an episode begins with an instant of such a record: rotor speed, pitch, torque, azimuth, motion of the
-tower top, and the memory of the controller, which is fed with what it has read before that instant. Blades, wake and
-circulation are those of a steady state there (`wt_gym.simulation.Simulator.reset`), which they reach within seconds.
+the episodes, and an episode begins with an instant of such a record: rotor speed, pitch, torque, azimuth, the motion of
+tower and blades, and what the controller remembers. The wake is that of a steady state with the mean thrust before
+(`wt_gym.simulation.Simulator.reset`). At fidelities whose structure is not that of the record the blades follow their
+loads, and the tower swings in its first modes as the recorded one.
 
 Which instant is decided by the wind before the start of the episode. With w the means of the rotor-effective wind over
 the windows `WINDOWS` before an instant, a linear fit z = B w + c of the record tells what of the motion z (`FOLLOWS`)
@@ -45,9 +46,9 @@ from wt_gym.errors import SimulationError
 from wt_gym.files import whole_file
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
 from wt_gym.user_cache import user_cache
-from wt_gym.wind import TurbulentInflow, TurningInflow
 from wt_gym.wind.protocol import fill_velocity, read_only
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
 __all__ = ["Lengths", "RunningStart", "Start", "steady_start"]
 
 _log = logging.getLogger(__name__)
-_FORMAT = 3  # raise when what a record holds changes
+_FORMAT = 4  # raise when what a record holds changes
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,8 @@ _ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "wi
 _NEEDED = ("rotor_speed", "azimuth", "generator_torque", "aero_thrust", "tower_top_fore_aft", "pitch", *AVERAGED)
 _READINGS = 10
 """Readings after which a controller has the form in which its numbers are put."""
+_STEADY = 1e-3
+"""Range of the wind before the start, over its mean, up to which it is steady."""
 _HIGHEST = 0.97
 """Rotor speed over that at which an episode ends, beyond which none begins."""
 
@@ -165,6 +168,9 @@ class Start:
         Of blade 1 [rad].
     tower_top : numpy.ndarray, shape (4,), optional
         As `wt_gym.simulation.Simulator.reset` takes it; None: at rest in balance.
+    motion : numpy.ndarray, shape (n,), optional
+        Of the structure, as `wt_gym.simulation.Simulator.reset` takes it, where fidelity and azimuth are those of the
+        record.
     thrust_before : float, optional
         Mean thrust of the air in the time before, to which the wake belongs [N].
     means : dict
@@ -178,6 +184,7 @@ class Start:
     generator_torque: float
     azimuth: float
     tower_top: np.ndarray | None = None
+    motion: np.ndarray | None = None
     thrust_before: float | None = None
     means: dict[str, float | np.ndarray] = field(default_factory=dict)
     before: Before | None = None
@@ -214,7 +221,10 @@ def steady_start(rotor_speed: float, pitch: float, generator_torque: float, azim
 
 
 class RunningStart:
-    """Starts of a turbine that runs under a controller in the turbulence of a sampler.
+    """Starts of a turbine that runs under a controller in turbulence.
+
+    Records are made in turbulence like that of a sampler: of its class, model, spectra and profile. Where a sampler has
+    winds of the user, that is turbulence of the turbine's class at their mean speed.
 
     Parameters
     ----------
@@ -239,9 +249,9 @@ class RunningStart:
         self._turbine, self._winds = turbine, winds
         twists = isinstance(fidelity, str) and fidelity.endswith("-torsion")
         self._maker = Maker(turbine, "training-torsion" if twists else "training", copy.deepcopy(controller))
+        self._same_model = fidelity_of(fidelity) == fidelity_of(self._maker.fidelity)
         self._identity = _identity(self._maker.controller)
         self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
-        self._own: dict[int, tuple[object, Record | None]] = {}
 
     def draw(self, wind: EpisodeWind, yaw: float, rng: np.random.Generator, azimuth: float | None) -> Start | None:
         """Draw a start.
@@ -259,34 +269,27 @@ class RunningStart:
         Returns
         -------
         Start or None
-            None where the wind has no turbulence of which there are records, blows below cut-in or above cut-out, or
-            the turbine cannot run in it.
+            None where the wind has not changed before the start, blows below cut-in or above cut-out, or the turbine
+            cannot run in it.
         """
         which, among = rng.random(2).tolist()
-        record = self._record_for(wind, which)
+        low, high = self._turbine.cut_in, self._turbine.cut_out
+        if not (low <= wind.wind_speed <= high and self._is_turbulent(wind.inflow, yaw)):
+            return None
+        # Of the speeds with records on both sides one is drawn, the nearer one as much more often as it is nearer: the
+        # distribution is then interpolated linearly.
+        speed = min(max(BIN * math.floor(wind.wind_speed / BIN + which), low), high)
+        record = _kept(self._maker, self._identity, self._winds, speed)
         if record is None:
             return None
-        return record.start(wind.inflow, yaw, among, azimuth, self._fastest)
+        start = record.start(wind.inflow, yaw, among, azimuth, self._fastest)
+        return start if self._same_model else replace(start, motion=None)
 
-    def _record_for(self, wind: EpisodeWind, which: float) -> Record | None:
-        """Record of the turbine in winds like this one.
-
-        Of the speeds with records on both sides one is drawn, the nearer one as much more often as it is nearer: the
-        distribution is then interpolated linearly.
-        """
-        low, high = self._turbine.cut_in, self._turbine.cut_out
-        if not low <= wind.wind_speed <= high:
-            return None
-        if wind.wind_seed >= 0:
-            speed = min(max(BIN * math.floor(wind.wind_speed / BIN + which), low), high)
-            return _kept(self._maker, self._identity, self._winds, speed)
-        inflow = wind.inflow.inner if isinstance(wind.inflow, TurningInflow) else wind.inflow
-        if not isinstance(inflow, TurbulentInflow):
-            return None
-        box = inflow.box
-        if id(box) not in self._own:  # with the box, so that no other one takes its place in memory
-            self._own[id(box)] = box, self._maker.record([replace(inflow, time_offset=0.0)])
-        return self._own[id(box)][1]
+    def _is_turbulent(self, inflow: Inflow, yaw: float) -> bool:
+        """Whether the wind has changed before the start of the episode."""
+        times = -self._maker.pace * np.array(WINDOWS)
+        wind = np.array([_rotor_wind(inflow, self._turbine, yaw, time) for time in times.tolist()])
+        return bool(np.ptp(wind) > _STEADY * abs(wind.mean()))
 
 
 def _pace(turbine: Turbine) -> float:
@@ -316,8 +319,7 @@ class Maker:
         self.places = np.unique(np.concatenate(places)).astype(int)
         self.pace = _pace(turbine)
         n_means = sum(_width(name, turbine.n_blades) for name in AVERAGED)
-        self.counts = (len(self.places), 4, 1, n_means, turbine.n_blades, 1, self.n_gates)
-        self.n_columns = sum(self.counts)
+        self.counts = (len(self.places), 4, 1, n_means, turbine.n_blades, 1, self.n_gates, 2)
 
     def record(self, inflows: list[Inflow]) -> Record | None:
         """Run the turbine in winds; None where it cannot run in any of them."""
@@ -369,8 +371,11 @@ class Maker:
                         memories.append(memory_of(controller))
                     wind = _rotor_wind(inflow, turbine, 0.0, signals["time"])
                     seen = [readings[f"lidar_{gate + 1}"] for gate in range(self.n_gates)]
-                    kept = signals.values[self.places], simulator.tower_top(), [wind], means, demand.pitch
-                    rows.append(np.concatenate([*kept, [demand.generator_torque], seen]).astype(np.float32))
+                    y, s = simulator.coupling.integrator.state, simulator.structure
+                    turning = y[s.azimuth_q] % (2.0 * math.pi), y[s.system.n_q + s.azimuth_u]
+                    kept = [signals.values[self.places], simulator.tower_top(), [wind], means, demand.pitch]
+                    kept += [[demand.generator_torque], seen, turning, simulator.motion()]
+                    rows.append(np.concatenate(kept).astype(np.float32))
                 demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
                 signals = simulator.advance(dt, demand.pitch, 0.0, demand.generator_torque)
                 readings = readings_of(controller, signals, inflow, turbine.hub_height)
@@ -391,7 +396,8 @@ class Record:
         Between the rows [s].
     rows : numpy.ndarray, shape (n_runs, n_times, n_columns), float32
         Signals at ``maker.places``; motion of the tower top (4); rotor-effective wind; running means of the loads;
-        demanded pitch and torque; what the lidar saw.
+        demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
+        the structure.
     memory : Memory
         What the controller remembers at the instants of all runs: values (n_instants, n), not numbers at the end where
         there are fewer, and sizes (n_instants, n_parts).
@@ -403,7 +409,8 @@ class Record:
         self._places = maker.places
         ends = np.cumsum(maker.counts).tolist()
         parts = [slice(end - count, end) for end, count in zip(ends, maker.counts, strict=True)]
-        self._signals, self._tower_top, self._wind, self._means, self._pitch, self._torque, self._lidar = parts
+        self._signals, self._tower_top, self._wind, self._means, self._pitch, self._torque, self._lidar, turning = parts
+        self._turning, self._motion = turning.start, slice(turning.stop, None)
         self._windows, first, spacing = maker.times(step)
         self._instants = np.arange(first, rows.shape[1], spacing)
         self._steps = np.arange(0, self._windows[-1], max(round(0.5 * self._pace / step), 1))
@@ -413,7 +420,7 @@ class Record:
         """Which motion the wind before explains."""
         wind = self.rows[:, :, self._wind.start].astype(float)
         history = self._averaged(wind[:, self._instants[:, None] - self._steps]).reshape(-1, len(self._windows))
-        motion = self._motion().reshape(len(history), -1)
+        motion = self._followed().reshape(len(history), -1)
         self._spread = np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30)
         self._mean_history = history.mean(axis=0)
         centred = history - self._mean_history
@@ -423,7 +430,7 @@ class Record:
         self._follows = np.linalg.solve(gram, centred.T @ normal)
         self._explained = centred @ self._follows
 
-    def _motion(self) -> np.ndarray:
+    def _followed(self) -> np.ndarray:
         """Values of `FOLLOWS` at the instants (n_runs, n_instants, n)."""
         known = self._places_of
         columns = [self.rows[:, self._instants][..., known(name)].mean(axis=-1) for name in FOLLOWS]
@@ -475,7 +482,8 @@ class Record:
         rows = self.rows[run, k - self._windows[-1] : k + 1].astype(float)
         thrust = float(rows[:, self._places_of("aero_thrust")[0]].mean())
         row = rows[-1]
-        pitch, recorded = row[self._places_of("pitch")], float(row[self._places_of("azimuth")[0]])
+        pitch, recorded = row[self._places_of("pitch")], float(row[self._turning])
+        motion = row[self._motion] if azimuth is None else None  # blades bend as they do at an azimuth
         if azimuth is None:
             azimuth = recorded
         elif n == 3:  # what the blades do by azimuth they do elsewhere
@@ -490,8 +498,8 @@ class Record:
             first = last
         memory = Memory(*(part[chosen] for part in self.memory))
         return Start(
-            float(row[self._places_of("rotor_speed")[0]]), pitch, max(float(row[self._torque.start]), 0.0), azimuth,
-            row[self._tower_top], thrust, means, self._before(rows[-1 - _READINGS : -1], memory, yaw),
+            float(row[self._turning + 1]), pitch, max(float(row[self._torque.start]), 0.0), azimuth,
+            row[self._tower_top], motion, thrust, means, self._before(rows[-1 - _READINGS : -1], memory, yaw),
         )  # fmt: skip
 
     def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> Before:
@@ -626,7 +634,7 @@ def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
             values = np.tile(file["values"], (len(file["sizes"]), 1))
             values[:, file["changing"]] = file["changes"]
             memory = Memory(values, file["sizes"])
-        if rows.ndim != 3 or rows.shape[2] != maker.n_columns or not np.isfinite(rows).all():
+        if rows.ndim != 3 or rows.shape[2] <= sum(maker.counts) or not np.isfinite(rows).all():
             raise ValueError("its rows have another form")
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         _log.warning("record %s of the running turbine is unreadable (%s); it is made again", path, error)

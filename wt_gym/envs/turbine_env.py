@@ -625,6 +625,7 @@ class WindTurbineEnv(gym.Env):
         self.signals = self.simulator.reset(
             rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=yaw,
             generator_torque=start.generator_torque, tower_top=start.tower_top, thrust_before=start.thrust_before,
+            motion=start.motion,
         )  # fmt: skip
         self.demand = self.base = Demand(start.pitch.copy(), 0.0, start.generator_torque)
         self.aim = self.layout.action.start(self.demand)

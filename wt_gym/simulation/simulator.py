@@ -141,8 +141,9 @@ class Simulator:
         return Signals(self._measurement.values.copy(), self.turbine.n_blades)
 
     def reset(
-        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, thrust_before=None
-    ):
+        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, thrust_before=None,
+        motion=None,
+    ):  # fmt: skip
         """Start at time zero near a steady state: developed wake, deflected structure that turns with the rotor.
 
         Parameters
@@ -163,6 +164,9 @@ class Simulator:
         thrust_before : float, optional
             Mean thrust of the air on the rotor over some ten seconds before [N], in which the wake was shed. By default
             that of the start.
+        motion : array (n,), optional
+            Deformation of the structure and its rates, as `motion` gives them of a simulator with the same turbine and
+            fidelity; ``tower_top`` is then left aside. Formulation "embedded" only.
 
         Returns
         -------
@@ -183,6 +187,14 @@ class Simulator:
             tower_top = np.asarray(tower_top, dtype=float)
             if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
                 raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
+        if motion is not None:
+            motion = np.asarray(motion, dtype=float)
+            size = self.structure.system.n_q + self.structure.system.n_u - 2
+            if self.fidelity.formulation != "embedded" or motion.shape != (size,) or not np.isfinite(motion).all():
+                raise ActionError(
+                    f"motion must be {size} finite numbers, in formulation 'embedded'; got shape {motion.shape} in "
+                    f"formulation {self.fidelity.formulation!r}"
+                )
         if thrust_before is not None:
             check_finite(thrust_before=thrust_before)
         if not self._compiled:  # to look that up takes as long as half a start
@@ -191,7 +203,7 @@ class Simulator:
         self.drives.start(pitch, yaw, rotor_speed, generator_torque)
         self._n_steps, self._started = 0, False
         try:
-            self._starter.balance(rotor_speed, azimuth, generator_torque, self.inflow, tower_top, thrust_before)
+            self._starter.balance(rotor_speed, azimuth, generator_torque, self.inflow, tower_top, thrust_before, motion)
         except (MultibodyError, AerodynamicsError, SimulationError, InflowError) as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True
@@ -337,6 +349,16 @@ class Simulator:
         to_heading = np.array([[cos, sin], [-sin, cos]])
         velocity = work.rot[nacelle] @ work.v[nacelle]
         return np.concatenate([to_heading @ work.r[nacelle, :2], to_heading @ velocity[:2]])
+
+    def motion(self):
+        """Deformation of the structure and its rates, the tower along and across the nacelle, in the form of `reset`.
+
+        Returns
+        -------
+        array (n,)
+        """
+        self._require_start()
+        return self.structure.motion(self.coupling.integrator.state, self.drives.command[1])
 
     def constraint_drift(self, restart=True):
         """How far steps have drifted off the constraint equations before they were put back onto them.

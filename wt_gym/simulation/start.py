@@ -28,7 +28,7 @@ class Starter:
         embedded = coupling.models.embedded
         self._balanced = coupling if embedded is None else Coupling(embedded)
 
-    def balance(self, rotor_speed, azimuth, generator_torque, inflow, tower_top=None, thrust_before=None):
+    def balance(self, rotor_speed, azimuth, generator_torque, inflow, tower_top=None, thrust_before=None, motion=None):
         """Balance turbine, wake and air, and begin to move; pitch and yaw are those that the drives have started with.
 
         Parameters
@@ -43,6 +43,8 @@ class Starter:
             default the balance, at rest.
         thrust_before : float, optional
             Mean thrust in the time before, to which the wake belongs [N]; by default that of the balance.
+        motion : array (n,), optional
+            Of the structure (`TurbineStructure.motion`), in place of a balance of its loads.
 
         Raises
         ------
@@ -56,10 +58,14 @@ class Starter:
             each.restart()
         balanced.aero.clear()  # the tower stands in what the last wake slowed
         y = self._rigid_state(rotor_speed, azimuth)
-        self._find_equilibrium(y, rotor_speed, generator_torque, inflow, thrust_before)
-        self._turn_loads(y, rotor_speed, azimuth)
-        if tower_top is not None:
-            self._sway(y, tower_top)
+        if motion is not None:
+            balanced.models.structure.move(y, motion, self.drives.command[1])
+            self._balance_air(y, rotor_speed, generator_torque, inflow, None, True, thrust_before)
+        else:
+            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, thrust_before)
+            self._turn_loads(y, rotor_speed, azimuth)
+            if tower_top is not None:
+                self._sway(y, tower_top)
         if balanced is not coupling:
             y = coupling.models.structure.adopt(balanced.models.structure, y)
             coupling.aero.assign(balanced.aero)
@@ -113,27 +119,33 @@ class Starter:
     def _find_equilibrium(self, y, rotor_speed, generator_torque, inflow, thrust_before):
         """Wake, loads and elastic state (y, in place) in balance with each other and the generator."""
         c = self._balanced
+        s, induced = c.models.structure, None
+        for k in range(PASSES):
+            last = k == PASSES - 1
+            induced = self._balance_air(y, rotor_speed, generator_torque, inflow, induced, last, thrust_before)
+            elastic_equilibrium(s.system, y, c.integrator.inputs, c.integrator.work, s.azimuth_q, s.azimuth_u,
+                                _balances_forces(c.models.fidelity))  # fmt: skip
+
+    def _balance_air(self, y, rotor_speed, generator_torque, inflow, induced, last, thrust_before):
+        """Wake and loads for a state of the structure, and the generator under them; returns what the wake induces."""
+        c = self._balanced
         s, lattice, x = c.models.structure, c.models.lattice, c.exchange
         inputs, work = c.integrator.inputs, c.integrator.work
-        induced = None
-        for k in range(PASSES):
-            c.move_lattice(y)
-            axis = work.rot[s.hub, :, 0].copy()
-            wind = c.take_wind(inflow, 0.0)
-            induced = lattice.initialise_helix(
-                c.aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, c.models.time_step,
-                passes=4 if induced is None else 1, induced=induced, accept=k == PASSES - 1,
-                thrust_before=thrust_before,
-            )  # fmt: skip
-            loads = inputs.body_loads[1]
-            coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
-            coupling_kernels.tower_drag(y, s.system.tree, work, x.tower, loads[s.tower])
-            inputs.body_loads[0] = loads
-            _, moment = coupling_kernels.rotor_resultant(c.blade_nodes, c.blade_forces, work.r[s.hub], axis)
-            self.drives.load(moment, rotor_speed, generator_torque)
-            self._act(c)
-            elastic_equilibrium(s.system, y, inputs, work, s.azimuth_q, s.azimuth_u,
-                                _balances_forces(c.models.fidelity))  # fmt: skip
+        c.move_lattice(y)
+        axis = work.rot[s.hub, :, 0].copy()
+        wind = c.take_wind(inflow, 0.0)
+        induced = lattice.initialise_helix(
+            c.aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, c.models.time_step,
+            passes=4 if induced is None else 1, induced=induced, accept=last, thrust_before=thrust_before,
+        )  # fmt: skip
+        loads = inputs.body_loads[1]
+        coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
+        coupling_kernels.tower_drag(y, s.system.tree, work, x.tower, loads[s.tower])
+        inputs.body_loads[0] = loads
+        _, moment = coupling_kernels.rotor_resultant(c.blade_nodes, c.blade_forces, work.r[s.hub], axis)
+        self.drives.load(moment, rotor_speed, generator_torque)
+        self._act(c)
+        return induced
 
 
 def _balances_forces(fidelity):

@@ -91,6 +91,46 @@ class TurbineStructure:
         n = self.system.bodies[body].n_elastic
         return y[q : q + n], y[u : u + n]
 
+    @property
+    def _moving(self):
+        """Places in a state of all that moves beside generator and drives: coordinates, then velocities."""
+        system = self.system
+        q, u = np.arange(system.n_q), np.arange(system.n_u)
+        return np.concatenate([q[q != self.azimuth_q], system.n_q + u[u != self.azimuth_u]])
+
+    def motion(self, y, heading):
+        """Deformation of a state and its rates, the tower along and across a heading.
+
+        Parameters
+        ----------
+        y : array (n_state,)
+        heading : float
+            Counter-clockwise from x [rad].
+
+        Returns
+        -------
+        array (n,)
+        """
+        z = y.copy()
+        self._turn_tower(z, -heading)
+        return z[self._moving]
+
+    def move(self, y, motion, heading):
+        """Put the deformation and rates of `motion` into a state, in place."""
+        y[self._moving] = motion
+        self._turn_tower(y, heading)
+
+    def _turn_tower(self, y, angle):
+        """Turn the bending of the tower about z, in place: its modes have the same shapes along x and y."""
+        _, basis = self.tower_field
+        top = basis[-6:-4]  # displacement of the top along x and y
+        along, across = np.flatnonzero(top[0]), np.flatnonzero(top[1])
+        cos, sin = np.cos(angle), np.sin(angle)
+        for part in self.elastic(self.tower, y):
+            x, z = top[0, along] * part[along], top[1, across] * part[across]
+            part[along] = (cos * x - sin * z) / top[0, along]
+            part[across] = (sin * x + cos * z) / top[1, across]
+
     def adopt(self, other, y):
         """State of this structure for the same motion as the state y of another formulation of the same turbine.
 
