@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 __all__ = ["Lengths", "RunningStart", "Start", "steady_start"]
 
 _log = logging.getLogger(__name__)
-_FORMAT = 4  # raise when what a record holds changes
+_FORMAT = 5  # raise when what a record holds changes
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,9 @@ SPACING = 1.0
 WINDOWS = (0.0, 1.0, 3.0, 6.0, 12.0)
 """Times before the start between which the wind is averaged [s]; the first window is the instant itself."""
 FOLLOWS = ("rotor_speed", "pitch", "generator_torque", "aero_thrust", "tower_top_fore_aft")
-"""What of the motion decides which instants are alike."""
+"""What of the motion decides which instants are alike, with the tilt and yaw moments of the rotor."""
+_REMEMBERED = 3
+"""Windows over which the wind across the rotor counts: the bending of blades follows it within seconds."""
 NEAREST = 8
 """Instants alike from which one is drawn."""
 BIN = 2.0
@@ -289,7 +291,7 @@ class RunningStart:
         """Whether the wind has changed before the start of the episode."""
         times = -self._maker.pace * np.array(WINDOWS)
         wind = np.array([_rotor_wind(inflow, self._turbine, yaw, time) for time in times.tolist()])
-        return bool(np.ptp(wind) > _STEADY * abs(wind.mean()))
+        return bool(np.ptp(wind[:, 0]) > _STEADY * abs(wind[:, 0].mean()))
 
 
 def _pace(turbine: Turbine) -> float:
@@ -319,7 +321,7 @@ class Maker:
         self.places = np.unique(np.concatenate(places)).astype(int)
         self.pace = _pace(turbine)
         n_means = sum(_width(name, turbine.n_blades) for name in AVERAGED)
-        self.counts = (len(self.places), 4, 1, n_means, turbine.n_blades, 1, self.n_gates, 2)
+        self.counts = (len(self.places), 4, 3, n_means, turbine.n_blades, 1, self.n_gates, 2)
 
     def record(self, inflows: list[Inflow]) -> Record | None:
         """Run the turbine in winds; None where it cannot run in any of them."""
@@ -373,7 +375,7 @@ class Maker:
                     seen = [readings[f"lidar_{gate + 1}"] for gate in range(self.n_gates)]
                     y, s = simulator.coupling.integrator.state, simulator.structure
                     turning = y[s.azimuth_q] % (2.0 * math.pi), y[s.system.n_q + s.azimuth_u]
-                    kept = [signals.values[self.places], simulator.tower_top(), [wind], means, demand.pitch]
+                    kept = [signals.values[self.places], simulator.tower_top(), wind, means, demand.pitch]
                     kept += [[demand.generator_torque], seen, turning, simulator.motion()]
                     rows.append(np.concatenate(kept).astype(np.float32))
                 demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
@@ -395,7 +397,7 @@ class Record:
     step : float
         Between the rows [s].
     rows : numpy.ndarray, shape (n_runs, n_times, n_columns), float32
-        Signals at ``maker.places``; motion of the tower top (4); rotor-effective wind; running means of the loads;
+        Signals at ``maker.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
         demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
         the structure.
     memory : Memory
@@ -418,8 +420,9 @@ class Record:
 
     def _fit(self) -> None:
         """Which motion the wind before explains."""
-        wind = self.rows[:, :, self._wind.start].astype(float)
-        history = self._averaged(wind[:, self._instants[:, None] - self._steps]).reshape(-1, len(self._windows))
+        wind = self.rows[:, :, self._wind].astype(float)
+        history = self._averaged(wind[:, self._instants[:, None] - self._steps])
+        history = history.reshape(-1, history.shape[-1])
         motion = self._followed().reshape(len(history), -1)
         self._spread = np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30)
         self._mean_history = history.mean(axis=0)
@@ -433,8 +436,13 @@ class Record:
     def _followed(self) -> np.ndarray:
         """Values of `FOLLOWS` at the instants (n_runs, n_instants, n)."""
         known = self._places_of
-        columns = [self.rows[:, self._instants][..., known(name)].mean(axis=-1) for name in FOLLOWS]
-        return np.stack(columns, axis=-1).astype(float)
+        rows = self.rows[:, self._instants].astype(float)
+        columns = [rows[..., known(name)].mean(axis=-1) for name in FOLLOWS]
+        flap, azimuth = rows[..., known("root_flap_moment")], rows[..., known("azimuth")[0]]
+        for wave in (np.cos, np.sin):  # moments of tilt and yaw
+            blades = 2.0 * math.pi * np.arange(flap.shape[-1]) / flap.shape[-1]
+            columns.append((flap * wave(azimuth[..., None] + blades)).sum(axis=-1))
+        return np.stack(columns, axis=-1)
 
     def _places_of(self, name: str) -> np.ndarray:
         """Columns of a signal, of the blades together."""
@@ -470,10 +478,19 @@ class Record:
         )
 
     def _averaged(self, wind: np.ndarray) -> np.ndarray:
-        """Wind at ``self._steps`` before an instant (..., n) as means over the windows (..., n_windows)."""
+        """What is known of the wind over the rotor at ``self._steps`` before an instant (..., n, 3).
+
+        Returns
+        -------
+        numpy.ndarray, shape (..., n_known)
+            Its mean over the windows, and its changes across the rotor over the windows that blades remember.
+        """
         steps, pairs = self._steps, zip(self._windows[:-1], self._windows[1:], strict=True)
-        means = [wind[..., (steps >= late) & (steps < early)].mean(axis=-1) for late, early in pairs]
-        return np.stack([wind[..., 0], *means], axis=-1)
+        means = [
+            wind[..., 0, :],
+            *(wind[..., (steps >= late) & (steps < early), :].mean(axis=-2) for late, early in pairs),
+        ]
+        return np.concatenate([mean[..., : 3 if k < _REMEMBERED else 1] for k, mean in enumerate(means)], axis=-1)
 
     def _at(self, chosen: int, azimuth: float | None, yaw: float) -> Start:
         """Start at one of the instants of all runs."""
@@ -529,10 +546,17 @@ def _table(n_blades: int) -> Signals:
 
 _RINGS = np.sqrt([0.25, 0.75])
 _AZIMUTHS = 2.0 * np.pi * np.arange(6) / 6
+_PLANE = np.stack([np.full(12, 1 / 12), *(np.outer(_RINGS, f(_AZIMUTHS)).ravel() / 3.0 for f in (np.cos, np.sin))])
 
 
-def _rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> float:
-    """Mean over 12 points of equal area of the rotor disc of the wind along the heading of the nacelle [m/s]."""
+def _rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> np.ndarray:
+    """Wind along the heading of the nacelle over the rotor disc, by 12 points of equal area.
+
+    Returns
+    -------
+    numpy.ndarray, shape (3,)
+        Mean, and change from the centre to the rim, upward and to the left, of the plane through the points [m/s].
+    """
     disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
     ring = turbine.rotor_diameter / 2 * _RINGS
     beside = np.outer(ring, np.sin(_AZIMUTHS))
@@ -540,8 +564,7 @@ def _rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> fl
     disc[..., 2] = turbine.hub_height + np.outer(ring, np.cos(_AZIMUTHS))
     wind = np.empty((disc.size // 3, 3))
     fill_velocity(inflow, read_only(disc.reshape(-1, 3)), time, wind)
-    x, y, _ = wind.mean(axis=0).tolist()
-    return x * math.cos(yaw) + y * math.sin(yaw)
+    return _PLANE @ (wind[:, 0] * math.cos(yaw) + wind[:, 1] * math.sin(yaw))
 
 
 # ---- records that are kept ------------------------------------------------------------------------------------------
