@@ -495,6 +495,11 @@ class Turbine(ArrayRecord):
         return with_site(self, site)
 
     @property
+    def title(self) -> str:
+        """Name for headings, with what is unusual about the turbine."""
+        return self.name if self.rotation == "clockwise" else f"{self.name}, {self.rotation}"
+
+    @property
     def controller_air_density(self) -> float:
         """Density of the air for which the turbine's controller is designed [kg/m^3]."""
         return self.air_density if self.design_air_density is None else self.design_air_density
