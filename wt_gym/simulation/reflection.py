@@ -32,10 +32,10 @@ def reflected_loads(loads):
 def reflected_shapes(shapes):
     """Shapes of `wt_gym.simulation.Simulator.geometry`, of the other side of the mirror.
 
-    The circulation of a ring, about the order of its nodes, belongs to the image: around the reflected ring the air
-    turns by the left-hand rule.
+    Vorticity is a pseudovector: by the right-hand rule the circulation along a reflected filament has the other sign.
     """
-    return {name: a if name in ("tower_radius", "wake_circulation") else a * REFLECTION for name, a in shapes.items()}
+    signs = {"tower_radius": 1.0, "wake_circulation": -1.0}
+    return {name: values * signs.get(name, REFLECTION) for name, values in shapes.items()}
 
 
 def state_parity(name):

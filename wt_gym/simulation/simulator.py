@@ -361,8 +361,8 @@ class Simulator:
         -------
         dict
             "blades" (n_blades, n_chord + 1, n_span + 1, 3) ring nodes; "wake" (n_rows + 1, n_blades, n_span + 1, 3);
-            "wake_circulation" (n_rows, n_blades, n_span) [m²/s]; "tower" (n, 3) axis and "tower_radius" (n,);
-            "hub" (3,); "nacelle" (2, 3) ends of the shaft.
+            "wake_circulation" (n_rows, n_blades, n_span) [m²/s], of a counter-clockwise rotor with the other sign;
+            "tower" (n, 3) axis and "tower_radius" (n,); "hub" (3,); "nacelle" (2, 3) ends of the shaft.
         """
         self._require_start()
         shapes = turbine_shapes(self.coupling)
