@@ -75,8 +75,9 @@ class Contenders:
         record = getattr(agent, "record", None) or {}
         env = self._environments.beneath(self._given[name], record, self._as_given)
         try:
-            if hasattr(agent, "check_fits"):
-                agent.check_fits(layout_of(env))
+            enter = getattr(agent, "enter", None) or getattr(agent, "check_fits", None)
+            if enter is not None:
+                enter(layout_of(env))
             if not self._as_given:
                 check_environment(record, env)
         except ValueError as error:

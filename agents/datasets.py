@@ -176,7 +176,7 @@ def _agent(config: DatasetConfig):
         env_id = env_id if config.env_id else present_id(env_id)
 
         def make_trained(env):
-            trained.check_fits(layout_of(env))
+            trained.enter(layout_of(env))
             if not config.allow_other_environment:
                 check_environment(trained.record or {}, env)
             return trained

@@ -76,7 +76,7 @@ class Entry:
             from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
             agent = TrainedAgent.load(self.choice)
-            agent.check_fits(layout)
+            agent.enter(layout)
             return agent
         return ConstantAgent(layout)
 

@@ -206,7 +206,7 @@ def evaluate(
             _log.warning(note)
             notes[name] = f"{notes[name]} {note}" if name in notes else note
         evaluation = Evaluation(
-            turbine=turbine.name,
+            turbine=turbine.title,
             settings=_settings(config, layout, env),
             runs=[runs[job] for job in jobs],
             baseline=next(iter(agents)),

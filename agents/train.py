@@ -264,6 +264,7 @@ class _Session:
             "steps": steps,
             "wall_seconds": self._seconds_before + seconds,
             "control_dt": layout.control_dt,
+            "rotation": layout.turbine.rotation,
             "observation": list(layout.observation.names),
             "action": list(layout.action.names),
             "normalised": config.resolved["normalise_observations"],

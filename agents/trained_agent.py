@@ -161,6 +161,7 @@ class TrainedAgent:
         self, model: BaseAlgorithm, normalisation: VecNormalize | None = None, record: dict[str, Any] | None = None
     ):
         self.model, self.normalisation, self.record = model, normalisation, record
+        self._signs: tuple[np.ndarray, np.ndarray] | None = None  # of observation and action, through the mirror
 
     @classmethod
     def load(cls, path: str | Path, algorithm: str | None = None) -> TrainedAgent:
@@ -239,6 +240,27 @@ class TrainedAgent:
                 f"the model takes observations and actions of shapes {wanted}, the environment has {offered}"
             )
 
+    def enter(self, layout: EnvLayout) -> None:
+        """Get ready for an environment: check that the model fits, and mirror a rotor that turns the other way.
+
+        An agent that was trained on a rotor that turns clockwise sees a counter-clockwise one in a mirror, and acts
+        through it: the components of observations and actions change their signs by their parity.
+
+        Parameters
+        ----------
+        layout : EnvLayout
+
+        Raises
+        ------
+        ValueError
+            See `check_fits`.
+        """
+        self.check_fits(layout)
+        self._signs = None
+        if layout.turbine.rotation != (self.record or {}).get("rotation", "clockwise"):
+            signs = layout.observation.parity, layout.action.parity
+            self._signs = signs[0].astype(np.float32), signs[1].astype(np.float32)
+
     def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
         """Action for an observation of the environment, not normalised yet.
 
@@ -249,6 +271,9 @@ class TrainedAgent:
             As the model gives it (None for policies without memory).
         """
         observation = np.asarray(observation)
+        if self._signs is not None:
+            observation = observation * self._signs[0]
         if self.normalisation is not None:
             observation = self.normalisation.normalize_obs(observation)
-        return self.model.predict(observation, state, episode_start, deterministic)
+        action, state = self.model.predict(observation, state, episode_start, deterministic)
+        return action if self._signs is None else action * self._signs[1], state

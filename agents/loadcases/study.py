@@ -219,7 +219,7 @@ def run_load_cases(
             for name, condition in _jobs(agents, conditions[case]):
                 result = results[digest(define(name, condition))]
                 runs.setdefault((case, name), []).append(CaseRun(name, condition, result))
-        table = LoadCaseResults(turbine.name, cases, tuple(agents), runs, climate, _settings(config, plan, plain))
+        table = LoadCaseResults(turbine.title, cases, tuple(agents), runs, climate, _settings(config, plan, plain))
         write_text_whole(store.path / TABLE_FILE, json.dumps(table.to_json(), indent=1) + "\n")
     return table
 

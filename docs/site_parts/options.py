@@ -9,6 +9,7 @@ from site_parts.markdown import attributes_of, first_sentence, table, value
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.control.controllers import ADDITIONS, BASES, WRAPPERS, controller_parameters
 from wt_gym.simulation import FIDELITIES, Fidelity, channel_table
+from wt_gym.simulation.channels import EVEN
 from wt_gym.turbines import catalogue, load_turbine
 
 _RPM = 9.549296585513721
@@ -24,8 +25,9 @@ def channels():
         of_blade = channel.name != channel.group
         name = f"`{channel.group}`" + (" `_1` `_2` `_3`" if of_blade else "")
         fast = f"`{channel.openfast}`" if channel.openfast else ""
-        rows.append((name, channel.unit, fast, channel.description.removesuffix(", blade 1")))
-    return table(("channel", "unit", "OpenFAST", "what"), rows, "channels")
+        parity = "+" if channel.parity == EVEN else "−"
+        rows.append((name, channel.unit, fast, parity, channel.description.removesuffix(", blade 1")))
+    return table(("channel", "unit", "OpenFAST", "parity", "what"), rows, "channels")
 
 
 def turbines():

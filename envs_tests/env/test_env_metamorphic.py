@@ -4,6 +4,7 @@ Two episodes that physics cannot tell apart give the same observations, rewards 
 wake is kept in single precision and observations are float32.
 """
 
+import ast
 import math
 from dataclasses import replace
 from functools import cache
@@ -16,11 +17,17 @@ import pytest
 
 import wt_gym.agents
 from wt_gym.analysis.metrics import METRICS, run_metrics
+from wt_gym.control.controllers import lidar_of
 from wt_gym.control.controllers.catalogue import CONTROLLERS
+from wt_gym.envs import observations
+from wt_gym.envs.observations import OBSERVATION_GROUPS
+from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.recorder import Recorder
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import TurbulentInflow
+from wt_gym.turbines.catalogue import AIR_DENSITY
+from wt_gym.turbines.mirror import mirrored
+from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
 from wt_gym.wind.protocol import PointInflow
 
 AGENTS = sorted(path.parent for path in (Path(wt_gym.agents.__file__).parent / "trained").glob("*/model.zip"))
@@ -207,11 +214,23 @@ def test_a_shifted_place_across_the_wind_is_the_same_episode():
 # ---- scaled ----
 
 
-def scaled(turbine, s):
+def scaled(turbine, s, published=False):
     """A turbine with the same motions in air of s times the density: all masses, stiffnesses and torques are s times.
 
-    Without published numbers of a controller, which belong to the turbine as it is: gains follow from rules.
+    Gravity and lengths stay, and with them all speeds, angles and frequencies. The published numbers of its controller
+    are left out, so that gains follow from rules, or kept: those that are torques or powers s times.
     """
+    if turbine.control is None or not published:
+        control = None
+    else:
+        names = ("region_2_gain", "rated_mechanical_power", "torque_proportional_gain", "torque_integral_gain",
+                 "power_per_pitch")  # fmt: skip
+        known = {name: getattr(turbine.control, name) for name in names}
+        control = replace(
+            turbine.control,
+            air_density=s * (turbine.control.air_density or AIR_DENSITY),
+            **{name: None if value is None else s * value for name, value in known.items()},
+        )
 
     def beam(stations):
         return replace(stations, stiffness=s * stations.stiffness, inertia=s * stations.inertia)
@@ -219,12 +238,17 @@ def scaled(turbine, s):
     def times(part, *names):
         return replace(part, **{name: s * getattr(part, name) for name in names})
 
+    support = turbine.tower.support
+    if support is not None:  # in water that is denser too
+        support = times(replace(support, structure=beam(support.structure)), "top_mass", "water_density")
+        support = support if support.foundation is None else times(support, "foundation")
+
     return replace(
         turbine,
-        control=None,
+        control=control,
         air_density=s * turbine.air_density,
         blade=replace(turbine.blade, structure=beam(turbine.blade.structure)),
-        tower=replace(turbine.tower, structure=beam(turbine.tower.structure)),
+        tower=replace(turbine.tower, structure=beam(turbine.tower.structure), support=support),
         hub=times(turbine.hub, "mass", "inertia_axial", "inertia_transverse"),
         nacelle=times(turbine.nacelle, "mass", "inertia", "yaw_bearing_mass", "yaw_spring", "yaw_damper"),
         drivetrain=times(
@@ -259,6 +283,33 @@ def test_density_mass_and_stiffness_scaled_alike_change_no_motion(task, controll
         np.testing.assert_allclose(second[name] / size, factor * first[name] / size, atol=1e-3, err_msg=name)
 
 
+@pytest.mark.parametrize(
+    ("task", "controller", "turbine"),
+    [
+        ("LoadReduction", "discon", "nrel_5mw"),
+        ("FullRange", "retuned", "nrel_5mw"),
+        pytest.param("LoadReduction", "tuned", "nrel_5mw", marks=pytest.mark.slow),
+        pytest.param("LoadReduction", "rosco+yaw", "nrel_5mw", marks=pytest.mark.slow),
+        pytest.param("MaxPower", "discon", "nrel_5mw", marks=pytest.mark.slow),
+        pytest.param("LoadReduction", "discon", "nrel_5mw_monopile", marks=pytest.mark.slow),
+        pytest.param("LoadReduction", "discon", "iea_15mw", marks=pytest.mark.slow),
+        pytest.param("FullRange", "discon", "iea_22mw", marks=pytest.mark.slow),
+    ],
+)
+def test_the_published_turbine_hides_no_absolute_number(task, controller, turbine):
+    """Itself, with the numbers of its own controller, and in air and of material half as dense again."""
+    turbine, ratio = load_turbine(turbine), 1.5
+    first, second = (
+        play(gym.make(TASKS[task].ids[-1], turbine=t, controller=controller, wind_seeds=(1,)))
+        for t in (turbine, scaled(turbine, ratio, published=True))
+    )
+    assert_same(first, second, factor=ratio)
+    for name, values in first.signals.items():
+        factor = ratio if any(part in name for part in FORCES) else 1.0
+        size = np.abs(values).max() + 1e-12
+        np.testing.assert_allclose(second.signals[name] / size, factor * values / size, atol=1e-3, err_msg=name)
+
+
 # ---- blades renamed ----
 
 
@@ -288,3 +339,193 @@ def test_blades_have_no_rank(mode, controller):
             other = (other + 2.0 * math.pi / 3.0) % (2.0 * math.pi)
         size = np.abs(other).max() + 1e-12
         np.testing.assert_allclose(values / size, other / size, atol=1e-3, err_msg=name)
+
+
+# ---- mirrored ----
+
+LEFT_AND_RIGHT = np.array([1.0, -1.0, 1.0])
+
+
+def image_of(inflow):
+    """The wind that is another one's mirror image at y = 0, of its own numbers and not by reflected points."""
+    if isinstance(inflow, SteadyInflow):
+        return replace(inflow, veer=-inflow.veer, yaw_misalignment=-inflow.yaw_misalignment)
+    if isinstance(inflow, TransientInflow):
+        turned = replace(inflow, steady=image_of(inflow.steady), direction_amplitude=-inflow.direction_amplitude)
+        # an extreme shear across the wind, which has an amplitude of speed, is on the other side
+        return replace(turned, speed_amplitude=-inflow.speed_amplitude) if inflow.kind == "EWS-horizontal" else turned
+    if isinstance(inflow, TurbulentInflow):
+        fluctuation = np.ascontiguousarray(inflow.box.fluctuation[:, :, ::-1]) * LEFT_AND_RIGHT.astype(np.float32)
+        box = replace(inflow.box, fluctuation=fluctuation, y_center=0.0 - inflow.box.y_center)
+        return TurbulentInflow(box, image_of(inflow.steady), inflow.time_offset)
+    assert isinstance(inflow, TurningInflow)
+    return TurningInflow(image_of(inflow.inner), inflow.times, -inflow.directions)
+
+
+class Mirrored:
+    """An agent that sees an environment in the mirror and acts through it."""
+
+    def __init__(self, agent, layout):
+        self.agent, self.layout = agent, layout
+
+    def predict(self, observation, deterministic=True):
+        seen = observation * self.layout.observation.parity.astype(np.float32)
+        action, state = self.agent.predict(seen, deterministic=deterministic)
+        return action * self.layout.action.parity, state
+
+
+class Waves:
+    """Actions that are the same each time."""
+
+    def __init__(self, size):
+        self.size, self.k = size, 0
+
+    def predict(self, observation, deterministic=True):
+        self.k += 1
+        return 0.5 * np.sin(0.4 * self.k + 2.0 * np.arange(self.size)), None
+
+
+class Rest(Waves):
+    def predict(self, observation, deterministic=True):
+        return np.zeros(self.size), None
+
+
+def mirrored_envs(name, **arguments):
+    """An environment and that of the counter-clockwise turbine."""
+    arguments = TASKS[name].arguments | arguments if name in TASKS else arguments
+    spec = TASKS[name].ids[-1] if name in TASKS else name
+    turbine = load_turbine(arguments.get("turbine", "nrel_5mw"))
+    return tuple(gym.make(spec, **{**arguments, "turbine": t}) for t in (turbine, mirrored(turbine)))
+
+
+def mirrored_courses(envs, agents, yaw=0.15, lidar=False):
+    """Courses of both environments in a wind and its mirror image, by the agents of both.
+
+    What a lidar sees of turbulence is drawn anew for each box, and for the image of a box too: with one it is the same
+    box, seen in a mirror.
+    """
+    envs[0].reset(seed=5)
+    inflow, courses = envs[0].unwrapped.episode_wind.inflow, []
+    image = MirroredInflow(inflow) if lidar else image_of(inflow)
+    points = np.random.default_rng(0).uniform([-200.0, -70.0, 20.0], [200.0, 70.0, 160.0], (100, 3))
+    for time in (0.0, 2.0, 5.0):
+        seen = inflow.velocity(points * LEFT_AND_RIGHT, time) * LEFT_AND_RIGHT
+        np.testing.assert_allclose(image.velocity(points, time), seen, atol=1e-4)
+    for env, agent, wind, side in zip(envs, agents, (inflow, image), (1.0, -1.0), strict=True):
+        courses.append(play(env, {"inflow": wind, "azimuth": 0.5, "yaw": side * yaw}, agent, steps=STEPS))
+    return courses
+
+
+def assert_mirrored(envs, first, second):
+    """Equal rewards and figures; observations and signals with the signs of their parity."""
+    layout = envs[1].unwrapped.layout.observation
+    assert_same(first, second._replace(observations=second.observations * layout.parity))
+    signs = {channel.name: channel.parity for channel in channel_table(envs[0].unwrapped.turbine.n_blades)}
+    for name, values in second.signals.items():
+        size = np.abs(first.signals[name]).max() + 1e-12
+        np.testing.assert_allclose(values / size, signs[name] * first.signals[name] / size, atol=1e-3, err_msg=name)
+
+
+def slow_but(names, fast):
+    """Parameters of which all but some are left to the long checks."""
+    return [name if name in fast else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
+@pytest.mark.parametrize("name", slow_but(TASKS, ("LoadReduction", "Gusts", "Yaw")))
+def test_a_mirrored_world_is_the_same_task(name):
+    wind = {} if TASKS[name].arguments["inflow"] != "turbulent" else {"wind_seeds": (1,)}
+    envs = mirrored_envs(name, **wind)
+    size = envs[0].action_space.shape[0]
+    courses = mirrored_courses(envs, (Waves(size), Mirrored(Waves(size), envs[1].unwrapped.layout)))
+    assert_mirrored(envs, *courses)
+    assert np.abs(courses[0].signals["tower_top_side_side"]).max() > 0.0
+
+
+@pytest.mark.parametrize("name", slow_but(CONTROLLERS, ("tower_dampers", "constrained_ipc", "lidar", "yaw")))
+def test_a_mirrored_world_is_the_same_for_every_controller(name):
+    """Yaw acts in a wind from the side: the drive turns within the episode."""
+    task, controller = ("Yaw", "discon+yaw") if name == "yaw" else ("LoadReduction", name)
+    envs = mirrored_envs(task, controller=controller, wind_seeds=(1,))
+    lidar = lidar_of(envs[0].unwrapped.controller) is not None
+    courses = mirrored_courses(envs, [Rest(env.action_space.shape[0]) for env in envs], lidar=lidar)
+    assert_mirrored(envs, *courses)
+
+
+def test_a_side_side_damper_that_forgot_the_rotation_would_show():
+    envs = mirrored_envs("LoadReduction", controller="side_side_damper", wind_seeds=(1,))
+    (damper,) = envs[1].unwrapped.controller.additions
+    damper.gain *= -1.0
+    first, second = mirrored_courses(envs, [Rest(env.action_space.shape[0]) for env in envs])
+    torque = first.signals["generator_torque"]
+    assert np.abs(second.signals["generator_torque"] - torque).max() > 1e-3 * torque.max()
+
+
+@pytest.mark.parametrize("folder", slow_but(AGENTS, AGENTS[:1]), ids=lambda path: path.name)
+def test_a_mirrored_world_is_the_same_for_every_shipped_agent(folder):
+    """Trained on a rotor that turns clockwise, it sees the other one in a mirror of its own."""
+    pytest.importorskip("stable_baselines3")
+    from wt_gym.agents.trained_agent import TrainedAgent
+    from wt_gym.agents.trained_environment import trained_arguments
+
+    agents = [TrainedAgent.load(folder) for _ in range(2)]
+    arguments = trained_arguments(agents[0].record) | {"wind_seeds": (1,)}
+    envs = mirrored_envs("wt_gym/NREL5MW-Turbulent-v1", **arguments)
+    for agent, env in zip(agents, envs, strict=True):
+        agent.enter(env.unwrapped.layout)
+    assert_mirrored(envs, *mirrored_courses(envs, agents, lidar=True))
+
+
+@pytest.mark.parametrize("pitch", ["collective", "individual", "fixed-frame"])
+def test_every_observation_of_a_mirrored_world(pitch):
+    """All groups and all single channels, with noise, delay, memory and a lidar, and every component of an action."""
+    arguments = {
+        "action_mode": "residual", "pitch": pitch, "controller": "rosco", "observation": OBSERVATION_GROUPS,
+        "action_components": ("pitch", "yaw", "torque"), "residual_fade": True, "residual_washout": 20.0, **WIND,
+    }  # fmt: skip
+    with pytest.raises(ValueError, match="observation has no") as refusal:
+        gym.make("wt_gym/NREL5MW-Turbulent-v1", **(arguments | {"observation": ("nothing",)}))
+    every = ast.literal_eval(str(refusal.value).rpartition("channels ")[2])
+    arguments |= {"observation": every, "sensor_noise": 1.0, "sensor_delay": 0.2, "history": 2}
+    envs = mirrored_envs("wt_gym/NREL5MW-Turbulent-v1", **arguments)
+    layout, other = (env.unwrapped.layout.observation for env in envs)
+    assert layout.names == other.names
+    assert set(every) - set(OBSERVATION_GROUPS) <= set(layout.names)
+    np.testing.assert_array_equal(layout.parity, other.parity)
+    size = envs[0].action_space.shape[0]
+    first, second = mirrored_courses(envs, (Waves(size), Mirrored(Waves(size), envs[1].unwrapped.layout)), lidar=True)
+    assert_mirrored(envs, first, second)
+    # a channel with the wrong parity shows
+    for k, name in enumerate(layout.names):
+        if np.abs(first.observations[:, k]).max() > 0.01:
+            assert np.abs(second.observations[:, k] + layout.parity[k] * first.observations[:, k]).max() > ROUNDING, (
+                name
+            )
+
+
+def test_a_channel_without_a_parity_is_refused(monkeypatch):
+    monkeypatch.delitem(observations._PARITY, "rotor_wind")
+    with pytest.raises(KeyError, match="rotor_wind"):
+        gym.make("wt_gym/NREL5MW-Steady-v1", observation=("wind_estimate",))
+
+
+def test_a_twin_and_pictures_of_a_mirrored_world():
+    """The controller alone beside the agent, and the environment from the word for its rotation."""
+    env = gym.make(
+        "wt_gym/NREL5MW-Steady-v1", site={"rotation": "counter-clockwise"}, wind_speed=9.0, action_mode="residual",
+        action_components=("pitch",), relative_reward=True, render_mode="rgb_array",
+    )  # fmt: skip
+    plain = gym.make(
+        "wt_gym/NREL5MW-Steady-v1", wind_speed=9.0, action_mode="residual", action_components=("pitch",),
+        relative_reward=True, render_mode="rgb_array",
+    )  # fmt: skip
+    assert env.unwrapped.turbine.rotation == "counter-clockwise"
+    pictures = []
+    for each in (env, plain):
+        each.reset(seed=1)
+        rewards = [each.step(each.action_space.high)[1] for _ in range(5)]
+        pictures.append(each.render())
+        assert each.unwrapped.simulator.mirrored == (each is env)
+        if each is env:
+            kept = rewards
+    np.testing.assert_allclose(rewards, kept, atol=ROUNDING)  # a uniform wind knows no side
+    assert np.abs(pictures[0].astype(float) - pictures[1]).max() > 50.0

@@ -148,4 +148,13 @@ def test_memory_of_another_controller_is_refused():
     turbine = load_turbine("nrel_5mw")
     plain, tuned = (make_controller(name, turbine) for name in ("discon", "tuned"))
     with pytest.raises(ValueError, match="has other parts"):
-        remember(plain, memory_of(tuned))
+        remember(plain, memory_of(tuned), np.ones(99, dtype=bool))
+
+
+def test_parameters_that_are_changed_later_stay():
+    env = gym.make(TASK, wind_speed=15.0, controller="side_side_damper").unwrapped
+    (damper,) = env.controller.additions
+    damper.gain *= 0.5
+    changed = damper.gain
+    env.reset(seed=0)
+    assert damper.gain == changed

@@ -1,16 +1,19 @@
 """Metamorphic tests of the simulator: a world that is turned about the vertical or seen in a mirror is the same."""
 
 import math
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, span_distribution
+from wt_gym.errors import SimulationError
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.channels import channel_table
-from wt_gym.simulation.turbine_structure import averaged_over_yaw
+from wt_gym.simulation.channels import channel_table, parities
+from wt_gym.simulation.turbine_structure import averaged_over_yaw, rotor_axial_inertia
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.mirror import mirrored
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow, TurningInflow
 
 GLOBAL = ("wind_x", "wind_y", "yaw", "tower_top_x", "tower_top_y", "tower_base_moment_x", "tower_base_moment_y")
@@ -191,3 +194,212 @@ def test_a_rotor_that_turns_the_other_way_has_the_mirrored_forces():
     size = np.abs(forces).max()
     assert np.abs(forces[..., 1]).max() > 0.05 * size
     np.testing.assert_allclose(mirrored / size, forces * MIRROR / size, atol=1e-5)
+
+
+# ---- a turbine that turns the other way ----
+
+CLOCKWISE = load_turbine("nrel_5mw")
+OTHER = mirrored(CLOCKWISE)
+SIGNS = parities(3)
+
+
+def lopsided(turbine):
+    """A turbine whose nacelle has its mass on the left, and products of inertia."""
+    nacelle = turbine.nacelle
+    inertia = nacelle.inertia + 0.1 * nacelle.inertia[0, 0] * (1.0 - np.eye(3))
+    return replace(turbine, nacelle=replace(nacelle, cm=nacelle.cm + np.array([0.0, 0.8, 0.0]), inertia=inertia))
+
+
+def played(simulator, side, seconds=4.0, yaw=0.1):
+    """Signals (n, n_channels) of a nacelle that yaws, with what it does to the side of the sign."""
+    rows = [simulator.reset(1.1, pitch=0.1, azimuth=0.4, yaw=side * yaw).values]
+    for k in range(round(seconds / 0.2)):
+        pitch = 0.1 + 0.02 * np.sin(0.5 * k + np.arange(3))
+        rows.append(simulator.advance(0.2, pitch, side * 0.004, 40e3).values)
+    return np.array(rows)
+
+
+def assert_mirrored(first, second, tolerance=0.0, signs=SIGNS):
+    """Signals of a turbine and of its image, each over the largest of its channel."""
+    size = np.abs(first).max(axis=0) + 1e-300
+    for k, name in enumerate(NAMES):
+        np.testing.assert_allclose(second[:, k] / size[k], signs[k] * first[:, k] / size[k], atol=tolerance,
+                                   rtol=0.0, err_msg=name)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """A turbine that is not alike on both sides, and its mirror image."""
+    return Simulator(lopsided(CLOCKWISE), LEFT), Simulator(mirrored(lopsided(CLOCKWISE)), RIGHT)
+
+
+@pytest.fixture(scope="module")
+def clockwise_course(pair):
+    pair[0].inflow = LEFT
+    return played(pair[0], 1.0)
+
+
+def test_a_counter_clockwise_turbine_has_the_mirrored_signals(pair, clockwise_course):
+    pair[1].inflow = RIGHT
+    second = played(pair[1], -1.0)
+    assert_mirrored(clockwise_course, second)
+    # what is odd is not nothing, so that a sign shows
+    odd = clockwise_course[:, SIGNS < 0.0]
+    assert np.all(np.abs(odd).max(axis=0) > 1e-3)
+    np.testing.assert_array_equal(pair[1].ground_loads(), pair[0].ground_loads() * [1, -1, 1, -1, 1, -1])
+
+
+@pytest.mark.parametrize("case", range(5))
+def test_in_every_kind_of_wind(pair, case):
+    """Boxes interpolate from the other side, which rounds otherwise."""
+    one, other = list(mirrored_winds())[case]
+    pair[0].inflow, pair[1].inflow = one, other
+    assert_mirrored(played(pair[0], 1.0, 2.0), played(pair[1], -1.0, 2.0), 1e-6)
+
+
+def test_a_forgotten_parity_shows(pair, clockwise_course):
+    """Whichever channel declares the wrong one: all but those that are zero all along."""
+    pair[1].inflow = RIGHT
+    second = played(pair[1], -1.0)
+    for k, name in enumerate(NAMES):
+        if np.abs(clockwise_course[:, k]).max() > 0.0:
+            wrong = SIGNS.copy()
+            wrong[k] *= -1.0
+            with pytest.raises(AssertionError, match=name):
+                assert_mirrored(clockwise_course, second, signs=wrong)
+    assert set(SIGNS) == {1.0, -1.0}
+
+
+def test_it_turns_counter_clockwise():
+    """Of shapes, not of signs: a blade that points up moves to the left, and the wake turns to the right."""
+    for turbine, side in ((CLOCKWISE, -1.0), (OTHER, 1.0)):
+        simulator = Simulator(turbine, SteadyInflow(11.0, 90.0))
+        signals = simulator.reset(1.2)
+        tip = [simulator.geometry()["blades"][0, 0, -1].copy()]
+        for _ in range(2):
+            signals = simulator.advance(0.1, signals.pitch, 0.0, signals.generator_torque)
+            tip.append(simulator.geometry()["blades"][0, 0, -1].copy())
+        assert tip[0][2] > 140.0
+        assert side * (tip[1][1] - tip[0][1]) > 6.0  # 1.2 rad/s, 63 m, 0.1 s
+        assert side * (tip[2][1] - tip[1][1]) > 6.0
+        assert 0.0 < signals.azimuth < 0.3
+        # the generator passes the torque of the air on to the nacelle: the tower bends to where an upper blade moves
+        assert side * signals.tower_top_side_side > 0.0
+        assert signals.aero_torque > 0.0
+        assert signals.generator_power > 0.0
+
+
+def test_a_yawing_gyroscope_bends_the_tower_the_other_way():
+    """In air that hardly loads it: the rotor's moment on the nacelle is −I Ω ψ̇ about y where it turns clockwise."""
+    for turbine, side in ((CLOCKWISE, -1.0), (OTHER, 1.0)):
+        simulator, signals = Simulator(replace(turbine, air_density=0.1), SteadyInflow(3.0, 90.0)), {}
+        for rate in (0.0, 0.005):
+            simulator.reset(1.2, pitch=0.3)
+            signals[rate] = [simulator.advance(0.2, 0.3, rate, 0.0) for _ in range(160)][80:]
+        train = turbine.drivetrain
+        inertia = rotor_axial_inertia(turbine, simulator.structure.blade_inertia)
+        inertia += train.generator_inertia * train.gear_ratio  # which turns the same way
+        moment = {rate: np.mean([s.tower_base_fore_aft_moment for s in signals[rate]]) for rate in signals}
+        speed = np.mean([s.rotor_speed for s in signals[0.005]])
+        assert moment[0.005] - moment[0.0] == pytest.approx(side * inertia * speed * 0.005, rel=0.1)
+
+
+def test_snapshots_and_copies_of_a_counter_clockwise_turbine(pair):
+    simulator = pair[1]
+    simulator.inflow = RIGHT
+    simulator.reset(1.1, pitch=0.1, yaw=0.2)
+    kept = simulator.state()
+    other = pickle.loads(pickle.dumps(simulator))
+    assert other.signals == simulator.signals
+    assert other.signals.yaw == pytest.approx(0.2, abs=1e-12)
+    first = simulator.advance(0.4, 0.1, 0.004, 40e3)
+    simulator.restore(kept)
+    assert simulator.advance(0.4, 0.1, 0.004, 40e3) == first == other.advance(0.4, 0.1, 0.004, 40e3)
+    with pytest.raises(SimulationError, match="another turbine"):
+        pair[0].restore(kept)
+
+
+def induced_by_rings(shapes, points):
+    """Velocity (n, 3) of the rings of a wake, straight filaments by the right-hand rule, constant factors left out."""
+    nodes, strength = shapes["wake"].astype(float), shapes["wake_circulation"][..., None]
+    corners = [nodes[:-1, :, :-1], nodes[1:, :, :-1], nodes[1:, :, 1:], nodes[:-1, :, 1:]]
+    strength = strength[: len(corners[0])]
+    corners = [corner[: len(strength)] for corner in corners]
+    found = []
+    for point in points:
+        total = 0.0
+        for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
+            a, b = point - start, point - end
+            size = [np.linalg.norm(x, axis=-1, keepdims=True) for x in (a, b)]
+            cross = np.cross(a, b)
+            along = ((end - start) * (a / size[0] - b / size[1])).sum(axis=-1, keepdims=True)
+            total = total + (strength * cross * along / (1e-2 + (cross**2).sum(axis=-1, keepdims=True)))
+        found.append(total.sum(axis=(0, 1, 2)))
+    return np.array(found)
+
+
+def test_shapes_are_reflected(pair):
+    pair[0].inflow, pair[1].inflow = LEFT, RIGHT
+    for simulator, side in zip(pair, (1.0, -1.0), strict=True):
+        played(simulator, side, 1.0)
+    one, other = (simulator.geometry() for simulator in pair)
+    assert set(one) == set(other)
+    for name, values in one.items():
+        signs = {"tower_radius": 1.0, "wake_circulation": -1.0}.get(name, MIRROR)
+        np.testing.assert_array_equal(other[name], values * signs, err_msg=name)
+    # by the law of Biot and Savart the wake blows where the mirror shows it
+    points = np.array([[5.0, 20.0, 120.0], [30.0, -10.0, 60.0]])
+    blown = induced_by_rings(one, points)
+    assert np.abs(blown).min() > 1e-3
+    np.testing.assert_allclose(induced_by_rings(other, points * MIRROR), blown * MIRROR, rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("turbine", "fidelity"),
+    [
+        ("nrel_5mw", "engineering"),
+        ("nrel_5mw", "training-torsion"),
+        ("nrel_5mw", replace(FIDELITIES["training"], name="spring", yaw_drive="spring")),
+        ("nrel_5mw", replace(FIDELITIES["training"], name="bodies", tower_body=(8, 8), nacelle_body=(8, 8))),
+        ("nrel_5mw", replace(FIDELITIES["training"], name="constrained", formulation="constrained")),
+        ("nrel_5mw", replace(FIDELITIES["training"], name="ground", aero=replace(TRAINING, ground_height=0.0))),
+        ("nrel_5mw_monopile", "training"),
+    ],
+    ids=lambda given: getattr(given, "name", given),
+)
+def test_at_every_fidelity(turbine, fidelity):
+    """Tower and ground, whose bodies and images are reflected with it, constraint equations, and a pile in the sea."""
+    turbine = lopsided(load_turbine(turbine))
+    one, other = Simulator(turbine, LEFT, fidelity), Simulator(mirrored(turbine), RIGHT, fidelity)
+    assert_mirrored(played(one, 1.0, 1.0), played(other, -1.0, 1.0))
+    np.testing.assert_array_equal(other.ground_loads(), one.ground_loads() * [1, -1, 1, -1, 1, -1])
+    if one.fidelity.formulation == "constrained":
+        np.testing.assert_array_equal(other.root_multipliers(), one.root_multipliers())
+
+
+@pytest.mark.slow
+def test_linear_models_are_mirrored():
+    """The response to wind from the side and to yaw, of the model of the one and of the other."""
+    wind = replace(LEFT, speed=16.0)
+    arguments = {"rotor_speed": 1.267, "pitch": 0.2, "multiblade": True, "n_azimuths": 2}
+    one = Simulator(lopsided(CLOCKWISE), wind).linearize(yaw=0.1, **arguments)
+    image = replace(wind, veer=-wind.veer, yaw_misalignment=-wind.yaw_misalignment)
+    other = Simulator(mirrored(lopsided(CLOCKWISE)), image).linearize(yaw=-0.1, **arguments)
+    assert one.operating_point.yaw == -other.operating_point.yaw
+    np.testing.assert_array_equal(other.operating_point.outputs, one.operating_point.outputs * SIGNS)
+    names = {channel.name: channel.parity for channel in channel_table(3)}
+    outputs = np.array([names.get(name, 1) for name in one.output_names])
+    time = np.linspace(0.0, 4.0, 41)
+    for name, sign in (("wind_y", -1), ("yaw", -1), ("wind_x", 1), ("pitch_cosine", 1), ("generator_torque", 1)):
+        first = one.response(time, {name: 0.01})
+        second = other.response(time, {name: sign * 0.01})
+        np.testing.assert_array_equal(second, first * outputs, err_msg=name)
+    modes = [(m.name, m.frequency, m.damping) for m in one.modes()]
+    for mode, (name, frequency, damping) in zip(other.modes(), modes, strict=True):
+        assert mode.name == name
+        assert (mode.frequency, mode.damping) == pytest.approx((frequency, damping), rel=1e-6)
+    # the same state, a tower bent to the left, has the same side-side displacement
+    k = one.state_names.index("side_side_1")
+    row = one.output_names.index("tower_top_side_side")
+    assert other.C[row, k] == one.C[row, k] != 0.0

@@ -12,6 +12,7 @@ from openfast_model import DEGREE, Model, principal
 
 from wt_gym.commands.import_ import main
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.simulation.state import fingerprint
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import ControlData, load_turbine
@@ -230,6 +231,16 @@ class TestWhatTheFilesSay:
         with pytest.raises(TurbineDefinitionError, match="blade: got 'fast'"):
             read_openfast(path, blade="fast")
 
+    def test_a_mirrored_rotor_turns_counter_clockwise(self, model, tmp_path):
+        """Files of blade and nacelle describe the same turbine whichever way its rotor turns."""
+        clockwise = load_turbine(model.write(tmp_path))
+        model.primary["MirrorRotor"] = "T"
+        other = load_turbine(model.write(tmp_path))
+        assert (clockwise.rotation, other.rotation) == ("clockwise", "counter-clockwise")
+        assert notes_with(other, "MirrorRotor: True")
+        same = replace(other, rotation="clockwise", notes=clockwise.notes)
+        assert fingerprint(same) == fingerprint(clockwise)
+
     def test_what_is_left_aside_is_named(self, model, tmp_path):
         model.primary |= {"CompHydro": 1, "CompMooring": 3}
         model.elastodyn |= {"PtfmSgDOF": "True", "DrTrDOF": "False"}
@@ -245,7 +256,6 @@ class TestWhatTheFilesSay:
 
 REFUSED = [
     ("primary", "MHK", 2, "MHK: got '2', allowed is 0"),
-    ("primary", "MirrorRotor", "T", "MirrorRotor: got True"),
     ("primary", "NRotors", 2, "NRotors: got 2, allowed is 1"),
     ("primary", "CompElast", 3, "CompElast: got 3"),
     ("primary", "CompAero", 1, "CompAero: got 1, allowed is 2"),

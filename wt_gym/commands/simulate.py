@@ -228,7 +228,7 @@ def main(words: list[str] | None = None) -> None:
             else:
                 means_of[number] = inflow_of(arguments, turbine, wind).mean_speed
         rows = []
-        print(f"{turbine.name}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
+        print(f"{turbine.title}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
         print("  ".join(f"{title:>{width}}" for _, title, _, width, _ in COLUMNS) + "   x real time")
         print("  ".join(f"{unit:>{width}}" for _, _, unit, width, _ in COLUMNS))
         for number, speed in enumerate(_winds(arguments)):
@@ -241,4 +241,4 @@ def main(words: list[str] | None = None) -> None:
             if arguments.out:
                 print(f"signals: {file_of(arguments, speed)}", flush=True)
     if arguments.json:
-        print(json.dumps({"turbine": turbine.name, "fidelity": arguments.fidelity, "points": rows}))
+        print(json.dumps({"turbine": turbine.title, "fidelity": arguments.fidelity, "points": rows}))

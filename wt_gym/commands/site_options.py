@@ -38,7 +38,7 @@ def add_site_option(parser: argparse._ActionsContainer) -> None:
     parser.add_argument(
         "--site", type=site_word, nargs="+", metavar="NAME=VALUE",
         help="numbers of the site instead of those of the turbine: air_density, cut_in, cut_out, iec_class, "
-        "turbulence_class, controller_air_density",
+        "turbulence_class, controller_air_density, rotation",
     )  # fmt: skip
 
 

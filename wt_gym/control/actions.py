@@ -120,6 +120,9 @@ class ActionMap:
     low, high : numpy.ndarray, shape (n,)
         Physical value of an action component at -1 and +1.
     size : int
+    parity : numpy.ndarray, shape (n,)
+        +1 or -1: sign with which each component goes into that of the mirror image, in which the rotor turns the other
+        way. Only yaw changes it: pitch in the fixed frame is that of the azimuth in the sense of rotation.
     components : tuple of str
     has_yaw : bool
         Whether there is a yaw component.
@@ -175,7 +178,8 @@ class ActionMap:
         rows = self._rows(turbine, wind_speeds)
         self.names, self.units, low, high = zip(*rows, strict=True)
         self.low, self.high, self.size = np.array(low), np.array(high), len(self.names)
-        self.low.flags.writeable = self.high.flags.writeable = False
+        self.parity = np.array([-1.0 if name == "yaw_rate" else 1.0 for name in self.names])
+        self.low.flags.writeable = self.high.flags.writeable = self.parity.flags.writeable = False
         # what a step needs, as numbers: arrays of three are slow
         self._ranges = list(zip(self.low.tolist(), (self.high - self.low).tolist(), strict=True))
         self._pitch_ends = list(zip(self.pitch_low.tolist(), self.pitch_high.tolist(), strict=True))

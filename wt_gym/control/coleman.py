@@ -1,6 +1,6 @@
 """Multi-blade (Coleman) coordinates: what the blades do together, seen from the frame that does not turn.
 
-With the azimuth psi_b of blade b, zero when it points up,
+With the azimuth psi_b of blade b in the sense of rotation, zero when it points up,
 
     mean = sum(x_b) / n,   tilt = 2 / n sum(x_b cos psi_b),   yaw = 2 / n sum(x_b sin psi_b),
 
@@ -8,7 +8,7 @@ With the azimuth psi_b of blade b, zero when it points up,
 
 each the inverse of the other for three blades (Coleman & Feingold, NACA TR 1351, 1958; Bossanyi, Wind Energ. 6 (2003)
 119). A mean downwind force pushes all blades, tilt is more of it above than below, yaw more of it on the side of
-positive psi.
+positive psi: the right, looking downwind, of a clockwise rotor, the left of a counter-clockwise one.
 """
 
 import math

@@ -28,6 +28,9 @@ class Channel:
     noise : float
         Standard deviation of white measurement noise at noise level 1, in physical units.
     description : str
+    parity : int
+        +1 or -1: sign with which the quantity goes into that of the mirror image, see
+        `wt_gym.simulation.channels.Channel`.
     """
 
     name: str
@@ -38,8 +41,11 @@ class Channel:
     high: float
     noise: float
     description: str
+    parity: int = 1
 
     def __post_init__(self):
+        if self.parity not in (1, -1):
+            raise ValueError(f"channel {self.name!r} needs a parity of 1 or -1, got {self.parity!r}")
         if not (self.scale > 0 and self.low < self.high and self.noise >= 0):
             raise ValueError(f"channel {self.name!r} needs scale > 0, low < high and noise >= 0, got {self}")
 

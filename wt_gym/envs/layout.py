@@ -35,6 +35,9 @@ class ObservationLayout:
         Bounds of the normalised values.
     noise : numpy.ndarray, shape (n,)
         Standard deviations of the measurement noise in physical units.
+    parity : numpy.ndarray, shape (n,)
+        +1 or -1: sign with which each component goes into the observation of the mirror image, in which the rotor turns
+        the other way.
     """
 
     def __init__(self, channels) -> None:
@@ -43,9 +46,9 @@ class ObservationLayout:
         if len(set(self.names)) != len(self.names):
             raise ValueError(f"channel names must differ, got {self.names}")
         self._index = {name: i for i, name in enumerate(self.names)}
-        self._offset, self._scale, self._low, self._high, self.noise = (
+        self._offset, self._scale, self._low, self._high, self.noise, self.parity = (
             np.array([getattr(channel, key) for channel in self.channels], dtype=np.float64)
-            for key in ("offset", "scale", "low", "high", "noise")
+            for key in ("offset", "scale", "low", "high", "noise", "parity")
         )
         self.low, self.high = (
             ((end - self._offset) / self._scale).astype(np.float32) for end in (self._low, self._high)

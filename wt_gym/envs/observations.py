@@ -46,6 +46,28 @@ DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth
 MOST_READINGS = 1000
 """Most readings in an observation, and most control steps by which they are late: 200 s at the usual step of 0.2 s."""
 _BLADE_SIGNALS = ("tip_out_of_plane", "tip_in_plane", "root_flap_moment", "root_edge_moment")
+_EVEN, _ODD = 1, -1
+_PARITY = {
+    "wind_speed": _EVEN,
+    "rotor_wind": _EVEN,
+    "azimuth_sin": _EVEN,
+    "azimuth_cos": _EVEN,
+    "generator_torque_demand": _EVEN,
+    "pitch": _EVEN,
+    "pitch_rate": _EVEN,
+    "pitch_demand": _EVEN,
+    "pitch_offset": _EVEN,
+    "controller_pitch": _EVEN,
+    "controller_torque": _EVEN,
+    "torque_offset": _EVEN,
+    "residual_share": _EVEN,
+    "residual_mean": _EVEN,
+    "lidar": _EVEN,
+    **{f"{signal}_{part}": _EVEN for signal in _BLADE_SIGNALS for part in FIXED_FRAME},
+}
+"""Parity (`wt_gym.simulation.channels.Channel`) of what is observed beside the simulator's channels and the previous
+action, numbers of blades, gates and coordinates left out. Azimuth, and with it tilt and yaw in the fixed frame, count
+in the sense of rotation; the beams of a lidar are their own mirror image."""
 _MEMORY = ("_estimator", "_anemometer", "_wind_reading", "_pitch_before", "_pitch_now", "_dt", "_readings")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
 """What is observed by default on top of a controller, in coordinates that do not turn with the rotor."""
@@ -151,12 +173,15 @@ class Observer:
         self._estimator: WindEstimator | None = None
         self.lidar = lidar or Lidar.for_rotor(turbine.rotor_diameter)
         self.groups, channels = self._choose(choice)
+        channels = [self._with_parity(channel) for channel in channels]
         layers = [channels] + [
             [replace(c, name=f"{c.name}@{k}", description=f"{c.description}, {k} steps ago") for c in channels]
             for k in range(1, self._history)
         ]
         self.layout = ObservationLayout([channel for layer in layers for channel in layer])
-        self._noise = np.array([channel.noise for channel in channels])
+        turning = _EVEN if turbine.rotation == "clockwise" else _ODD
+        # that of the image, of the same random numbers
+        self._noise = np.array([c.noise * (turning if c.parity == _ODD else _EVEN) for c in channels])
         self._prepare([channel.name for channel in channels])
 
     def _choose(self, choice) -> tuple[tuple[str, ...], list[Channel]]:
@@ -186,6 +211,23 @@ class Observer:
         taken = {channel.name for channel in channels}
         wanted = [name for name in dict.fromkeys(choice) if name not in OBSERVATION_GROUPS and name not in taken]
         return groups, channels + [singles[name] for name in wanted]
+
+    def _with_parity(self, channel: Channel) -> Channel:
+        """A channel with its parity, and of an odd one the offset and range that a turbine of this rotation has.
+
+        Raises
+        ------
+        KeyError
+            If no parity is known of it.
+        """
+        name = channel.name
+        known = {c.name: c.parity for c in channel_table(self._turbine.n_blades)} | _PARITY
+        known |= {f"previous_{n}": int(p) for n, p in zip(self._action.names, self._action.parity, strict=True)}
+        stem, _, number = name.rpartition("_")
+        parity = known[stem if name not in known and number.isdigit() else name]
+        if parity == _EVEN or self._turbine.rotation == "clockwise":
+            return replace(channel, parity=parity)
+        return replace(channel, parity=parity, offset=0.0 - channel.offset, low=-channel.high, high=-channel.low)
 
     def _prepare(self, names) -> None:
         """Sort the channels: those that the simulator has come from its vector at once, others from functions."""

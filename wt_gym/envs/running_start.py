@@ -39,7 +39,7 @@ from wt_gym.compiled import digest_of
 from wt_gym.control import Demand
 from wt_gym.control.coleman import to_blades, to_fixed_frame
 from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of, readings_of
-from wt_gym.control.controllers.memory import Memory, memory_of, remember
+from wt_gym.control.controllers.memory import Memory, changing_parts, memory_of, remember
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.rewards import AVERAGED
 from wt_gym.errors import SimulationError
@@ -49,6 +49,7 @@ from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
 from wt_gym.user_cache import user_cache
+from wt_gym.wind import MirroredInflow
 from wt_gym.wind.protocol import fill_velocity, read_only
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
 __all__ = ["Lengths", "RunningStart", "Start", "steady_start"]
 
 _log = logging.getLogger(__name__)
-_FORMAT = 5  # raise when what a record holds changes
+_FORMAT = 6  # raise when what a record holds changes
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,8 @@ class Before:
         Between the times [s].
     memory : Memory
         What the controller remembers then.
+    changing : numpy.ndarray, shape (n_parts,), bool
+        Which parts of it are no parameters.
     """
 
     signals: np.ndarray
@@ -141,13 +144,14 @@ class Before:
     lidar: np.ndarray
     dt: float
     memory: Memory
+    changing: np.ndarray
 
     def feed(self, controller: Controller) -> None:
         """Let a controller read, after which it has the form to remember what it would after a longer time."""
         controller.start(self._readings(0), Demand(self.pitch[0], 0.0, float(self.torque[0])))
         for k in range(len(self.signals)):
             controller.step(self._readings(k), self.dt)
-        remember(controller, self.memory)
+        remember(controller, self.memory, self.changing)
 
     def _readings(self, k: int) -> Readings:
         signals = Signals(self.signals[k], self.pitch.shape[1])
@@ -334,8 +338,8 @@ class Maker:
         values = np.full((len(memories), max(len(memory.values) for memory in memories)), np.nan)
         for row, memory in zip(values, memories, strict=True):
             row[: len(memory.values)] = memory.values
-        sizes = np.array([memory.sizes for memory in memories])
-        return Record(self, done[0][0], np.stack([rows for _, rows, _ in done]), Memory(values, sizes))
+        sizes, changing = np.array([memory.sizes for memory in memories]), changing_parts(memories)
+        return Record(self, done[0][0], np.stack([rows for _, rows, _ in done]), Memory(values, sizes), changing)
 
     def times(self, step: float) -> tuple[list[int], int, int]:
         """Rows: ends of the windows, before the first instant, and between instants."""
@@ -403,10 +407,12 @@ class Record:
     memory : Memory
         What the controller remembers at the instants of all runs: values (n_instants, n), not numbers at the end where
         there are fewer, and sizes (n_instants, n_parts).
+    changing : numpy.ndarray, shape (n_parts,), bool
+        Which parts of it are no parameters.
     """
 
-    def __init__(self, maker: Maker, step: float, rows: np.ndarray, memory: Memory):
-        self.step, self.rows, self.memory, self._n_gates = step, rows, memory, maker.n_gates
+    def __init__(self, maker: Maker, step: float, rows: np.ndarray, memory: Memory, changing: np.ndarray):
+        self.step, self.rows, self.memory, self.changing, self._n_gates = step, rows, memory, changing, maker.n_gates
         self._turbine, self._pace = maker.turbine, maker.pace
         self._places = maker.places
         ends = np.cumsum(maker.counts).tolist()
@@ -528,8 +534,9 @@ class Record:
         signals[:, known["time"]] = self.step * np.arange(-len(before), 0)
         signals[:, known["yaw"]] = yaw
         return Before(
-            signals, before[:, self._pitch], before[:, self._torque.start], before[:, self._lidar], self.step, memory
-        )
+            signals, before[:, self._pitch], before[:, self._torque.start], before[:, self._lidar], self.step, memory,
+            self.changing,
+        )  # fmt: skip
 
 
 @cache
@@ -587,7 +594,10 @@ def _kept(maker: Maker, identity: str, winds: WindSampler, speed: float) -> Reco
             if record is None and key not in _records:
                 _tell(maker.turbine)
                 seeds = range(RECORD_SEED, RECORD_SEED + LENGTHS.runs)
-                record = maker.record([winds.turbulence(speed, seed) for seed in seeds])
+                inflows: list[Inflow] = [winds.turbulence(speed, seed) for seed in seeds]
+                if maker.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
+                    inflows = [MirroredInflow(inflow) for inflow in inflows]
+                record = maker.record(inflows)
                 if record is not None:
                     _store(folder, key, record)
         while len(_records) >= _MOST:
@@ -656,13 +666,13 @@ def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
             step, rows = float(file["step"]), file["rows"]
             values = np.tile(file["values"], (len(file["sizes"]), 1))
             values[:, file["changing"]] = file["changes"]
-            memory = Memory(values, file["sizes"])
+            memory, changing = Memory(values, file["sizes"]), file["changing_parts"]
         if rows.ndim != 3 or rows.shape[2] <= sum(maker.counts) or not np.isfinite(rows).all():
             raise ValueError("its rows have another form")
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         _log.warning("record %s of the running turbine is unreadable (%s); it is made again", path, error)
         return None
-    return Record(maker, step, rows, memory)
+    return Record(maker, step, rows, memory, changing)
 
 
 def _store(folder: Path | None, key: str, record: Record) -> None:
@@ -676,7 +686,7 @@ def _store(folder: Path | None, key: str, record: Record) -> None:
             changing = np.flatnonzero((values != values[0]).any(axis=0))
             np.savez(
                 file, step=record.step, rows=record.rows, sizes=sizes, values=values[0], changing=changing,
-                changes=values[:, changing],
+                changes=values[:, changing], changing_parts=record.changing,
             )  # fmt: skip
         for old in sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime)[:-_MOST_FILES]:
             old.unlink(missing_ok=True)

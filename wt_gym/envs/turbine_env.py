@@ -114,11 +114,12 @@ class WindTurbineEnv(gym.Env):
     offsets are narrow enough for a random policy to survive, and residual torque does not lift the power beyond 1.03
     times rated.
 
-    Positive pitch feathers; positive yaw is counter-clockwise seen from above. A turbine without yaw drive (greatest
-    yaw rate 0) has no yaw component, one whose generator is a damper no torque component. Within a control step demands
-    move evenly, and stop at the limits of the turbine; drives, with their own dynamics and greatest rates, follow the
-    demands. An action that is not finite, of another shape or beyond [-1, 1] by more than rounding raises
-    `wt_gym.errors.ActionError`, leaves the state as it was, and the episode can go on.
+    Positive pitch feathers; positive yaw is counter-clockwise seen from above, whichever way the rotor turns
+    (``turbine.rotation``); tilt and yaw of the pitch are those of the azimuth in the sense of rotation. A turbine
+    without yaw drive (greatest yaw rate 0) has no yaw component, one whose generator is a damper no torque component.
+    Within a control step demands move evenly, and stop at the limits of the turbine; drives, with their own dynamics
+    and greatest rates, follow the demands. An action that is not finite, of another shape or beyond [-1, 1] by more
+    than rounding raises `wt_gym.errors.ActionError`, leaves the state as it was, and the episode can go on.
     ``env.unwrapped.layout.action.table()`` has the numbers of every choice.
 
     ## Observation space

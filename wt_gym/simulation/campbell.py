@@ -229,6 +229,6 @@ def _assemble(simulator, abscissa, points, tables, aerodynamics):
         tuple(names[k] for k in order),
         frequency[order],
         damping[order],
-        simulator.turbine.name,
+        simulator.turbine.title,
         words.get(aerodynamics, "in operation, quasi-steady aerodynamics"),
     )

@@ -5,6 +5,12 @@ downwind, and to the left of it. They turn with the nacelle when it yaws, so tha
 where the wind comes from. What is along axes that stay is named after the global axis, x or y. OpenFAST's tower outputs
 TTDspFA, TTDspSS, TwrBsMxt and TwrBsMyt are of the second kind: they are along its tower-base axes (suffix t), which are
 fixed to the foundation. Both kinds agree where the nacelle heads along x.
+
+A rotor that turns counter-clockwise is the mirror image, y → −y, of one that turns clockwise. Rotor speed, azimuth,
+torques and powers are positive in the sense in which the rotor turns, whichever it is, and blade 2 is ahead of blade 1.
+What is in the frame of a blade (z to the tip, x to the suction side, y to the trailing edge) is the same in the image,
+because that frame is reflected with the blade. All other signals are components along axes that no rotor turns: those
+across the plane of reflection, and moments and angles about axes in it, change their sign (`Channel.parity`).
 """
 
 from dataclasses import dataclass
@@ -13,7 +19,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-__all__ = ["Channel", "Signals", "channel_table"]
+__all__ = ["EVEN", "ODD", "Channel", "Signals", "channel_table", "parities"]
 
 
 @dataclass(frozen=True)
@@ -26,6 +32,9 @@ class Channel:
     unit : str
     openfast : str
         OpenFAST's name of the same quantity (its unit may differ), or "".
+    parity : int
+        `EVEN` or `ODD`: sign with which the signal goes into that of the mirror image, in which y is −y and the rotor
+        turns the other way.
     description : str
     group : str
         Name without the number of the blade.
@@ -34,56 +43,72 @@ class Channel:
     name: str
     unit: str
     openfast: str
+    parity: int
     description: str
     group: str
 
 
+EVEN, ODD = 1, -1
+"""Parities of a signal under the reflection y → −y, see `Channel.parity`."""
+
 _SINGLE = (
-    ("time", "s", "Time", "Simulated time"),
-    ("wind_x", "m/s", "WindHubVelX", "Undisturbed wind at the hub, downwind component"),
-    ("wind_y", "m/s", "WindHubVelY", "Undisturbed wind at the hub, to the left looking downwind"),
-    ("wind_z", "m/s", "WindHubVelZ", "Undisturbed wind at the hub, upward"),
-    ("rotor_speed", "rad/s", "RotSpeed", "Angular speed of the hub relative to the nacelle"),
-    ("azimuth", "rad", "Azimuth", "Azimuth of blade 1, zero when it points up, 0 … 2π"),
-    ("generator_speed", "rad/s", "GenSpeed", "High-speed shaft"),
-    ("generator_torque", "N m", "GenTq", "Electrical torque on the high-speed shaft"),
-    ("generator_power", "W", "GenPwr", "Electrical power"),
-    ("aero_power", "W", "RtAeroPwr", "Aerodynamic torque times rotor speed"),
-    ("aero_torque", "N m", "RtAeroMxh", "Moment of the air about the shaft"),
-    ("aero_thrust", "N", "RtAeroFxh", "Force of the air along the shaft"),
-    ("yaw", "rad", "YawPzn", "Angle of the nacelle on the tower top, counter-clockwise from above"),
-    ("yaw_rate", "rad/s", "YawVzn", "Rate of the nacelle yaw"),
-    ("yaw_error", "rad", "NacYawErr", "Wind direction at the hub minus nacelle yaw"),
-    ("tower_top_fore_aft", "m", "", "Tower-top displacement along the nacelle's heading, positive downwind"),
-    ("tower_top_side_side", "m", "", "Tower-top displacement across the nacelle's heading, to the left"),
-    ("tower_base_fore_aft_moment", "N m", "", "Tower-base moment that bends the tower along the nacelle's heading"),
-    ("tower_base_side_side_moment", "N m", "", "Tower-base moment about the nacelle's heading"),
-    ("tower_base_torsion", "N m", "TwrBsMzt", "Tower-base moment about z"),
-    ("nacelle_acceleration_fore_aft", "m/s^2", "", "Tower-top acceleration along the nacelle's x axis"),
-    ("nacelle_acceleration_side_side", "m/s^2", "", "Tower-top acceleration along the nacelle's y axis"),
-    ("shaft_torque", "N m", "RotTorq", "Torque in the low-speed shaft"),
-    ("rotor_thrust", "N", "RotThrust", "Axial force in the low-speed shaft, weight and inertia included"),
-    ("rotor_speed_max", "rad/s", "", "Largest rotor speed since the last sample, over all structural steps"),
-    ("tower_base_moment_max", "N m", "", "Largest tower-base bending moment since the last sample"),
-    ("tower_top_x", "m", "TTDspFA", "Tower-top displacement along global x"),
-    ("tower_top_y", "m", "TTDspSS", "Tower-top displacement along global y"),
-    ("tower_base_moment_x", "N m", "TwrBsMxt", "Tower-base moment about global x"),
-    ("tower_base_moment_y", "N m", "TwrBsMyt", "Tower-base moment about global y, positive for a push along x"),
+    ("time", "s", "Time", EVEN, "Simulated time"),
+    ("wind_x", "m/s", "WindHubVelX", EVEN, "Undisturbed wind at the hub, downwind component"),
+    ("wind_y", "m/s", "WindHubVelY", ODD, "Undisturbed wind at the hub, to the left looking downwind"),
+    ("wind_z", "m/s", "WindHubVelZ", EVEN, "Undisturbed wind at the hub, upward"),
+    (
+        "rotor_speed",
+        "rad/s",
+        "RotSpeed",
+        EVEN,
+        "Angular speed of the hub against the nacelle, positive as the rotor turns",
+    ),
+    ("azimuth", "rad", "Azimuth", EVEN, "Azimuth of blade 1 in the sense of rotation, zero when it points up, 0 … 2π"),
+    ("generator_speed", "rad/s", "GenSpeed", EVEN, "High-speed shaft"),
+    ("generator_torque", "N m", "GenTq", EVEN, "Electrical torque on the high-speed shaft"),
+    ("generator_power", "W", "GenPwr", EVEN, "Electrical power"),
+    ("aero_power", "W", "RtAeroPwr", EVEN, "Aerodynamic torque times rotor speed"),
+    ("aero_torque", "N m", "RtAeroMxh", EVEN, "Moment of the air about the shaft"),
+    ("aero_thrust", "N", "RtAeroFxh", EVEN, "Force of the air along the shaft"),
+    ("yaw", "rad", "YawPzn", ODD, "Angle of the nacelle on the tower top, counter-clockwise from above"),
+    ("yaw_rate", "rad/s", "YawVzn", ODD, "Rate of the nacelle yaw"),
+    ("yaw_error", "rad", "NacYawErr", ODD, "Wind direction at the hub minus nacelle yaw"),
+    ("tower_top_fore_aft", "m", "", EVEN, "Tower-top displacement along the nacelle's heading, positive downwind"),
+    ("tower_top_side_side", "m", "", ODD, "Tower-top displacement across the nacelle's heading, to the left"),
+    (
+        "tower_base_fore_aft_moment",
+        "N m",
+        "",
+        EVEN,
+        "Tower-base moment that bends the tower along the heading of the nacelle",
+    ),
+    ("tower_base_side_side_moment", "N m", "", ODD, "Tower-base moment about the heading of the nacelle"),
+    ("tower_base_torsion", "N m", "TwrBsMzt", ODD, "Tower-base moment about z"),
+    ("nacelle_acceleration_fore_aft", "m/s^2", "", EVEN, "Tower-top acceleration along the nacelle's x axis"),
+    ("nacelle_acceleration_side_side", "m/s^2", "", ODD, "Tower-top acceleration along the nacelle's y axis"),
+    ("shaft_torque", "N m", "RotTorq", EVEN, "Torque in the low-speed shaft"),
+    ("rotor_thrust", "N", "RotThrust", EVEN, "Axial force in the low-speed shaft, weight and inertia included"),
+    ("rotor_speed_max", "rad/s", "", EVEN, "Largest rotor speed since the last sample, over all structural steps"),
+    ("tower_base_moment_max", "N m", "", EVEN, "Largest tower-base bending moment since the last sample"),
+    ("tower_top_x", "m", "TTDspFA", EVEN, "Tower-top displacement along global x"),
+    ("tower_top_y", "m", "TTDspSS", ODD, "Tower-top displacement along global y"),
+    ("tower_base_moment_x", "N m", "TwrBsMxt", ODD, "Tower-base moment about global x"),
+    ("tower_base_moment_y", "N m", "TwrBsMyt", EVEN, "Tower-base moment about global y, positive for a push along x"),
 )
 _PER_BLADE = (
-    ("pitch", "rad", "BldPitch", "Pitch angle, positive to feather"),
-    ("pitch_rate", "rad/s", "", "Pitch rate"),
-    ("pitch_command", "rad", "", "Rate-limited pitch demand that the drive follows"),
-    ("tip_out_of_plane", "m", "OoPDefl", "Tip deflection out of the coned rotor plane, positive downwind"),
-    ("tip_in_plane", "m", "IPDefl", "Tip deflection in the rotor plane, positive to the trailing edge"),
-    ("root_flap_moment", "N m", "RootMyb", "Blade-root moment about y of the pitched blade"),
-    ("root_edge_moment", "N m", "RootMxb", "Blade-root moment about x of the pitched blade"),
-    ("root_torsion", "N m", "RootMzb", "Blade-root moment about the pitch axis"),
-    ("tip_clearance", "m", "TipClrnc", "Distance of the tip from the tower surface, negative behind the tower"),
-    ("tip_clearance_min", "m", "", "Smallest tip clearance since the last sample, also between structural steps"),
-    ("tip_out_of_plane_max", "m", "", "Largest out-of-plane tip deflection since the last sample"),
-    ("root_flap_moment_max", "N m", "", "Largest size of the flapwise root moment since the last sample"),
-    ("pitch_travel", "rad", "", "Way of the pitch, both directions, since the last sample, over all time steps"),
+    ("pitch", "rad", "BldPitch", EVEN, "Pitch angle, positive to feather"),
+    ("pitch_rate", "rad/s", "", EVEN, "Pitch rate"),
+    ("pitch_command", "rad", "", EVEN, "Rate-limited pitch demand that the drive follows"),
+    ("tip_out_of_plane", "m", "OoPDefl", EVEN, "Tip deflection out of the coned rotor plane, positive downwind"),
+    ("tip_in_plane", "m", "IPDefl", EVEN, "Tip deflection in the rotor plane, positive to the trailing edge"),
+    ("root_flap_moment", "N m", "RootMyb", EVEN, "Blade-root moment about y of the pitched blade"),
+    ("root_edge_moment", "N m", "RootMxb", EVEN, "Blade-root moment about x of the pitched blade"),
+    ("root_torsion", "N m", "RootMzb", EVEN, "Blade-root moment about the pitch axis"),
+    ("tip_clearance", "m", "TipClrnc", EVEN, "Distance of the tip from the tower surface, negative behind the tower"),
+    ("tip_clearance_min", "m", "", EVEN, "Smallest tip clearance since the last sample, also between structural steps"),
+    ("tip_out_of_plane_max", "m", "", EVEN, "Largest out-of-plane tip deflection since the last sample"),
+    ("root_flap_moment_max", "N m", "", EVEN, "Largest size of the flapwise root moment since the last sample"),
+    ("pitch_travel", "rad", "", EVEN, "Way of the pitch, both directions, since the last sample, over all time steps"),
 )
 
 
@@ -91,11 +116,19 @@ _PER_BLADE = (
 def channel_table(n_blades):
     """Channels of a turbine with n_blades blades, in the order of ``Signals.values``."""
     table = [Channel(*row, row[0]) for row in _SINGLE]
-    for name, unit, openfast, text in _PER_BLADE:
+    for name, unit, openfast, parity, text in _PER_BLADE:
         for i in range(1, n_blades + 1):
             fast = f"{openfast}{i}" if openfast else ""
-            table.append(Channel(f"{name}_{i}", unit, fast, f"{text}, blade {i}", name))
+            table.append(Channel(f"{name}_{i}", unit, fast, parity, f"{text}, blade {i}", name))
     return tuple(table)
+
+
+@cache
+def parities(n_blades):
+    """Parity of each channel, in the order of ``Signals.values``."""
+    signs = np.array([float(channel.parity) for channel in channel_table(n_blades)])
+    signs.flags.writeable = False
+    return signs
 
 
 @cache

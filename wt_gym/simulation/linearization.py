@@ -26,11 +26,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wt_gym.errors import SimulationError
-from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.simulation.channels import Signals, channel_table, parities
 from wt_gym.simulation.frozen_plant import FrozenPlant
 from wt_gym.simulation.linear_model import LinearModel, multiblade_model
 from wt_gym.simulation.monitor import Extremes
-from wt_gym.wind import SteadyInflow
+from wt_gym.simulation.reflection import state_parities
+from wt_gym.wind import MirroredInflow, SteadyInflow
 
 __all__ = ["SteadyPoint", "linearize", "trim"]
 
@@ -156,7 +157,7 @@ def linearize(
     >>> model = linearize(simulator, rotor_speed=1.267, pitch=0.26, multiblade=True)  # doctest: +SKIP
     >>> [(mode.name, mode.frequency, mode.damping) for mode in model.modes()]  # doctest: +SKIP
     """
-    plant = FrozenPlant(simulator, steady_inflow(simulator.inflow, wind_speed), aerodynamics, _lock(generator))
+    plant = FrozenPlant(simulator, _felt_inflow(simulator, wind_speed), aerodynamics, _lock(generator))
     if multiblade and plant.n_blades != 3:
         raise SimulationError(f"multi-blade coordinates need three blades; the turbine has {plant.n_blades}")
     if operating_point is None and rotor_speed is None:
@@ -165,6 +166,7 @@ def linearize(
         if operating_point is not None:
             rotor_speed = operating_point.rotor_speed if rotor_speed is None else rotor_speed
             pitch = operating_point.pitch if pitch is None else pitch
+        yaw = -yaw if simulator.mirrored else yaw
         point, wakes = trim_plant(
             plant, rotor_speed, 0.0 if pitch is None else pitch, yaw, generator_torque, azimuth, n_azimuths
         )
@@ -176,7 +178,8 @@ def linearize(
         model = _differentiate(plant, point, k, names)
         models.append(multiblade_model(model, point.azimuth[k], point.rotor_speed) if multiblade else model)
     mean = {key: np.mean([getattr(m, key) for m in models], axis=0) for key in "ABCD"}
-    return replace(models[0], **mean)
+    model = replace(models[0], **mean)
+    return _reflected_model(model, plant) if simulator.mirrored else model
 
 
 def trim(simulator, rotor_speed, pitch=0.0, *, wind_speed=None, yaw=0.0, generator_torque=None, azimuth=0.0,
@@ -187,8 +190,42 @@ def trim(simulator, rotor_speed, pitch=0.0, *, wind_speed=None, yaw=0.0, generat
     -------
     SteadyPoint
     """
-    plant = FrozenPlant(simulator, steady_inflow(simulator.inflow, wind_speed), aerodynamics, False)
-    return trim_plant(plant, rotor_speed, pitch, yaw, generator_torque, azimuth, n_azimuths)[0]
+    plant = FrozenPlant(simulator, _felt_inflow(simulator, wind_speed), aerodynamics, False)
+    yaw = -yaw if simulator.mirrored else yaw
+    point = trim_plant(plant, rotor_speed, pitch, yaw, generator_torque, azimuth, n_azimuths)[0]
+    return _reflected_point(point, plant) if simulator.mirrored else point
+
+
+def _felt_inflow(simulator, wind_speed):
+    """The steady wind of an operating point as the simulated image of the turbine feels it."""
+    inflow = steady_inflow(simulator.inflow, wind_speed)
+    return MirroredInflow.of(inflow) if simulator.mirrored else inflow
+
+
+def _reflected_point(point, plant):
+    """The operating point of a turbine from that of its mirror image, see `wt_gym.simulation.reflection`."""
+    return replace(
+        point,
+        yaw=-point.yaw,
+        states=point.states * state_parities(plant.system.state_names),
+        outputs=point.outputs * parities(plant.n_blades),
+    )
+
+
+def _reflected_model(model, plant):
+    """The linear model of a turbine from that of its mirror image, see `wt_gym.simulation.reflection`."""
+    channels = dict(zip((c.name for c in channel_table(plant.n_blades)), parities(plant.n_blades), strict=True))
+    inputs = np.array([-1.0 if name in ("yaw", "wind_y") else 1.0 for name in model.input_names])
+    outputs = np.array([channels.get(name, 1.0) for name in model.output_names])  # names of no channel are of blades
+    states = state_parities(model.state_names)
+    return replace(
+        model,
+        A=model.A * np.outer(states, states),
+        B=model.B * np.outer(states, inputs),
+        C=model.C * np.outer(outputs, states),
+        D=model.D * np.outer(outputs, inputs),
+        operating_point=_reflected_point(model.operating_point, plant),
+    )
 
 
 def steady_inflow(inflow, wind_speed=None):

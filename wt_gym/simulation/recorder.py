@@ -35,6 +35,7 @@ class Recorder:
         self.channels = channel_table(simulator.turbine.n_blades)
         self.attributes = {
             "turbine": simulator.turbine.name,
+            "rotation": simulator.turbine.rotation,
             "inflow": simulator.inflow.description,
             "fidelity": simulator.fidelity.name,
             "aerodynamic_time_step_s": simulator.time_step,

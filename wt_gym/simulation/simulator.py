@@ -7,7 +7,7 @@ from wt_gym.errors import ActionError, InflowError, SimulationError
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
 from wt_gym.simulation.assembly import assemble
-from wt_gym.simulation.channels import Signals
+from wt_gym.simulation.channels import Signals, parities
 from wt_gym.simulation.compilation import announce_compilation, compile_once
 from wt_gym.simulation.coupling import Coupling
 from wt_gym.simulation.drives import Drives, check_finite
@@ -15,14 +15,19 @@ from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.geometry import turbine_shapes
 from wt_gym.simulation.measurement import Measurement
 from wt_gym.simulation.observer_coupling import ObserverCoupling
+from wt_gym.simulation.reflection import reflected_loads, reflected_shapes
 from wt_gym.simulation.start import Starter
 from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
+from wt_gym.turbines.mirror import clockwise_image
+from wt_gym.wind import MirroredInflow
 from wt_gym.wind.described import is_described, wind_from
 from wt_gym.wind.protocol import require_cover
 
 __all__ = ["Simulator"]
+
+_TOWER_TOP_PARITIES = np.array([1.0, -1.0, 1.0, -1.0])
 
 
 class Simulator:
@@ -55,6 +60,10 @@ class Simulator:
     coupling : Coupling
         Structure and air in their present state.
     drives : Drives
+    mirrored : bool
+        Whether the rotor turns counter-clockwise. Structure, lattice, coupling and drives are then those of the mirror
+        image, whose rotor turns clockwise, in the mirrored wind (`wt_gym.simulation.reflection`); arguments, signals
+        and shapes are those of the turbine.
     faults : tuple of wt_gym.simulation.faults.DriveFault
         What fails, and when. As the inflow it may be exchanged before a reset, and is no part of a snapshot.
 
@@ -71,15 +80,17 @@ class Simulator:
             raise SimulationError("Simulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
         turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
         self.turbine, generator = with_generator(turbine, generator)
+        image = clockwise_image(self.turbine)
+        self.mirrored = image is not self.turbine
         self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
-        self.drives = Drives(self.turbine, generator)
+        self.drives = Drives(image, generator)
         kind = ObserverCoupling if self.fidelity.formulation == "observer" else Coupling
-        compile_once(kind, self.turbine, self.fidelity)
-        models = assemble(self.turbine, self.fidelity, threads, self.drives.generator.damping)
+        compile_once(kind, image, self.fidelity)
+        models = assemble(image, self.fidelity, threads, self.drives.generator.damping)
         self.time_step, self.structure, self.lattice = models.time_step, models.structure, models.lattice
         self.coupling = kind(models)
         self._starter = Starter(self.coupling, self.drives)
-        self._measurement = Measurement(self.turbine, self.structure, self.coupling.gauges)
+        self._measurement = Measurement(image, self.structure, self.coupling.gauges)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
         self._n_steps, self._started, self._faults = 0, False, ()
         self._compiled = False
@@ -104,6 +115,7 @@ class Simulator:
             raise SimulationError(f"Simulator needs an inflow with velocity(points, time), got {inflow!r:.100}")
         require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
         self._inflow = inflow
+        self._felt = MirroredInflow.of(inflow) if self.mirrored else inflow  # by the image that is simulated
 
     def __getstate__(self):
         """What a copy or a pickle takes along: the arguments and the state; the rest is built anew from them."""
@@ -138,7 +150,8 @@ class Simulator:
     def signals(self):
         """Signals at the current time, a fresh copy."""
         self._require_start()
-        return Signals(self._measurement.values.copy(), self.turbine.n_blades)
+        values, n_blades = self._measurement.values, self.turbine.n_blades
+        return Signals(values * parities(n_blades) if self.mirrored else values.copy(), n_blades)
 
     def reset(
         self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, thrust_before=None,
@@ -153,9 +166,9 @@ class Simulator:
         pitch : float or array (n_blades,)
             [rad].
         azimuth : float
-            Of blade 1 [rad].
+            Of blade 1, in the sense of rotation [rad].
         yaw : float
-            Nacelle yaw [rad].
+            Nacelle yaw, counter-clockwise from above [rad].
         generator_torque : float, optional
             High-speed shaft [N m]; by default what balances the torque of the air.
         tower_top : array (4,), optional
@@ -180,13 +193,14 @@ class Simulator:
             When no steady state is found, for example because the wind bends the blades beyond the elastic model.
         """
         limit = self.coupling.exchange.max_speed
-        check_finite(rotor_speed=rotor_speed, azimuth=azimuth)
+        check_finite(rotor_speed=rotor_speed, azimuth=azimuth, yaw=yaw)
         if not 0.0 <= rotor_speed < limit:
             raise ActionError(f"rotor_speed is {rotor_speed} rad/s; allowed: 0 … {limit:.3f} rad/s")
         if tower_top is not None:
             tower_top = np.asarray(tower_top, dtype=float)
             if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
                 raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
+            tower_top = tower_top * _TOWER_TOP_PARITIES if self.mirrored else tower_top
         if motion is not None:
             motion = np.asarray(motion, dtype=float)
             size = self.structure.system.n_q + self.structure.system.n_u - 2
@@ -198,12 +212,12 @@ class Simulator:
         if thrust_before is not None:
             check_finite(thrust_before=thrust_before)
         if not self._compiled:  # to look that up takes as long as half a start
-            announce_compilation(self.coupling, self.turbine)
+            announce_compilation(self.coupling, self.coupling.models.turbine)
             self._compiled = True
-        self.drives.start(pitch, yaw, rotor_speed, generator_torque)
+        self.drives.start(pitch, -yaw if self.mirrored else yaw, rotor_speed, generator_torque)
         self._n_steps, self._started = 0, False
         try:
-            self._starter.balance(rotor_speed, azimuth, generator_torque, self.inflow, tower_top, thrust_before, motion)
+            self._starter.balance(rotor_speed, azimuth, generator_torque, self._felt, tower_top, thrust_before, motion)
         except (MultibodyError, AerodynamicsError, SimulationError, InflowError) as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True
@@ -250,11 +264,12 @@ class Simulator:
         if not go_on:
             coupling.extremes.restart()
         inputs, azimuth_u, step = coupling.integrator.inputs, self.structure.azimuth_u, self.time_step
+        inflow, yaw_rate = self._felt, -yaw_rate if self.mirrored else yaw_rate
         for _ in range(n):
             drives.follow(pitch, yaw_rate, generator_torque, step, coupling.generator_speed)
             drives.act(inputs, azimuth_u)
             try:
-                coupling.step(self.inflow, self._n_steps * step)
+                coupling.step(inflow, self._n_steps * step)
             except (SimulationError, AerodynamicsError, InflowError) as error:
                 self._started = False
                 raise SimulationError(f"simulation failed at {self.time:.3f} s: {error}") from error
@@ -302,7 +317,8 @@ class Simulator:
         Returns
         -------
         array (n_blades, 6)
-            Force [N] and moment about the root [N m], in the axes of the pitched root.
+            Force [N] and moment about the root [N m], in the axes of the pitched root: of its image, where the rotor
+            turns counter-clockwise, as the channels of a blade.
 
         Raises
         ------
@@ -331,7 +347,7 @@ class Simulator:
             force, depth = loads[:3], self.turbine.tower.support.length
             loads[3] -= depth * force[1]
             loads[4] += depth * force[0]
-        return loads
+        return reflected_loads(loads) if self.mirrored else loads
 
     def tower_top(self):
         """Motion of the tower top as it is now, in the form that `reset` takes.
@@ -348,10 +364,13 @@ class Simulator:
         cos, sin = np.cos(yaw), np.sin(yaw)
         to_heading = np.array([[cos, sin], [-sin, cos]])
         velocity = work.rot[nacelle] @ work.v[nacelle]
-        return np.concatenate([to_heading @ work.r[nacelle, :2], to_heading @ velocity[:2]])
+        top = np.concatenate([to_heading @ work.r[nacelle, :2], to_heading @ velocity[:2]])
+        return top * _TOWER_TOP_PARITIES if self.mirrored else top
 
     def motion(self):
         """Deformation of the structure and its rates, the tower along and across the nacelle, in the form of `reset`.
+
+        That of the clockwise image of a rotor that turns counter-clockwise.
 
         Returns
         -------
@@ -403,11 +422,12 @@ class Simulator:
         -------
         dict
             "blades" (n_blades, n_chord + 1, n_span + 1, 3) ring nodes; "wake" (n_rows + 1, n_blades, n_span + 1, 3);
-            "wake_circulation" (n_rows, n_blades, n_span) [m²/s]; "tower" (n, 3) axis and "tower_radius" (n,);
-            "hub" (3,); "nacelle" (2, 3) ends of the shaft.
+            "wake_circulation" (n_rows, n_blades, n_span) [m²/s], of a counter-clockwise rotor with the other sign;
+            "tower" (n, 3) axis and "tower_radius" (n,); "hub" (3,); "nacelle" (2, 3) ends of the shaft.
         """
         self._require_start()
-        return turbine_shapes(self.coupling)
+        shapes = turbine_shapes(self.coupling)
+        return reflected_shapes(shapes) if self.mirrored else shapes
 
     def _require_start(self):
         if not self._started:
@@ -417,4 +437,4 @@ class Simulator:
         """Fill the channel values from the current state, without a past."""
         coupling, drives = self.coupling, self.drives
         torque = drives.torque(coupling.generator_speed)
-        self._measurement.take(self.time, coupling.instant, torque, drives.command, self.inflow)
+        self._measurement.take(self.time, coupling.instant, torque, drives.command, self._felt)

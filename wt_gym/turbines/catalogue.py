@@ -90,7 +90,10 @@ def catalogue() -> tuple[str, ...]:
 
 
 def load_turbine(
-    name_or_path: str | Path, water_depth: float | None = None, foundation: NDArray[np.float64] | None = None
+    name_or_path: str | Path,
+    water_depth: float | None = None,
+    foundation: NDArray[np.float64] | None = None,
+    rotation: str | None = None,
 ) -> Turbine:
     """Load a turbine of the catalogue, any windIO file (version 2 or 1) or any OpenFAST model.
 
@@ -104,6 +107,9 @@ def load_turbine(
         base.
     foundation : ndarray (6, 6), optional
         Stiffness of the ground under that monopile (see `Support`), by default rigid.
+    rotation : {"clockwise", "counter-clockwise"}, optional
+        Direction in which the rotor turns, seen looking downwind. By default that of the file: OpenFAST models say it
+        (MirrorRotor), windIO has no key for it and means clockwise.
 
     Returns
     -------
@@ -121,7 +127,15 @@ def load_turbine(
     --------
     >>> load_turbine("nrel_5mw").rotor_diameter
     126.0
+    >>> load_turbine("nrel_5mw", rotation="counter-clockwise").rotation
+    'counter-clockwise'
     """
+    turbine = _load(name_or_path, water_depth, foundation)
+    return turbine if rotation is None or rotation == turbine.rotation else replace(turbine, rotation=rotation)
+
+
+def _load(name_or_path: str | Path, water_depth: float | None, foundation: NDArray[np.float64] | None) -> Turbine:
+    """Load a turbine as its file describes it; see `load_turbine`."""
     if foundation is not None and water_depth is None:
         raise fail("foundation", "a stiffness", "None without a water_depth")
     if isinstance(name_or_path, str) and name_or_path in _BUILT and water_depth is not None:

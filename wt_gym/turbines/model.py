@@ -33,6 +33,7 @@ from wt_gym.turbines.site import with_site
 from wt_gym.turbines.support import Support
 
 __all__ = [
+    "ROTATIONS",
     "Airfoil",
     "BeamStations",
     "Blade",
@@ -46,6 +47,9 @@ __all__ = [
     "Tower",
     "Turbine",
 ]
+
+ROTATIONS = ("clockwise", "counter-clockwise")
+"""Directions in which a rotor turns, seen looking downwind."""
 
 _BIG = 1e15
 """Bound of masses, inertias, stiffnesses: far above any machine, far below overflow."""
@@ -374,6 +378,10 @@ class Turbine(ArrayRecord):
         Of the air for which the turbine's controller is designed [kg/m^3], where it is not ``air_density``.
     control : ControlData or None
         Published numbers of the turbine's own controller.
+    rotation : str
+        Direction in which the rotor turns, seen looking downwind: ``"clockwise"`` or ``"counter-clockwise"``. Blade
+        data are in the frame of the blade, z to the tip, x to the suction side, y to the trailing edge, which is
+        left-handed where the rotor turns counter-clockwise (`wt_gym.turbines.mirror`).
     """
 
     name: str
@@ -396,6 +404,7 @@ class Turbine(ArrayRecord):
     notes: tuple[str, ...] = ()
     control: ControlData | None = later_field(None)
     design_air_density: float | None = later_field(None)
+    rotation: str = later_field("clockwise")
 
     def __post_init__(self) -> None:
         """Check the fields and that the parts fit together."""
@@ -403,6 +412,7 @@ class Turbine(ArrayRecord):
             raise fail("Turbine.n_blades", self.n_blades, "an integer from 1 to 10")
         for name, allowed in (
             ("rotor_orientation", ("upwind",)),
+            ("rotation", ROTATIONS),
             ("iec_class", ("I", "II", "III", "IV")),
             ("turbulence_class", ("A+", "A", "B", "C")),
         ):
@@ -483,6 +493,11 @@ class Turbine(ArrayRecord):
             If a name is unknown or a value out of range.
         """
         return with_site(self, site)
+
+    @property
+    def title(self) -> str:
+        """Name for headings, with what is unusual about the turbine."""
+        return self.name if self.rotation == "clockwise" else f"{self.name}, {self.rotation}"
 
     @property
     def controller_air_density(self) -> float:

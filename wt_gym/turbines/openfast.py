@@ -102,6 +102,7 @@ def read_openfast(
     pitch = read_openfast_pitch(servodyn, discon, notes)
     control = read_openfast_control(servodyn, discon, rating, radius, density, notes)
     _name_the_rest(primary, elastodyn, servodyn, aerodyn, notes)
+    rotation = _rotation(primary, notes)
     notes.append(f"OpenFAST models have no cut-in and cut-out wind, {CUT_IN:g} and {CUT_OUT:g} m/s assumed")
     notes.append("OpenFAST models have no wind class, IEC class I and turbulence class B assumed")
     return Turbine(
@@ -124,7 +125,16 @@ def read_openfast(
         turbulence_class="B",
         notes=tuple(notes),
         control=control,
+        rotation=rotation,
     )
+
+
+def _rotation(primary: TextFile, notes: list[str]) -> str:
+    """Return the direction in which the rotor turns: files of blades describe the clockwise one in any case."""
+    if "MirrorRotor" not in primary or not primary.flag("MirrorRotor"):
+        return "clockwise"
+    notes.append("MirrorRotor: True, the rotor turns counter-clockwise; OpenFAST 5.0 reads this flag without using it")
+    return "counter-clockwise"
 
 
 def _require_wind_turbine(file: TextFile) -> None:
@@ -135,8 +145,6 @@ def _require_wind_turbine(file: TextFile) -> None:
         raise file.fail("MHK", file.text("MHK"), "0 (turbines in water are not modelled)")
     if "NRotors" in file and file.integer("NRotors") != 1:
         raise file.fail("NRotors", file.integer("NRotors"), "1")
-    if "MirrorRotor" in file and file.flag("MirrorRotor"):
-        raise file.fail("MirrorRotor", True, "False (the rotor turns clockwise seen downwind)")
     if file.integer("CompElast") not in (1, 2):
         allowed = "1 or 2 (Simplified-ElastoDyn has no flexible blades and tower)"
         raise file.fail("CompElast", file.integer("CompElast"), allowed)

@@ -13,7 +13,7 @@ from wt_gym.turbines.checks import check_number
 if TYPE_CHECKING:
     from wt_gym.turbines.model import Turbine
 
-__all__ = ["SITE", "at_controller_density", "with_site"]
+__all__ = ["SITE", "at_controller_density", "with_site", "without_site"]
 
 SITE = {
     "air_density": "kg/m^3",
@@ -22,6 +22,7 @@ SITE = {
     "cut_out": "m/s",
     "iec_class": "",
     "turbulence_class": "",
+    "rotation": "",
 }
 """Numbers and names of a site, with their units."""
 
@@ -40,6 +41,8 @@ def with_site(turbine: Turbine, site: Mapping[str, Any] | None) -> Turbine:
     ``cut_in``, ``cut_out``     [m/s]: range of wind speeds in which the turbine operates
     ``iec_class``               "I" to "IV": reference wind speed and wind climate
     ``turbulence_class``        "A+", "A", "B" or "C"
+    ``rotation``                "clockwise" or "counter-clockwise": direction in which the rotor turns, seen looking
+                                downwind
     =========================== ====================================================================================
 
     Parameters
@@ -98,5 +101,10 @@ def at_controller_density(turbine: Turbine) -> Turbine:
         # as many digits as tell the rounding of the way there and back from a turbine's number
         rated_wind_speed=round(turbine.rated_wind_speed * (turbine.air_density / density) ** (1.0 / 3.0), 9),
         design_air_density=None,
-        notes=tuple(note for note in turbine.notes if not note.startswith(_NOTE)),
+        notes=without_site(turbine.notes),
     )
+
+
+def without_site(notes: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the notes of a turbine without those of its site."""
+    return tuple(note for note in notes if not note.startswith(_NOTE))

@@ -58,7 +58,8 @@ def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[P
     ------
     TurbineDefinitionError
         If the turbine has what windIO files do not hold here: a support, a damper as generator, a downwind cone or
-        tilt, stall delay added to polars, a blade that is softer edgewise than flapwise.
+        tilt, stall delay added to polars, a blade that is softer edgewise than flapwise, a rotor that turns
+        counter-clockwise.
     """
     path = Path(path)
     content = windio_content(turbine)
@@ -100,6 +101,12 @@ def windio_content(turbine: Turbine) -> dict[str, Any]:
         raise fail("Turbine.hub.cone, nacelle.tilt", (turbine.hub.cone, turbine.nacelle.tilt), "angles from 0")
     if turbine.blade.augmentation is not None:
         raise fail("Turbine.blade.augmentation", turbine.blade.augmentation, "None")
+    if turbine.rotation != "clockwise":
+        allowed = (
+            "'clockwise' (windIO has no key for it: write dataclasses.replace(turbine, rotation='clockwise'), and load "
+            "the file with load_turbine(path, rotation='counter-clockwise'))"
+        )
+        raise fail("Turbine.rotation", turbine.rotation, allowed)
     names = _names(turbine.blade.airfoils)
     return {
         "name": turbine.name,

@@ -18,11 +18,11 @@ from wt_gym.control.sensors import Lidar
 from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from wt_gym.control.controllers.controller import Controller
 
-__all__ = ["Memory", "memory_of", "remember"]
+__all__ = ["Memory", "changing_parts", "memory_of", "remember"]
 
 _CONSTANT = (str, bytes, Turbine, Lidar, type(None), np.random.Generator)
 _LISTS = (list, deque)
@@ -49,7 +49,21 @@ def memory_of(controller: Controller) -> Memory:
     return Memory(np.concatenate([np.zeros(0), *parts]), np.array([part.size for part in parts], dtype=int))
 
 
-def remember(controller: Controller, memory: Memory) -> None:
+def changing_parts(memories: Sequence[Memory]) -> np.ndarray:
+    """Which parts differ between memories of one controller, shape (n_parts,), bool: the others are its parameters."""
+    first = _split(memories[0])
+    changing = np.zeros(len(first), dtype=bool)
+    for memory in memories[1:]:
+        for k, (part, other) in enumerate(zip(first, _split(memory), strict=True)):
+            changing[k] = changing[k] or not np.array_equal(part, other, equal_nan=True)
+    return changing
+
+
+def _split(memory: Memory) -> list[np.ndarray]:
+    return np.split(memory.values[: memory.sizes.sum()], np.cumsum(memory.sizes)[:-1])
+
+
+def remember(controller: Controller, memory: Memory, changing: np.ndarray) -> None:
     """Put numbers into a controller.
 
     Parameters
@@ -58,6 +72,8 @@ def remember(controller: Controller, memory: Memory) -> None:
         Its own copies of everything that changes.
     memory : Memory
         Of a controller of the same kind.
+    changing : numpy.ndarray, shape (n_parts,), bool
+        Which parts to put; the others, its parameters, stay.
 
     Raises
     ------
@@ -71,11 +87,9 @@ def remember(controller: Controller, memory: Memory) -> None:
         for is_fixed, (value, _), size in zip(fixed, numbers, memory.sizes, strict=True)
     ):
         raise ValueError(f"the controller {type(controller).__name__} has other parts than those that are remembered")
-    last = 0
-    for (value, put), size in zip(numbers, memory.sizes, strict=True):
-        first, last = last, last + size
-        if not np.array_equal(np.ravel(value), memory.values[first:last], equal_nan=True):
-            put(_like(value, memory.values[first:last]))
+    for (value, put), part, changes in zip(numbers, _split(memory), changing, strict=True):
+        if changes and not np.array_equal(np.ravel(value), part, equal_nan=True):
+            put(_like(value, part))
 
 
 def _like(value: Any, numbers: np.ndarray) -> Any:

@@ -22,7 +22,7 @@ import numpy as np
 
 from wt_gym.control.design import fine_pitch
 from wt_gym.control.rotor import rotor_of
-from wt_gym.turbines.site import at_controller_density
+from wt_gym.turbines.site import at_controller_density, without_site
 from wt_gym.user_cache import user_cache
 
 if TYPE_CHECKING:
@@ -170,6 +170,8 @@ def rotor_table(turbine: Turbine) -> RotorTable:
     from wt_gym.simulation.state import fingerprint  # the simulator is heavy, and rarely needed here
 
     home = at_controller_density(turbine)
+    if home.rotation != "clockwise":  # a rotor and its mirror image have the same coefficients
+        home = replace(home, rotation="clockwise", notes=without_site(home.notes))
     key = fingerprint(home)
     if key not in _known:
         path = measured_table_path(home)

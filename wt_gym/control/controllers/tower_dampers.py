@@ -4,7 +4,7 @@ The acceleration, integrated and high-passed (`BandLimitedIntegrator`), is the v
 moves downwind is met by less wind; blades that feather then take off thrust and add to the damping of the air
 (Bossanyi, Wind Energy 6 (2003) 119; ROSCO's FA_KI). The torque of the generator turns nacelle and tower top about the
 wind's axis; more of it pushes a clockwise turbine's tower top to the right (looking downwind), against a motion to the
-left.
+left, and a counter-clockwise turbine's to the left.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class SideSideDamper:
     Parameters
     ----------
     gain : float
-        From velocity to torque on the high-speed shaft [N m s/m].
+        From velocity to torque on the high-speed shaft [N m s/m]; negative for a rotor that turns counter-clockwise.
     corner : float
         Of the high-pass filter [rad/s].
     limit : float
@@ -143,6 +143,7 @@ class SideSideDamper:
         """
         tower, drivetrain = tower_top(turbine), turbine.drivetrain
         gain = 2.0 * damping * tower.side_side * tower.mass / (drivetrain.gear_ratio * tower.force_per_moment)
+        gain = gain if turbine.rotation == "clockwise" else -gain
         rated = rated_mechanical_power(turbine) / (drivetrain.rated_rotor_speed * drivetrain.gear_ratio)
         return cls(gain, CORNER * tower.side_side, limit * rated, drivetrain.max_generator_torque)
 

@@ -1,0 +1,94 @@
+"""Turbines whose rotor turns counter-clockwise: how they are described, loaded and written, and their mirror image."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wt_gym.commands.site_options import site_word
+from wt_gym.control.controllers.rotor_table import rotor_table
+from wt_gym.control.controllers.tower_dampers import SideSideDamper
+from wt_gym.errors import TurbineDefinitionError
+from wt_gym.simulation.state import fingerprint
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines.mirror import clockwise_image, mirrored
+from wt_gym.turbines.windio_writer import write_windio
+
+CLOCKWISE = load_turbine("nrel_5mw")
+OTHER = load_turbine("nrel_5mw", rotation="counter-clockwise")
+
+
+def lopsided(turbine):
+    """A turbine whose nacelle and tower know left and right, in every number that can."""
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(6, 6))
+    coupling = 0.05 * (root @ root.T) / np.abs(root @ root.T).max()
+    table, nacelle = turbine.tower.structure, turbine.nacelle
+    size = np.sqrt(np.where(np.isinf(table.stiffness), 1.0, table.stiffness).diagonal(axis1=1, axis2=2))
+    coupled = (
+        table.stiffness
+        + np.where(np.isinf(table.stiffness[0]).any(axis=0), 0.0, 1.0)
+        * np.where(np.isinf(table.stiffness[0]).any(axis=1)[:, None], 0.0, coupling)
+        * size[:, :, None]
+        * size[:, None, :]
+    )
+    skewed = nacelle.inertia + 0.1 * nacelle.inertia[0, 0] * (1.0 - np.eye(3))
+    return replace(
+        turbine,
+        nacelle=replace(nacelle, cm=nacelle.cm + np.array([0.0, 0.8, 0.0]), inertia=skewed),
+        tower=replace(turbine.tower, structure=replace(table, stiffness=coupled)),
+    )
+
+
+def test_rotation_is_clockwise_unless_it_is_given():
+    assert CLOCKWISE.rotation == "clockwise"
+    assert OTHER.rotation == "counter-clockwise"
+    assert load_turbine("nrel_5mw", rotation="clockwise") is CLOCKWISE
+    with pytest.raises(TurbineDefinitionError, match="rotation: got 'left', allowed is 'clockwise' or 'counter-clock"):
+        load_turbine("nrel_5mw", rotation="left")
+
+
+def test_a_site_can_name_the_rotation():
+    turbine = CLOCKWISE.with_site(**dict([site_word("rotation=counter-clockwise")]))
+    assert turbine.rotation == "counter-clockwise"
+    assert turbine.notes[-1] == "site: rotation counter-clockwise"
+    with pytest.raises(TurbineDefinitionError, match=r"rotation: got 1\.0"):
+        CLOCKWISE.with_site(rotation=1.0)
+
+
+def test_windio_has_no_key_for_it(tmp_path):
+    with pytest.raises(TurbineDefinitionError, match=r"rotation: got 'counter-clockwise'.*windIO has no key"):
+        write_windio(OTHER, tmp_path / "turbine.yaml")
+
+
+def test_the_image_of_the_image_is_the_turbine():
+    for turbine in (lopsided(CLOCKWISE), load_turbine("nrel_5mw_monopile")):
+        assert fingerprint(mirrored(mirrored(turbine))) == fingerprint(turbine)
+        assert fingerprint(clockwise_image(mirrored(turbine))) == fingerprint(turbine)
+        assert clockwise_image(turbine) is turbine
+
+
+def test_a_turbine_that_is_alike_on_both_sides_is_its_own_image_but_for_the_rotation():
+    assert fingerprint(mirrored(CLOCKWISE)) == fingerprint(OTHER) != fingerprint(CLOCKWISE)
+
+
+def test_energies_of_the_image_are_those_of_the_turbine():
+    """Bending to one side, of the image to the other, takes the same energy, and so does a turn."""
+    turbine = lopsided(CLOCKWISE)
+    image, rng = mirrored(turbine), np.random.default_rng(0)
+    turn = rng.normal(size=3)
+    inertia, reflected = turbine.nacelle.inertia, image.nacelle.inertia
+    pseudovector = turn * [-1.0, 1.0, -1.0]
+    assert pseudovector @ reflected @ pseudovector == pytest.approx(turn @ inertia @ turn, rel=1e-12)
+    assert image.nacelle.cm.tolist() == [turbine.nacelle.cm[0], -turbine.nacelle.cm[1], turbine.nacelle.cm[2]]
+    strain = np.array([0.0, 0.0, 1e-3, 2e-3, -1e-3, 3e-3])  # the sections do not shear
+    other = strain * [1.0, -1.0, 1.0, -1.0, 1.0, -1.0]
+    for matrix, seen in ((turbine.tower.structure, image.tower.structure),):
+        stiffness, its = (np.where(np.isinf(m.stiffness), 0.0, m.stiffness) for m in (matrix, seen))
+        np.testing.assert_allclose(other @ its @ other, strain @ stiffness @ strain, rtol=1e-12)
+        assert np.abs(stiffness - its).max() > 1e-3 * np.abs(stiffness).max()
+
+
+def test_rules_for_the_rotor_are_those_of_the_clockwise_turbine():
+    assert rotor_table(CLOCKWISE.with_site(rotation="counter-clockwise")) is rotor_table(CLOCKWISE)
+    assert SideSideDamper.of_turbine(OTHER).gain == -SideSideDamper.of_turbine(CLOCKWISE).gain

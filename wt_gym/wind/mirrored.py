@@ -1,0 +1,73 @@
+"""A wind seen in a mirror: any inflow reflected at the vertical plane y = 0."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wt_gym.wind.protocol import (
+    Inflow,
+    PointInflow,
+    fill_velocity,
+    read_only,
+    require_cover,
+    start_speed,
+    velocity_ahead,
+)
+
+__all__ = ["MirroredInflow"]
+
+_REFLECTION = np.array([1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class MirroredInflow(PointInflow):
+    """The mirror image of another inflow at the plane y = 0.
+
+    With S = diag(1, -1, 1) the wind at a point x is S u(S x, t): what blew to the left blows to the right, and
+    direction, veer, horizontal shear, gusts and turbulence change sides. Both reflections are exact in floating-point
+    numbers, so that the image of the image is the inner inflow bit for bit.
+
+    Parameters
+    ----------
+    inner : Inflow
+    """
+
+    inner: Inflow
+
+    @classmethod
+    def of(cls, inflow: Inflow) -> Inflow:
+        """Return the mirror image of an inflow, of a mirror image what is seen in it."""
+        return inflow.inner if isinstance(inflow, cls) else cls(inflow)
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean wind speed at hub height [m/s]."""
+        return self.inner.mean_speed
+
+    @property
+    def start_speed(self) -> float:
+        """Wind speed at hub height at time zero [m/s], turbulence left out."""
+        return start_speed(self.inner)
+
+    @property
+    def hub_height(self) -> float:
+        """Hub height [m]."""
+        return self.inner.hub_height
+
+    @property
+    def description(self) -> str:
+        """One line that tells a person what wind this is."""
+        return f"{self.inner.description}, mirrored"
+
+    def require_cover(self, hub_height: float, rotor_diameter: float) -> None:
+        """Refuse a rotor for which the inner inflow has no wind."""
+        require_cover(self.inner, hub_height, rotor_diameter)
+
+    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+        fill_velocity(self.inner, read_only(rows * _REFLECTION), time, out)
+        out[:, 1] *= -1.0
+        return -1
+
+    def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
+        np.multiply(velocity_ahead(self.inner, gates * _REFLECTION, time, distances), _REFLECTION, out=out)
+        return -1
