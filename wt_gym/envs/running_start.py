@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 __all__ = ["Lengths", "RunningStart", "Start", "steady_start"]
 
 _log = logging.getLogger(__name__)
-_FORMAT = 6  # raise when what a record holds changes
+_FORMAT = 7  # raise when what a record holds changes
 
 
 @dataclass(frozen=True)

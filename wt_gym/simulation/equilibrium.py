@@ -14,8 +14,9 @@ SMALLEST_SHARE = 1.0 / 256.0
 """Of a step of Newton's method, below which there is no balance."""
 
 
-def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces=False, iterations=40, tolerance=1e-9):
-    """Newton's method for elastic coordinates that do not accelerate; the rotor's own acceleration stays free.
+def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces=False, iterations=40, tolerance=1e-9,
+                        accelerations=0.0):  # fmt: skip
+    """Newton's method for elastic coordinates that do not accelerate, or as told; the rotor's own acceleration is free.
 
     A step is halved until the next one, with the same derivatives, is shorter: where strong loads bend slender blades
     far, whole steps lead away (natural monotonicity, Deuflhard, Newton Methods for Nonlinear Problems, 2004).
@@ -25,7 +26,7 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces
     system : MultibodySystem
         Every velocity but ``azimuth_u`` belongs to an elastic coordinate or spring.
     y : array (n_state,)
-        State with zero elastic rates; the elastic coordinates change in place.
+        State, of whose coordinates the elastic ones change in place.
     inputs, work : arrays of the system
     azimuth_q, azimuth_u : int
         The coordinate and velocity that turn freely.
@@ -33,6 +34,8 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces
         Balance forces, r = f − M_a u̇_a with the column M_a of the velocity that turns freely and u̇_a = f_a/M_aa,
         instead of accelerations. In nodal coordinates the accelerations of one small turn of a node exceed those of a
         bent blade so far that differences show nothing of these.
+    accelerations : float or array (n_u - 1,)
+        That the elastic velocities are to have; with forces 0.
 
     Raises
     ------
@@ -48,7 +51,7 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces
 
     def residual(state):
         if not of_forces:
-            return system.rates(state, inputs, work)[u]
+            return system.rates(state, inputs, work)[u] - accelerations
         mass, force = system.balance(state, inputs, work)
         column = np.concatenate([mass[azimuth_u, :azimuth_u], mass[azimuth_u:, azimuth_u]])
         return (force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q]

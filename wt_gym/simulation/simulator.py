@@ -178,8 +178,9 @@ class Simulator:
             Mean thrust of the air on the rotor over some ten seconds before [N], in which the wake was shed. By default
             that of the start.
         motion : array (n,), optional
-            Deformation of the structure and its rates, as `motion` gives them of a simulator with the same turbine and
-            fidelity; ``tower_top`` is then left aside. Formulation "embedded" only.
+            Motion of the structure, as `motion` gives it of a simulator with the same turbine and fidelity, to go on
+            with its velocities and accelerations; ``tower_top`` is then left aside. Modal coordinates, formulation
+            "embedded" and the Hamming integrator only.
 
         Returns
         -------
@@ -203,11 +204,11 @@ class Simulator:
             tower_top = tower_top * _TOWER_TOP_PARITIES if self.mirrored else tower_top
         if motion is not None:
             motion = np.asarray(motion, dtype=float)
-            size = self.structure.system.n_q + self.structure.system.n_u - 2
-            if self.fidelity.formulation != "embedded" or motion.shape != (size,) or not np.isfinite(motion).all():
+            size = self.structure.n_motion
+            if not self._takes_motion or motion.shape != (size,) or not np.isfinite(motion).all():
                 raise ActionError(
-                    f"motion must be {size} finite numbers, in formulation 'embedded'; got shape {motion.shape} in "
-                    f"formulation {self.fidelity.formulation!r}"
+                    f"motion must be {size} finite numbers, for modal coordinates, formulation 'embedded' and the "
+                    f"Hamming integrator; got shape {motion.shape} for {self.fidelity!r:.200}"
                 )
         if thrust_before is not None:
             check_finite(thrust_before=thrust_before)
@@ -368,7 +369,9 @@ class Simulator:
         return top * _TOWER_TOP_PARITIES if self.mirrored else top
 
     def motion(self):
-        """Deformation of the structure and its rates, the tower along and across the nacelle, in the form of `reset`.
+        """Deformation of the structure, its rates and accelerations, in the form of `reset`.
+
+        The tower moves along and across the nacelle.
 
         That of the clockwise image of a rotor that turns counter-clockwise.
 
@@ -377,7 +380,14 @@ class Simulator:
         array (n,)
         """
         self._require_start()
-        return self.structure.motion(self.coupling.integrator.state, self.drives.command[1])
+        integrator = self.coupling.integrator
+        return self.structure.motion(integrator.state, integrator.state_rate, self.drives.command[1])
+
+    @property
+    def _takes_motion(self):
+        f = self.fidelity
+        modal = (f.blade_coordinates, f.tower_coordinates) == ("modal", "modal") and f.blade_bodies == 1
+        return modal and f.formulation == "embedded" and f.integrator == "hamming"
 
     def constraint_drift(self, restart=True):
         """How far steps have drifted off the constraint equations before they were put back onto them.

@@ -44,7 +44,8 @@ class Starter:
         thrust_before : float, optional
             Mean thrust in the time before, to which the wake belongs [N]; by default that of the balance.
         motion : array (n,), optional
-            Of the structure (`TurbineStructure.motion`), in place of a balance of its loads.
+            Of the structure (`TurbineStructure.motion`): it goes on with its velocities and accelerations, deformed as
+            the loads of the start make it.
 
         Raises
         ------
@@ -59,8 +60,8 @@ class Starter:
         balanced.aero.clear()  # the tower stands in what the last wake slowed
         y = self._rigid_state(rotor_speed, azimuth)
         if motion is not None:
-            balanced.models.structure.move(y, motion, self.drives.command[1])
-            self._balance_air(y, rotor_speed, generator_torque, inflow, None, True, thrust_before)
+            wanted = balanced.models.structure.move(y, motion, self.drives.command[1])
+            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, thrust_before, wanted)
         else:
             self._find_equilibrium(y, rotor_speed, generator_torque, inflow, thrust_before)
             self._turn_loads(y, rotor_speed, azimuth)
@@ -116,15 +117,18 @@ class Starter:
         q += s.tower_sway @ moved
         u += s.tower_sway @ (turn @ tower_top[2:])
 
-    def _find_equilibrium(self, y, rotor_speed, generator_torque, inflow, thrust_before):
-        """Wake, loads and elastic state (y, in place) in balance with each other and the generator."""
+    def _find_equilibrium(self, y, rotor_speed, generator_torque, inflow, thrust_before, accelerations=0.0):
+        """Wake, loads and elastic state (y, in place) in balance with each other and the generator.
+
+        Balance means the given accelerations: a motion that goes on in another wind is not jolted by it.
+        """
         c = self._balanced
         s, induced = c.models.structure, None
         for k in range(PASSES):
             last = k == PASSES - 1
             induced = self._balance_air(y, rotor_speed, generator_torque, inflow, induced, last, thrust_before)
             elastic_equilibrium(s.system, y, c.integrator.inputs, c.integrator.work, s.azimuth_q, s.azimuth_u,
-                                _balances_forces(c.models.fidelity))  # fmt: skip
+                                _balances_forces(c.models.fidelity), accelerations=accelerations)  # fmt: skip
 
     def _balance_air(self, y, rotor_speed, generator_torque, inflow, induced, last, thrust_before):
         """Wake and loads for a state of the structure, and the generator under them; returns what the wake induces."""

@@ -92,33 +92,46 @@ class TurbineStructure:
         return y[q : q + n], y[u : u + n]
 
     @property
-    def _moving(self):
-        """Places in a state of all that moves beside generator and drives: coordinates, then velocities."""
-        system = self.system
-        q, u = np.arange(system.n_q), np.arange(system.n_u)
-        return np.concatenate([q[q != self.azimuth_q], system.n_q + u[u != self.azimuth_u]])
+    def n_motion(self):
+        """Numbers of a `motion`."""
+        return sum(map(len, self._moving))
 
-    def motion(self, y, heading):
-        """Deformation of a state and its rates, the tower along and across a heading.
+    @property
+    def _moving(self):
+        """Places of all that moves beside generator and drives, (coordinates, velocities), in a state and its rate."""
+        system = self.system
+        q, u = np.arange(system.n_q), system.n_q + np.arange(system.n_u)
+        others = u[u != system.n_q + self.azimuth_u]
+        return q[q != self.azimuth_q], others, others
+
+    def motion(self, y, dy, heading):
+        """Deformation, its rates and accelerations, those of the tower along and across a heading.
 
         Parameters
         ----------
-        y : array (n_state,)
+        y, dy : array (n_state,)
+            State and its rate.
         heading : float
             Counter-clockwise from x [rad].
 
         Returns
         -------
-        array (n,)
+        array (n_motion,)
         """
-        z = y.copy()
-        self._turn_tower(z, -heading)
-        return z[self._moving]
+        y, dy = y.copy(), dy.copy()
+        for each in (y, dy):
+            self._turn_tower(each, -heading)
+        q, u, a = self._moving
+        return np.concatenate([y[q], y[u], dy[a]])
 
     def move(self, y, motion, heading):
-        """Put the deformation and rates of `motion` into a state, in place."""
-        y[self._moving] = motion
-        self._turn_tower(y, heading)
+        """Put deformation and rates of a `motion` into a state, in place; returns the accelerations (n_u - 1,)."""
+        q, u, a = self._moving
+        dy = np.zeros(len(y))
+        y[q], y[u], dy[a] = np.split(motion, [len(q), len(q) + len(u)])
+        for each in (y, dy):
+            self._turn_tower(each, heading)
+        return dy[a]
 
     def _turn_tower(self, y, angle):
         """Turn the bending of the tower about z, in place: its modes have the same shapes along x and y."""
