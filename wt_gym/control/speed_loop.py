@@ -51,7 +51,7 @@ _PITCH = 7
 """Row of the pitch in the state matrix."""
 MOST_SPEED_RISE = 0.25
 """Rise of the rotor speed after a gust of one standard deviation, over rated, above which a controller is warned of:
-that of the environments' overspeed limit. Published controllers of the catalogue have 0.18 at most, by rule 0.21 [-]."""
+that of the environments' overspeed limit. Published controllers of the catalogue have up to 0.18 [-]."""
 INTERVAL = 0.1
 """Step of the controller for the delay of its demand [s], that of `training`."""
 
