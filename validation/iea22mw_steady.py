@@ -9,8 +9,8 @@ The pitch at 24 m/s, the most sensitive number, less that of OpenFAST:
   with 4 + 3 + 2, -0.43 with 5 + 4 + 3, -0.45 with 7 + 5 + 4;
 - four, six and eight bodies: -0.13, -0.31 and -0.38 deg.
 
-Both ways end at about -0.45 deg; few modes that come nearer owe it to what they leave out. With rigid blades the lattice
-needs 0.38 deg less than blade elements with the same polars (22.58 for 22.96 deg).
+Both ways end at about -0.45 deg; few modes that come nearer owe it to what they leave out. With rigid
+blades the lattice needs 0.38 deg less than blade elements with the same polars (22.58 for 22.96 deg).
 """
 
 from __future__ import annotations
