@@ -30,6 +30,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 PARTS = (*BASES, *WRAPPERS, *ADDITIONS)
 EVERY = [(name, parameter) for name in PARTS for parameter in declared_parameters(name)]
 NUMBERS = [(name, parameter) for name, parameter in EVERY if not parameter.only_object]
+SHOWN = [(name, parameter) for name, parameter in NUMBERS if parameter.default is not None or parameter.in_use]
 DT = 0.4
 """Interval of the controllers [s]."""
 ON = {"thrust_limit": "iea_22mw"}
@@ -130,8 +131,12 @@ def test_every_parameter_changes_its_controller(name, parameter):
     assert not np.array_equal(changed, answers(turbine, name, **beside)), value
 
 
-@pytest.mark.parametrize("turbine_name", ["nrel_5mw", "iea_22mw"])
-@pytest.mark.parametrize(("name", "parameter"), NUMBERS, ids=lambda x: getattr(x, "name", x))
+@pytest.mark.parametrize(
+    ("name", "parameter", "turbine_name"),
+    [(name, parameter, "nrel_5mw") for name, parameter in SHOWN]
+    + [(name, parameter, "iea_22mw") for name, parameter in SHOWN if name in BASES],
+    ids=lambda x: getattr(x, "name", x),
+)
 def test_the_default_shown_is_the_one_used(name, parameter, turbine_name):
     turbine, value = load_turbine(turbine_name), parameter.default
     if value is None and parameter.in_use is not None:
