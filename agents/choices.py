@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.controllers import CONTROLLERS, name_and_parameters
+from wt_gym.control.controllers.parameters import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -71,6 +72,7 @@ def kind_of(choice: str, words: Collection[str], more: Collection[str] = ()) -> 
     raise ValueError(
         f"{choice!r} is no agent: give {', '.join([*words, *more])}, a controller ({', '.join(CONTROLLERS)}, joined "
         "with '+', parameters behind ':'), or the path of a trained model"
+        + did_you_mean(choice.partition(":")[0].rpartition("+")[2], (*words, *more, *CONTROLLERS))
     )
 
 

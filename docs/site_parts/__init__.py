@@ -32,6 +32,7 @@ PARTS = {
     "channels": options.channels,
     "turbines": options.turbines,
     "controllers": options.controllers,
+    "parameters": options.parameters,
     "fidelities": options.fidelities,
     "lattices": options.lattices,
     "cli": command_line.commands,

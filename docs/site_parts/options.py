@@ -7,7 +7,7 @@ from dataclasses import fields
 
 from site_parts.markdown import attributes_of, first_sentence, table, value
 from wt_gym.aerodynamics import AeroOptions
-from wt_gym.control.controllers import ADDITIONS, BASES, WRAPPERS, controller_parameters
+from wt_gym.control.controllers import ADDITIONS, BASES, WRAPPERS, controller_parameters, declared_parameters
 from wt_gym.simulation import FIDELITIES, Fidelity, channel_table
 from wt_gym.simulation.channels import EVEN
 from wt_gym.turbines import catalogue, load_turbine
@@ -58,6 +58,19 @@ def controllers():
             parameters = ", ".join(f"`{key}`" for key in controller_parameters(name))
             rows.append((f"`{name}`", kind, first_sentence(maker), parameters))
     return table(("name", "kind", "what it is", "parameters"), rows, "options")
+
+
+def parameters():
+    """Parameters of every controller; names that stand for several parts have those of the parts."""
+    rows = []
+    for name in (*BASES, *WRAPPERS, *ADDITIONS):
+        for parameter in declared_parameters(name):
+            shown = parameter.default_text()
+            default = shown if parameter.default is None else f"`{shown}`"
+            rows.append(
+                (f"`{name}`", f"`{parameter.name}`", parameter.unit, default, parameter.allowed, parameter.meaning)
+            )
+    return table(("controller", "parameter", "unit", "default", "allowed", "meaning"), rows, "options")
 
 
 def fidelities():

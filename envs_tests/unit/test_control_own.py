@@ -18,10 +18,14 @@ from wt_gym.control.controllers.filters import SecondOrderLowPass
 from wt_gym.control.controllers.own import own_parameters
 from wt_gym.control.controllers.pitch_law import GainTable, PitchLaw
 from wt_gym.control.controllers.rosco_like import RoscoLikeController
-from wt_gym.control.speed_loop import check_speed_loop, checked_winds, speed_loop_modes
+from wt_gym.control.design import rotor_inertia
+from wt_gym.control.operating_point import operating_point
+from wt_gym.control.rotor import rotor_of
+from wt_gym.control.speed_loop import check_speed_loop, checked_winds, gust_speed_rise, speed_loop_modes
 from wt_gym.errors import ControllerError, TurbineDefinitionError
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.catalogue import turbine_file
+from wt_gym.wind.iec import turbulence_sigma
 
 CATALOGUE = ("nrel_5mw", "nrel_5mw_monopile", "iea_15mw", "iea_15mw_monopile", "iea_22mw")
 
@@ -201,12 +205,34 @@ def test_controllers_of_the_catalogue_pass_the_check(name):
             report = check_speed_loop(checked, BaselineParameters.from_turbine(checked))
             assert len(report.modes) == len(checked_winds(checked)) == 5
             assert report.pitch_rate < 1.0
+            assert 0.02 < report.speed_rise < 0.25
 
 
 def test_gains_of_a_small_turbine_on_a_large_one_are_warned_of():
     """0.6 rad/s, the frequency of the NREL 5-MW, makes the rotor of the 22-MW swing."""
     with pytest.warns(UserWarning, match=r"IEA 22MW.*rad/s with a damping ratio of \+0\.1.*at least 0.15"):
         make_controller("discon:natural_frequency=0.6", load_turbine("iea_22mw"))
+
+
+def test_a_slow_loop_is_warned_of():
+    with pytest.warns(UserWarning, match=r"IEA 15MW.* raise the rotor speed by \d\d % of rated, more than 25 %"):
+        make_controller("discon:natural_frequency=0.04", load_turbine("iea_15mw"))
+
+
+def test_the_rise_of_the_speed_is_that_of_a_loop_of_second_order(monkeypatch):
+    """``w' = (dQ - c w - k int w)/J``: at most ``dQ/(J w_n) exp(-zeta/sqrt(1 - zeta^2) acos(zeta))``."""
+    monkeypatch.setattr("wt_gym.control.speed_loop.INTERVAL", 0.005)  # hardly a delay
+    turbine, wind = load_turbine("nrel_5mw"), 18.0
+    table = GainTable((0.0,), (0.004,), (0.004,))
+    parameters = replace(own_parameters(turbine), corner_frequency=200.0, gain_table=table)
+    modes = speed_loop_modes(turbine, parameters, wind)
+    rotor = next(mode for mode in modes if mode.tower_share < 0.5)
+    zeta = rotor.damping
+    point = operating_point(turbine, wind)
+    torque = rotor_of(turbine).slopes(wind, point.rotor_speed, point.pitch).torque_wind * turbulence_sigma(wind, "B")
+    rise = torque / (rotor_inertia(turbine) * rotor.frequency)
+    rise *= math.exp(-zeta / math.sqrt(1.0 - zeta**2) * math.acos(zeta)) / turbine.drivetrain.rated_rotor_speed
+    assert gust_speed_rise(turbine, parameters, wind) == pytest.approx(rise, rel=0.1)
 
 
 def test_an_unstable_loop_is_refused():
@@ -219,10 +245,6 @@ def test_an_unstable_loop_is_refused():
 def test_the_loop_has_the_poles_that_its_gains_place():
     """With fast filter, frozen tower and the rotor's own damping known: s^2 + (2 zeta w + d) s + w^2."""
     turbine = load_turbine("nrel_5mw")
-    from wt_gym.control.design import rotor_inertia
-    from wt_gym.control.operating_point import operating_point
-    from wt_gym.control.rotor import rotor_of
-
     wind = 18.0
     point = operating_point(turbine, wind)
     slopes = rotor_of(turbine).slopes(wind, point.rotor_speed, point.pitch)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from wt_gym.control.controllers.rotor_table import blade_element_table, rotor_table
-from wt_gym.control.design import design_point, fine_pitch, full_power_wind, speed_loop, trim_pitch
+from wt_gym.control.design import design_point, fine_pitch, full_power_wind, speed_filter, speed_loop, trim_pitch
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.control_data import ControlData
 
 
 def bare(name):
@@ -86,6 +87,18 @@ def test_frequency_rule_follows_its_limits(limit, turned):
         changed = replace(turbine, tower=replace(turbine.tower, structure=soft))
     assert getattr(speed_loop(changed), limit) == pytest.approx(0.5 * getattr(speed_loop(turbine), limit))
     assert speed_loop(changed).natural_frequency < speed_loop(turbine).natural_frequency
+
+
+@pytest.mark.parametrize("damping", [None, 0.7, 1.2])
+def test_frequency_rule_keeps_the_lag_of_the_speed_filter(damping):
+    """As large as that of the NREL 5-MW at 0.6 rad/s, whatever the filter."""
+    control = ControlData(speed_filter_frequency=1.1, speed_filter_damping=damping)
+    turbine = replace(load_turbine("nrel_5mw"), control=control)
+    x = speed_loop(turbine).by_filter / 1.1
+    answer = 1.0 / (1.0 + 1j * x) if damping is None else 1.0 / (1.0 - x**2 + 2j * damping * x)
+    assert -np.angle(answer) == pytest.approx(math.atan(0.6 / 1.570796))
+    assert speed_loop(turbine).natural_frequency == speed_loop(turbine).by_filter
+    assert speed_filter(load_turbine("iea_15mw"))[1] == 0.7
 
 
 def test_published_numbers_go_before_the_rotor():

@@ -2,12 +2,20 @@
 
 import doctest
 import re
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from validation.record import read_record
-from wt_gym.control.controllers import CONTROLLERS, controller_parameters
+from wt_gym.control.controllers import (
+    ADDITIONS,
+    BASES,
+    CONTROLLERS,
+    WRAPPERS,
+    controller_parameters,
+    declared_parameters,
+)
 from wt_gym.control.controllers import controller as contract
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -28,6 +36,17 @@ def test_examples_of_the_contract_run():
 def test_every_controller_stands_on_the_page(name):
     assert f"| `{name}` |" in PAGE.read_text(encoding="utf-8")
     assert controller_parameters(name) is not None
+
+
+def test_the_table_of_parameters_is_that_of_the_code(monkeypatch):
+    assert "\n<!-- generated: parameters -->\n" in PAGE.read_text(encoding="utf-8")
+    pytest.importorskip("sphinx")  # of the package that fills the page
+    monkeypatch.syspath_prepend(DOCS)
+    text = import_module("site_parts.options").parameters()
+    for name in (*BASES, *WRAPPERS, *ADDITIONS):
+        for parameter in declared_parameters(name):
+            assert f"| `{name}` | `{parameter.name}` | {parameter.unit} |" in text
+            assert parameter.meaning in text
 
 
 def test_the_tables_are_those_of_the_record():

@@ -69,3 +69,11 @@ def test_table_of_the_reduction_study_is_that_of_the_record():
     text = page("formulations").split("(`observer-turbine-reduction`)")[1].split("\n## ")[0]
     found, recorded = rows(text), copied("observer-turbine-reduction")
     assert [row[1:6] for row in found] == [numbers[:5] for _, numbers in recorded]
+
+
+def test_the_steady_states_of_the_iea_22mw_are_those_of_the_record():
+    notes = RECORD["iea22-steady"]["notes"].replace("-", "−").replace("−0.0 %", "0.0 %").replace("+0.0 %", "0.0 %")
+    recorded = rows(notes.replace("−−−", "---"))
+    found = rows(section(page("validation"), "Steady states of the IEA 22-MW"))
+    assert len(recorded) == 10
+    assert found == recorded

@@ -351,11 +351,16 @@ class TestWindIO:
         require_same(turbine, load_turbine(written[0]))
         kept = ControlData(**json.loads(written[1].read_text()))
         require_same(turbine.control, kept)
+        written[1].unlink()  # without it the windIO file alone says less of the controller
+        with pytest.raises(TurbineDefinitionError, match=r"Turbine\.control\.\w+: got None"):
+            require_same(turbine, load_turbine(written[0]))
 
     def test_a_difference_is_found(self, nrel_5mw):
         require_same(nrel_5mw, nrel_5mw)
         with pytest.raises(TurbineDefinitionError, match=r"Turbine\.hub\.mass: got 1\.0"):
             require_same(nrel_5mw, replace(nrel_5mw, hub=replace(nrel_5mw.hub, mass=1.0)))
+        with pytest.raises(TurbineDefinitionError, match=r"Turbine\.control\.fine_pitch: got 0\.1"):
+            require_same(nrel_5mw, replace(nrel_5mw, control=replace(nrel_5mw.control, fine_pitch=0.1)))
 
     @pytest.mark.parametrize("name", ["nrel_5mw_monopile", "gebhardt_45m", "nada_small"])
     def test_what_no_windio_file_holds_is_refused(self, name):

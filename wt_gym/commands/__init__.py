@@ -23,6 +23,7 @@ COMMANDS = {
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",
     "import": "read an OpenFAST model as a turbine, and write it as a windIO file",
+    "list": "controllers with their parameters, turbines, tasks, channels, trained agents",
     "compile": "compile the simulator ahead of the first run, in two processes",
     "bench": "speed and memory on this machine",
     "fuzz": "drawn policies, winds and turbines against the contract of the environment",

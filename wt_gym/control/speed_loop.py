@@ -40,6 +40,7 @@ __all__ = [
     "check_speed_loop",
     "checked_winds",
     "gust_pitch_rate",
+    "gust_speed_rise",
     "speed_loop_modes",
 ]
 
@@ -48,6 +49,9 @@ LEAST_DAMPING = 0.15
 [-]. The published controllers of the catalogue have 0.25 and more."""
 _PITCH = 7
 """Row of the pitch in the state matrix."""
+MOST_SPEED_RISE = 0.25
+"""Rise of the rotor speed after a gust of one standard deviation, over rated, above which a controller is warned of:
+that of the environments' overspeed limit. Published controllers of the catalogue have up to 0.18 [-]."""
 INTERVAL = 0.1
 """Step of the controller for the delay of its demand [s], that of `training`."""
 
@@ -170,6 +174,24 @@ def gust_pitch_rate(turbine: Turbine, parameters: BaselineParameters, wind: floa
     turbine, parameters, wind
         As of `speed_loop_modes`.
     """
+    matrix, answers = _gust_answers(turbine, parameters, wind)
+    return float(np.abs(answers @ matrix[_PITCH]).max())
+
+
+def gust_speed_rise(turbine: Turbine, parameters: BaselineParameters, wind: float) -> float:
+    """Largest rise of the rotor speed after that step of the wind, over rated speed [-].
+
+    Parameters
+    ----------
+    turbine, parameters, wind
+        As of `speed_loop_modes`.
+    """
+    _, answers = _gust_answers(turbine, parameters, wind)
+    return float(answers[:, 0].max()) / turbine.drivetrain.rated_rotor_speed
+
+
+def _gust_answers(turbine: Turbine, parameters: BaselineParameters, wind: float) -> tuple[np.ndarray, np.ndarray]:
+    """State matrix (n, n), and states (m, n) after a step of the wind by one standard deviation, over five turns."""
     matrix, mass, inertia = _matrix(turbine, parameters, wind)
     point = operating_point(turbine, wind)
     s = rotor_of(turbine).slopes(wind, point.rotor_speed, point.pitch)
@@ -181,12 +203,12 @@ def gust_pitch_rate(turbine: Turbine, parameters: BaselineParameters, wind: floa
     step = 0.05 * 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / 5.0
     wide = np.zeros((len(matrix) + 1,) * 2)
     wide[:-1, :-1], wide[:-1, -1] = matrix, gust
-    over, state, largest = expm(step * wide), np.zeros(len(wide)), 0.0
+    over, state, states = expm(step * wide), np.zeros(len(wide)), []
     state[-1] = 1.0
     for _ in range(500):
         state = over @ state
-        largest = max(largest, abs(float(matrix[_PITCH] @ state[:-1])))
-    return largest
+        states.append(state[:-1])
+    return matrix, np.array(states)
 
 
 @dataclass(frozen=True)
@@ -203,12 +225,15 @@ class LoopReport:
         The least damped of the tower.
     pitch_rate : float
         Largest pitch rate after a gust over that of the drives, see `gust_pitch_rate` [-].
+    speed_rise : float
+        Largest rise of the rotor speed after the same gust over rated speed, see `gust_speed_rise` [-].
     """
 
     modes: tuple[LoopMode, ...]
     least_damped: LoopMode | None
     tower: LoopMode | None
     pitch_rate: float
+    speed_rise: float
 
 
 @lru_cache(maxsize=64)
@@ -217,12 +242,15 @@ def _report(turbine: Turbine, parameters: BaselineParameters) -> LoopReport:
     every = [mode for modes in by_wind for mode in modes]
     speed = [mode for mode in every if mode.tower_share < 0.5 or mode.damping < 0.0]
     tower = [mode for mode in every if mode.tower_share >= 0.5]
-    rates = [gust_pitch_rate(turbine, parameters, wind) for wind in checked_winds(turbine)] if not _grows(speed) else []
+    winds = () if _grows(speed) else checked_winds(turbine)
+    rates = [gust_pitch_rate(turbine, parameters, wind) for wind in winds]
+    rises = [gust_speed_rise(turbine, parameters, wind) for wind in winds]
     return LoopReport(
         tuple(modes[0] for modes in by_wind if modes),
         min(speed, key=lambda mode: mode.damping, default=None),
         min(tower, key=lambda mode: mode.damping, default=None),
         max(rates, default=0.0) / turbine.pitch.max_rate,
+        max(rises, default=0.0),
     )
 
 
@@ -271,6 +299,13 @@ def check_speed_loop(turbine: Turbine, parameters: BaselineParameters) -> LoopRe
         warnings.warn(
             f"the speed loop of {turbine.name} answers a gust with {report.pitch_rate:.1f} times the pitch rate of the "
             f"drives, {math.degrees(turbine.pitch.max_rate):.1f} deg/s, and may swing: {advice}",
+            stacklevel=3,
+        )
+    if report.speed_rise > MOST_SPEED_RISE:
+        warnings.warn(
+            f"the speed loop of {turbine.name} lets a gust of one standard deviation raise the rotor speed by "
+            f"{100 * report.speed_rise:.0f} % of rated, more than {100 * MOST_SPEED_RISE:.0f} %: choose larger gains "
+            "or a higher natural_frequency",
             stacklevel=3,
         )
     return report

@@ -397,7 +397,7 @@ def _airfoil(airfoil: Airfoil, name: str, rotating: bool | None) -> dict[str, An
 
 
 def require_same(wanted: Any, found: Any, where: str = "Turbine") -> None:
-    """Require two turbines, or parts of them, to be equal but for rounding; notes and controllers are not compared.
+    """Require two turbines, or parts of them, to be equal but for rounding; notes and names are not compared.
 
     Airfoils are compared in their order along the span.
 
@@ -409,7 +409,7 @@ def require_same(wanted: Any, found: Any, where: str = "Turbine") -> None:
     for item in dataclasses.fields(wanted):
         one, two = getattr(wanted, item.name), getattr(found, item.name)
         name = f"{where}.{item.name}"
-        if item.name in ("notes", "control", "airfoils", "airfoil_index", "name"):
+        if item.name in ("notes", "airfoils", "airfoil_index", "name"):
             continue
         if dataclasses.is_dataclass(one) and type(one) is type(two):
             require_same(one, two, name)

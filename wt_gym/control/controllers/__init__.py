@@ -10,6 +10,8 @@ from wt_gym.control.controllers.catalogue import (
     CONTROLLERS,
     WRAPPERS,
     controller_parameters,
+    controller_summary,
+    declared_parameters,
     make_controller,
     name_and_parameters,
 )
@@ -33,6 +35,7 @@ from wt_gym.control.controllers.discon import (
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
 from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
+from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
@@ -59,6 +62,7 @@ __all__ = [
     "HarmonicPitchParameters",
     "IndividualPitch",
     "LidarFeedforward",
+    "Parameter",
     "Readings",
     "RoscoLikeController",
     "RoscoLikeParameters",
@@ -69,6 +73,8 @@ __all__ = [
     "YawByDeadBand",
     "checked_demand",
     "controller_parameters",
+    "controller_summary",
+    "declared_parameters",
     "from_harmonic",
     "lidar_of",
     "make_controller",

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.control.controllers import individual_pitch, lidar_feedforward, own, retuned, rosco_like, tower_dampers, yaw
 from wt_gym.control.controllers.controller import Addition, Combined, Controller, is_addition, is_controller
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import own_controller, own_parameters
+from wt_gym.control.controllers.parameters import Parameter, did_you_mean, with_defaults
 from wt_gym.control.controllers.retuned import retuned_controller
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
@@ -26,6 +31,8 @@ __all__ = [
     "CONTROLLERS",
     "WRAPPERS",
     "controller_parameters",
+    "controller_summary",
+    "declared_parameters",
     "make_controller",
     "name_and_parameters",
 ]
@@ -99,42 +106,91 @@ SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper"), **TUNED}
 CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
 """Every name; what is no base stands on "discon" where there is none."""
 
-_BEHIND: dict[str, tuple[Callable[..., Any], ...]] = {
-    "discon": (own_controller, own_parameters),
-    "rosco": (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine),
-    "ipc": (IndividualPitch.of_turbine,),
-    "ipc_2p": (IndividualPitch.of_turbine,),
-    "constrained_ipc": (IndividualPitch.of_turbine,),
-    "fore_aft_damper": (ForeAftDamper.of_turbine,),
-    "side_side_damper": (SideSideDamper.of_turbine,),
-    "yaw": (YawByDeadBand,),
-    "lidar": (LidarFeedforward.of_turbine,),
+_DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]]] = {
+    "discon": (own.PARAMETERS, (own_controller, own_parameters)),
+    "retuned": (retuned.PARAMETERS, (_retuned,)),
+    "rosco": (rosco_like.PARAMETERS, (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine)),
+    "lidar": (lidar_feedforward.PARAMETERS, (LidarFeedforward.of_turbine,)),
+    "ipc": (individual_pitch.PARAMETERS, (IndividualPitch.of_turbine,)),
+    "ipc_2p": (individual_pitch.PARAMETERS, (_ipc_2p, IndividualPitch.of_turbine)),
+    "constrained_ipc": (individual_pitch.PARAMETERS, (_constrained_ipc, IndividualPitch.of_turbine)),
+    "fore_aft_damper": (tower_dampers.FORE_AFT_PARAMETERS, (ForeAftDamper.of_turbine,)),
+    "side_side_damper": (tower_dampers.SIDE_SIDE_PARAMETERS, (SideSideDamper.of_turbine,)),
+    "yaw": (yaw.PARAMETERS, (YawByDeadBand,)),
 }
-"""Where the parameters of a name end up."""
+"""What the parts declare, and the functions whose defaults hold, the first before the others."""
+
+
+@cache
+def declared_parameters(name: str) -> tuple[Parameter, ...]:
+    """Parameters of one name of the catalogue with unit, allowed values, default and meaning.
+
+    Those of a name that stands for several parts are called ``part__parameter``; the defaults of tuned ones are what
+    was found.
+
+    Parameters
+    ----------
+    name : str
+        Of `CONTROLLERS`.
+
+    Raises
+    ------
+    ValueError
+        For another name.
+
+    Examples
+    --------
+    >>> [parameter.name for parameter in declared_parameters("yaw")]
+    ['dead_band', 'stop', 'slow', 'fast']
+    """
+    if name not in CONTROLLERS:
+        raise ValueError(_unknown(name, [name]))
+    if name not in SHORT_FOR:
+        parameters, makers = _DECLARED[name]
+        return with_defaults(parameters, *makers)
+    tuned = record_of(name)["best"]["parameters"] if name in TUNED else {}
+    found = [
+        replace(parameter, name=f"{part}__{parameter.name}")
+        for part in SHORT_FOR[name]
+        for parameter in declared_parameters(part)
+    ]
+    return tuple(replace(p, default=tuned[p.name]) if p.name in tuned else p for p in found)
 
 
 def controller_parameters(name: str) -> dict[str, Any]:
     """Parameters of one name of the catalogue with their defaults; of tuned ones with what was found.
+
+    Those of a name that stands for several parts are called ``part__parameter``.
 
     Examples
     --------
     >>> controller_parameters("retuned")
     {'gain_factor': None}
     """
-    _parts(name)
-    makers: list[Callable[..., Any]] = [
-        {**BASES, **WRAPPERS, **ADDITIONS}[part] for part in SHORT_FOR.get(name, (name,))
-    ]
-    makers += [maker for part in SHORT_FOR.get(name, (name,)) for maker in _BEHIND.get(part, ())]
-    found: dict[str, Any] = {}
-    for maker in makers:
-        for key, parameter in inspect.signature(maker).parameters.items():
-            if parameter.kind is not inspect.Parameter.VAR_KEYWORD and key not in ("turbine", "base", "rate"):
-                found.setdefault(key, parameter.default)
-    tuned = record_of(name)["best"]["parameters"] if name in TUNED else {}
-    for key in tuned:
-        found.pop(key.rpartition("__")[2], None)
-    return found | tuned
+    return {parameter.name: parameter.default for parameter in declared_parameters(name)}
+
+
+def controller_summary(name: str) -> str:
+    """What a controller is, in one sentence.
+
+    Parameters
+    ----------
+    name : str
+        Of `CONTROLLERS`.
+    """
+    if name in SHORT_FOR:
+        parts = "+".join(SHORT_FOR[name])
+        return f"Stands for {parts}" + (", with the parameters that a search found." if name in TUNED else ".")
+    text = inspect.getdoc({**BASES, **WRAPPERS, **ADDITIONS}[name]) or ""
+    return re.sub(r" \(`[a-z_]+`\)(?=\.$)", "", " ".join(text.split()))
+
+
+def _unknown(choice: str, unknown: list[str]) -> str:
+    """Message for names that are none."""
+    return (
+        f"unknown controller {choice!r}: {', '.join(map(repr, unknown))} is none of {', '.join(CONTROLLERS)}; "
+        f"several are joined with '+', for example 'retuned+ipc+yaw'{did_you_mean(unknown[0], CONTROLLERS)}"
+    )
 
 
 def _parts(choice: str) -> tuple[str, ...]:
@@ -142,10 +198,7 @@ def _parts(choice: str) -> tuple[str, ...]:
     parts = [part for name in choice.split("+") for part in SHORT_FOR.get(name, (name,))]
     unknown = [part for part in parts if part not in BASES and part not in WRAPPERS and part not in ADDITIONS]
     if unknown:
-        raise ValueError(
-            f"unknown controller {choice!r}: {', '.join(map(repr, unknown))} is none of {', '.join(CONTROLLERS)}; "
-            "several are joined with '+', for example 'retuned+ipc+yaw'"
-        )
+        raise ValueError(_unknown(choice, unknown))
     if parts[0] not in BASES:
         parts.insert(0, "discon")
     if any(part in BASES for part in parts[1:]) or len(set(parts)) < len(parts):
@@ -205,7 +258,7 @@ def make_controller(
         which is returned as it is, or a function that makes one for the turbine.
     turbine : Turbine
     **parameters
-        Of the parts, see `controller_parameters`. One that belongs to several parts of the name is told apart by the
+        Of the parts, see `declared_parameters`. One that belongs to several parts of the name is told apart by the
         name of the part and two underscores: ``ipc__limit=0.05``. For a function they are its keyword arguments.
 
     Returns
@@ -216,7 +269,8 @@ def make_controller(
     Raises
     ------
     ValueError
-        For an unknown name, which lists those allowed, or a parameter that no part has or that several have.
+        For an unknown name, which lists those allowed, a parameter that no part has or that several have, or a value
+        that is not allowed.
     TypeError
         If what is given, or what a function gives, is no controller (an addition alone is none), or a controller comes
         with parameters.
@@ -265,16 +319,18 @@ def _what(given) -> str:
 
 
 def _distribute(parts: tuple[str, ...], parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Parameters of each part."""
-    allowed = {part: controller_parameters(part) for part in parts}
+    """Parameters of each part, checked."""
+    allowed = {part: {parameter.name: parameter for parameter in declared_parameters(part)} for part in parts}
     given: dict[str, dict[str, Any]] = {part: {} for part in parts}
     for key, value in parameters.items():
         part, _, name = key.rpartition("__")
         owners = [p for p in parts if name in allowed[p] and part in ("", p)]
         if not owners:
             known = "; ".join(f"{p}: {', '.join(names) or 'none'}" for p, names in allowed.items())
-            raise ValueError(f"no parameter {key!r} in controller {'+'.join(parts)!r}; there are {known}")
+            near = did_you_mean(name, [n for p in parts for n in allowed[p] if part in ("", p)])
+            raise ValueError(f"no parameter {key!r} in controller {'+'.join(parts)!r}; there are {known}{near}")
         if len(owners) > 1:
             raise ValueError(f"parameter {key!r} belongs to {' and '.join(owners)}; write {owners[0]}__{name}")
+        allowed[owners[0]][name].check(value, owners[0])
         given[owners[0]][name] = value
     return given

@@ -18,6 +18,7 @@ from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.drive_mode import drive_mode
 from wt_gym.control.controllers.filters import LowPass, SecondOrderLowPass
 from wt_gym.control.controllers.pitch_law import GainTable, PitchLaw
+from wt_gym.control.design import FILTER_OVER_ROTOR_SPEED
 from wt_gym.control.operating_point import (
     DesignPoint,
     TorqueCurve,
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ["BaselineController", "BaselineParameters", "BaselineState", "DisconController", "nrel_5mw_parameters"]
 
-FILTER_OVER_ROTOR_SPEED = 1.570796 / (12.1 * math.pi / 30)
-"""Corner of the speed filter over the rated rotor speed where nothing is published: as of the NREL 5-MW (a quarter of
-its first edgewise frequency, which scales with the rotor speed) [-]."""
 PITCH_OF_REGION_3 = math.radians(1.0)
 """Pitch above fine pitch from which on the torque controller holds constant power where nothing is published [rad]."""
 # Of the pitch loop at the collective edgewise mode: a margin of two. The rule gives 0.29 for the IEA 15-MW and 0.488

@@ -8,15 +8,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.operating_point import least_pitch
 from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-__all__ = ["AboveRated", "FadeParameters"]
+__all__ = ["FADE", "AboveRated", "FadeParameters"]
 
 _LEAST_FADE, _MOST_FADE = 0.001, 0.5  # [rad]
+
+FADE = Parameter(
+    "fade",
+    "rad",
+    "collective pitch above fine pitch from which on it acts in full, beginning at a sixth of it; True: 0.5° to 3°; "
+    "False: always in full",
+    _LEAST_FADE,
+    _MOST_FADE,
+    switch=True,
+    kind="FadeParameters",
+)
+"""Of every addition that fades below rated."""
 
 
 def _ramp(value: float, low: float, high: float) -> float:

@@ -17,7 +17,8 @@ import numpy as np
 
 from wt_gym.control.actions import Demand
 from wt_gym.control.coleman import harmonic_of_blades, to_harmonic
-from wt_gym.control.controllers.fading import AboveRated, FadeParameters
+from wt_gym.control.controllers.fading import FADE, AboveRated, FadeParameters
+from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.simulation.drives import pitch_delay
@@ -26,7 +27,37 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import PitchSystem, Turbine
 
-__all__ = ["HarmonicPitch", "HarmonicPitchParameters", "IndividualPitch"]
+__all__ = ["PARAMETERS", "HarmonicPitch", "HarmonicPitchParameters", "IndividualPitch"]
+
+PARAMETERS = (
+    Parameter("bandwidth", "-", "bandwidth of the integral loop in rated rotor speeds", 0.0),
+    Parameter("proportional_time", "s", "proportional over integral gain; 0: integral control", 0.0),
+    Parameter(
+        "level",
+        "-",
+        "edge of the band within which nothing is done, in the flap moment at rated power; 0: no band",
+        0.0,
+    ),
+    Parameter("leak_time", "s", "time constant with which the pitch returns within the band", 0.0, above=True),
+    Parameter("limit", "rad", "largest amplitude of the pitch", 0.0, math.pi),
+    Parameter("rate_limit", "rad/s", "largest rate of the amplitude in the fixed frame", 0.0),
+    Parameter(
+        "lead", "s", "time by which the azimuth of the pitch leads", 0.0, otherwise="the delay of the pitch drive"
+    ),
+    Parameter(
+        "simulator_step",
+        "s",
+        "step of the simulator, where the controller runs at longer intervals",
+        0.0,
+        above=True,
+        otherwise="the interval of the controller",
+    ),
+    Parameter(
+        "second_harmonic", "-", "gain against the load twice per revolution over that against the first; 0: none", 0.0
+    ),
+    FADE,
+)
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 
 from wt_gym.control.controllers.controller import Controller
-from wt_gym.control.controllers.fading import AboveRated, FadeParameters
+from wt_gym.control.controllers.fading import FADE, AboveRated, FadeParameters
+from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.sensors import Lidar, LowPass
 
@@ -20,7 +21,18 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["LidarFeedforward", "ShiftablePitch"]
+__all__ = ["PARAMETERS", "LidarFeedforward", "ShiftablePitch"]
+
+PARAMETERS = (
+    Parameter("filter_length", "-", "lag of the filter on the wind in rotor diameters", 0.0, above=True),
+    Parameter("delay", "s", "delay of the pitch against the filtered wind at the tower", 0.0),
+    Parameter("gain", "-", "share of the slope of the steady pitch over the wind", 0.0),
+    Parameter(
+        "lidar", "-", "the instrument", otherwise="three gates by the rotor's size", kind="Lidar", only_object=True
+    ),
+    FADE,
+)
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
 _WINDS = np.linspace(1.0, 40.0, 157)
 _SPACING = 0.01  # of readings that are kept, in lags of the filter: a slow wind does not fill the memory

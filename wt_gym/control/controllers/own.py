@@ -7,20 +7,134 @@ that tracks the tip-speed ratio, or a least pitch over the wind (peak shaving), 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
+from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.pitch_law import GainTable
 from wt_gym.control.controllers.rosco_like import RoscoLikeController
+from wt_gym.control.controllers.rotor_table import blade_element_table
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
 from wt_gym.control.speed_loop import check_speed_loop
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from wt_gym.control.controllers.controller import Controller
     from wt_gym.turbines import Turbine
 
-__all__ = ["own_controller", "own_parameters"]
+__all__ = ["PARAMETERS", "own_controller", "own_parameters"]
+
+
+def _field(name: str) -> Callable[[Turbine], float]:
+    """A number of the turbine's own controller."""
+    return lambda turbine: float(getattr(BaselineParameters.from_turbine(turbine), name))
+
+
+def _gain(row: str, otherwise: str) -> Callable[[Turbine], float]:
+    """First gain of the table, or that without a table."""
+
+    def in_use(turbine: Turbine) -> float:
+        made = BaselineParameters.from_turbine(turbine)
+        return float(getattr(made, otherwise) if made.gain_table is None else getattr(made.gain_table, row)[0])
+
+    return in_use
+
+
+def _doubling(turbine: Turbine) -> float | None:
+    made = BaselineParameters.from_turbine(turbine)
+    return made.gain_doubling_pitch if made.gain_table is None else None
+
+
+def _pole(name: str) -> Callable[[Turbine], float | None]:
+    """Frequency or damping ratio of gains by rule; None where gains are published."""
+
+    def in_use(turbine: Turbine) -> float | None:
+        by_rule = turbine.control is None or turbine.control.gain_pitch is None
+        return float(getattr(design_point(turbine), name)) if by_rule else None
+
+    return in_use
+
+
+def _of_torque_curve(name: str) -> Callable[[Turbine], float | None]:
+    """A number that only a controller with a torque curve uses."""
+    return lambda turbine: None if tracks_tip_speed_ratio(turbine) else _field(name)(turbine)
+
+
+def _region_2_gain(turbine: Turbine) -> float | None:
+    tracks = tracks_tip_speed_ratio(turbine)
+    return None if tracks else BaselineParameters.from_turbine(turbine).torque.region_2_gain
+
+
+def _tip_speed_ratio(turbine: Turbine) -> float:
+    if not tracks_tip_speed_ratio(turbine):
+        return design_point(turbine).tip_speed_ratio
+    own = turbine.control
+    return (own and own.optimal_tip_speed_ratio) or blade_element_table(turbine).optimum[0]
+
+
+_ITS_OWN = "the turbine's own"
+PARAMETERS = (
+    Parameter(
+        "kp", "s", "proportional gain from generator speed to pitch at zero pitch, or at the first of a table", 0.0,
+        otherwise=_ITS_OWN, in_use=_gain("proportional", "proportional_gain"),
+    ),
+    Parameter(
+        "ki", "-", "integral gain from generator speed to pitch, likewise", 0.0, above=True, otherwise=_ITS_OWN,
+        in_use=_gain("integral", "integral_gain"),
+    ),
+    Parameter(
+        "gain_doubling_pitch", "rad", "pitch at which the gains are halved; takes the place of a table", 0.0,
+        above=True, otherwise=_ITS_OWN, in_use=_doubling,
+    ),
+    Parameter(
+        "natural_frequency", "rad/s", "of the speed loop: gains by rule in place of published ones", 0.0, above=True,
+        otherwise="gains as published, else by rule", in_use=_pole("natural_frequency"),
+    ),
+    Parameter(
+        "damping_ratio", "-", "of the speed loop: gains by rule in place of published ones", 0.0, above=True,
+        otherwise="gains as published, else by rule", in_use=_pole("damping_ratio"),
+    ),
+    Parameter(
+        "corner_frequency", "rad/s", "of the low-pass filter on the generator speed", 0.0, above=True,
+        otherwise=_ITS_OWN, in_use=_field("corner_frequency"),
+    ),
+    Parameter(
+        "filter_damping", "-", "of that filter; 0: first order", 0.0, otherwise=_ITS_OWN,
+        in_use=_field("filter_damping"),
+    ),
+    Parameter(
+        "notch_frequency", "rad/s", "of a notch before that filter; 0: none", 0.0, otherwise=_ITS_OWN,
+        in_use=_field("notch_frequency"),
+    ),
+    Parameter(
+        "reference_speed", "rad/s", "generator speed that is held above rated", 0.0, above=True, otherwise=_ITS_OWN,
+        in_use=_field("reference_speed"),
+    ),
+    Parameter(
+        "min_pitch", "rad", "least pitch, of a controller with a torque curve", -math.pi, math.pi,
+        otherwise=_ITS_OWN, in_use=_of_torque_curve("min_pitch"),
+    ),
+    Parameter(
+        "region_3_min_pitch", "rad", "pitch from which on region 3 holds, of a controller with a torque curve",
+        -math.pi, math.pi, otherwise=_ITS_OWN, in_use=_of_torque_curve("region_3_min_pitch"),
+    ),
+    Parameter(
+        "region_2_gain", "N m s²/rad²", "torque over generator speed squared below rated, of a torque curve", 0.0,
+        above=True, otherwise=_ITS_OWN, in_use=_region_2_gain,
+    ),
+    Parameter(
+        "tip_speed_ratio", "-", "ratio that is run at below rated", 0.0, above=True, otherwise=_ITS_OWN,
+        in_use=_tip_speed_ratio,
+    ),
+    Parameter(
+        "thrust_limit", "-", "largest steady thrust over the peak that it has without a limit, of a controller that "
+        "estimates the wind", 0.0, 1.0, above=True, otherwise="the published least pitch, if any",
+    ),
+)  # fmt: skip
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
 
 def own_parameters(
@@ -131,9 +245,15 @@ def own_controller(
     ValueError
         For a parameter that the turbine's controller does not have.
     """
+    tracks = tracks_tip_speed_ratio(turbine)
+    if tracks and (unused := [name for name in ("min_pitch", "region_3_min_pitch") if name in parameters]):
+        raise ValueError(
+            f"{' and '.join(unused)} must be left out for {turbine.name}, whose controller has a least pitch over the "
+            f"estimated wind and no region 3 by pitch; thrust_limit changes that least pitch"
+        )
     made = own_parameters(turbine, **parameters)
     check_speed_loop(turbine, made)
-    if tracks_tip_speed_ratio(turbine):
+    if tracks:
         if region_2_gain is not None:
             raise ValueError(
                 f"region_2_gain must be left out for {turbine.name}, whose controller tracks the tip-speed ratio: give "

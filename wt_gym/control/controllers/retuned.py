@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.own import own_controller
+from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FOUND",
+    "PARAMETERS",
     "found_factor",
     "gain_of_table",
     "retuned_controller",
@@ -36,6 +38,25 @@ __all__ = [
 
 FOUND: dict[str, float] = {"nrel_5mw": 0.74}
 """Multiple of the published region-2 gain, by the turbine of the catalogue with the rotor and drive train."""
+
+
+def _factor(turbine: Turbine) -> float | None:
+    """Factor that a turbine's controller has by default; None where the table of the turbine gives the gain."""
+    return None if tracks_tip_speed_ratio(turbine) else found_factor(turbine)
+
+
+PARAMETERS = (
+    Parameter(
+        "gain_factor",
+        "-",
+        "torque over speed squared below rated, in that of `discon`",
+        0.0,
+        above=True,
+        otherwise="the optimum of the turbine's table",
+        in_use=_factor,
+    ),
+)
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
 
 def gain_of_table(turbine: Turbine, table: RotorTable) -> float:

@@ -23,9 +23,10 @@ import numpy as np
 
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.discon import PITCH_OF_REGION_3, BaselineParameters
+from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
 from wt_gym.control.controllers.rotor_table import RotorTable, blade_element_table, rotor_table
-from wt_gym.control.controllers.wind_estimator import WindEstimator
+from wt_gym.control.controllers.wind_estimator import WindEstimator, bandwidth_of
 from wt_gym.control.design import fine_pitch, rated_mechanical_power
 from wt_gym.control.operating_point import least_pitch, rotor_inertia
 from wt_gym.control.sensors import LowPass, Notch
@@ -34,7 +35,52 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["RoscoLikeController", "RoscoLikeParameters", "pitch_schedule"]
+__all__ = ["PARAMETERS", "RoscoLikeController", "RoscoLikeParameters", "pitch_schedule"]
+
+_TORQUE_FREQUENCY, _WIND_TIME, _SMOOTHING_TIME = 0.25, 3.0, 5.0
+"""Of a rotor of 12.1 rpm [rad/s], [s], [s]."""
+
+PARAMETERS = (
+    Parameter(
+        "tip_speed_ratio", "-", "ratio that is tracked below rated", 0.0, above=True,
+        otherwise="of the largest power in the turbine's table",
+        in_use=lambda turbine: rotor_table(turbine).optimum[0],
+    ),
+    Parameter(
+        "thrust_limit", "-", "largest steady thrust over the peak that it has without a limit (peak shaving); 1: none",
+        0.0, 1.0, above=True,
+    ),
+    Parameter(
+        "torque_frequency", "rad/s", "poles of the rotor speed under the torque law below rated", 0.0, above=True,
+        otherwise="0.25 rad/s for a rotor of 12.1 rpm", in_use=lambda t: _TORQUE_FREQUENCY / slower_than_reference(t),
+    ),
+    Parameter("torque_damping", "-", "damping ratio of these poles", 0.0),
+    Parameter(
+        "wind_time_constant", "s", "of the filter on the estimated wind", 0.0, above=True,
+        otherwise="3 s for a rotor of 12.1 rpm", in_use=lambda t: _WIND_TIME * slower_than_reference(t),
+    ),
+    Parameter("pitch_to_speed", "-", "shift of the torque's set point, in rated speeds, for pitch over its range", 0.0),
+    Parameter(
+        "torque_to_speed", "-", "shift of the pitch's set point, in rated speeds, for torque missing to rated", 0.0
+    ),
+    Parameter(
+        "smoothing_time_constant", "s", "of the filter on these shifts", 0.0, above=True,
+        otherwise="5 s for a rotor of 12.1 rpm", in_use=lambda t: _SMOOTHING_TIME * slower_than_reference(t),
+    ),
+    Parameter(
+        "estimator_bandwidth", "rad/s", "rate at which an error of the estimated wind decays", 0.0, above=True,
+        otherwise="0.5 rad/s for a rotor of 12.1 rpm", in_use=bandwidth_of,
+    ),
+    Parameter(
+        "baseline", "-", "speed filter, pitch gains and limits", otherwise="those of `discon` without parameters",
+        kind="BaselineParameters", only_object=True,
+    ),
+    Parameter(
+        "table", "-", "coefficients behind the least pitch and the gains", otherwise="the turbine's table",
+        kind="RotorTable", only_object=True,
+    ),
+)  # fmt: skip
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
 
 def pitch_schedule(
@@ -196,9 +242,11 @@ class RoscoLikeParameters:
         table, drivetrain = rotor_table(turbine) if table is None else table, turbine.drivetrain
         baseline = BaselineParameters.from_turbine(turbine) if baseline is None else baseline
         slower = slower_than_reference(turbine)
-        torque_frequency = 0.25 / slower if torque_frequency is None else torque_frequency
-        wind_time_constant = 3.0 * slower if wind_time_constant is None else wind_time_constant
-        smoothing_time_constant = 5.0 * slower if smoothing_time_constant is None else smoothing_time_constant
+        torque_frequency = _TORQUE_FREQUENCY / slower if torque_frequency is None else torque_frequency
+        wind_time_constant = _WIND_TIME * slower if wind_time_constant is None else wind_time_constant
+        smoothing_time_constant = (
+            _SMOOTHING_TIME * slower if smoothing_time_constant is None else smoothing_time_constant
+        )
         ratio = table.optimum[0] if tip_speed_ratio is None else tip_speed_ratio
         inertia, gear = rotor_inertia(turbine), drivetrain.gear_ratio
         wind = 0.5 * turbine.rated_wind_speed
@@ -207,7 +255,7 @@ class RoscoLikeParameters:
         to_generator = drivetrain.gearbox_efficiency / gear**2
         gain = max(2.0 * torque_damping * torque_frequency * inertia + slope, 0.0) * to_generator
         winds, pitch = pitch_schedule(table, turbine, ratio, thrust_limit)
-        rated_speed = drivetrain.rated_rotor_speed * gear
+        rated_speed = baseline.reference_speed
         return cls(
             baseline=baseline,
             speed_per_wind=ratio * gear / table.radius,

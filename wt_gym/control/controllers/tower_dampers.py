@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.fading import AboveRated, FadeParameters
+from wt_gym.control.controllers.fading import FADE, AboveRated, FadeParameters
 from wt_gym.control.controllers.filters import BandLimitedIntegrator
+from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.rotor_rules import tower_top
 from wt_gym.control.design import design_point, fine_pitch, rated_mechanical_power
 
@@ -24,7 +25,18 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["ForeAftDamper", "SideSideDamper"]
+__all__ = ["FORE_AFT_PARAMETERS", "SIDE_SIDE_PARAMETERS", "ForeAftDamper", "SideSideDamper"]
+
+FORE_AFT_PARAMETERS = (
+    Parameter("damping", "-", "damping ratio to be added to the first fore-aft mode", 0.0),
+    Parameter("limit", "rad", "largest pitch added or taken off", 0.0, math.pi),
+    FADE,
+)
+SIDE_SIDE_PARAMETERS = (
+    Parameter("damping", "-", "damping ratio to be added to the first side-side mode", 0.0),
+    Parameter("limit", "-", "largest torque added or taken off, in rated torques", 0.0),
+)
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
 CORNER = 0.2
 """Corner of the high-pass filter in natural frequencies of the tower [-]."""

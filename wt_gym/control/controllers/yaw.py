@@ -11,13 +11,22 @@ import math
 from typing import TYPE_CHECKING
 
 from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.sensors import AngleLowPass
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["YawByDeadBand"]
+__all__ = ["PARAMETERS", "YawByDeadBand"]
+
+PARAMETERS = (
+    Parameter("dead_band", "rad", "filtered yaw error beyond which the drive starts", 0.0, math.pi, above=True),
+    Parameter("stop", "rad", "yaw error at which the drive stops, below the dead band", 0.0, math.pi),
+    Parameter("slow", "s", "time constant of the filter on the yaw error while the nacelle rests", 0.0, above=True),
+    Parameter("fast", "s", "time constant of the filter on the yaw error while the nacelle turns", 0.0, above=True),
+)
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
 
 
 class YawByDeadBand:

@@ -1,0 +1,254 @@
+"""The table of parameters of the built-in controllers: what it says is what the controllers do."""
+
+import inspect
+import json
+import math
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wt_gym.commands import list as list_command
+from wt_gym.control import Demand
+from wt_gym.control.controllers import (
+    ADDITIONS,
+    BASES,
+    CONTROLLERS,
+    WRAPPERS,
+    FadeParameters,
+    controller_parameters,
+    controller_summary,
+    declared_parameters,
+    make_controller,
+)
+from wt_gym.control.operating_point import operating_point
+from wt_gym.turbines import load_turbine
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PARTS = (*BASES, *WRAPPERS, *ADDITIONS)
+EVERY = [(name, parameter) for name in PARTS for parameter in declared_parameters(name)]
+NUMBERS = [(name, parameter) for name, parameter in EVERY if not parameter.only_object]
+SHOWN = [(name, parameter) for name, parameter in NUMBERS if parameter.default is not None or parameter.in_use]
+DT = 0.4
+"""Interval of the controllers [s]."""
+ON = {"thrust_limit": "iea_22mw"}
+"""Turbines for what the controller of the NREL 5-MW does not have, by parameter of "discon"."""
+BESIDE = {
+    "leak_time": {"level": 0.1},  # the pitch returns within a band only
+    "stop": {"dead_band": 0.05},
+}
+"""What must be chosen too for a parameter to have an effect."""
+CHOSEN = {
+    "fade": 0.2,
+    "filter_damping": 0.7,
+    "lead": 1.0,
+    "level": 0.3,
+    "limit": 0.004,
+    "notch_frequency": 1.0,
+    "min_pitch": 0.03,
+    "proportional_time": 2.0,
+    "rate_limit": 0.002,
+    "region_3_min_pitch": 0.1,
+    "second_harmonic": 0.25,
+    "simulator_step": 0.05,
+    "stop": 0.03,
+    "thrust_limit": 0.8,
+    "tip_speed_ratio": 8.5,
+}
+"""Values other than six tenths of the default."""
+
+
+def of(name, parameter):
+    """Turbine on which a parameter is tried."""
+    return load_turbine(ON.get(parameter.name, "nrel_5mw") if name == "discon" else "nrel_5mw")
+
+
+@cache
+def winds():
+    """Wind [m/s] over 200 s in steps of 0.4 s: about rated, with gusts."""
+    time = DT * np.arange(500)
+    return 11.5 + 3.0 * np.sin(0.05 * time) + 0.8 * np.sin(0.6 * time)
+
+
+def answers(turbine, choice, **parameters):
+    """Demands of a controller to a made-up run about rated wind, shape (n, n_blades + 2)."""
+    controller = make_controller(choice, turbine, **parameters)
+    drivetrain, rated = turbine.drivetrain, turbine.drivetrain.rated_rotor_speed
+    point = operating_point(turbine, float(winds()[0]))
+    demand = Demand(np.full(turbine.n_blades, point.pitch), 0.0, point.generator_torque)
+    rows, azimuth = [], 0.3
+    flap = 2.0 * drivetrain.rated_power / rated  # of the size of a flap moment
+    for k, wind in enumerate(winds()):
+        time, speed = DT * k, rated * min(wind / 12.0, 1.0 + 0.02 * (wind - 12.0))
+        azimuth += DT * speed
+        signals = {
+            "generator_speed": speed * drivetrain.gear_ratio,
+            "rotor_speed": speed,
+            "generator_torque": demand.generator_torque,
+            "azimuth": azimuth,
+            "yaw_error": 0.25 * math.sin(0.05 * time),
+            "nacelle_acceleration_fore_aft": 0.5 * math.sin(2.0 * time),
+            "nacelle_acceleration_side_side": 0.3 * math.sin(2.1 * time),
+            "lidar_1": wind,
+            "lidar_2": float(np.interp(time + 3.0, DT * np.arange(500), winds())),
+            "lidar_3": float(np.interp(time + 6.0, DT * np.arange(500), winds())),
+        }
+        for b in range(turbine.n_blades):
+            place = azimuth + 2.0 * math.pi * b / turbine.n_blades
+            signals[f"pitch_{b + 1}"] = float(demand.pitch[b])
+            signals[f"root_flap_moment_{b + 1}"] = flap * (
+                1.0 + 0.3 * math.cos(place) * (1.0 + math.sin(0.1 * time)) + 0.1 * math.cos(2.0 * place)
+            )
+        if k == 0:
+            controller.start(signals, demand)
+        demand = controller.step(signals, DT)
+        rows.append((*demand.pitch, demand.yaw_rate, demand.generator_torque))
+    return np.array(rows)
+
+
+@cache
+def by_default(turbine_name, choice):
+    """Answers without parameters."""
+    return answers(load_turbine(turbine_name), choice)
+
+
+@pytest.mark.filterwarnings("ignore:the speed loop of")
+@pytest.mark.parametrize(("name", "parameter"), NUMBERS, ids=lambda x: getattr(x, "name", x))
+def test_every_parameter_changes_its_controller(name, parameter):
+    turbine = of(name, parameter)
+    beside = {f"{name}__{key}": value for key, value in BESIDE.get(parameter.name, {}).items()}
+    value = CHOSEN.get(parameter.name)
+    if value is None:
+        known = parameter.default
+        if known is None and parameter.in_use is not None:
+            known = parameter.in_use(turbine)
+        if known is None:
+            known = {"natural_frequency": 0.6, "damping_ratio": 0.7}[parameter.name]
+        value = 0.6 * known
+    changed = answers(turbine, name, **beside, **{f"{name}__{parameter.name}": value})
+    assert not np.array_equal(changed, answers(turbine, name, **beside)), value
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "turbine_name"),
+    [(name, parameter, "nrel_5mw") for name, parameter in SHOWN]
+    + [(name, parameter, "iea_22mw") for name, parameter in SHOWN if name in BASES],
+    ids=lambda x: getattr(x, "name", x),
+)
+def test_the_default_shown_is_the_one_used(name, parameter, turbine_name):
+    turbine, value = load_turbine(turbine_name), parameter.default
+    if value is None and parameter.in_use is not None:
+        value = parameter.in_use(turbine)
+    if value is None:
+        pytest.skip("follows from the turbine, or is none of its controller's")
+    parameter.check(value, name)
+    given = answers(turbine, name, **{f"{name}__{parameter.name}": value})
+    np.testing.assert_allclose(given, by_default(turbine_name, name), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_nothing_that_a_controller_takes_is_left_out(name):
+    """Every parameter of the functions behind a name is declared."""
+    catalogue = import_module("wt_gym.control.controllers.catalogue")
+    _, makers = catalogue._DECLARED[name]
+    taken = {
+        key
+        for maker in makers
+        for key, parameter in inspect.signature(maker).parameters.items()
+        if parameter.kind is not inspect.Parameter.VAR_KEYWORD
+    }
+    assert taken - {"turbine", "base", "rate"} == set(controller_parameters(name))
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        ("discn", r"'discn' is none of discon, .*did you mean 'discon'\?"),
+        ("yaw:deadband=0.1", r"no parameter 'deadband' .*did you mean 'dead_band'\?"),
+        ("discon:natural_freq=0.1", r"did you mean 'natural_frequency'\?"),
+        ("ipc+yaw:yaw__limit=0.1", "no parameter 'yaw__limit'"),
+        ("yaw:dead_band=-0.1", r"dead_band of controller 'yaw' must be a number above 0 up to 3.142 rad, got -0.1"),
+        ("ipc:limit=None", r"limit of controller 'ipc' must be a number from 0 to 3.142 rad, got None"),
+        ("ipc:bandwidth=True", r"bandwidth .* must be a number of at least 0, got True"),
+        ("ipc:bandwidth=1e999", r"bandwidth .* must be a number of at least 0, got inf"),
+        ("ipc:fade=0.9", r"fade .* must be True, False, a number from 0.001 to 0.5 rad or a FadeParameters"),
+        (
+            "lidar:lidar=3",
+            r"lidar .* must be a Lidar \(from Python\) or None \(three gates by the rotor's size\), got 3",
+        ),
+        ("rosco:thrust_limit=0", r"thrust_limit .* must be a number above 0 up to 1, got 0"),
+        ("discon:ki=0", r"ki of controller 'discon' must be a number above 0 or None"),
+    ],
+)
+def test_what_is_wrong_is_refused_with_what_is_allowed(choice, message):
+    with pytest.raises(ValueError, match=message):
+        make_controller(choice, load_turbine("nrel_5mw"))
+
+
+def test_what_only_a_torque_curve_has_is_refused_elsewhere():
+    for choice in ("discon:min_pitch=0.02", "discon:region_3_min_pitch=0.02"):
+        with pytest.raises(ValueError, match="must be left out for IEA 22MW"):
+            make_controller(choice, load_turbine("iea_22mw"))
+
+
+def test_objects_are_allowed_from_python():
+    made = make_controller("ipc", load_turbine("nrel_5mw"), fade=FadeParameters(pitch=(0.0, 0.03)))
+    assert made.additions[0].fade.parameters.pitch == (0.0, 0.03)
+
+
+def test_names_for_several_parts_tell_the_parts_apart():
+    found = controller_parameters("tower_dampers")
+    assert found["fore_aft_damper__damping"] == 0.05
+    assert found["side_side_damper__damping"] == 0.03
+    turbine = load_turbine("nrel_5mw")
+    for name in ("tower_dampers", "tuned"):
+        numbers = {key: value for key, value in controller_parameters(name).items() if value is not None}
+        make_controller(name, turbine, **numbers)
+    with pytest.raises(ValueError, match="'pid' is none of discon"):
+        declared_parameters("pid")
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_everything_has_a_meaning(name):
+    assert controller_summary(name).endswith(".")
+    for parameter in declared_parameters(name):
+        assert parameter.meaning
+        assert parameter.unit
+        assert parameter.default is not inspect.Parameter.empty
+        assert parameter.default is not None or parameter.otherwise
+
+
+# ---- the command ----
+
+
+def test_the_command_prints_every_parameter(capsys):
+    list_command.main(["controllers"])
+    text = capsys.readouterr().out
+    for name in CONTROLLERS:
+        assert f"\n{name} (" in f"\n{text}"
+        assert all(parameter.name in text and parameter.meaning in text for parameter in declared_parameters(name))
+    assert "0.1396 (8°)" in text
+
+
+def test_the_command_shows_the_defaults_of_a_turbine(capsys):
+    list_command.main(["controllers", "discon", "--turbine", "nrel_5mw", "--json"])
+    (row,) = json.loads(capsys.readouterr().out)["controllers"]
+    shown = {parameter["name"]: parameter["default"] for parameter in row["parameters"]}
+    # NREL/TP-500-38060, table 7-2
+    assert (shown["kp"], shown["ki"], shown["region_2_gain"]) == ("0.01883", "0.008069", "2.332")
+
+
+@pytest.mark.parametrize(
+    ("what", "word"),
+    [("turbines", "iea_22mw"), ("tasks", "wt_gym/LoadReduction-v1"), ("channels", "generator_speed"), ("agents", "l")],
+)
+def test_the_command_lists_other_things(what, word, capsys):
+    list_command.main([what])
+    assert word in capsys.readouterr().out
+
+
+def test_an_unknown_name_takes_one_line():
+    with pytest.raises(SystemExit, match=r"error: 'iea_22' is none of the turbines: .*did you mean 'iea_22mw'"):
+        list_command.main(["turbines", "iea_22"])

@@ -1,0 +1,156 @@
+"""List what there is by name: controllers with their parameters, turbines, tasks, channels, trained agents.
+
+    wt-gym list controllers
+    wt-gym list controllers discon ipc --turbine iea_22mw
+    wt-gym list turbines
+
+A parameter of a controller stands behind its name: ipc+yaw:bandwidth=0.3,dead_band=0.1. Of several parts with a
+parameter of the same name PART__PARAMETER tells which. The defaults that follow from the turbine are shown for
+--turbine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from wt_gym.commands.program import OneLineParser, user_errors
+
+WHAT = ("controllers", "turbines", "tasks", "channels", "agents")
+
+
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = OneLineParser("list", description=__doc__)
+    parser.add_argument("what", choices=WHAT, metavar="WHAT", help=", ".join(WHAT))
+    parser.add_argument("names", nargs="*", metavar="NAME", help="only these (by default all)")
+    parser.add_argument("--turbine", help="of which the defaults of controllers and the channels are shown")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    return parser.parse_args(words)
+
+
+def controllers(turbine: Any = None) -> list[dict[str, Any]]:
+    """Every built-in controller with its parameters."""
+    from wt_gym.control.controllers import (
+        ADDITIONS,
+        BASES,
+        CONTROLLERS,
+        WRAPPERS,
+        controller_summary,
+        declared_parameters,
+    )
+
+    kinds = dict.fromkeys(BASES, "base") | dict.fromkeys(WRAPPERS, "works inside a base")
+    kinds |= dict.fromkeys(ADDITIONS, "addition")
+    return [
+        {
+            "name": name,
+            "kind": kinds.get(name, "several parts"),
+            "what": controller_summary(name),
+            "parameters": [
+                {
+                    "name": parameter.name,
+                    "unit": parameter.unit,
+                    "default": parameter.default_text(turbine),
+                    "allowed": parameter.allowed,
+                    "meaning": parameter.meaning,
+                }
+                for parameter in declared_parameters(name)
+            ],
+        }
+        for name in CONTROLLERS
+    ]
+
+
+def turbines(turbine: Any = None) -> list[dict[str, Any]]:
+    """The catalogue."""
+    from wt_gym.turbines import catalogue, load_turbine
+
+    rows = []
+    for name in catalogue():
+        found = load_turbine(name)
+        power = found.drivetrain.rated_power
+        size = f"{power / 1e6:.3g} MW" if power >= 1e5 else f"{power:.3g} W"
+        rows.append({"name": name, "what": f"{found.name}: {size}, rotor {found.rotor_diameter:.4g} m"})
+    return rows
+
+
+def tasks(turbine: Any = None) -> list[dict[str, Any]]:
+    """Tasks by the newest id."""
+    from wt_gym.tasks import TASKS
+
+    return [{"name": task.ids[-1], "what": f"{task.goal} Score: {task.score}"} for task in TASKS.values()]
+
+
+def channels(turbine: Any = None) -> list[dict[str, Any]]:
+    """Signals of a simulation; those of the blades one by one."""
+    from wt_gym.simulation import channel_table
+
+    table = channel_table(3 if turbine is None else turbine.n_blades)
+    return [
+        {"name": channel.name, "what": f"[{channel.unit}] {channel.description}", "openfast": channel.openfast}
+        for channel in table
+    ]
+
+
+def agents(turbine: Any = None) -> list[dict[str, Any]]:
+    """Trained agents that come with the project."""
+    from importlib.util import find_spec
+    from pathlib import Path
+
+    spec = find_spec("wt_gym.agents.trained_agent")
+    if spec is None or spec.origin is None:
+        return []
+    folder = Path(spec.origin).parent / "trained"
+    found = sorted(path for path in folder.iterdir() if path.is_dir() and any(path.glob("*.zip")))
+    return [{"name": path.name, "what": f"trained policy, {path}"} for path in found]
+
+
+_TABLES = {
+    "controllers": controllers, "turbines": turbines, "tasks": tasks, "channels": channels, "agents": agents,
+}  # fmt: skip
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run the command."""
+    arguments = parse_arguments(words)
+    with user_errors():
+        from wt_gym.control.controllers.parameters import did_you_mean
+
+        turbine = None
+        if arguments.turbine is not None:
+            from wt_gym.turbines import load_turbine
+
+            turbine = load_turbine(arguments.turbine)
+        rows = _TABLES[arguments.what](turbine)
+        known = [row["name"] for row in rows]
+        for name in arguments.names:
+            if name not in known:
+                raise ValueError(
+                    f"{name!r} is none of the {arguments.what}: {', '.join(known)}{did_you_mean(name, known)}"
+                )
+        rows = [row for row in rows if not arguments.names or row["name"] in arguments.names]
+        if arguments.json:
+            print(json.dumps({arguments.what: rows}))
+        else:
+            _show(rows)
+
+
+def _show(rows: list[dict[str, Any]]) -> None:
+    """Print rows as text."""
+    out = sys.stdout
+    if not any("parameters" in row for row in rows):
+        width = max((len(row["name"]) for row in rows), default=0)
+        for row in rows:
+            out.write(f"{row['name']:{width}}  {row['what']}\n")
+        return
+    for row in rows:
+        out.write(f"{row['name']} ({row['kind']}): {row['what']}\n")
+        cells = [(p["name"], f"[{p['unit']}]", p["default"], p["meaning"]) for p in row["parameters"]]
+        widths = [max(len(cell[k]) for cell in cells) for k in range(3)]
+        for cell in cells:
+            start = "  ".join(f"{text:{width}}" for text, width in zip(cell[:3], widths, strict=True))
+            out.write(f"    {start}  {cell[3]}\n")
+        out.write("\n")
