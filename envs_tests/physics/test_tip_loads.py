@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from validation.lifting_tools import flat_planform, half_span_edges, steady_wing
+from validation.rigid_rotor import RigidRotor
 from validation.tip_loads import (
     NARROW,
     PITCH,
@@ -152,3 +153,16 @@ def test_edges_without_chord_are_refused():
     planform = long_wing(1.0)
     with pytest.raises(AerodynamicsError, match="one must be positive"):
         replace(planform, edge_chord=np.array([1.0, 1.0, 0.0, 0.0]))
+
+
+def test_forces_of_strips_are_not_smeared_out():
+    """Nodes carry half of either strip beside them; across the sections the strips still have their own forces."""
+    turbine = load_turbine("nrel_5mw")
+    rotor = RigidRotor.of_turbine(turbine, TRAINING)
+    run = rotor.run(TRAINING, 8.0, 7.55 * 8.0 / rotor.radius, 0.0, 1.0)
+    inflow = run.alpha + turbine.blade.twist_at(middles(rotor.planform.span_edges))
+    lift, drag = rotor.air_density * run.circulation * run.speed, run.coefficients[:, 1]
+    along = lift * np.cos(inflow)
+    along += 0.5 * rotor.air_density * run.speed**2 * rotor.planform.chord * drag * np.sin(inflow)
+    np.testing.assert_allclose(run.force[3:, 0], along[3:], rtol=0.015)
+    assert 3.0 * run.force[:, 0] @ np.diff(rotor.planform.span_edges) == pytest.approx(run.thrust[-1], rel=2e-3)
