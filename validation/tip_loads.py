@@ -40,7 +40,8 @@ ROOT, PITCH, BLADES = 0.15, 1.0 / 7.0, 3
 """Of the rotors of one chord: radius of the root over that of the tip, 1 / tip-speed ratio, number of blades."""
 NARROW, WIDE = 0.005, 0.04
 """Chords of those blades over the radius: a lifting line, and the outer blade of a model rotor in a tunnel."""
-INVISCID = {"viscous": False, "far_wake": False, "bound_core": 1e-3, "wake_core": 1e-2, "squire": 0.0, "viscosity": 0.0}
+THIN = {"bound_core": 1e-3, "wake_core": 1e-2, "squire": 0.0}
+INVISCID = {"viscous": False, "far_wake": False, "viscosity": 0.0} | THIN
 
 
 def rung_edges(options, root, tip, inset=(0.25, 0.25)):
@@ -259,9 +260,21 @@ def tip_strips_rotor():
 # ---- turbines ----
 
 
-def turbine_strips(turbine, options, ratio=7.55, wind=8.0, drift=0.7):
-    """Radius over that of the tip (n_span,) and steady flow of the strips of a turbine before prescribed helices."""
+def turbine_strips(turbine, options, ratio=7.55, wind=8.0, drift=0.7, share=1.0):
+    """Radius over that of the tip (n_span,) and steady flow of the strips of a turbine before prescribed helices.
+
+    ``share`` narrows the rings about the quarter chord while the polars keep their chord: towards a lifting line.
+    """
     rotor = RigidRotor.of_turbine(turbine, options)
+    if share != 1.0:
+        blade, planform = turbine.blade, rotor.planform
+        edges = planform.span_edges
+        narrow = build_planform(
+            edges, blade.axis_at(edges), share * planform.edge_chord, blade.twist_at(edges),
+            0.25 - (0.25 - blade.le_offset_at(edges)) / share, planform.polars, options.n_chord, blade.camber_at,
+            planform.chord, blade.root_radius,
+        )  # fmt: skip
+        rotor = replace(rotor, planform=narrow)
     flow = helical_flow(rotor, options, wind, ratio * wind / rotor.radius, drift * wind, turns=4, steps=36)
     tip = rotor.root_radius + turbine.blade.length
     return (rotor.root_radius + middles(rotor.planform.span_edges)) / tip, flow
@@ -274,13 +287,23 @@ def turbine_strips(turbine, options, ratio=7.55, wind=8.0, drift=0.7):
     slow=True,
 )
 def tip_strips_turbines():
-    """NREL 5-MW and IEA 15-MW, polars fed back."""
+    """NREL 5-MW and IEA 15-MW, polars fed back; the notes compare with a lifting line in the same wake."""
     checks, curves, lines = [], [], []
     for name, ratio in (("nrel_5mw", 7.55), ("iea_15mw", 9.0)):
-        turbine = load_turbine(name)
-        place, best = turbine_strips(turbine, replace(REFERENCE, n_chord=2, n_span=64), ratio)
+        turbine, options = load_turbine(name), replace(REFERENCE, n_chord=2, n_span=64)
+        place, best = turbine_strips(turbine, options, ratio)
         root = float(place[0] - (place[1] - place[0]))
         fine = through_strips(place, best.circulation, root)
+        # rings so narrow need thin cores
+        _, line = turbine_strips(turbine, replace(options, n_chord=1, **THIN), ratio, share=0.1)
+        _, thin = turbine_strips(turbine, replace(options, **THIN), ratio)
+        narrow, wide = (through_strips(place, flow.circulation, root) for flow in (line, thin))
+        ratios = ", ".join(f"{100.0 * (narrow(x) / wide(x) - 1.0):+.1f}" for x in (0.3, 0.5, 0.7, 0.8, *STATIONS))
+        totals = [100.0 * (a / b - 1.0) for a, b in ((line.power, thin.power), (line.thrust, thin.thrust))]
+        lines.append(
+            f"{name}, lifting line over 2 x 64 panels: power {totals[0]:+.1f} %, thrust {totals[1]:+.1f} %; "
+            f"circulation at 0.3, 0.5, 0.7, 0.8, 0.9, 0.92, 0.95, 0.97 R [%]: {ratios}"
+        )
         for rung, options in RUNGS.items():
             place, flow = turbine_strips(turbine, replace(options, squire=REFERENCE.squire), ratio)
             error = flow.circulation / fine(place) - 1.0
