@@ -33,8 +33,12 @@ TOLERANCE, OPTIMUM_TOLERANCE = 0.02, 0.5
 SETTLE = 90.0
 """Time after which the wake of the start has gone [s]; the mean of the last `MEAN_TURNS` is taken."""
 MEAN_TURNS = 4
-LIFTING_LINE = {7.55: 0.512, 9.0: 0.515, 10.0: 0.497}
-"""Cp of an independent free-wake lifting line."""
+LIFTING_LINE = {7.55: (0.503, 0.006), 10.0: (0.478, 0.008)}
+"""Cp of an independent free-wake lifting line with the drag of the polars, and how uncertain it is.
+
+Corrected at the tip, where its last two nodes (r > 62.5 m) carried an extrapolated circulation instead of one that
+falls to zero (worth 1.2 % of Cp with 31 nodes, 4.3 % with 19), and extrapolated in the length of its open wake.
+"""
 
 
 # ---- the converged lattice ----
@@ -110,11 +114,15 @@ def write_table() -> None:
 def converged_rotor():
     """The table against a lifting line; computed again at one ratio, against the table."""
     table = converged_table()
-    checks = [
-        Check(f"Cp of the table, tip-speed ratio {ratio:g}", cp, float(row[1]), 0.02, source="lifting line")
-        for ratio, cp in LIFTING_LINE.items()
-        for row in table[table[:, 0] == ratio]
-    ]  # fmt: skip
+    checks = []
+    for ratio, (cp, uncertain) in LIFTING_LINE.items():
+        row = table[table[:, 0] == ratio][0]
+        name = f"Cp of the table, tip-speed ratio {ratio:g}"
+        checks += [
+            Check(name, cp, float(row[1]), 0.02, source="lifting line"),
+            Check(f"{name}, within the uncertainties of both", cp, float(row[1]), uncertain + float(row[3]), "", False,
+                  f"lifting line ± {uncertain:g}, table ± {row[3]:g}"),
+        ]  # fmt: skip
     value, _ = converged(7.55)
     row = table[table[:, 0] == 7.55][0]
     checks += [

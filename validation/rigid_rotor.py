@@ -87,7 +87,7 @@ class RotorRun:
         cl, cd, cm of the strips' polars at ``alpha``.
     force : ndarray, shape (n_span, 3)
         Force per length on the first blade at the last step [N/m], in the frame that turns with it: along the axis, in
-        the direction of motion, along the blade. The lattice's nodal forces are shared between the strips beside them.
+        the direction of motion, along the blade. See `RigidRotor.strip_force`.
     """
 
     power: np.ndarray
@@ -254,8 +254,34 @@ class RigidRotor:
             speed=state.section_speed[0].copy(),
             circulation=state.circulation[0].copy(),
             coefficients=coefficients,
-            force=self._force_per_length(state.nodal_forces[0].sum(axis=0) @ turn("x", azimuth) * [1.0, -1.0, 1.0]),
+            force=self.strip_force(state, coefficients[:, 1]) @ turn("x", azimuth) * [1.0, -1.0, 1.0],
         )
+
+    def strip_force(self, state, drag_coefficient):
+        """Force per length (n_span, 3) on the strips of the first blade [N/m], global.
+
+        The lattice gives half of each strip's force to either edge. What edges have in common with their neighbours
+        can be shared out again, but not what changes from strip to strip: at the tip, where the load falls like a
+        root, the strips before the last would have 5 % too little and the last 6 to 8 % too much. So that part is taken
+        from circulation and drag of the strips themselves.
+        """
+        nodes, circulation = state.arrays.nodes[0], state.circulation[0]
+        span = nodes[0, 1:] - nodes[0, :-1]
+        width = np.linalg.norm(span, axis=1)[:, None]
+        span = span / width
+        aft = nodes[-1, 1:] + nodes[-1, :-1] - nodes[0, 1:] - nodes[0, :-1]
+        aft = aft - np.sum(aft * span, axis=1)[:, None] * span
+        aft /= np.linalg.norm(aft, axis=1)[:, None]
+        normal = np.cross(aft, span)
+        angle = (state.angle_of_attack[0] - self.planform.slope_angle)[:, None]
+        along, across = aft * np.cos(angle) + normal * np.sin(angle), normal * np.cos(angle) - aft * np.sin(angle)
+        speed = state.section_speed[0]
+        lift = self.air_density * circulation * speed
+        drag = 0.5 * self.air_density * speed**2 * self.planform.chord * drag_coefficient
+        own = lift[:, None] * across + drag[:, None] * along
+        half = 0.5 * own * width
+        at_edges = np.concatenate([half, np.zeros((1, 3))]) + np.concatenate([np.zeros((1, 3)), half])
+        return own + self._force_per_length(state.nodal_forces[0].sum(axis=0) - at_edges)
 
     def _force_per_length(self, at_edges):
         """Strip forces per length (n_span, 3) from the forces at the span edges (n_span + 1, 3).

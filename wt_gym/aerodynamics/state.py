@@ -43,7 +43,12 @@ class PlanformArrays(NamedTuple):
 
     @classmethod
     def of(cls, planform: LatticePlanform, options: AeroOptions, cylinder_table: np.ndarray) -> "PlanformArrays":
-        """Gather the arrays; kappa is circulation per normal velocity of the two-dimensional lattice [m]."""
+        """Gather the arrays.
+
+        ``kappa`` is circulation per normal velocity of the two-dimensional lattice [m]. It goes with the chord of the
+        rings, since the angle of attack is taken from their circulation; so does their moment at zero lift, which
+        ``moment0`` refers to the chord of the polars.
+        """
         n_chord, n_span = planform.n_chord, planform.n_span
         edge = SheddingEdge.of(n_chord, n_span, planform.edge_chord, options)
         tables = [bound_segments(n_chord, n_span, planform.edge_chord, edge, options, wake) for wake in (False, True)]
@@ -52,10 +57,11 @@ class PlanformArrays(NamedTuple):
         for k, (segment, core) in enumerate(tables):
             segments[k, : count[k]], cores[k, : count[k]] = segment, core**2
         tilt = planform.slope_angle - planform.alpha0_lattice
+        moment0 = planform.moment0_lattice * (planform.ring_chord / planform.chord) ** 2
         stalling = planform.polars if options.dynamic_stall else planform.polars[:, :0]
         return cls(
             planform.chord, planform.edge_chord, planform.polars, planform.alpha0_lattice,
-            0.5 * planform.chord * planform.lift_slope, planform.moment0_lattice, planform.slope_angle,
+            0.5 * planform.ring_chord * planform.lift_slope, moment0, planform.slope_angle,
             np.column_stack([np.cos(tilt), np.sin(tilt)]), separation_tables(stalling), cylinder_table, edge.nodes,
             edge.rings, edge.chord, segments, cores, count,
             *sparse_span(planform, edge.nodes, options.sparse_span),

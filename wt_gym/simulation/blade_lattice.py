@@ -13,7 +13,7 @@ N_ALPHA = 720
 TOWARDS_ENDS, TOWARDS_TIP = 0.3, 0.5
 """Share of cosines, or sines, in the distribution of the strips of a blade."""
 SAMPLES = 16
-"""Sections over which the polar of a strip is averaged."""
+"""Sections over which chord and polar of a strip are averaged."""
 
 
 def blade_planform(turbine, options):
@@ -31,7 +31,6 @@ def blade_planform(turbine, options):
     """
     blade = turbine.blade
     edges = span_edges(blade, options.n_span, options.narrow_strips)
-    strip = 0.5 * (edges[1:] + edges[:-1])
     return build_planform(
         edges,
         blade.axis_at(edges),
@@ -41,7 +40,7 @@ def blade_planform(turbine, options):
         np.array([strip_polar(blade, *ends) for ends in pairwise(edges)]),
         options.n_chord,
         blade.camber_at,
-        blade.chord_at(strip),
+        np.array([blade.chord_at(_samples(*ends)).mean() for ends in pairwise(edges)]),
         blade.root_radius,
     )
 
@@ -74,7 +73,12 @@ def strip_polar(blade, low, high):
     has the forces of its sections in the flow of the rotation.
     """
     alpha = -np.pi + 2.0 * np.pi / N_ALPHA * np.arange(N_ALPHA)
-    z = low + (high - low) * (np.arange(SAMPLES) + 0.5) / SAMPLES
+    z = _samples(low, high)
     weight = blade.chord_at(z) * (blade.root_radius + z) ** 2
     polars = [np.column_stack(blade.polar_at(section).coefficients(alpha)) for section in z]
     return np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars))
+
+
+def _samples(low, high):
+    """Places of `SAMPLES` sections, in the middles of equal parts of a strip [m]."""
+    return low + (high - low) * (np.arange(SAMPLES) + 0.5) / SAMPLES

@@ -60,7 +60,7 @@ class LatticePlanform:
     nodes : ndarray, shape (n_chord + 1, n_span + 1, 3)
         Corners of the rings [m], each a quarter of a panel chord behind the panel edge.
     chord : ndarray, shape (n_span,)
-        Chord of each strip [m].
+        Mean chord of each strip, to which the coefficients of its polar refer [m].
     edge_chord : ndarray, shape (n_span + 1,)
         Chord at the span edges [m].
     span_edges : ndarray, shape (n_span + 1,)
@@ -110,6 +110,8 @@ class LatticePlanform:
             raise AerodynamicsError(f"every chord must be positive; given {self.chord}")
         if np.any(self.edge_chord < 0.0):
             raise AerodynamicsError(f"no edge chord may be negative; given {self.edge_chord}")
+        if not np.all(self.ring_chord > 0.0):
+            raise AerodynamicsError(f"of the two edge chords of a strip one must be positive; given {self.edge_chord}")
         if not np.all(self.lift_slope > 0.0):
             raise AerodynamicsError(f"every lift_slope must be positive; given {self.lift_slope}")
         if self.polars.ndim != 3 or self.polars.shape[0] != n_span or self.polars.shape[2] != 3:
@@ -121,6 +123,14 @@ class LatticePlanform:
         _check_panels(self.nodes)
         for array in arrays.values():
             array.setflags(write=False)
+
+    @property
+    def ring_chord(self) -> np.ndarray:
+        """Chord of the rings of each strip, which join its two edges, shape (n_span,) [m].
+
+        The mean of the edges; not that of the strip where the chord is curved or has a kink, as at the tip of a blade.
+        """
+        return 0.5 * (self.edge_chord[1:] + self.edge_chord[:-1])
 
     @property
     def n_chord(self) -> int:
@@ -329,7 +339,7 @@ def build_planform(
         ``camber(span, x)`` gives height and slope (both in chords) of the camber line at chord fractions x, positive
         towards the suction side. Flat if not given.
     strip_chord : array_like, shape (n_span,), optional
-        Mean chords of the strips; by default the mean of the two edges.
+        Mean chords of the strips, to which their polars refer; by default the mean of the two edges.
     root_radius : float, optional
         See `LatticePlanform`.
 
