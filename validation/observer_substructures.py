@@ -1,6 +1,7 @@
 """Several local observer frames a beam: the geometric stiffness that one frame lacks comes back.
 
-Within a body the formulation of Holm-Jørgensen, Nielsen & Rubak is linear and knows no geometric stiffness, but the
+Within a body the formulation of Holm-Jørgensen, Nielsen & Rubak is linear and knows no geometric stiffness (case
+`observer-second-order` has what brings it), but the
 frames of a beam that is cut into bodies turn with it, and what acts along them acts along the deformed beam. Of the
 second-order work ½ ∫ N (u')² ds of an axial force N only the part ½ ∫ N (u' − ū')² ds is left out, ū' being the slope
 of the root of each body: a quarter with twice as many bodies. Two beams show it in time, each released with the
@@ -86,9 +87,9 @@ def first_mode(system, speed=0.0, step=1e-5):
     return float(np.sqrt(value[lowest].real)), vector[:, lowest].real
 
 
-def period(what, n_pieces, speed=0.0, periods=10, per_period=300):
+def period(what, n_pieces, speed=0.0, periods=10, per_period=300, displacement="linear"):
     """Circular frequency of a run in observer frames from the first mode's velocities: upward zero crossings."""
-    system, beams, bodies = chain(what, n_pieces)
+    system, beams, bodies = chain(what, n_pieces, displacement == "linear")
     frequency, shape = first_mode(system, speed)
     _, y = inputs_of(system, speed)
     tip = system.bodies[bodies[0]].markers["tip"].linear[0]
@@ -96,7 +97,8 @@ def period(what, n_pieces, speed=0.0, periods=10, per_period=300):
     y[system.n_q : 2 * system.n_q] = 1e-3 * frequency * LENGTH / size * shape
     motions = {"spin": lambda t: (speed * t, speed, 0.0)} if system.n_servo else None
     step = 2.0 * np.pi / frequency / per_period
-    run = ObserverFrameIntegrator(observer_frame_from_system(system, beams, y, motions=motions), step)
+    observed = observer_frame_from_system(system, beams, y, motions=motions, displacement=displacement)
+    run = ObserverFrameIntegrator(observed, step)
     name, out = system.bodies[bodies[-1]].name, []
     for _ in range(round((periods + 0.75) * per_period)):
         run.advance()

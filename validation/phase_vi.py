@@ -232,6 +232,7 @@ def uae_phase_vi_stall():
     """Torque within 15 %, normal force at 30 % of the radius within 20 %, with augmented two-dimensional polars."""
     choices = {
         "Du-Selig, Eggers": ("measured", "du-selig"), "Snel": ("measured", "snel"),
+        "Snel, 1993": ("measured", "snel-1993"),
         "two-dimensional": ("measured", None), "certification model": ("model", None),
     }  # fmt: skip
     winds = np.array(list(MEASURED))

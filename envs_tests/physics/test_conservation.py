@@ -21,6 +21,7 @@ SPEED = 1.2  # [rad/s] of the rotor
 COARSE = {"integrator": "generalised_alpha", "tower_elements": 6, "blade_elements": 6}
 NODAL = {"tower_coordinates": "nodal", "blade_coordinates": "nodal", **COARSE}
 MIXED = {"formulation": "constrained", "blade_coordinates": "nodal", **COARSE, "blade_elements": 4}
+LINEAR = {"formulation": "observer", "frame_displacement": "linear"}
 # name: fidelity, integrator, step [s], bounds of the drift of energy in 20 s and in 600 s, and of free momenta in 20 s
 FORMS = {
     "embedded": ({}, "hamming", 0.01, 2e-8, 1e-6, 2e-8),
@@ -32,6 +33,7 @@ FORMS = {
     "mixed": (MIXED, "generalized-alpha", 0.05, 3e-5, 1e-4, 5e-4),
     "several bodies": ({"blade_bodies": 3, **COARSE}, "newmark", 0.02, 1e-6, 3e-6, 5e-6),
     "observer": ({"formulation": "observer"}, "observer", 0.01, 5e-5, 3e-4, 1e-4),
+    "observer, linear": (LINEAR, "observer", 0.01, 5e-5, 3e-4, 1e-4),
 }
 
 
@@ -57,7 +59,8 @@ class Run:
         name = "newmark" if afloat and form == "mixed" else name
         turbine = undamped(load_turbine("nrel_5mw"))
         turbine = replace(turbine, drivetrain=replace(turbine.drivetrain, gearbox_reverses=reverses))
-        self.structure = build_structure(turbine, replace(FIDELITIES["training"], **changes), TIP)
+        self.fidelity = replace(FIDELITIES["training"], **changes)
+        self.structure = build_structure(turbine, self.fidelity, TIP)
         self.system = system = floating(self.structure.system) if afloat else self.structure.system
         y = system.initial_state()
         y[system.n_q + self.structure.azimuth_u + (6 if afloat else 0)] = SPEED
@@ -82,7 +85,9 @@ class Run:
         return integrator.advance, lambda: (system.energy(integrator.state), momenta_of(system, integrator.state))
 
     def observed(self, y, step):
-        integrator = ObserverFrameIntegrator(observer_frame_from_system(self.system, self.structure.beams, y), step)
+        displacement = self.fidelity.frame_displacement
+        bodies = observer_frame_from_system(self.system, self.structure.beams, y, displacement=displacement)
+        integrator = ObserverFrameIntegrator(bodies, step)
         return integrator.advance, lambda: (integrator.energy(), integrator.momentum())
 
     def drift_of_energy(self):
@@ -159,8 +164,9 @@ def test_momentum_and_angular_momentum_of_a_turbine_afloat(form, reverses):
         ({"formulation": "constrained"}, False, 3e-5),
         ({"blade_bodies": 3, **COARSE}, False, 3e-4),
         ({"formulation": "observer"}, False, 4e-4),
+        (LINEAR, False, 4e-4),
     ],
-    ids=["embedded", "reversing gearbox", "constrained", "several bodies", "observer"],
+    ids=["embedded", "reversing gearbox", "constrained", "several bodies", "observer", "observer, linear"],
 )
 def test_power_balance_in_the_air(changes, reverses, bound):
     """Without damping the energy of the turbine changes by the work of the air, generator and drives, and nothing else.

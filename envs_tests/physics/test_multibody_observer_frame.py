@@ -9,11 +9,12 @@ from scipy.spatial.transform import Rotation
 from validation import observer_frame as example
 from validation import observer_frame_follower as follower
 from validation import observer_frame_updates as updates
-from validation import three_formulations
+from validation import observer_second_order, three_formulations
 from validation.exact_rod import exact_rod
 from wt_gym.constants import GRAVITY
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
 from wt_gym.multibody.observer_frame.frame import (
+    DISPLACEMENTS,
     REFERENCE_CONDITIONS,
     ObserverFrameError,
     ObserverFrameIntegrator,
@@ -139,9 +140,13 @@ def test_free_rigid_body_keeps_its_momentum(prediction):
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
 
-@pytest.mark.parametrize("n_modes", [4, None])
-def test_free_flexible_body_keeps_momentum_and_energy(n_modes):
-    body = Substructure.from_beam("beam", slender_beam(), "simply_supported", n_modes)
+@pytest.mark.parametrize(
+    ("n_modes", "kind"),
+    [(4, {"reference": "simply_supported"}), (None, {"reference": "simply_supported"}),
+     (4, {"displacement": "second_order"})],
+)  # fmt: skip
+def test_free_flexible_body_keeps_momentum_and_energy(n_modes, kind):
+    body = Substructure.from_beam("beam", slender_beam(), n_modes=n_modes, **kind)
     rates = np.zeros(body.n)
     rates[:4] = 0.3
     run = integrator(body, 0.001, velocity=(1, 2, 3), angular_velocity=(0.4, -0.6, 0.8), rates=rates)
@@ -246,14 +251,14 @@ def test_rigid_pendulum_period():
     assert np.diff(crossing)[0] == pytest.approx(expected, rel=1e-4)
 
 
-def linear_tree(time):
-    """Swinging beam in the floating-frame tree without second-order displacements: hinge angle, modal coordinates."""
+def swinging_tree(time, displacement="linear"):
+    """Swinging beam in the floating-frame tree: hinge angle, modal coordinates."""
     beam = slender_beam()
     basis = clamped_modes(beam, 4).shape
     full, fields = FlexibleBody.from_beam("beam", beam, basis), particle_fields(beam, basis)
     none = np.zeros((len(beam.particle_mass), 3, 4, 4))
     plain = SimpleNamespace(position=fields.position, linear=fields.linear, second=none)
-    inertia = BodyInertia.from_particles(beam.particle_mass, plain)
+    inertia = BodyInertia.from_particles(beam.particle_mass, plain) if displacement == "linear" else full.inertia
     body = FlexibleBody("beam", inertia, full.stiffness, full.damping, full.markers, full.coordinate_names)
     system = MultibodySystem()
     system.add(body, Joint("revolute", (0.0, 1.0, 0.0), name="swing"))
@@ -266,9 +271,9 @@ def linear_tree(time):
     return run.state[0], run.state[1:5]
 
 
-def swing(step, time, **options):
+def swing(step, time, displacement="linear", **options):
     """The same beam in an observer frame."""
-    body = Substructure.from_beam("beam", slender_beam(), "clamped", 4)
+    body = Substructure.from_beam("beam", slender_beam(), "clamped", 4, displacement=displacement)
     hold = lambda system: system.hinge("beam", "root", (0.0, 1.0, 0.0))  # noqa: E731
     run = integrator(body, step, gravity=(0.0, 0.0, -GRAVITY), hold=hold, rotation=HORIZONTAL, options=options)
     run.advance(round(time / step))
@@ -278,12 +283,13 @@ def swing(step, time, **options):
     return angle + q[-2], q[:4], run
 
 
-def test_swinging_beam_agrees_with_the_floating_frame_tree():
+@pytest.mark.parametrize("displacement", DISPLACEMENTS)
+def test_swinging_beam_agrees_with_the_floating_frame_tree(displacement):
     """With rotation modes of the deformed body both are the same equations: only Newmark's error O(h²) remains."""
-    angle, elastic = linear_tree(0.5)
+    angle, elastic = swinging_tree(0.5, displacement)
     errors = []
     for step in (0.004, 0.002, 0.001):
-        found, q, _ = swing(step, 0.5)
+        found, q, _ = swing(step, 0.5, displacement)
         errors.append(abs(found - angle))
         assert abs(abs(q[0]) - abs(elastic[0])) < 0.2 * (step / 0.004) ** 2 * abs(elastic[0])
     assert errors[2] < 3e-5
@@ -293,7 +299,7 @@ def test_swinging_beam_agrees_with_the_floating_frame_tree():
 
 @pytest.mark.parametrize("radius", [0.0, 0.5, 1.0])
 def test_generalised_alpha_is_of_second_order(radius):
-    angle, elastic = linear_tree(0.5)
+    angle, elastic = swinging_tree(0.5)
     errors = []
     for step in (0.002, 0.001):
         found, q, _ = swing(step, 0.5, spectral_radius=radius)
@@ -349,7 +355,7 @@ def test_a_spectral_radius_lies_between_nothing_and_one(radius):
 
 def test_undeformed_rotation_modes_err_by_the_deflection():
     """With constant matrices the moment of the axial force about the deflection is missing: an error of order u/L."""
-    angle, elastic = linear_tree(0.5)
+    angle, elastic = swinging_tree(0.5)
     found, _, run = swing(0.001, 0.5, rigid_modes="undeformed")
     deflection = np.abs(run.displacement("beam", "tip")[0]) / LENGTH
     assert 3e-5 < abs(found - angle) < deflection
@@ -368,6 +374,43 @@ def test_update_on_demand_follows_the_update_every_step():
 def test_spinning_beam_has_no_geometric_stiffness():
     """Flap keeps ω₀ and lag falls to √(ω₀² − Ω²), away from the true rotating beam."""
     assert all(check.passed for check in example.spinning_frequencies().checks)
+
+
+@pytest.mark.parametrize(("plane", "eta"), [("flap", 4.0), ("lag", 4.0), ("flap", 8.0)])
+def test_second_order_displacements_give_the_rotating_beam(plane, eta):
+    """Geometric stiffness of the centrifugal force, against the table of exact frequencies."""
+    known = observer_second_order.TABLE[eta][plane == "lag"]
+    assert observer_second_order.rotating_frequency(eta, plane) == pytest.approx(known, rel=2e-3)
+
+
+def test_weight_softens_a_column_with_second_order_displacements():
+    """(ω/ω₀)² = 1 − P/P_E to a good approximation: the load of a heavy mass on a clamped column, P_E = π² EI/(2L)².
+
+    The exact frequency is that of EI w'' = −P (w_L − w)(…): k L tan(k L) form of the beam-column with a tip mass.
+    """
+    beam = Beam(BeamSections.uniform(LENGTH, EA=1e8, EIx=4 * EI, EIy=EI, GJ=1e6, mass=1e-3, Ix=1e-6, Iy=1e-6), 8)
+    load = 0.4 * np.pi**2 * EI / (4.0 * LENGTH**2)
+    mass, k = load / GRAVITY, np.sqrt(load / EI)
+    stiffness = load * k / (np.tan(k * LENGTH) - k * LENGTH)  # of the tip of a beam-column
+    tree = MultibodySystem(gravity=(0.0, 0.0, -GRAVITY))
+    basis = clamped_modes(beam, 6).shape
+    column = tree.add(FlexibleBody.from_beam("column", beam, basis), Joint("fixed"))
+    top = FlexibleBody.rigid("top", mass, np.zeros(3), 1e-6 * np.eye(3))
+    tree.add(top, Joint("spherical"), column, "tip")
+    y = tree.build().initial_state()
+    system = observer_frame_from_system(tree, {"column": (beam, basis)}, y, displacement="second_order")
+    omega = np.sqrt(stiffness / mass)
+    system.motions[0][3][0] = 1e-3 * omega * LENGTH / basis[-6, 0]
+    system.motions[1][0][0] = 1e-3 * omega * LENGTH
+    step, out = 2.0 * np.pi / omega / 200, []
+    run = ObserverFrameIntegrator(system, step)
+    for _ in range(550):
+        run.advance()
+        out.append(run.position("top", "origin")[0])
+    x = np.array(out)
+    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
+    crossing = step * (up + x[up] / (x[up] - x[up + 1]))
+    assert 2.0 * np.pi / np.diff(crossing)[0] == pytest.approx(omega, rel=3e-3)
 
 
 def test_shaft_about_its_own_axis_is_updated_on_demand():
@@ -504,7 +547,13 @@ class TestErrors:
 
     @pytest.mark.parametrize(
         ("changes", "match"),
-        [({"reference": "welded"}, "welded"), ({"n_modes": 500}, "500"), ({"markers": {"far": 12.0}}, "far")],
+        [
+            ({"reference": "welded"}, "welded"),
+            ({"n_modes": 500}, "500"),
+            ({"markers": {"far": 12.0}}, "far"),
+            ({"displacement": "cubic"}, "'cubic' is unknown; allowed: linear, second_order"),
+            ({"displacement": "second_order", "reference": "simply_supported"}, "needs the reference 'clamped'"),
+        ],
     )
     def test_substructure(self, changes, match):
         with pytest.raises(ObserverFrameError, match=match):
@@ -525,6 +574,13 @@ class TestErrors:
         system.add(self.body())
         with pytest.raises(ObserverFrameError, match=match):
             ObserverFrameIntegrator(system, **options)
+
+    def test_second_order_displacements(self):
+        body = self.body(displacement="second_order")
+        with pytest.raises(ObserverFrameError, match="need the rigid_modes 'deformed'"):
+            integrator(body, options={"rigid_modes": "undeformed"})
+        with pytest.raises(ObserverFrameError, match="'deformed' adds the moment of the deflection"):
+            integrator(body, load=(np.ones(6), "deformed"))
 
     def test_redundant_constraints(self):
         system = ObserverFrameSystem()

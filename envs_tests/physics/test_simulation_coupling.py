@@ -1,11 +1,13 @@
 """The coupled simulator: energy across the interface, frames and signs, snapshots."""
 
+import itertools
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import simpson
+from scipy.linalg import expm
 
 from wt_gym.agents.closed_loop import run_baseline
 from wt_gym.constants import GRAVITY
@@ -272,6 +274,45 @@ def test_a_pitch_servo_lags_by_twice_its_time_constant():
     lag = rate * (2.0 / frequency - (2.0 / frequency + t) * np.exp(-frequency * t))
     found = np.array([s.pitch_command[0] - s.pitch[0] for s in signals[:12]])
     np.testing.assert_allclose(found, lag, atol=0.01 * lag[-1])
+
+
+def servo_response(command, frequency, damping, dt):
+    """Angle (n,) at the ends of steps of a second-order servo from rest; its command moves evenly within a step."""
+    a = np.array([[0.0, 1.0, 0.0, 0.0], [-(frequency**2), -2.0 * damping * frequency, frequency**2, 0.0],
+                  [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])  # fmt: skip
+    over, state, out = expm(dt * a), np.array([command[0], 0.0]), []
+    for before, after in itertools.pairwise(command):
+        state = (over @ [*state, before, (after - before) / dt])[:2]
+        out.append(state[0])
+    return np.array(out)
+
+
+@pytest.mark.parametrize("servo", [None, (11.11, 0.6), (4.0 * np.pi, 1.0)])
+def test_a_demand_that_alternates_at_every_step(servo):
+    """An ideal drive stands still at the mean of two commands; a servo gives its response to a triangle of 5 Hz.
+
+    11.11 rad/s and 0.6: the pitch drive of the benchmark of Odgaard & Johnson (American Control Conference, 2013) for
+    the NREL 5-MW turbine.
+    """
+    turbine, dt, amplitude = load_turbine("nrel_5mw"), 0.1, 0.005
+    if servo is not None:
+        turbine = replace(turbine, pitch=replace(turbine.pitch, servo_frequency=servo[0], servo_damping=servo[1]))
+    # steps of 33 ms over kinks of the command, as in training, leave 8 % of this small response
+    sim = Simulator(turbine, SteadyInflow(9.0), replace(FIDELITIES["training"], max_substep=0.005))
+    assert sim.time_step == pytest.approx(dt)
+    sim.reset(rotor_speed=1.08, pitch=0.03)
+    command = 0.03 + amplitude * np.array([0.0, *(-1.0, 1.0) * 20])
+    found = np.array([sim.advance(dt, pitch=p, generator_torque=38e3).pitch[0] for p in command[1:]]) - 0.03
+    if servo is None:
+        np.testing.assert_allclose(found[1:], 0.0, atol=1e-8)
+        return
+    np.testing.assert_allclose(found, servo_response(command - 0.03, *servo, dt), atol=2e-3 * amplitude)
+    # Fourier series of the triangle, 8 A/π² Σ cos(n ω t)/n² for odd n, through the transfer function of the servo
+    n = np.arange(1, 40, 2)
+    s = 1j * n * np.pi / dt
+    gain = servo[0] ** 2 / (s**2 + 2.0 * servo[1] * servo[0] * s + servo[0] ** 2)
+    settled = 8.0 / np.pi**2 * np.sum(gain.real / n**2)
+    assert found[-1] == pytest.approx(amplitude * settled, rel=0.02)
 
 
 def test_a_linear_damper_loads_the_rotor():

@@ -28,6 +28,7 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 OBSERVER = replace(FIDELITIES["training"], formulation="observer")
+LINEAR = replace(OBSERVER, frame_displacement="linear")
 
 
 # ---- mechanisms ------------------------------------------------------------------------------------------------------
@@ -175,13 +176,13 @@ def tree_frequencies(system):
 
 @pytest.mark.parametrize("reference", ["clamped", "simply_supported", "three_quarter"])
 def test_parked_frequencies(reference):
-    """Without weight those of the embedded form; with it all but the tower's, which lacks P-Δ, within 0.5 %."""
+    """Linear: without weight those of the embedded form, with it all but the tower's, which lacks P-Δ, within 0.5 %."""
     turbine = load_turbine("nrel_5mw")
     embedded = assemble(turbine, FIDELITIES["training"]).structure.system
     heavy = tree_frequencies(embedded)[1:]
     embedded.tree = embedded.tree._replace(gravity=np.zeros(3))
     light = tree_frequencies(embedded)[1:]
-    structure = assemble(turbine, OBSERVER).structure
+    structure = assemble(turbine, LINEAR).structure
     start = structure.system.initial_state()
     observed = Translation(structure.system, structure.beams, start, reference=reference).observed
     found = observed_frequencies(observed)[1:]
@@ -194,14 +195,14 @@ def test_parked_frequencies(reference):
 
 
 def linear_twin(monkeypatch):
-    """The same turbine, with bodies without second-order displacement, in the embedded form and Hamming's scheme."""
+    """The same turbine, with bodies of the same displacement, in the embedded form and Hamming's scheme."""
     monkeypatch.setattr(simulator_module, "ObserverCoupling", Coupling)
 
 
-def trajectory(duration=4.0, step=0.0334, **options):
+def trajectory(duration=4.0, step=0.0334, base=OBSERVER, **options):
     """Channels in a pitching, yawing turbine under a changing generator."""
     inflow = SteadyInflow(9.0, shear_exponent=0.2, yaw_misalignment=0.1)
-    sim = Simulator("nrel_5mw", inflow, replace(OBSERVER, max_substep=step, coupling_iterations=4, **options))
+    sim = Simulator("nrel_5mw", inflow, replace(base, max_substep=step, coupling_iterations=4, **options))
     sim.reset(rotor_speed=1.0, azimuth=0.3)
     rows = []
     for k in range(round(duration / 0.2)):
@@ -219,14 +220,15 @@ DAMPED = {"integrator": "generalised_alpha", "spectral_radius": 0.5}
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("base", [OBSERVER, LINEAR], ids=["second order", "linear"])
 @pytest.mark.parametrize("scheme", [{}, DAMPED])
-def test_coupled_trajectory_is_that_of_the_same_equations_in_the_embedded_form(monkeypatch, scheme):
+def test_coupled_trajectory_is_that_of_the_same_equations_in_the_embedded_form(monkeypatch, scheme, base):
     """Within 1e-3 of the largest value of each channel in 20 s, nearly four times nearer with half the step."""
-    coarse, _ = trajectory(20.0, step=0.0125, **scheme)
-    fine, _ = trajectory(20.0, step=0.00625, **scheme)
+    coarse, _ = trajectory(20.0, 0.0125, base, **scheme)
+    fine, _ = trajectory(20.0, 0.00625, base, **scheme)
     with monkeypatch.context() as patch:
         linear_twin(patch)
-        known, _ = trajectory(20.0, step=0.00625)
+        known, _ = trajectory(20.0, 0.00625, base)
     _, at = new_values(3)
     places = np.concatenate([np.atleast_1d(np.r_[at[name]]) for name in WATCHED])
     size = np.abs(known[:, places]).max(axis=0)
@@ -235,10 +237,22 @@ def test_coupled_trajectory_is_that_of_the_same_equations_in_the_embedded_form(m
     assert np.linalg.norm(errors[1]) < 0.5 * np.linalg.norm(errors[0])
 
 
+@pytest.mark.parametrize("reference", ["clamped", "three_quarter"])
+def test_tips_move_as_in_the_embedded_form(reference):
+    """With second-order displacements, at 11 m/s and 12 rpm: out-of-plane tips within 1 % of the largest in 4 s."""
+    found = []
+    for fidelity in (FIDELITIES["training"], replace(OBSERVER, reference_condition=reference)):
+        sim = Simulator("nrel_5mw", SteadyInflow(11.0, shear_exponent=0.2), fidelity)
+        sim.reset(rotor_speed=1.25, azimuth=0.3)
+        rows = [sim.advance(0.2, pitch=0.01 * (k > 5), generator_torque=40e3).tip_out_of_plane for k in range(20)]
+        found.append(np.array(rows))
+    assert np.abs(found[1] - found[0]).max() < 0.01 * np.abs(found[0]).max()
+
+
 @pytest.mark.slow
 def test_missing_geometric_stiffness_deflects_the_tips_farther():
     """In a turning rotor the tip deflections exceed those of the embedded form by about K Ω²/ω₀² of their size."""
-    sims = [Simulator("nrel_5mw", SteadyInflow(8.0), fidelity) for fidelity in (FIDELITIES["training"], OBSERVER)]
+    sims = [Simulator("nrel_5mw", SteadyInflow(8.0), fidelity) for fidelity in (FIDELITIES["training"], LINEAR)]
     tips, flaps = zip(*[((s := sim.reset(rotor_speed=0.96)).tip_out_of_plane.mean(), s.root_flap_moment.mean())
                         for sim in sims], strict=True)  # fmt: skip
     structure = sims[0].structure
@@ -304,6 +318,10 @@ def test_fidelity_refuses_what_makes_no_sense():
         replace(OBSERVER, formulation="embedded", frame_update=0.1)
     with pytest.raises(SimulationError, match="reference_condition is 'three_quarter', but the formulation"):
         replace(OBSERVER, formulation="constrained", reference_condition="three_quarter")
+    with pytest.raises(SimulationError, match="frame_displacement is 'linear', but the formulation is 'embedded'"):
+        replace(LINEAR, formulation="embedded")
+    with pytest.raises(SimulationError, match="frame_displacement 'cubic' is unknown"):
+        replace(OBSERVER, frame_displacement="cubic")
 
 
 @pytest.mark.slow

@@ -284,9 +284,9 @@ def test_individual_pitch_stays_above_the_lower_limit(turbine):
     assert made.pitch.min() == 0.0
 
 
-@pytest.mark.parametrize("frequency", [None, 10.0])
-def test_individual_pitch_leads_by_the_delay_of_the_drive(turbine, frequency):
-    drive = replace(turbine.pitch, servo_frequency=frequency)
+@pytest.mark.parametrize(("frequency", "damping"), [(None, 1.0), (10.0, 1.0), (6.0, 0.6)])
+def test_individual_pitch_leads_by_the_delay_of_the_drive(turbine, frequency, damping):
+    drive = replace(turbine.pitch, servo_frequency=frequency, servo_damping=damping)
     addition = IndividualPitch.of_turbine(replace(turbine, pitch=drive), second_harmonic=0.5, fade=False)
     for dt, delay in ((0.1, 0.15 if frequency is None else 0.3), (0.05, 0.075 if frequency is None else 0.25)):
         addition.start(readings())

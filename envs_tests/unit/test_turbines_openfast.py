@@ -53,6 +53,12 @@ class TestTheSameTurbine:
         require_same(replace(wanted, inertia=found.inertia), found)
         np.testing.assert_allclose(found.inertia, wanted.inertia, rtol=1e-3, atol=1.0)
 
+    @pytest.mark.parametrize(("mode", "servo"), [(0, (None, 1.0)), (1, (3.14, 1.0)), (2, (3.14, 0.707))])
+    def test_pitch_drive(self, model, mode, servo, tmp_path):
+        model.discon["PA_Mode"] = mode
+        pitch = load_turbine(model.write(tmp_path)).pitch
+        assert (pitch.servo_frequency, pitch.servo_damping) == servo
+
     def test_blade_of_elastodyn(self, nrel_5mw, model, tmp_path):
         read, wanted = load_turbine(model.write(tmp_path)).blade, nrel_5mw.blade
         for name in ("aero_station", "chord", "twist", "le_offset", "normal_offset"):

@@ -28,6 +28,8 @@ def stalled_polar():
         ("du-selig", 0.21348),
         # 3.1 · 0.04 · 2.7² / (1 + 2.7²)
         ("snel", 0.109042),
+        # 3 · 0.04
+        ("snel-1993", 0.12),
     ],
 )
 def test_factors_by_hand(model, factor):
@@ -35,7 +37,7 @@ def test_factors_by_hand(model, factor):
     assert obtained == pytest.approx(factor, rel=1e-4)
 
 
-@pytest.mark.parametrize("model", ["du-selig", "snel"])
+@pytest.mark.parametrize("model", ["du-selig", "snel", "snel-1993"])
 def test_lift_and_drag_of_a_section_in_rotation(model):
     polar, augmentation = stalled_polar(), RotationalAugmentation(model, RADIUS, RATIO)
     rotating = augmentation.of(polar, 0.5, 2.5)

@@ -153,7 +153,7 @@ def _matrix(turbine: Turbine, p: BaselineParameters, wind: float) -> tuple[np.nd
         a[8, 8] = -1.0
     else:
         a[7, 8] = 1.0
-        a[8, 6], a[8, 7], a[8, 8] = servo**2, -(servo**2), -2.0 * servo
+        a[8, 6], a[8, 7], a[8, 8] = servo**2, -(servo**2), -2.0 * turbine.pitch.servo_damping * servo
     return a, top.mass, inertia
 
 

@@ -70,8 +70,9 @@ def pitch_delay(drive, interval, step=None):
     At t, a multiple of the interval T, a controller asks for d(t) = r t. The command gets there at t + T: evenly, over
     the steps of the simulator, as the environments move their demands, or at once if T is such a step. So the command
     is T late. The pitch is late behind the command in turn: an ideal drive by half a step Δt, for at the end of a step
-    it stands midway between the commands of this step and the one before (`PitchDrives`); a critically damped servo of
-    frequency ω, 1/(1 + s/ω)², by 2/ω. A pitch that turns with the rotor is thus led by Ω (T + Δt/2) or Ω (T + 2/ω).
+    it stands midway between the commands of this step and the one before (`PitchDrives`); a servo of frequency ω and
+    damping ratio ζ, ω²/(s² + 2 ζ ω s + ω²), by 2 ζ/ω. A pitch that turns with the rotor is thus led by Ω (T + Δt/2) or
+    Ω (T + 2 ζ/ω).
 
     Parameters
     ----------
@@ -81,8 +82,9 @@ def pitch_delay(drive, interval, step=None):
     step : float, optional
         Δt, of the simulator [s]; by default the interval.
     """
-    lag = 0.5 * (interval if step is None else step) if drive.servo_frequency is None else 2.0 / drive.servo_frequency
-    return interval + lag
+    if drive.servo_frequency is None:
+        return interval + 0.5 * (interval if step is None else step)
+    return interval + 2.0 * drive.servo_damping / drive.servo_frequency
 
 
 class Law(Protocol):
@@ -104,7 +106,9 @@ class PitchDrives:
     The pitch bearing follows the command: with the servo of the turbine, or ideally. The rate of an ideal drive changes
     smoothly within an aerodynamic step of length Δt, from that of the command in the step before to that in this one
     (`wt_gym.multibody.tree.rate_kernels.prescribe_servos`), and is never greater than the command's. The drive thus
-    lags Δt/2 behind a moving command and stops on it.
+    lags Δt/2 behind a moving command and stops on it. At the end of a step it is the mean of two commands: a filter
+    with the gain cos(ω Δt/2), and a command that goes to and fro at every step moves nothing. What a real drive does
+    with such a demand is a matter of its servo (`PitchSystem.servo_frequency`, `servo_damping`).
 
     Parameters
     ----------

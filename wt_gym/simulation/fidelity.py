@@ -9,7 +9,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
 from wt_gym.multibody.integrators.stability import undamped_limit
-from wt_gym.multibody.observer_frame.observer_frame_body import REFERENCE_CONDITIONS
+from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
 
 __all__ = ["ELASTODYN_NREL_5MW_TOWER", "FIDELITIES", "Fidelity", "fidelity"]
 
@@ -103,9 +103,8 @@ class Fidelity:
         "embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
         constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
         embedded form is several times faster. "observer": all bodies in local observer frames, held together by
-        constraint equations (Holm-Jørgensen, Nielsen & Rubak); linear deformations of each body without geometric
-        stiffness; the scheme is "generalised_alpha" where ``integrator`` says so, else "newmark", with steps of at most
-        ``max_substep``.
+        constraint equations (Holm-Jørgensen, Nielsen & Rubak); the scheme is "generalised_alpha" where ``integrator``
+        says so, else "newmark", with steps of at most ``max_substep``.
     stabilisation : float
         Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
     projection : bool
@@ -122,6 +121,10 @@ class Fidelity:
         :mod:`wt_gym.multibody.observer_frame.observer_frame_body`.
     frame_update : str or float
         When observer frames are moved onto their bodies: every "step", or beyond this displacement [m].
+    frame_displacement : str
+        From the observer frames: "second_order", N q + ½ qᵀ H q with the geometric stiffness of axial forces, as in the
+        other forms; or "linear", N q as published, without it: a turning blade then bends farther, a tower feels no
+        P-Δ.
     """
 
     name: str = "custom"
@@ -155,6 +158,7 @@ class Fidelity:
     blade_basis: str = later_field("fixed")
     reference_condition: str = later_field("clamped")
     frame_update: str | float = later_field("step")
+    frame_displacement: str = later_field("second_order")
 
     def __post_init__(self):
         """Refuse values without meaning."""
@@ -169,6 +173,7 @@ class Fidelity:
         for name, allowed in (
             ("formulation", ("embedded", "constrained", "observer")),
             ("reference_condition", REFERENCE_CONDITIONS),
+            ("frame_displacement", DISPLACEMENTS),
             ("tower_coordinates", COORDINATES),
             ("blade_coordinates", COORDINATES),
             ("yaw_drive", ("stiff", "spring")),
@@ -239,7 +244,11 @@ class Fidelity:
                         f"Fidelity.{name} is {getattr(self, name)!r}; formulation 'observer' takes {needed!r} only"
                     )
             return
-        for name, default in (("reference_condition", "clamped"), ("frame_update", "step")):
+        for name, default in (
+            ("reference_condition", "clamped"),
+            ("frame_update", "step"),
+            ("frame_displacement", "second_order"),
+        ):
             if getattr(self, name) != default:
                 raise SimulationError(
                     f"Fidelity.{name} is {getattr(self, name)!r}, but the formulation is {self.formulation!r}; it "

@@ -1,9 +1,10 @@
 """The coupled turbine in local observer frames (Holm-Jørgensen, Nielsen & Rubak).
 
-Bodies, joints and drives are those of the turbine's multibody system, whose bodies deform linearly in this formulation
-(no second-order displacement, and so no geometric stiffness). The observer frames are integrated by Newmark's or the
-generalised-α scheme; the multibody system is the language in which the rest of the simulation reads the motion: its
-coordinates are angles of hinges and elastic coordinates, which frames that are clamped to their bodies share.
+Bodies, joints and drives are those of the turbine's multibody system, with second-order displacements and the geometric
+stiffness that comes with them, or, as published, without (`Fidelity.frame_displacement`). The observer frames are
+integrated by Newmark's or the generalised-α scheme; the multibody system is the language in which the rest of the
+simulation reads the motion: its coordinates are angles of hinges and elastic coordinates, which frames that are clamped
+to their bodies share.
 
 Loads of the air are known as forces f at points x₀ + S q + ½ qᵀ H q of the blades, given in the deformed state. Their
 virtual work on these points is eq. (4) with the lever of the deformed axis in every section: Q = (S + H q)ᵀ f on the
@@ -80,8 +81,9 @@ class ObserverCoupling(Coupling):
         system = structure.system
         try:
             self.translation = Translation(
-                system, structure.beams, system.initial_state(), reference=fidelity.reference_condition
-            )
+                system, structure.beams, system.initial_state(), reference=fidelity.reference_condition,
+                displacement=fidelity.frame_displacement,
+            )  # fmt: skip
             model, state, work = self.translation.observed.pack()
         except ObserverFrameError as error:
             raise SimulationError(f"the turbine has no form in local observer frames: {error}") from error

@@ -228,7 +228,7 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     TurbineStructure
     """
     blade_beam, blade_basis, blade_body = _blade(turbine.blade, fidelity)
-    if fidelity.formulation == "observer":
+    if _deforms_linearly(fidelity):
         blade_body = without_second_order(blade_body, blade_beam, blade_basis)
     system = MultibodySystem(stabilisation=fidelity.stabilisation, projection=fidelity.projection)
     tower_body, tower_points, tower_radius, drag_points, tower_field, sway = _tower(turbine, fidelity, blade_body)
@@ -418,6 +418,11 @@ def _upright(station, table, below):
     return BeamSections(station, table.stiffness, table.inertia, axis)
 
 
+def _deforms_linearly(fidelity):
+    """Whether bodies have no second-order displacement, as in observer frames as published."""
+    return fidelity.formulation == "observer" and fidelity.frame_displacement == "linear"
+
+
 def _tower(turbine, fidelity, blade_body):
     """Tower body in plane bending and torsion modes shaped by the tower-top mass, with the support beneath."""
     _check_support(turbine, fidelity)
@@ -430,7 +435,7 @@ def _tower(turbine, fidelity, blade_body):
         dofs = _moving_dofs(fidelity.tower_modes) if fidelity.tower_coordinates == "nodal" else ()
         basis, ratio = nodal_basis(beam, dofs), tower.damping_ratio
         body = body_from_beam("tower", beam, "nodal", dofs=dofs, tip_mass=top, damping_ratio=ratio)
-    if fidelity.formulation == "observer":
+    if _deforms_linearly(fidelity):
         body = without_second_order(body, beam, basis)
     height, radius = _axis_points(tower)
     points, for_drag = (body_points(beam, basis, z[:, None] * [0.0, 0.0, 1.0]) for z in (height, drag_heights(tower)))
@@ -596,7 +601,7 @@ def _add_blade(system, turbine, hub, blade, i, formulation):
         "rotation": root,
         "offset": root @ [0.0, 0.0, turbine.hub.radius],
         "servo_frequency": turbine.pitch.servo_frequency or IDEAL_PITCH_SERVO,
-        "servo_damping": 1.0,
+        "servo_damping": turbine.pitch.servo_damping,
         "name": f"pitch_{i + 1}",
     }
     name = f"blade_{i + 1}"

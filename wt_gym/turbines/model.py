@@ -320,16 +320,19 @@ class PitchSystem(ArrayRecord):
     max_rate : float
         [rad/s] (PC_MaxRat).
     servo_frequency : float or None
-        Natural frequency of the drive as a critically damped servo behind the demand [rad/s] (ROSCO's PA_CornerFreq);
-        its lag is two over the frequency. None, the default: an ideal drive, which follows the demand at up to
-        ``max_rate``. windIO files say nothing about it, and the baseline controller of the NREL 5-MW is published
-        without dynamics of the actuators (NREL/TP-500-38060, section 7).
+        Natural frequency ω of the drive as a servo behind the demand [rad/s] (ROSCO's PA_CornerFreq), θ̈ = ω² (c − θ) −
+        2 ζ ω θ̇. None, the default: an ideal drive, which follows the demand at up to ``max_rate``. windIO files say
+        nothing about it, and the baseline controller of the NREL 5-MW is published without dynamics of the actuators
+        (NREL/TP-500-38060, section 7).
+    servo_damping : float
+        Damping ratio ζ of that servo (ROSCO's PA_Damping), by default 1; behind a moving demand its lag is 2 ζ/ω.
     """
 
     min_pitch: float
     max_pitch: float
     max_rate: float
     servo_frequency: float | None = None
+    servo_damping: float = later_field(1.0)
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -342,6 +345,7 @@ class PitchSystem(ArrayRecord):
         if self.servo_frequency is not None:
             frequency = check_number("PitchSystem.servo_frequency", self.servo_frequency, 0.1, 100.0)
             self._set(servo_frequency=frequency)
+        self._set(servo_damping=check_number("PitchSystem.servo_damping", self.servo_damping, 0.1, 10.0))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -449,7 +453,7 @@ class Turbine(ArrayRecord):
         Parameters
         ----------
         model : str
-            "du-selig" or "snel", see `RotationalAugmentation`.
+            "du-selig", "snel" or "snel-1993", see `RotationalAugmentation`.
         tip_speed_ratio : float, optional
             Of the operation for which the polars are made; by default that at rated wind and rotor speed.
 

@@ -186,12 +186,15 @@ def read_openfast_pitch(servodyn: TextFile | None, discon: TextFile | None, note
         If limits contradict each other.
     """
     if discon is not None and all(key in discon for key in ("PC_MinPit", "PC_MaxPit", "PC_MaxRat")):
-        frequency = None
+        frequency, damping = None, 1.0
         if "PA_Mode" in discon and discon.integer("PA_Mode") > 0:
             frequency = discon.number("PA_CornerFreq")
-            notes.append(f"{discon.path.name}: the pitch drive is critically damped here, with PA_CornerFreq")
+            if discon.integer("PA_Mode") == 2:
+                damping = discon.number("PA_Damping")
+            else:
+                notes.append(f"{discon.path.name}: the pitch drive is critically damped here, with PA_CornerFreq")
         low, high = discon.number("PC_MinPit"), discon.number("PC_MaxPit")
-        return PitchSystem(low, high, discon.number("PC_MaxRat"), frequency)
+        return PitchSystem(low, high, discon.number("PC_MaxRat"), frequency, damping)
     if servodyn is not None and servodyn.number("Ptch_Max", 0.0) > servodyn.number("Ptch_Min", 0.0):
         low, high, rate = (_DEGREE * servodyn.number(key) for key in ("Ptch_Min", "Ptch_Max", "PtchRate_Max"))
         if rate > 0.0:

@@ -36,6 +36,11 @@ def snel(chord_ratio, radius_ratio, tip_speed_ratio, slope):
     return 3.1 * chord_ratio**2 * local / (1.0 + local)
 
 
+def snel_1993(chord_ratio, radius_ratio, tip_speed_ratio, slope):
+    """Factor g of Snel, Houwink & Bosschers as first published (ECN-C--93-052, 1993): 3 (c/r)^2."""
+    return 3.0 * chord_ratio**2
+
+
 def du_selig(chord_ratio, radius_ratio, tip_speed_ratio, slope):
     """Factor g of Du & Selig (AIAA-98-0021, 1998) with a = b = d = 1.
 
@@ -53,7 +58,7 @@ def eggers_drag(alpha, extra_lift):
     return extra_lift * (sine - 0.12 * cosine) / (cosine + 0.12 * sine)
 
 
-MODELS = {"snel": (snel, None), "du-selig": (du_selig, eggers_drag)}
+MODELS = {"snel": (snel, None), "snel-1993": (snel_1993, None), "du-selig": (du_selig, eggers_drag)}
 """Factor of the lift and drag of the gained lift, by name."""
 
 
@@ -65,7 +70,7 @@ class RotationalAugmentation:
     ----------
     model : str
         "du-selig": lift by Du & Selig, drag by Eggers et al., as AirfoilPrep combines them; "snel": lift by Snel et
-        al., drag unchanged.
+        al. with the local speed ratio, drag unchanged; "snel-1993": the same as first published, without that ratio.
     rotor_radius : float
         [m].
     tip_speed_ratio : float

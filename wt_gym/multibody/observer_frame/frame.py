@@ -28,6 +28,35 @@ J₂ᵀ − J̇₀ᵀ = −∫Nᵀ(α̃ + ω̃ω̃)s. Gravity enters as a_c − 
 The strain energy ½ qᵀK q knows no geometric stiffness: rotation softens by D but centrifugal tension stiffens nothing.
 A beam clamped at the axis of rotation keeps its flap frequency ω₀ and has the lag frequency √(ω₀² − Ω²).
 
+Second-order displacement
+-------------------------
+What is missing is a matter of eq. (2), and not of the frame. A beam that is inextensible and bends by w is shorter,
+along its axis, by ½ ∫ w'² ds, and the axial force N works on that. With
+
+    u = N q + ½ qᵀ H q                                                                                 (eq. 2, extended)
+
+for all points (`displacement="second_order"` of a `Substructure`; H as in :mod:`wt_gym.structure.beam`) the virtual
+displacement is (N + H q)ᵀ δq, and every force f that acts on the body, inertia, weight, loads and what other bodies
+exert on its markers, adds −f · H to the stiffness:
+
+    K_g = Σ ∫ H_k [a_c − g + ü_r + (α̃ + φ̈~ + ω̃ω̃) s]_k + Σ H_k(marker) λ_k.
+
+For a straight blade that turns about its root H_z(r) = −∫₀ʳ N'ᵀN' dσ, and by parts K_g = Ω² ∫ m r ∫₀ʳ N'ᵀN' dσ dr =
+∫ F N'ᵀN' dr with the centrifugal force F(r) = Ω² ∫ᵣ m σ dσ: the geometric stiffness of the axial force, of the weight
+on a tower's top (P-Δ) likewise. It is that of the floating frame (:mod:`wt_gym.structure.flexible_body`).
+
+As with the rotation modes below, the shapes are renewed in each step. The body is linear about the known q = q_d,
+
+    N → N + H q_d,    s → s − ½ q_dᵀ H q_d,
+
+in M₀, J₀, J₂, X and in what couples elastic and rigid-body coordinates; the elastic mass matrix becomes ∫NᵀN + (P + Pᵀ)
+q_d with P_ijm = ∫ N_i · H_jm; G and D of elastic coordinates among themselves stay (kinetic energy of second order in
+q, of third where two of them are rates, as in the floating frame). In the matrix of the step K_g is the tangent, with
+accelerations and reactions of the last instant; the balance at the end of the step, with shapes renewed, needs none.
+The velocities H(Δq) q̇ that change their name with the shapes are taken out of q̇ like those of the rotation modes, and
+with them the Coriolis force 2 ω̃ H(Δq) q̇ on the rigid-body coordinates is made up for, without which a rotor would lose
+the power h q̇ᵀ K_g q̇. The shortening of the lever is in the inertia: ∫ y yᵀ with y = s + N q + ½ qᵀ H q.
+
 Constraints
 -----------
 Point constraints hold d·(x_a − x_b) = 0 along fixed directions d (eqs 13, 15). Rotation constraints are written with
@@ -102,6 +131,7 @@ from wt_gym.multibody.integrators.schemes import NEWMARK
 from wt_gym.multibody.observer_frame import observer_frame_constraint_kernels as constraint
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
 from wt_gym.multibody.observer_frame.observer_frame_body import (
+    DISPLACEMENTS,
     REFERENCE_CONDITIONS,
     ObserverFrameError,
     Place,
@@ -111,6 +141,7 @@ from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFr
 from wt_gym.multibody.observer_frame.observer_frame_kernels import renew
 
 __all__ = [
+    "DISPLACEMENTS",
     "REFERENCE_CONDITIONS",
     "ObserverFrameError",
     "ObserverFrameIntegrator",
@@ -129,11 +160,13 @@ Model = namedtuple(
     "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
     "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes "
     "prediction row_drive row_axis row_spring row_stiffness row_damping row_inertia load_section "
-    "rule definite",
+    "rule definite bends bend_first bend_moment bend_mass bend_marker elastic_first elastic_moment marker_place "
+    "marker_linear extra_mass geometric",
 )
 State = namedtuple(
     "State",
-    "position rotation velocity omega acceleration alpha q v a lead deformed multiplier age turned n_updates angle",
+    "position rotation velocity omega acceleration alpha q v a lead deformed multiplier age turned n_updates angle "
+    "reaction",
 )
 Work = namedtuple(
     "Work",
@@ -420,6 +453,11 @@ class ObserverFrameSystem:
         """
         if axes not in LOAD_AXES:
             raise ObserverFrameError(f"load axes {axes!r} are unknown; allowed: {', '.join(LOAD_AXES)}")
+        if axes == "deformed" and self.bodies[self._index(body)].second_order is not None:
+            raise ObserverFrameError(
+                f"load on {body}.{marker}: 'deformed' adds the moment of the deflection to linear displacements; with "
+                "'second_order' it is there already: 'consistent' or 'turned'"
+            )
         if not callable(value) and np.shape(value) != (6,):
             raise ObserverFrameError(f"load on {body}.{marker}: expected force and moment (6,), got {np.shape(value)}")
         self.loads.append((self._marker(body, marker), value, axes))
@@ -437,8 +475,10 @@ class ObserverFrameSystem:
 
     def _displaced(self, index, marker):
         """Place (3,) and section orientation (3, 3, to fixed axes) of a marker at the initial coordinates."""
-        body = self.bodies[index]
-        field = body.marker_shape(marker) @ self.motions[index][2]
+        body, q = self.bodies[index], self.motions[index][2]
+        field = body.marker_shape(marker) @ q
+        if body.second_order is not None:
+            field[:3] += 0.5 * body.places[marker].second_order() @ q[:-6] @ q[:-6]
         turn = self.frames[index][1] @ Rotation.from_rotvec(field[3:]).as_matrix()
         return body.marker_position(marker) + field[:3], turn
 
@@ -476,7 +516,10 @@ class ObserverFrameSystem:
             raise ObserverFrameError("a system in local observer frames needs at least one substructure")
         n_b, n_max = len(self.bodies), max(b.n for b in self.bodies)
         n_m, n_row = len(self._markers), len(self._rows)
-        z = np.zeros
+        z, bends = np.zeros, np.array([b.second_order is not None for b in self.bodies])
+        if bends.any() and self.rigid_modes != "deformed":
+            raise ObserverFrameError("second-order displacements need the rigid_modes 'deformed'")
+        bent = max(b.n_elastic for b in self.bodies) if bends.any() else 0
         held = np.zeros(n_m, dtype=np.int64)
         for row in self._rows:
             for m in row.markers:
@@ -523,6 +566,17 @@ class ObserverFrameSystem:
             load_section=np.full(n_b, -1, dtype=np.int64),
             rule=np.array(NEWMARK),
             definite=np.array([b.definite for b in self.bodies]),
+            bends=bends,
+            bend_first=z((n_b, 3, bent, bent)),
+            bend_moment=z((n_b, 9, bent, bent)),
+            bend_mass=z((n_b, bent, bent, bent)),
+            bend_marker=z((n_m, 3, bent, bent)),
+            elastic_first=z((n_b, bent, 3)),
+            elastic_moment=z((n_b, bent, 9)),
+            marker_place=z((n_m, 3)),
+            marker_linear=z((n_m, 3, bent)),
+            extra_mass=z((n_b, bent, bent)),
+            geometric=z((n_b, bent, bent)),
         )
         self._pack_bodies(model)
         self._pack_markers(model)
@@ -532,8 +586,10 @@ class ObserverFrameSystem:
             for k, one in enumerate(acting):
                 which[k] = one.at(0.0)
         if model.deformed_modes:
-            for b in range(n_b):
-                renew(b, model, state, work)
+            for b, body in enumerate(self.bodies):
+                if bends[b]:
+                    state.deformed[b, : body.n_elastic] = state.q[b, : body.n_elastic]  # rates are those of this shape
+                renew(b, 0.0, model, state, work)
             constraint.marker_pairs(model, model.mass_columns, model.mass_pairs)
         self._check_constraints(model, state, work)
         return model, state, work
@@ -548,14 +604,24 @@ class ObserverFrameSystem:
             model.mass_low[i, :n, :n] = model.mass_up[i, :n, :n] = body.mass_matrix
             m, s = body.particle_mass, body.particle_position
             model.reference_first[i], model.reference_second[i] = m @ s, (m[:, None] * s).T @ s
+            if body.second_order is not None:
+                nf, more = body.n_elastic, body.second_order
+                model.bend_first[i, :, :nf, :nf], model.bend_moment[i, :, :nf, :nf] = more.first, more.moment
+                model.bend_mass[i, :nf, :nf, :nf] = more.mass
+                model.elastic_first[i, :nf] = body.first_moment[:nf]
+                model.elastic_moment[i, :nf] = body.reference_moment[:nf]
             if not matrix.factorize(0, n, model.first[i], model.mass_low[i], model.mass_up[i], body.definite):
                 raise ObserverFrameError(f"substructure {body.name!r}: the mass matrix is singular")
 
     def _pack_markers(self, model):
         for m, (index, name) in enumerate(self._markers):
             body = self.bodies[index]
-            model.marker_position[m] = body.marker_position(name)
+            model.marker_position[m] = model.marker_place[m] = body.marker_position(name)
             model.marker_shape[m, :, : body.n] = body.marker_shape(name)
+            if body.second_order is not None:
+                nf = body.n_elastic
+                model.marker_linear[m, :, :nf] = body.places[name].field[:3]
+                model.bend_marker[m, :, :nf, :nf] = body.places[name].second_order()
             model.mass_columns[m] = model.marker_shape[m]
             for column in model.mass_columns[m]:
                 matrix.solve(body.n, model.first[index], model.mass_low[index], model.mass_up[index], column)
@@ -592,6 +658,7 @@ class ObserverFrameSystem:
             turned=z((n_b, 3)),
             n_updates=np.zeros(n_b, dtype=np.int64),
             angle=np.array([spring.angle for spring in self.springs]),
+            reaction=z((len(self._markers), 3)),
         )
         for i, ((position, rotation), motion) in enumerate(zip(self.frames, self.motions, strict=True)):
             n = self.bodies[i].n

@@ -26,11 +26,23 @@ from scipy.linalg import null_space
 
 from wt_gym.errors import WtGymError
 from wt_gym.structure.beam import skew
+from wt_gym.structure.flexible_body import particle_fields
 from wt_gym.structure.modes import lowest_modes
 
-__all__ = ["REFERENCE_CONDITIONS", "ObserverFrameError", "Place", "Substructure", "reference_condition"]
+__all__ = [
+    "DISPLACEMENTS",
+    "REFERENCE_CONDITIONS",
+    "ObserverFrameError",
+    "Place",
+    "SecondOrder",
+    "Substructure",
+    "reference_condition",
+    "seen_from_frame",
+]
 
 REFERENCE_CONDITIONS = ("clamped", "simply_supported", "three_quarter")
+DISPLACEMENTS = ("linear", "second_order")
+"""Displacement from the moving frame: N q as published, or N q + ½ qᵀ H q, which brings the geometric stiffness."""
 
 
 class ObserverFrameError(WtGymError, ValueError):
@@ -127,6 +139,69 @@ def _second_order(beam, basis, s):
     return beam.second_order_field(basis).at(s)
 
 
+def seen_from_frame(second, position, linear, rigid):
+    """Second-order displacement H of points seen from a frame that moves against the root as the shapes say.
+
+    A point at r = s + S q + ½ qᵀ H q from the root, whose place and rotation vector in the frame are (u, φ) = R q, is
+    at u + exp(φ̃) r, in which the terms of second order are
+
+        H_ij + φ_i × S_j + φ_j × S_i + ½ [φ_i × (φ_j × s) + φ_j × (φ_i × s)].
+
+    Parameters
+    ----------
+    second : array (n_p, 3, n, n)
+    position : array (n_p, 3)
+        s [m].
+    linear : array (n_p, 3, n)
+        S, clamped at the root.
+    rigid : array (6, n)
+        R.
+    """
+    if not np.any(rigid):
+        return second
+    out, turn = np.array(second), [skew(phi) for phi in rigid[3:].T]
+    for i, one in enumerate(turn):
+        swing = np.einsum("ab,pbj->paj", one, linear)
+        out[:, :, i, :] += swing
+        out[:, :, :, i] += swing
+        for j, two in enumerate(turn):
+            out[:, :, i, j] += 0.5 * position @ (one @ two + two @ one).T
+    return out
+
+
+@dataclass(frozen=True)
+class SecondOrder:
+    """Integrals of the second-order displacement ½ qᵀ H q of a body with n elastic coordinates.
+
+    Attributes
+    ----------
+    first : array (3, n, n)
+        ∫ H_k.
+    moment : array (9, n, n)
+        ∫ H_k s_l, k first.
+    mass : array (n, n, n)
+        ∫ N_i · H_jm.
+    particles : callable
+        Without arguments; H (n_p, 3, n, n) of the mass points.
+    """
+
+    first: np.ndarray
+    moment: np.ndarray
+    mass: np.ndarray
+    particles: Callable
+
+    @classmethod
+    def from_points(cls, mass, position, linear, particles):
+        """Sums over mass points (n_p,) at positions (n_p, 3) with elastic shapes (n_p, 3, n)."""
+        second, n = particles(), linear.shape[2]
+        return cls(
+            first=np.einsum("p,pkij->kij", mass, second),
+            moment=np.einsum("pkij,pl->klij", second, mass[:, None] * position, optimize=True).reshape(9, n, n),
+            mass=np.einsum("pki,pkjm->ijm", mass[:, None, None] * linear, second, optimize=True),
+            particles=particles,
+        )
+
+
 @dataclass(frozen=True)
 class Substructure:
     """A body in a moving frame, in q = [q_f (n_f), q_r (6)].
@@ -158,6 +233,8 @@ class Substructure:
     beam : Beam or None
     basis : array (n_dof, n) or None
         Nodal displacements of the coordinates of a beam; the last six columns are the rigid-body modes.
+    second_order : SecondOrder or None
+        Of a body whose displacement is N q + ½ qᵀ H q; None: N q, as published.
     """
 
     name: str
@@ -177,9 +254,10 @@ class Substructure:
     definite: bool = True
     beam: object = dataclasses.field(default=None, repr=False)
     basis: np.ndarray | None = dataclasses.field(default=None, repr=False)
+    second_order: SecondOrder | None = dataclasses.field(default=None, repr=False)
 
     @classmethod
-    def from_points(cls, name, points, stiffness, damping, places, ends, *, reference="given", **more):
+    def from_points(cls, name, points, stiffness, damping, places, ends, *, reference="given", second=None, **more):
         """Build a substructure from mass points.
 
         Parameters
@@ -194,6 +272,8 @@ class Substructure:
             Points whose rigid-body displacement is watched [m].
         reference : str
             Name of the condition with which the elastic shapes comply.
+        second : callable, optional
+            Without arguments; the second-order displacement H (n_p, 3, n_f, n_f) of the points.
         **more
             ``frequency``, ``definite``, ``beam`` and ``basis``.
         """
@@ -204,12 +284,16 @@ class Substructure:
         strain = np.zeros((2, n, n))
         strain[0, :-6, :-6], strain[1, :-6, :-6] = stiffness, damping
         more.setdefault("frequency", np.zeros(0))
+        if second is not None:
+            more["second_order"] = SecondOrder.from_points(mass, position, linear, second)
         constants = _integrals(mass, position, shape)
         return cls(name, reference, places, ends=ends, particle_mass=mass, particle_position=position,
                    particle_shape=shape, stiffness=strain[0], damping=strain[1], **constants, **more)  # fmt: skip
 
     @classmethod
-    def from_beam(cls, name, beam, reference="clamped", n_modes=None, damping_time=0.0, markers=None):
+    def from_beam(
+        cls, name, beam, reference="clamped", n_modes=None, damping_time=0.0, markers=None, displacement="linear"
+    ):
         """Build a substructure from a beam.
 
         Parameters
@@ -225,12 +309,21 @@ class Substructure:
             Stiffness-proportional damping [s]; the damping ratio at the frequency ω is damping_time · ω / 2.
         markers : dict of str to float, optional
             Further named arc lengths [m].
+        displacement : str
+            One of :data:`DISPLACEMENTS`. The second-order displacement is that of shapes which are at rest at the root,
+            so that it wants the reference condition "clamped".
 
         Raises
         ------
         ObserverFrameError
-            For an unknown reference condition, a number of modes the beam does not have, or a marker off the beam.
+            For an unknown reference condition or displacement, a number of modes the beam does not have, or a marker
+            off the beam.
         """
+        check_displacement(displacement)
+        if displacement == "second_order" and reference != "clamped":
+            raise ObserverFrameError(
+                f"substructure {name!r}: displacement 'second_order' needs the reference 'clamped', not {reference!r}"
+            )
         rows = reference_condition(beam, reference)
         complying = _complying_vectors(rows)
         available = complying.shape[1]
@@ -258,8 +351,11 @@ class Substructure:
         linear = np.einsum("pia,an->pin", beam.particle_shape, complying, optimize=True)
         points = beam.particle_mass, beam.particle_position, linear
         ends, basis = beam.node_position[[0, -1]], np.hstack([complying, rigid_modes(beam)])
+        second = None
+        if displacement == "second_order" and complying.shape[1]:
+            second = partial(_second_of_particles, beam, complying)
         return cls.from_points(name, points, stiffness, damping_time * stiffness, places, ends, reference=reference,
-                               frequency=frequency, beam=beam, basis=basis)  # fmt: skip
+                               frequency=frequency, beam=beam, basis=basis, second=second)  # fmt: skip
 
     @property
     def n(self):
@@ -294,8 +390,17 @@ class Substructure:
         """Undeformed position (3,) of a marker in the frame [m]."""
         return self.places[name].position
 
+    def displacement(self, place, q):
+        """Displacement and rotation (6,) of a :class:`Place` from the moving frame, for elastic coordinates (n_f,)."""
+        field = place.field @ q
+        if self.second_order is not None:
+            field[:3] += 0.5 * place.second_order() @ q @ q
+        return field
+
     def envelope(self):
         """First non-zero column (n,) of each row of the lower triangles of all matrices."""
+        if self.second_order is not None:
+            return np.zeros(self.n, dtype=np.int64)  # the deformed body couples all its coordinates
         matrices = np.concatenate([self.stiffness[None], self.damping[None], self.gyro, self.second])
         scale = np.abs(matrices).max(axis=(1, 2), keepdims=True)
         filled = (np.abs(matrices) > 1e-14 * np.maximum(scale, 1e-300)).any(axis=0)
@@ -303,6 +408,16 @@ class Substructure:
         first = np.argmax(filled | filled.T, axis=1)
         first[-6:] = 0  # a deformed body couples its rigid-body modes to everything
         return first
+
+
+def check_displacement(name):
+    """Refuse a displacement that is none of :data:`DISPLACEMENTS`."""
+    if name not in DISPLACEMENTS:
+        raise ObserverFrameError(f"displacement {name!r} is unknown; allowed: {', '.join(DISPLACEMENTS)}")
+
+
+def _second_of_particles(beam, basis):
+    return particle_fields(beam, basis).second
 
 
 def _integrals(m, s, shape):

@@ -33,7 +33,8 @@ def marker_field(m, model, x, out):
 def add_loads(value, model, state, q, work, out):
     """Out += Nᵀ p + Pᵀ m of all loads (n_loads, 6: force, moment) at the coordinates q (eq. 4).
 
-    Consistent loads add p · H q, the work of p on the second-order displacement ½ qᵀ H q of their point.
+    Consistent loads add p · H q, the work of p on the second-order displacement ½ qᵀ H q of their point; where that is
+    part of the displacement, it is in the shape of the marker.
     """
     f, u, p = work.pull, work.field, work.load
     for l in range(model.load_marker.shape[0]):
@@ -70,7 +71,7 @@ def add_loads(value, model, state, q, work, out):
             for i in range(3):
                 j, k = (i + 1) % 3, (i + 2) % 3
                 out[b, model.n[b] - 3 + i] -= x[j] * p[k] - x[k] * p[j]
-        if axes == CONSISTENT:
+        if axes == CONSISTENT and not model.bends[b]:
             second = model.load_second[model.load_field[l]]
             for k in range(model.n[b] - 6):
                 total = 0.0
@@ -397,3 +398,18 @@ def subtract_reactions(model, columns, multiplier, work, out):
             if pull[i] != 0.0:
                 for k in range(model.n[b]):
                     out[b, k] -= pull[i] * columns[m, i, k]
+
+
+@kernel
+def keep_reactions(model, state, work):
+    """Forces (n_markers, 3) with which the body of a held marker acts there on others, in the axes of its frame."""
+    for m in range(model.marker_body.shape[0]):
+        if not (model.marker_held[m] and model.bends[model.marker_body[m]]):
+            continue
+        for i in range(3):
+            state.reaction[m, i] = 0.0
+        for r in range(model.row_kind.shape[0]):
+            for side in range(2):
+                if model.row_marker[r, side] == m:
+                    for i in range(3):
+                        state.reaction[m, i] += work.weight[r, side, i] * state.multiplier[r]

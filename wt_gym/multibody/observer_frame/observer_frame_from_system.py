@@ -2,7 +2,8 @@
 
 Every joint and constraint of a :class:`MultibodySystem` becomes rows of the constraint equations (5) between bodies
 that move freely otherwise; every flexible body keeps its elastic coordinates and their shapes. What the local observer
-frame does not know is left out: the second-order displacements, and with them the geometric stiffness.
+frame as published does not know is left out: the second-order displacements, and with them the geometric stiffness;
+with the displacement "second_order" they are kept.
 
 *Servos* make their rows rheonomic: a drive turns the axes of the second section. *Springs and dampers* are torques on
 the hinge that they bridge. *Massless bodies* have no mass matrix of their own. One without any inertia, held by a servo
@@ -13,6 +14,7 @@ itself both bodies get mass points and the hinge an inertia (`Joint.rotor_tensor
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,7 +27,12 @@ from wt_gym.multibody.observer_frame.frame import (
     Spring,
     Substructure,
 )
-from wt_gym.multibody.observer_frame.observer_frame_body import reference_condition, rigid_modes
+from wt_gym.multibody.observer_frame.observer_frame_body import (
+    check_displacement,
+    reference_condition,
+    rigid_modes,
+    seen_from_frame,
+)
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.beam import SecondOrderField, skew
 from wt_gym.structure.flexible_body import particle_fields
@@ -39,7 +46,14 @@ LENT = 0.05
 
 
 def observer_frame_from_system(
-    system, beams=None, y=None, rigid_modes="deformed", reference="clamped", motions=None, torques=None
+    system,
+    beams=None,
+    y=None,
+    rigid_modes="deformed",
+    reference="clamped",
+    motions=None,
+    torques=None,
+    displacement="linear",
 ):
     """A system in local observer frames from a built multibody system.
 
@@ -62,6 +76,9 @@ def observer_frame_from_system(
     torques : dict of str to callable, optional
         References of angle and rate and the torque of revolute joints as functions of time, by the name of the joint;
         see :class:`wt_gym.multibody.observer_frame.frame.Spring`.
+    displacement : str
+        "linear", as published, or "second_order", with the second-order displacements of the bodies and so with their
+        geometric stiffness.
 
     Returns
     -------
@@ -87,7 +104,9 @@ def observer_frame_from_system(
     ['bob']
     """
     start = system.initial_state() if y is None else y
-    return Translation(system, beams or {}, start, rigid_modes, reference, motions or {}, torques or {}).observed
+    return Translation(
+        system, beams or {}, start, rigid_modes, reference, motions or {}, torques or {}, displacement
+    ).observed
 
 
 def mass_points(inertia):
@@ -114,7 +133,7 @@ def _massless_points(tensor):
     return masses, np.concatenate([np.stack([axis.T, -axis.T], axis=1).reshape(6, 3), np.zeros((1, 3))])
 
 
-def substructure_from_body(body, beam=None, basis=None, reference="clamped", lent=()):
+def substructure_from_body(body, beam=None, basis=None, reference="clamped", lent=(), displacement="linear"):
     """A substructure with the elastic coordinates, markers and mass of a body.
 
     Parameters
@@ -127,14 +146,17 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", len
         Reference condition: the shapes of the body without the rigid-body motion that does not comply with it.
     lent : sequence of (float, array (3,))
         Further mass points of a rigid body, of any sign [kg, m].
+    displacement : str
+        "linear" or "second_order".
 
     Raises
     ------
     ObserverFrameError
         When a flexible body comes without beam and basis, or with those of another body.
     """
-    n = body.n_elastic
+    n, second = body.n_elastic, None
     rigid = np.zeros((6, n))
+    check_displacement(displacement)
     if n == 0:
         whole = body.inertia.mass > 0.0
         mass, position = mass_points(body.inertia) if whole else _massless_points(body.inertia.j0)
@@ -157,24 +179,30 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", len
             rows = reference_condition(beam, reference)
             rigid = -np.linalg.solve(rows @ rigid_modes(beam), rows @ basis)
             points = *points[:2], points[2] + rigid[:3] - skew(points[1]) @ rigid[3:]
+        if displacement == "second_order":
+            second = partial(_second_of_points, fields, rigid)
     places = {key: _place(marker, np.zeros(3), rigid) for key, marker in body.markers.items()}
     none = np.zeros((3, n, n))
     places[FRAME] = Place(np.zeros(3), rigid, lambda: none)
     return Substructure.from_points(
         body.name, points, body.stiffness, body.damping, places, ends, reference=reference if n else "given",
-        definite=not lent,
+        definite=not lent, second=second,
     )  # fmt: skip
+
+
+def _second_of_points(fields, rigid):
+    return seen_from_frame(fields.second, fields.position, fields.linear, rigid)
 
 
 def _place(marker, offset, rigid):
     """The point at an offset (3,) from a marker, carried by its section; shapes with a rigid-body part (6, n)."""
     position = marker.position + offset
-    linear = marker.linear - skew(offset) @ marker.rotation + rigid[:3] - skew(position) @ rigid[3:]
+    clamped = marker.linear - skew(offset) @ marker.rotation
+    linear = clamped + rigid[:3] - skew(position) @ rigid[3:]
 
     def second_order():
-        if np.any(rigid):
-            raise ObserverFrameError("consistent loads on bodies of a system need the reference condition 'clamped'")
-        return marker.second + SecondOrderField.of_offset(marker.rotation[None], offset[None])[0]
+        second = marker.second + SecondOrderField.of_offset(marker.rotation[None], offset[None])[0]
+        return seen_from_frame(second[None], position[None], clamped[None], rigid)[0]
 
     return Place(position, np.vstack([linear, marker.rotation + rigid[3:]]), second_order)
 
@@ -210,7 +238,17 @@ class Translation:
         State of a servo of the multibody system that each drive follows.
     """
 
-    def __init__(self, system, beams, y, rigid_modes="deformed", reference="clamped", motions=None, torques=None):
+    def __init__(
+        self,
+        system,
+        beams,
+        y,
+        rigid_modes="deformed",
+        reference="clamped",
+        motions=None,
+        torques=None,
+        displacement="linear",
+    ):
         unknown = sorted(set(beams) - {body.name for body in system.bodies})
         if unknown:
             raise ObserverFrameError(
@@ -228,7 +266,7 @@ class Translation:
         self.bodies = [
             None
             if self._is_carrier[b]
-            else substructure_from_body(body, *beams.get(body.name, (None, None)), reference, lent[b])
+            else substructure_from_body(body, *beams.get(body.name, (None, None)), reference, lent[b], displacement)
             for b, body in enumerate(system.bodies)
         ]
         self.rigid_parts = [self.bodies[b].places[FRAME].field for b in self.tree_bodies]
@@ -308,7 +346,7 @@ class Translation:
         if b < 0:
             return offset, rotation, None
         place = _place(marker, offset, self.bodies[b].places[FRAME].field)
-        field = place.field @ self._elastic(b)[0]
+        field = self.bodies[b].displacement(place, self._elastic(b)[0])
         position, frame = self.frames[b]
         turn = Rotation.from_rotvec(field[3:]).as_matrix()
         return position + frame @ (place.position + field[:3]), frame @ turn @ rotation, place
@@ -332,7 +370,7 @@ class Translation:
         return position, frame, _Base(p, name, position, rotation)
 
     def _place_by_joint(self, b):
-        """Frames are placed by the linear displacements of this formulation, so that its constraints hold exactly."""
+        """Frames are placed by the displacements of this formulation, so that its constraints hold exactly."""
         joint, kind = self.system.joints[b], self.system.joints[b].kind
         if kind == "prismatic":
             raise ObserverFrameError(f"joint {joint.name!r}: a prismatic joint has no form in local observer frames")
@@ -355,7 +393,7 @@ class Translation:
             rotation = rotation @ _matrix(self.y[first + 3 : first + 7])
         self._bases.append(base)
         if not self._is_carrier[b]:
-            field = self.bodies[b].places[FRAME].field @ self._elastic(b)[0]
+            field = self.bodies[b].displacement(self.bodies[b].places[FRAME], self._elastic(b)[0])
             rotation = rotation @ Rotation.from_rotvec(field[3:]).as_matrix().T
             position = position - rotation @ field[:3]
         self.frames.append((position, rotation))

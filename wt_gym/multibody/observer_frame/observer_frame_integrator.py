@@ -68,7 +68,7 @@ class ObserverFrameIntegrator:
         if spectral_radius is not None:
             self.model.rule[:] = generalised_alpha(spectral_radius)
         self.time = 0.0
-        self._shapes = {}
+        self._shapes, self._seconds = {}, {}
         self._start()
 
     def _start(self):
@@ -142,8 +142,7 @@ class ObserverFrameIntegrator:
 
     def displacement(self, body, marker):
         """Displacement and rotation (6,) of a marker from the moving frame, in frame axes [m, rad]."""
-        b, shape = self._marker(body, marker)
-        return self._displacement(b, shape)
+        return self._displacement(*self._marker(body, marker))
 
     def position(self, body, marker):
         """Position (3,) of a marker in the fixed frame [m]."""
@@ -158,26 +157,34 @@ class ObserverFrameIntegrator:
 
     def velocity(self, body, marker):
         """Velocity and angular velocity (6,) of a marker in fixed axes [m/s, rad/s]."""
-        b, shape = self._marker(body, marker)
+        b, shape, shorter = self._marker(body, marker)
         n, omega, r = shape.shape[1], self.state.omega[b], self.state.rotation[b]
-        field, rate = self._displacement(b, shape), shape @ self.state.v[b, :n]
-        rate[:3] += np.cross(self.state.v[b, n - 3 : n], shape[:3] @ self.state.deformed[b, :n])
+        field, rate = self._displacement(b, shape, shorter), shape @ self.state.v[b, :n]
+        rate[:3] += np.cross(self.state.v[b, n - 3 : n], shape[:3] @ self.state.deformed[b, :n] - shorter)
         point = self.system.bodies[b].marker_position(marker) + field[:3]
         linear = self.state.velocity[b] + r @ (np.cross(omega, point) + rate[:3])
         return np.concatenate([linear, r @ (omega + rate[3:])])
 
     def _marker(self, body, marker):
-        """Index of the body and shape (6, n) of the marker, with rotations of the undeformed body."""
+        """Index of the body, shape (6, n) of the marker with rotations of the undeformed body, and ½ qᵀ H q (3,)."""
         b = self.system._index(body)
+        place, shorter = self.system.bodies[b].places[marker], np.zeros(3)
         if (body, marker) not in self._shapes:
-            self._shapes[body, marker] = self.system.bodies[b].marker_shape(marker)
-        return b, self._shapes[body, marker]
+            bends = self.system.bodies[b].second_order is not None
+            self._shapes[body, marker] = place.shape(), place.second_order() if bends else None
+        shape, second = self._shapes[body, marker]
+        if second is not None:
+            known = self.state.deformed[b, : second.shape[2]]
+            turn = second @ known
+            shape, shorter = shape.copy(), 0.5 * turn @ known
+            shape[:3, : len(known)] += turn
+        return b, shape, shorter
 
-    def _displacement(self, b, shape):
+    def _displacement(self, b, shape, shorter):
         n = shape.shape[1]
         q = self.state.q[b, :n]
         field = shape @ q
-        field[:3] += np.cross(q[n - 3 :], shape[:3] @ self.state.deformed[b, :n])
+        field[:3] += np.cross(q[n - 3 :], shape[:3] @ self.state.deformed[b, :n] - shorter) - shorter
         return field
 
     def reaction(self, connection):
@@ -216,8 +223,15 @@ class ObserverFrameIntegrator:
 
 def _particle_motion(integrator, b, body, q, v):
     """Positions and velocities (n_p, 3) of the mass points of a body in fixed axes."""
-    s = integrator.state
-    known = body.particle_shape @ s.deformed[b, : body.n]
-    local = body.particle_position + body.particle_shape @ q + np.cross(q[-3:], known)
-    rate = local @ skew(s.omega[b]).T + body.particle_shape @ v + np.cross(v[-3:], known)
+    s, shape, shorter = integrator.state, body.particle_shape, 0.0
+    known = s.deformed[b, : body.n]
+    if body.second_order is not None:
+        if b not in integrator._seconds:
+            integrator._seconds[b] = body.second_order.particles()
+        turn = integrator._seconds[b] @ known[:-6]
+        shape, shorter = shape.copy(), 0.5 * turn @ known[:-6]
+        shape[:, :, :-6] += turn
+    moved = shape @ known - shorter
+    local = body.particle_position - shorter + shape @ q + np.cross(q[-3:], moved)
+    rate = local @ skew(s.omega[b]).T + shape @ v + np.cross(v[-3:], moved)
     return s.position[b] + local @ s.rotation[b].T, s.velocity[b] + rate @ s.rotation[b].T

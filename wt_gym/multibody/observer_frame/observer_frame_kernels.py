@@ -9,6 +9,7 @@ from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import (
     constraint_rows,
     free_hinges,
     give_torques,
+    keep_reactions,
     marker_pairs,
     row_torque,
     rows_of,
@@ -91,8 +92,43 @@ def needs_update(b, threshold, model, state):
 
 
 @kernel
-def take_out(b, w, model, state, work):
-    """Take w × u out of the velocities in the metric of M: v −= M⁻¹ G(w) x, with x_f of u = N_f x_f in work.vector."""
+def turn_shapes(b, turn, share, model, state, work, out):
+    """Out += ∫ Nᵀ (1 + 2 share ω̃) h with h = (H x) q̇, for a change x of the elastic coordinates; of first order.
+
+    h is the velocity that changes its name as shapes turn by x. The Coriolis force on rigid-body coordinates, which a
+    step takes with the shapes of its start, lacks 2 ω̃ h at its end, where accelerations have the weight ``share``; the
+    rotor would lose the power share · 2 q̇ᵀ K_g x. On elastic coordinates that force is of higher order.
+    """
+    nf, v = model.n[b] - 6, state.v[b]
+    first, moment, mass = model.bend_first[b], model.bend_moment[b], model.bend_mass[b]
+    z, c, w = work.pair, work.mean, work.spare
+    for k in range(3):
+        c[k], w[k] = 0.0, 2.0 * share * (state.omega[b, k] + v[nf + 3 + k])
+        for l in range(3):
+            z[k, l] = 0.0
+    for j in range(nf):
+        for m in range(nf):
+            product = v[j] * turn[m]
+            for i in range(nf):
+                out[i] += mass[i, j, m] * product
+            for k in range(3):
+                c[k] += first[k, j, m] * product
+                for l in range(3):
+                    z[k, l] += moment[3 * k + l, j, m] * product
+    trace = z[0, 0] + z[1, 1] + z[2, 2]
+    for k in range(3):
+        l, n = (k + 1) % 3, (k + 2) % 3
+        out[nf + k] += c[k] + w[l] * c[n] - w[n] * c[l]
+        out[nf + 3 + k] += z[n, l] - z[l, n] + w[k] * trace - (z[k, 0] * w[0] + z[k, 1] * w[1] + z[k, 2] * w[2])
+
+
+@kernel
+def take_out(b, w, share, model, state, work):
+    """Take w × u out of the velocities in the metric of M: v −= M⁻¹ G(w) x, with x_f of u = N_f x_f in work.vector.
+
+    Where second-order shapes turn by x_f, at the end of a step (`turn_shapes`; ``share`` negative: they do not), H(x_f)
+    q̇ is taken out too.
+    """
     n = model.n[b]
     field, carried = work.vector[b], work.rhs[b]
     for i in range(n):
@@ -100,6 +136,8 @@ def take_out(b, w, model, state, work):
     for i in range(n - 6, n):
         field[i] = 0.0
     gyroscopic_product(b, w, model, field, carried)
+    if share >= 0.0 and model.bends[b]:
+        turn_shapes(b, field, share, model, state, work, carried)
     solve(n, model.first[b], model.mass_low[b], model.mass_up[b], carried)
     for i in range(n):
         state.v[b, i] -= carried[i]
@@ -175,7 +213,7 @@ def update_frame(b, model, state, work):
     if model.deformed_modes:
         for i in range(n - 6):
             work.vector[b, i] = v[i]
-        take_out(b, phi, model, state, work)
+        take_out(b, phi, -1.0, model, state, work)
     for i in range(3):
         w[i] = t[0, i] * spin[0] + t[1, i] * spin[1] + t[2, i] * spin[2]
         al[i] = t[0, i] * spin_rate[0] + t[1, i] * spin_rate[1] + t[2, i] * spin_rate[2]
@@ -187,10 +225,95 @@ def update_frame(b, model, state, work):
 
 
 @kernel
+def renew_bending(b, q, model, work):
+    """Make the elastic shapes those of the body as it is deformed, N + H q, and s the place s − ½ qᵀ H q.
+
+    To first order in M₀, X and the elastic mass matrix, and in what couples elastic coordinates with translations.
+    """
+    nf = model.n[b] - 6
+    first, moment, extra = model.first_moment[b], model.reference_moment[b], model.extra_mass[b]
+    bend, swing, mass = model.bend_first[b], model.bend_moment[b], model.bend_mass[b]
+    g, a, e = model.gyro[b], model.second[b], work.pair
+    for i in range(nf):
+        for k in range(3):
+            total = model.elastic_first[b, i, k]
+            for j in range(nf):
+                total += bend[k, i, j] * q[j]
+            first[i, k] = total
+        for c in range(9):
+            total = model.elastic_moment[b, i, c]
+            for j in range(nf):
+                total += swing[c, i, j] * q[j]
+            moment[i, c] = total
+        for j in range(i + 1):
+            total = 0.0
+            for m in range(nf):
+                total += (mass[i, j, m] + mass[j, i, m]) * q[m]
+            extra[i, j], extra[j, i] = total, total
+    for l in range(3):
+        shorter = 0.0
+        for i in range(nf):
+            shorter += 0.5 * q[i] * (first[i, l] - model.elastic_first[b, i, l])
+        for k in range(3):
+            moment[nf + k, 3 * k + l] = model.reference_first[b, l] - shorter
+    for k in range(3):
+        row = nf + k
+        for j in range(nf):
+            for l in range(3):
+                for m in range(3):
+                    e[l, m] = first[j, m] if l == k else 0.0
+            a[0, row, j], a[1, row, j], a[2, row, j] = e[0, 0], e[1, 1], e[2, 2]
+            a[3, row, j], a[4, row, j], a[5, row, j] = e[0, 1] + e[1, 0], e[0, 2] + e[2, 0], e[1, 2] + e[2, 1]
+            g[0, row, j], g[1, row, j], g[2, row, j] = e[2, 1] - e[1, 2], e[0, 2] - e[2, 0], e[1, 0] - e[0, 1]
+    for i in range(nf + 3):
+        for j in range(i + 1):
+            value = a[0, i, j] + a[1, i, j] + a[2, i, j]
+            if i < nf:
+                value += extra[i, j]
+            model.mass_low[b, i, j], model.mass_up[b, i, j] = value, value
+
+
+@kernel
+def geometric_stiffness(b, model, state, work):
+    """K_g = ∫ H_k [a_c − g + ü_r + (α̃ + φ̈~ + ω̃ω̃) s]_k + H_k(marker) λ_k of the motion and reactions known last."""
+    nf, r, y, w = model.n[b] - 6, state.rotation[b], work.spare, work.pair
+    acceleration, rate, spin, spin_rate = state.acceleration[b], state.omega[b], work.angle, work.lever
+    square = 0.0
+    for i in range(3):
+        y[i] = state.a[b, nf + i]
+        for k in range(3):
+            y[i] += r[k, i] * (acceleration[k] - model.gravity[k])
+        spin[i] = rate[i] + state.v[b, nf + 3 + i]
+        spin_rate[i] = state.alpha[b, i] + state.a[b, nf + 3 + i]
+        square += spin[i] * spin[i]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        w[i, i] = spin[i] * spin[i] - square
+        w[i, j] = spin[i] * spin[j] - spin_rate[k]
+        w[j, i] = spin[i] * spin[j] + spin_rate[k]
+    out, bend, swing = model.geometric[b], model.bend_first[b], model.bend_moment[b]
+    for i in range(nf):
+        for j in range(nf):
+            total = 0.0
+            for k in range(3):
+                total += bend[k, i, j] * y[k]
+                for l in range(3):
+                    total += swing[3 * k + l, i, j] * w[k, l]
+            out[i, j] = total
+    for m in range(model.marker_body.shape[0]):
+        if model.marker_body[m] == b and model.marker_held[m]:
+            second, force = model.bend_marker[m], state.reaction[m]
+            for i in range(nf):
+                for j in range(nf):
+                    out[i, j] += second[0, i, j] * force[0] + second[1, i, j] * force[1] + second[2, i, j] * force[2]
+
+
+@kernel
 def deformed_moments(b, q, model, work):
     """Moments of the deformed body y = s + N_f q_f: work.moments[i] = ∫ N_i yᵀ for all but the rotation modes,
 
-    and work.second = ∫ y yᵀ, work.mixed = ∫ y sᵀ, work.mean = ∫ y.
+    and work.second = ∫ y yᵀ, work.mixed = ∫ y sᵀ, work.mean = ∫ y. With second-order displacements, y = s + N q +
+    ½ qᵀ H q, N_i and s are those of `renew_bending`.
     """
     g, a, n = model.gyro[b], model.second[b], model.n[b]
     nf, v, x = n - 6, work.moments, model.reference_moment[b]
@@ -227,12 +350,26 @@ def deformed_moments(b, q, model, work):
             for l in range(3):
                 work.mixed[k, l] += q[i] * x[i, 3 * k + l]
                 work.second[k, l] += q[i] * (v[i, 3 * k + l] + x[i, 3 * l + k])
+    if model.bends[b]:
+        # renewed shapes count H twice where the deformed body has it once
+        for k in range(3):
+            for i in range(nf):
+                work.mean[k] -= 0.5 * q[i] * (model.first_moment[b, i, k] - model.elastic_first[b, i, k])
+                for l in range(3):
+                    half = 0.5 * q[i] * (x[i, 3 * k + l] - model.elastic_moment[b, i, 3 * k + l])
+                    work.second[k, l] -= half
+                    work.second[l, k] -= half
+                    work.mixed[k, l] -= half
+                    work.mixed[l, k] -= half
 
 
 @kernel
 def renew_rotations(b, model, state, work):
     """Make the rotation modes turn the body as it is deformed now, e_k × (s + N_f q_f), in all matrices."""
-    n, q = model.n[b], state.q[b]
+    n, q, start = model.n[b], state.q[b], model.n[b] - 3
+    if model.bends[b]:
+        start = 0
+        renew_bending(b, q, model, work)
     deformed_moments(b, q, model, work)
     g, a, e = model.gyro[b], model.second[b], work.pair
     for k in range(3):
@@ -262,7 +399,7 @@ def renew_rotations(b, model, state, work):
             model.mass_low[b, row, j], model.mass_up[b, row, j] = mass, mass
     for i in range(n - 6):
         state.deformed[b, i] = q[i]
-    return factorize(n - 3, n, model.first[b], model.mass_low[b], model.mass_up[b], model.definite[b])
+    return factorize(start, n, model.first[b], model.mass_low[b], model.mass_up[b], model.definite[b])
 
 
 @kernel
@@ -272,11 +409,21 @@ def renew_markers(b, model, state):
     for m in range(model.marker_body.shape[0]):
         if model.marker_body[m] != b:
             continue
-        shape = model.marker_shape[m]
+        shape, q = model.marker_shape[m], state.deformed[b]
+        if model.bends[b]:
+            for i in range(3):
+                shorter, second = 0.0, model.bend_marker[m, i]
+                for k in range(n - 6):
+                    turn = 0.0
+                    for j in range(n - 6):
+                        turn += second[k, j] * q[j]
+                    shape[i, k] = model.marker_linear[m, i, k] + turn
+                    shorter += 0.5 * turn * q[k]
+                model.marker_position[m, i] = model.marker_place[m, i] - shorter
         for i in range(3):
             total = 0.0
             for k in range(n - 6):
-                total += shape[i, k] * state.deformed[b, k]
+                total += shape[i, k] * q[k]
             model.marker_lever[m, i] = total
         for k in range(3):
             i, j = (k + 1) % 3, (k + 2) % 3
@@ -307,12 +454,15 @@ def refresh(model, state, work):
 
 
 @kernel
-def renew(b, model, state, work):
-    """Rotation modes of the body as it is now deformed, at unchanged velocities; False for a singular mass matrix."""
+def renew(b, share, model, state, work):
+    """Shapes of the body as it is now deformed, at unchanged velocities; False for a singular mass matrix.
+
+    ``share`` [s] is the weight of the accelerations at the end of the step in its velocities; zero outside of a step.
+    """
     n = model.n[b]
     for i in range(n - 6):
         work.vector[b, i] = state.q[b, i] - state.deformed[b, i]
-    take_out(b, state.v[b, n - 3 : n], model, state, work)
+    take_out(b, state.v[b, n - 3 : n], share, model, state, work)
     if not renew_rotations(b, model, state, work):
         return False
     renew_markers(b, model, state)
@@ -359,6 +509,7 @@ def accelerate(value, model, state, work):
     solve_dense(n_row, work.schur, work.order, work.multiplier)
     for r in range(n_row):
         state.multiplier[r] = work.multiplier[r]
+    keep_reactions(model, state, work)
     subtract_reactions(model, model.mass_columns, state.multiplier, work, state.a)
 
 
@@ -415,6 +566,8 @@ def hold_velocities(model, state, work):
 def factorize_step(h, model, state, work):
     """Matrices of the step at its end, their factors and S⁻¹ shapeᵀ of the held markers."""
     for b in range(model.n.shape[0]):
+        if model.bends[b]:
+            geometric_stiffness(b, model, state, work)
         step_matrix(b, h, model, state, work.low[b], work.up[b])
         if not factorize(0, model.n[b], model.first[b], work.low[b], work.up[b], model.definite[b]):
             return SINGULAR_BODY
@@ -544,7 +697,7 @@ def step(h, value, n_iterations, threshold, model, state, work):
         code = step_solve(h, value, n_iterations, model, state, work)
     if code != OK:
         return code
-    total = 0.0
+    total, share = 0.0, gamma * h * (1.0 - alpha_f) / (1.0 - alpha_m)
     for b in range(n_b):
         for k in range(model.n[b]):
             change, rate, before = work.next[b, k] - state.q[b, k], state.v[b, k], state.a[b, k]
@@ -560,7 +713,7 @@ def step(h, value, n_iterations, threshold, model, state, work):
         return DIVERGED
     for b in range(n_b):
         state.age[b] += h
-        if model.deformed_modes and not renew(b, model, state, work):
+        if model.deformed_modes and not renew(b, share, model, state, work):
             return SINGULAR_BODY
         if needs_update(b, threshold, model, state):
             if model.prediction == PRINTED:

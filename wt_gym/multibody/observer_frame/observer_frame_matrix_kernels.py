@@ -126,11 +126,16 @@ def mass_product(b, model, x, out):
             total += entry * x[j]
             out[j] += entry * x[i]
         out[i] += total + (second[0, i, i] + second[1, i, i] + second[2, i, i]) * x[i]
+    if model.bends[b]:
+        extra = model.extra_mass[b]
+        for i in range(model.n[b] - 6):
+            for j in range(model.n[b] - 6):
+                out[i] += extra[i, j] * x[j]
 
 
 @kernel
 def step_matrix(b, h, model, state, low, up):
-    """S = (1−αm)/(1−αf)/(β h²) M + γ/(β h) (2 G + C) + K + Ġ + D, the matrix of a step of `model.rule`."""
+    """S = (1−αm)/(1−αf)/(β h²) M + γ/(β h) (2 G + C) + K + Ġ + D + K_g, the matrix of a step of `model.rule`."""
     beta, gamma, alpha_m, alpha_f = model.rule
     cd = gamma / (beta * h)
     g, a, stiffness, damping = model.gyro[b], model.second[b], model.stiffness[b], model.damping[b]
@@ -139,7 +144,8 @@ def step_matrix(b, h, model, state, low, up):
     c0 = 2.0 * cd * w0 + state.alpha[b, 0]
     c1 = 2.0 * cd * w1 + state.alpha[b, 1]
     c2 = 2.0 * cd * w2 + state.alpha[b, 2]
-    cm = (1.0 - alpha_m) / ((1.0 - alpha_f) * beta * h * h) - (w0 * w0 + w1 * w1 + w2 * w2)
+    inertia = (1.0 - alpha_m) / ((1.0 - alpha_f) * beta * h * h)
+    cm = inertia - (w0 * w0 + w1 * w1 + w2 * w2)
     d00, d11, d22 = cm + w0 * w0, cm + w1 * w1, cm + w2 * w2
     d01, d02, d12 = w0 * w1, w0 * w2, w1 * w2
     for i in range(model.n[b]):
@@ -149,6 +155,13 @@ def step_matrix(b, h, model, state, low, up):
             odd = c0 * g[0, i, j] + c1 * g[1, i, j] + c2 * g[2, i, j]
             low[i, j] = even + odd
             up[i, j] = even - odd
+    if model.bends[b]:
+        extra, geometric = model.extra_mass[b], model.geometric[b]
+        for i in range(model.n[b] - 6):
+            for j in range(i + 1):
+                more = inertia * extra[i, j] + geometric[i, j]
+                low[i, j] += more
+                up[i, j] += more
 
 
 @kernel
