@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from validation.carried_gust import carried_part, five_megawatt_elements, mean_in_windows, ring_wake_step
 from validation.dynamic_inflow import DynamicRotor, loewy, oye_filter, oye_times
 from validation.lattice_convergence import HELIX, rigid_helix
 from validation.nrel5mw_rotor import WIND, tilted_element, wake_options
@@ -14,11 +15,15 @@ from validation.rigid_rotor import RigidRotor
 from validation.rotor_gust import measured, theory
 from validation.rotor_transients import Response
 from validation.tjaereborg import STEPS, pitch_steps
+from validation.tower_shadow import measured_harmonics, strip_theory
 from validation.tree_tools import read_table
 from validation.unsteady_aerofoil import theodorsen
+from validation.wind_step import ROTOR_SPEED
+from validation.wind_step import WIND as STEP
 from wt_gym.aerodynamics import TRAINING
 from wt_gym.constants import GRAVITY
 from wt_gym.control.blade_element import BladeElementRotor, blade_element
+from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
 
 RPM = np.pi / 30.0
@@ -134,6 +139,37 @@ def test_lag_of_the_thrust_in_oscillating_wind():
     expected = np.array([r.full for r in theory(12.0, frequencies)])
     np.testing.assert_allclose(np.abs(found / expected), 1.0, atol=0.1)
     np.testing.assert_allclose(np.degrees(np.angle(found / expected)), 0.0, atol=6.0)
+
+
+def test_a_step_of_the_wind_at_constant_speed_hardly_overshoots():
+    """Near the optimum momentum theory has the same induced velocity at 8 and 9 m/s: nothing is left to lag."""
+    rotor = five_megawatt_elements()
+    before, after = (rotor.equilibrium(wind, ROTOR_SPEED, 0.0) for wind in (STEP.before, STEP.after))
+    area = rotor.radius / rotor.radius.sum()
+    assert after[0] @ area == pytest.approx(before[0] @ area, rel=0.02)
+    run = rotor.respond(STEP, lambda time: 0.0 * time, ROTOR_SPEED, 60.0)
+    assert run.overshoot("thrust").ratio == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_carried_step_of_the_wind():
+    """The coarsest wake against blade elements (at once) and against the transport of rings (what carrying adds)."""
+    rotor = five_megawatt_elements()
+    before = rotor.loads(STEP.before, ROTOR_SPEED, 0.0, rotor.equilibrium(STEP.before, ROTOR_SPEED, 0.0))[0]
+    theory = []
+    for carried in (np.inf, STEP.before):
+        time, thrust = ring_wake_step(rotor, STEP, ROTOR_SPEED, carried)
+        theory.append(mean_in_windows(time, thrust, before, thrust[-50:].mean()))
+    assert -0.08 < (theory[1] - theory[0]).min() < -0.06
+    at_once, added = carried_part(TRAINING)
+    np.testing.assert_allclose(at_once, 1.0, atol=0.04)
+    np.testing.assert_allclose(added, theory[1] - theory[0], atol=0.03)
+
+
+def test_the_tower_before_which_the_blades_pass():
+    """Harmonics of the thrust by the flow past the tower, in the wind that the rotor leaves it."""
+    found, theory = measured_harmonics(FIDELITIES["training"], 60.0, 4), strip_theory()
+    np.testing.assert_allclose(np.abs(found), np.abs(theory), rtol=0.25)
+    assert abs(strip_theory(slowed=False)[0]) > 1.4 * abs(theory[0])
 
 
 def test_tjaereborg_pitch_steps():

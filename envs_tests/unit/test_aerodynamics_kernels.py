@@ -31,6 +31,7 @@ from wt_gym.aerodynamics.wake.far_wake_kernels import (
     share_of_cells,
     transport,
 )
+from wt_gym.aerodynamics.wake.wake_kernels import velocity_behind_disc
 
 
 def segment_sum(starts, ends, strengths, points, core2=0.0):
@@ -359,3 +360,22 @@ def test_decambering_converges_quadratically_within_a_blade(first):
     assert residuals[0] > 0.3
     assert residuals[2] < 3e-3 * residuals[0]
     assert residuals[4] < 1e-9
+
+
+def test_velocity_behind_the_disc_is_a_mean_over_area_and_one_passing():
+    """Two blades of a rotor about x: induced velocity a + b r, older rows than a passing count for nothing."""
+    radii, spin = np.array([1.0, 2.0, 4.0]), 2.0
+    passing = np.pi / spin
+    age = np.array([0.0, 0.5 * passing, passing, 2.0 * passing])
+    wake = np.zeros((4, 2, 3, 3))
+    wake[:, 0, :, 2], wake[:, 1, :, 2] = radii, -radii
+    wake += [5.0, 0.0, 90.0]
+    induced = np.zeros_like(wake, dtype=np.float32)
+    induced[..., 0], induced[..., 2] = -(1.0 + 0.5 * radii), 0.25
+    induced[3] = 100.0
+    mean, centre, axis = np.full(3, 7.0), np.array([5.0, 0.0, 90.0]), np.array([1.0, 0.0, 0.0])
+    velocity_behind_disc(wake, induced, age, np.array([3]), centre, axis, -spin, mean)
+    expected = -(1.0 + 0.5 * (1.5 * 3.0 + 3.0 * 12.0) / 15.0)  # trapezoids over the rings 1..2 and 2..4
+    np.testing.assert_allclose(mean, [expected, 0.0, 0.25], rtol=1e-6)
+    velocity_behind_disc(wake, induced, age, np.array([0]), centre, axis, spin, mean)
+    np.testing.assert_array_equal(mean, 0.0)

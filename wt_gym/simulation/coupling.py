@@ -500,8 +500,9 @@ class Coupling:
         shadow = models.fidelity.tower_shadow and models.fidelity.tower_body is None
         top = self.integrator.work.r[models.structure.nacelle]
         return (
-            self._wind, self._wind_points, shadow, self.aero.arrays.wake_flow, tower.base, top, tower.stations,
-            tower.radii, self._blade_winds, self.exchange.tower.wind, self.gauges.hub_wind,
+            self._wind, self._wind_points, shadow, self.aero.arrays, self.integrator.work, models.structure.hub,
+            np.zeros(3), tower.base, top, tower.stations, tower.radii, self._blade_winds, self.exchange.tower.wind,
+            self.gauges.hub_wind,
         )  # fmt: skip
 
     def _check_wind(self, finite, inflow, time):

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wt_gym.aerodynamics import AeroState
+from wt_gym.aerodynamics.wake.wake_kernels import velocity_behind_disc
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation import coupling_kernels
@@ -38,6 +39,8 @@ class Wake:
         Rotor azimuth [rad].
     centre, axis : array (3,)
         Hub [m] and shaft direction.
+    slowing : array (3,)
+        What the rotor adds to the wind at the tower [m/s].
     """
 
     aero: AeroState
@@ -45,6 +48,7 @@ class Wake:
     angle: float
     centre: np.ndarray
     axis: np.ndarray
+    slowing: np.ndarray
 
 
 class _Gust:
@@ -228,8 +232,9 @@ class FrozenPlant:
         centre, axis = self._shaft()
         aero = self.lattice.new_state()
         self.lattice.initialise_helix(
-            aero, self._nodes, self._velocities, self._wind_at_blades(), centre, axis, rotor_speed, self.time_step
-        )
+            aero, self._nodes, self._velocities, self._wind_at_blades(np.zeros(3)), centre, axis, rotor_speed,
+            self.time_step,
+        )  # fmt: skip
         return self._frozen(aero, self._angle(y), centre, axis)
 
     def present_wake(self, aero, y):
@@ -247,8 +252,11 @@ class FrozenPlant:
         A ring of the near wake takes the circulation of its strip at the trailing edge, like the newest ring: its
         influence joins that of the strip's last bound ring, and what it induced goes out of the frozen velocity.
         """
-        a, rings = aero.arrays, self.lattice.arrays.shed_rings
-        wind = self._wind_at_blades()
+        a, rings, slowing = aero.arrays, self.lattice.arrays.shed_rings, np.zeros(3)
+        velocity_behind_disc(
+            a.wake, a.induced, a.age, a.n_rows, centre, axis, self.work.omega[self.structure.hub, 0], slowing
+        )
+        wind = self._wind_at_blades(slowing)
         self.lattice._solve(aero, self._nodes, self._velocities, wind, 0.0, first=True)
         near = np.flatnonzero(a.age[1 : aero.n_rows] < self._near_wake) + 1
         if len(near):
@@ -266,7 +274,7 @@ class FrozenPlant:
                     a.wake_flow[:] -= a.gamma[b].flat[ring] * velocity
             self._invert(a)
             self.lattice._solve(aero, self._nodes, self._velocities, wind, 0.0, first=True)
-        return Wake(aero, a.source.copy(), angle, centre, axis)
+        return Wake(aero, a.source.copy(), angle, centre, axis, slowing)
 
     def _invert(self, a):
         """Solution of the boundary condition for a changed influence of the rings."""
@@ -286,16 +294,17 @@ class FrozenPlant:
     def _angle(self, y):
         return y[self.structure.azimuth_q] + y[self.system.index(self.structure.hub, "joint_q")]
 
-    def _wind_at_blades(self):
-        """Undisturbed wind at the lattice nodes, with the blocking of the tower."""
+    def _wind_at_blades(self, slowing):
+        """Undisturbed wind at the lattice nodes, with the blocking of the tower in a wind changed by ``slowing``."""
         wind = self._wind.velocity(self._nodes, 0.0)
         if self.lattice.bodies:
             nacelle = self.structure.nacelle
             place_nacelle(self.lattice.bodies, self.work.rot[nacelle], self.work.omega[nacelle])
             self.lattice.body_wind[:] = self._wind.velocity(self.lattice.bodies.control_points, 0.0)
         if self.fidelity.tower_shadow and self.fidelity.tower_body is None:
-            wind = np.array(wind, dtype=np.float64)
+            wind = np.array(wind + slowing, dtype=np.float64)
             self.tower_flow.add(self._nodes, wind, self.work.r[self.structure.nacelle])
+            wind -= slowing
         return wind
 
     # ---- evaluation --------------------------------------------------------------------------------------------------
@@ -311,7 +320,7 @@ class FrozenPlant:
         nodes = wake.centre + (self._nodes - wake.centre) @ turn
         wake.aero.arrays.source[:] = wake.source
         forces = self.lattice._solve(
-            wake.aero, nodes, self._velocities @ turn, self._wind_at_blades() @ turn, 0.0, first=True
+            wake.aero, nodes, self._velocities @ turn, self._wind_at_blades(wake.slowing) @ turn, 0.0, first=True
         )
         self._forces[:] = forces @ turn.T
         loads = self.inputs.body_loads

@@ -1,7 +1,7 @@
 """Wind at the blades and the tower: where it is asked for, and what of it they feel."""
 
 from wt_gym.aerodynamics.bodies.tower_kernels import add_tower_flow
-from wt_gym.aerodynamics.wake.wake_kernels import rows_for_wind, store_wind
+from wt_gym.aerodynamics.wake.wake_kernels import rows_for_wind, store_wind, velocity_behind_disc
 from wt_gym.compiled import kernel
 
 
@@ -48,23 +48,24 @@ def points_ahead(nodes, velocities, earlier, dt, points):
 
 
 @kernel(fastmath=False)
-def receive_wind(row_wind, rows, wake_wind, wind, points, shadow, wake_flow, base, top, stations, radii, blades, tower,
-                 hub):  # fmt: skip
+def receive_wind(row_wind, rows, wake_wind, wind, points, shadow, air, work, rotor, slowing, base, top, stations,
+                 radii, blades, tower, hub):  # fmt: skip
     """What `ask_for_wind` has asked for, to the wake and to blades, tower and hub; whether it is finite.
 
     Parameters
     ----------
     row_wind, rows, wake_wind
         See `store_wind`.
-    wind, points, shadow, wake_flow, base, top, stations, radii, blades, tower, hub
+    wind, points, shadow, air, work, rotor, slowing, base, top, stations, radii, blades, tower, hub
         See `felt_wind`.
     """
     finite = store_wind(row_wind, rows, wake_wind)
-    return felt_wind(wind, points, shadow, wake_flow, base, top, stations, radii, blades, tower, hub) and finite
+    felt = felt_wind(wind, points, shadow, air, work, rotor, slowing, base, top, stations, radii, blades, tower, hub)
+    return felt and finite
 
 
 @kernel(fastmath=False)
-def felt_wind(wind, points, shadow, wake_flow, base, top, stations, radii, blades, tower, hub):
+def felt_wind(wind, points, shadow, air, work, rotor, slowing, base, top, stations, radii, blades, tower, hub):
     """Undisturbed wind at the points of blades, tower and hub, to what they feel; whether it is finite.
 
     Parameters
@@ -72,10 +73,15 @@ def felt_wind(wind, points, shadow, wake_flow, base, top, stations, radii, blade
     wind, points : (n_node + n_tower + 1, 3)
         [m/s], [m].
     shadow : bool
-        Whether the blades feel the flow past the tower. The tower stands in a wind that the rotor has slowed; the
-        undisturbed one would double its effect.
-    wake_flow : (3, n)
-        Velocity of the wake at points all over the rotor, by the mean of which the wind is slowed [m/s].
+        Whether the blades feel the flow past the tower. The tower stands in a wind that the rotor has slowed, by a
+        third near the optimum.
+    air : AeroArrays
+    work : Work
+        With the kinematics of now.
+    rotor : int
+        Body of the hub.
+    slowing : (3,)
+        Receives what the rotor adds to the wind at the tower [m/s], see `velocity_behind_disc`.
     base, top : (3,)
         Ends of the tower [m].
     stations, radii : (n,)
@@ -97,14 +103,13 @@ def felt_wind(wind, points, shadow, wake_flow, base, top, stations, radii, blade
             tower[i - n_node, c] = wind[i, c]
         hub[c] = wind[last, c]
     if shadow:
-        for sign in (1.0, -1.0):
+        velocity_behind_disc(air.wake, air.induced, air.age, air.n_rows, work.r[rotor], work.rot[rotor, :, 0],
+                             work.omega[rotor, 0], slowing)  # fmt: skip
+        for i in range(n_node):
             for c in range(3):
-                slowed = 0.0
-                for i in range(wake_flow.shape[1]):
-                    slowed += wake_flow[c, i]
-                slowed *= sign / wake_flow.shape[1]
-                for i in range(n_node):
-                    blades[i, c] += slowed
-            if sign > 0.0:
-                add_tower_flow(points[:n_node], blades, base, top, stations, radii)
+                blades[i, c] += slowing[c]
+        add_tower_flow(points[:n_node], blades, base, top, stations, radii)
+        for i in range(n_node):
+            for c in range(3):
+                blades[i, c] -= slowing[c]
     return total - total == 0.0

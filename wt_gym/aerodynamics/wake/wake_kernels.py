@@ -1,5 +1,7 @@
 """The free wake: convection of material rows, ageing, thinning, and which rows are refreshed when."""
 
+import numpy as np
+
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.wake.far_wake_kernels import far_wake_velocity
@@ -220,6 +222,59 @@ def mean_induced(a, n_row):
                 for c in range(3):
                     total += a.induced[k, b, j, c] * a.induced[k, b, j, c]
     return (total / (n_row * a.induced.shape[1] * a.induced.shape[2])) ** 0.5
+
+
+@kernel(fastmath=False)
+def velocity_behind_disc(wake, induced, age, n_rows, centre, axis, spin, mean):
+    """Mean induced velocity close behind the disc of a rotor, into ``mean`` (3,) [m/s]; zero without a wake.
+
+    The rows that a blade has left since the one before it passed cover the disc once. Over them the near fields of the
+    bound vortices, which slow the air behind a blade and speed it up before the next one, nearly cancel. The velocity
+    of the wake at the blades themselves (`AeroArrays.wake_flow`) is no measure: it lacks the newest ring, so that the
+    first shed vortex stands alone behind each blade and drives air forwards there. A rotor that stands has all rows.
+
+    Parameters
+    ----------
+    wake, induced : (n_max + 1, n_blade, n_edge + 1, 3)
+        Positions [m] and induced velocities [m/s] of the rows, the shedding edge first.
+    age : (n_max + 1,)
+        Of the rows [s].
+    n_rows : int64 (1,)
+    centre, axis : (3,)
+        Hub [m] and unit direction of the shaft.
+    spin : float
+        Angular velocity about it [rad/s].
+    """
+    n_blade, last = wake.shape[1], n_rows[0]
+    passing = 2.0 * np.pi / (n_blade * max(abs(spin), 1e-9))
+    total = 0.0
+    for c in range(3):
+        mean[c] = 0.0
+    for b in range(n_blade):
+        inner = 0.0
+        for j in range(wake.shape[2]):
+            along, outer = 0.0, 0.0
+            for c in range(3):
+                off = wake[0, b, j, c] - centre[c]
+                along += off * axis[c]
+                outer += off * off
+            outer -= along * along
+            if j > 0:
+                for k in range(last):
+                    duration = min(age[k + 1], passing) - age[k]
+                    if duration <= 0.0:
+                        break
+                    weight = duration * (outer - inner)
+                    total += weight
+                    for c in range(3):
+                        mean[c] += 0.25 * weight * (
+                            induced[k, b, j - 1, c] + induced[k, b, j, c]
+                            + induced[k + 1, b, j - 1, c] + induced[k + 1, b, j, c]
+                        )  # fmt: skip
+            inner = outer
+    if total > 0.0:
+        for c in range(3):
+            mean[c] /= total
 
 
 @kernel(fastmath=False)
