@@ -12,7 +12,8 @@ from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.environments import Environments, load_agent
 from wt_gym.agents.trained_environment import check_environment
 from wt_gym.benchmark.fingerprint import differing
-from wt_gym.envs.layout import layout_of, turbine_env_of
+from wt_gym.envs.layout import layout_of
+from wt_gym.envs.turbine_env import turbine_env_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

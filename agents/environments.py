@@ -11,7 +11,8 @@ from wt_gym.agents.choices import PREFIX, controller_of, is_controller_name
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
 from wt_gym.agents.trained_environment import controller_of_training, interface_of_training
-from wt_gym.envs.layout import layout_of, turbine_env_of
+from wt_gym.envs.layout import layout_of
+from wt_gym.envs.turbine_env import turbine_env_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from contextlib import AbstractContextManager
 
-    from wt_gym.agents.evaluation import EvaluationConfig
+    from wt_gym.agents.evaluation_config import EvaluationConfig
     from wt_gym.agents.workers import Tally
     from wt_gym.envs.episode import Agent
     from wt_gym.simulation import Fidelity
@@ -32,7 +32,7 @@ __all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder", "code_finger
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
 _AGENTS, _ENVS = Path(wt_gym.agents.__file__).parent, Path(wt_gym.__file__).parent / "envs"
 _SOURCES = (
-    "constant.py", "contenders.py", "controller_agent.py", "environments.py", "evaluation.py",
+    "constant.py", "contenders.py", "controller_agent.py", "environments.py", "evaluation.py", "evaluation_config.py",
     "evaluation_winds.py", "trained_agent.py",
 )  # fmt: skip
 # These weigh what the runs gave, and change no run.

@@ -9,7 +9,7 @@ import gymnasium as gym
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.analysis.results import Wind
-from wt_gym.envs.layout import turbine_env_of
+from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from wt_gym.control.controllers.rotor_measurement import measure_rotor
+from wt_gym.control.rotor_measurement import measure_rotor
 from wt_gym.turbines import load_turbine
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from wt_gym.agents.loadcases.cases import EVENT, SKIP, inflow_of
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.envs.episode import episode_steps
-from wt_gym.envs.layout import turbine_env_of
+from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.faults import FEATHER

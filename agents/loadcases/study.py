@@ -24,7 +24,7 @@ from wt_gym.agents.progress import ProgressLine, clock
 from wt_gym.agents.sweep_record import sweep_recorded
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.benchmark.fingerprint import sources_digest
-from wt_gym.envs.layout import turbine_env_of
+from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.files import require_writable, write_text_whole
 from wt_gym.wind.iec import AVERAGE_OVER_REFERENCE_SPEED, REFERENCE_SPEED

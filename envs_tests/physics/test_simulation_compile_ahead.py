@@ -69,13 +69,13 @@ def test_free_bodies_begin_to_move_where_they_belong(turbine, fidelity):
 def test_a_turbine_that_no_other_process_can_know_is_compiled_by_one(plain, told):
     known_here = dataclasses.replace(plain[0])
     object.__setattr__(known_here, "note", lambda: None)
-    compile_ahead(known_here, plain[1])
+    compile_ahead(Simulator, known_here, plain[1])
     assert [text[:24] for text in told.messages] == ["nobody helps to compile:"]
 
 
 def test_without_an_interpreter_one_process_compiles_everything(plain, told, monkeypatch):
     monkeypatch.setattr("wt_gym.simulation.compile_ahead.get_executable", lambda: "/nowhere/python")
-    compile_ahead(*plain)
+    compile_ahead(Simulator, *plain)
     assert [text[:24] for text in told.messages] == ["nobody helps to compile:"]
 
 
@@ -91,7 +91,7 @@ def test_without_an_interpreter_one_process_compiles_everything(plain, told, mon
 )
 def test_a_helper_that_fails_leaves_the_work_to_one_process(plain, told, monkeypatch, code, says):
     monkeypatch.setattr("wt_gym.simulation.compile_ahead._HELPER", code)
-    compile_ahead(*plain)
+    compile_ahead(Simulator, *plain)
     assert told.messages == says
 
 
@@ -102,14 +102,14 @@ def test_a_helper_may_print_and_finds_what_this_process_finds(plain, told, monke
     code = "print('x' * 200_000, flush=True)\n" + _HELPER + "print('x' * 200_000, flush=True)"
     monkeypatch.setattr("wt_gym.simulation.compile_ahead._HELPER", code)
     monkeypatch.chdir(tmp_path)
-    compile_ahead(*plain)
+    compile_ahead(Simulator, *plain)
     assert not told.messages
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
 def test_a_forked_process_does_not_wait_for_the_threads_of_its_parent():
     with compiling():
-        child = multiprocessing.get_context("fork").Process(target=compile_once, args=(Coupling, None, None))
+        child = multiprocessing.get_context("fork").Process(target=compile_once, args=(Coupling, None, None, None))
         child.start()
         child.join(20.0)
         assert child.exitcode == 0
@@ -125,21 +125,24 @@ class NeverRun(Coupling):
 
 def test_what_was_never_run_is_announced_once_and_compiled_with_help(plain, monkeypatch, caplog):
     helped = []
-    monkeypatch.setattr("wt_gym.simulation.compile_ahead.compile_ahead", lambda *given: helped.append(given))
+
+    def with_help(*given):
+        helped.append(given)
+
     monkeypatch.setattr("wt_gym.simulation.compilation._cores", lambda: 2)
-    compile_once(NeverRun, *plain)
-    compile_once(NeverRun, *plain)
+    compile_once(NeverRun, *plain, with_help)
+    compile_once(NeverRun, *plain, with_help)
     assert caplog.messages == [
         "compiling the simulator of NREL 5-MW baseline, land based: a minute or two, once on this machine"
     ]
     assert helped == [plain, plain]
     with compiling():
-        compile_once(NeverRun, *plain)
+        compile_once(NeverRun, *plain, with_help)
     with monkeypatch.context() as alone:
         alone.setenv("WT_GYM_COMPILE_ALONE", "1")
-        compile_once(NeverRun, *plain)
+        compile_once(NeverRun, *plain, with_help)
     monkeypatch.setattr("wt_gym.simulation.compilation._cores", lambda: 1)
-    compile_once(NeverRun, *plain)
+    compile_once(NeverRun, *plain, with_help)
     assert len(helped) == 2
 
 

@@ -32,7 +32,7 @@ def test_what_was_kept_comes_back(cache):
 
 
 def test_a_turbine_is_read_once(monkeypatch):
-    path, module = turbine_file("nrel_5mw"), import_module("wt_gym.turbines.catalogue")
+    path, module = turbine_file("nrel_5mw"), import_module("wt_gym.turbines.windio")
     monkeypatch.setattr(module, "_loaded", {})
     first = load_turbine(path)
     monkeypatch.setattr(module, "_loaded", {})

@@ -17,7 +17,7 @@ from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.episode import episode_steps
-from wt_gym.envs.layout import turbine_env_of
+from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import BenchmarkError
 from wt_gym.simulation import Recorder
 from wt_gym.turbines import load_turbine

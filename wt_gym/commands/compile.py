@@ -33,7 +33,8 @@ def main(words: list[str] | None = None) -> None:
 
     from wt_gym.agents.command_line import environment_arguments
     from wt_gym.agents.compilation import compile_kernels
-    from wt_gym.envs.layout import turbine_env_of
+    from wt_gym.envs.turbine_env import turbine_env_of
+    from wt_gym.simulation import Simulator
     from wt_gym.simulation.compile_ahead import compile_ahead
 
     with user_errors(), stoppable("what is compiled so far stays"):
@@ -42,6 +43,6 @@ def main(words: list[str] | None = None) -> None:
             began = time.perf_counter()
             env = gym.make(env_id)
             plain = turbine_env_of(env)
-            compile_ahead(plain.turbine, plain.fidelity)
+            compile_ahead(Simulator, plain.turbine, plain.fidelity)
             compile_kernels(env)
             print(f"{env_id}: ready after {time.perf_counter() - began:.0f} s", flush=True)

@@ -27,8 +27,9 @@ from wt_gym.control.design import (
     trim_pitch,
 )
 from wt_gym.control.rotor import rotor_of
+from wt_gym.control.rotor_table import rotor_table
 from wt_gym.errors import TurbineDefinitionError
-from wt_gym.turbines.catalogue import AIR_DENSITY
+from wt_gym.turbines.windio import AIR_DENSITY
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
@@ -276,8 +277,6 @@ def _damped_point(turbine: Turbine, wind_speed: float) -> OperatingPoint:
     A damper against which the rotor is weak holds it in stall, at tip-speed ratios below those of the table, where its
     power coefficients are held; it then turns slowly.
     """
-    from wt_gym.control.controllers.rotor_table import rotor_table  # controllers know operating points
-
     table, drivetrain = rotor_table(turbine), turbine.drivetrain
     speeds = drivetrain.rated_rotor_speed * np.linspace(1.0, 0.01, 100)
     pitches = np.linspace(table.pitch[0], table.pitch[-1], 10 * len(table.pitch))

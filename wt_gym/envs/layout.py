@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.envs.observation_kernels import normalise
 
 if TYPE_CHECKING:
-    import gymnasium as gym
-
     from wt_gym.control import ActionMap, Channel, Lidar
-    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.turbines import Turbine
 
-__all__ = ["EnvLayout", "ObservationLayout", "layout_of", "turbine_env_of"]
+__all__ = ["EnvLayout", "ObservationLayout", "layout_of"]
 
 
 class ObservationLayout:
@@ -140,11 +137,6 @@ class EnvLayout:
     control_dt: float
     delay: int = 0
     lidar: Lidar | None = None
-
-
-def turbine_env_of(env: gym.Env) -> WindTurbineEnv:
-    """The environment of the turbine behind any wrappers."""
-    return cast("WindTurbineEnv", env.unwrapped)
 
 
 def layout_of(env) -> EnvLayout:

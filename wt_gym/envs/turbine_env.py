@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity, Signals, SimulatorState
     from wt_gym.wind import Inflow
 
-__all__ = ["EnvSnapshot", "WindTurbineEnv"]
+__all__ = ["EnvSnapshot", "WindTurbineEnv", "turbine_env_of"]
 
 _RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
@@ -945,3 +945,8 @@ def _registered_limit(spec: EnvSpec | None) -> int | None:
     """Control steps after which episodes of an id end, if it has such a limit; one given to `make` is not known."""
     registered = None if spec is None else gym.registry.get(spec.id)
     return None if registered is None else registered.max_episode_steps
+
+
+def turbine_env_of(env: gym.Env) -> WindTurbineEnv:
+    """The environment of the turbine behind any wrappers."""
+    return cast("WindTurbineEnv", env.unwrapped)

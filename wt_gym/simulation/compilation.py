@@ -11,7 +11,7 @@ from threading import RLock
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from wt_gym.simulation.coupling import Coupling
     from wt_gym.simulation.fidelity import Fidelity
@@ -28,7 +28,9 @@ _under_way = False
 _announced: set[tuple[type, str]] = set()
 
 
-def compile_once(coupling: type[Coupling], turbine: Turbine, fidelity: Fidelity) -> None:
+def compile_once(
+    coupling: type[Coupling], turbine: Turbine, fidelity: Fidelity, with_help: Callable[[Turbine, Fidelity], None]
+) -> None:
     """Compile what a simulator needs, where no simulator of its kind ever was, and say so, because it takes a minute.
 
     Another process helps where there is a core for it, unless this one is itself a worker of many, or the environment
@@ -40,15 +42,15 @@ def compile_once(coupling: type[Coupling], turbine: Turbine, fidelity: Fidelity)
         Of the simulator.
     turbine, fidelity
         As of `wt_gym.simulation.Simulator`.
+    with_help : callable
+        Compiles what the simulator of a turbine at a fidelity needs, in two processes.
     """
     with _one_at_a_time:  # other threads wait, and find it done
         if _under_way or coupling.was_compiled():
             return
         _announce(coupling, turbine)
         if _cores() > 1 and get_executable() and not _is_worker():
-            from wt_gym.simulation.compile_ahead import compile_ahead  # which makes simulators itself
-
-            compile_ahead(turbine, fidelity)
+            with_help(turbine, fidelity)
 
 
 def announce_compilation(coupling: Coupling, turbine: Turbine) -> None:

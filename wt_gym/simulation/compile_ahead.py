@@ -17,7 +17,7 @@ import sys
 import tempfile
 from contextlib import contextmanager
 from multiprocessing.spawn import get_executable
-from typing import IO, TYPE_CHECKING, cast
+from typing import IO, TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
@@ -25,7 +25,6 @@ from wt_gym.compiled import argument_types
 from wt_gym.simulation.assembly import build_lattice
 from wt_gym.simulation.compilation import COMPILE_ALONE, compiling
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.simulation.simulator import Simulator
 from wt_gym.wind import SteadyInflow
 
 if TYPE_CHECKING:
@@ -41,24 +40,37 @@ _log = logging.getLogger(__name__)
 _HELPER = """
 import json, sys
 sys.path[:] = json.loads(sys.stdin.buffer.readline())
+from wt_gym.simulation import Simulator
 from wt_gym.simulation.compile_ahead import help_to_compile
-help_to_compile()
+help_to_compile(Simulator)
 """
 _AIR_IS_READY = b"air\n"
 
 
-def compile_ahead(turbine: Turbine, fidelity: str | Fidelity) -> None:
+class _Simulator(Protocol):
+    """What is compiled: `wt_gym.simulation.Simulator`, whose first one calls this module and is handed to it."""
+
+    coupling: Coupling
+
+    def __init__(self, turbine: Turbine, inflow: SteadyInflow, fidelity: str | Fidelity) -> None: ...
+
+    def reset(self, rotor_speed: float) -> Any: ...
+
+
+def compile_ahead(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fidelity) -> None:
     """Compile what the simulator of a turbine needs, in this process and another one, which is new and ends with it.
 
     Where there can be no other process, or where it fails, this one does all the work.
 
     Parameters
     ----------
+    simulator : type
+        `wt_gym.simulation.Simulator`.
     turbine, fidelity
         As of `wt_gym.simulation.Simulator`.
     """
     with compiling(), _help(turbine, fidelity) as helper:
-        coupling = _at_rest(turbine, fidelity).coupling
+        coupling = _at_rest(simulator, turbine, fidelity).coupling
         _compile_structure(coupling)
         if helper is not None:
             _wait_for_air(helper)
@@ -107,7 +119,7 @@ def _wait_for_air(helper: subprocess.Popen[bytes]) -> None:
             return
 
 
-def help_to_compile() -> None:
+def help_to_compile(simulator: type[_Simulator]) -> None:
     """Compile the air, say so, and compile a start: what the other process does."""
     turbine, fidelity = pickle.load(sys.stdin.buffer)  # of the process that began this one
     with compiling(), os.fdopen(os.dup(1), "wb") as answer, open(os.devnull, "wb") as nowhere:
@@ -115,16 +127,16 @@ def help_to_compile() -> None:
         _compile_air(turbine, fidelity)
         answer.write(_AIR_IS_READY)
         answer.flush()
-        _compile_start(turbine, fidelity)
+        _compile_start(simulator, turbine, fidelity)
 
 
-def _at_rest(turbine, fidelity) -> Simulator:
-    return Simulator(turbine, SteadyInflow(8.0), fidelity)
+def _at_rest(simulator: type[_Simulator], turbine, fidelity) -> _Simulator:
+    return simulator(turbine, SteadyInflow(8.0), fidelity)
 
 
-def _compile_start(turbine, fidelity) -> None:
+def _compile_start(simulator: type[_Simulator], turbine, fidelity) -> None:
     """What a start calls beyond structure and air, by starting."""
-    _at_rest(turbine, fidelity).reset(rotor_speed=turbine.drivetrain.rated_rotor_speed)
+    _at_rest(simulator, turbine, fidelity).reset(rotor_speed=turbine.drivetrain.rated_rotor_speed)
 
 
 def _compile_structure(coupling: Coupling) -> None:

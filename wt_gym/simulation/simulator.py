@@ -1,5 +1,7 @@
 """The coupled simulator: flexible multibody turbine and free-wake vortex lattice marched together in time."""
 
+from functools import partial
+
 import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
@@ -9,6 +11,7 @@ from wt_gym.multibody.errors import MultibodyError
 from wt_gym.simulation.assembly import assemble
 from wt_gym.simulation.channels import Signals, parities
 from wt_gym.simulation.compilation import announce_compilation, compile_once
+from wt_gym.simulation.compile_ahead import compile_ahead
 from wt_gym.simulation.coupling import Coupling
 from wt_gym.simulation.drives import Drives, check_finite
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -85,7 +88,7 @@ class Simulator:
         self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
         self.drives = Drives(image, generator)
         kind = ObserverCoupling if self.fidelity.formulation == "observer" else Coupling
-        compile_once(kind, image, self.fidelity)
+        compile_once(kind, image, self.fidelity, partial(compile_ahead, Simulator))
         models = assemble(image, self.fidelity, threads, self.drives.generator.damping)
         self.time_step, self.structure, self.lattice = models.time_step, models.structure, models.lattice
         self.coupling = kind(models)

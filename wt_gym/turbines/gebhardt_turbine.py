@@ -12,21 +12,12 @@ from importlib import resources
 
 import numpy as np
 
-from wt_gym.turbines import (
-    BeamStations,
-    Blade,
-    Drivetrain,
-    Hub,
-    Nacelle,
-    PitchSystem,
-    Tower,
-    Turbine,
-    load_turbine,
-)
-from wt_gym.turbines.beam import inertia_matrix, rotation_about_z
-from wt_gym.wind import SteadyInflow
+from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
+from wt_gym.turbines.blade import Blade
+from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, PitchSystem, Tower, Turbine
+from wt_gym.turbines.windio import own_file, read_turbine
 
-__all__ = ["GENERATOR_DAMPER", "boundary_layer", "gebhardt_data", "gebhardt_turbine"]
+__all__ = ["GENERATOR_DAMPER", "gebhardt_data", "gebhardt_turbine"]
 
 ROOT_CHORD = 0.3
 """Chord of the lattice where the blade carries no lift [m]: the root strips of a lattice may be slender, not absent."""
@@ -46,24 +37,6 @@ def gebhardt_data():
 
 GENERATOR_DAMPER = gebhardt_data()["inferred"]["generator_damper_Nms"]
 """Generator torque on the rotor side divided by the rotor speed [N m s]."""
-
-
-def boundary_layer(wind_speed, reference_height=None):
-    """Land-surface boundary layer over rural ground, power law with the exponent of open country.
-
-    Parameters
-    ----------
-    wind_speed : float
-        Reference value [m/s].
-    reference_height : float, optional
-        Where the wind has this speed [m]; by default the gradient height.
-
-    Returns
-    -------
-    SteadyInflow
-    """
-    profile = gebhardt_data()["inferred"]["wind_profile"]
-    return SteadyInflow(wind_speed, reference_height or profile["reference_height_m"], profile["exponent"])
 
 
 @cache
@@ -147,7 +120,7 @@ def _blade(data):
     station = np.concatenate(([0.0, first, last], span[outboard]))
     chord = np.interp(station, span, plan["chord_m"])
     chord[:2] = ROOT_CHORD
-    donor = load_turbine("nrel_5mw").blade
+    donor = read_turbine(own_file("nrel_5mw.yaml")).blade
     known = {a.name: a for a in donor.airfoils}
     lifting = [(z, name) for z, name in zip(span, plan["airfoil"], strict=True) if not name.startswith("Cylinder")]
     # a new section begins where its name first appears; between two such stations the sections are blended

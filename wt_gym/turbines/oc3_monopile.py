@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 from wt_gym.turbines.beam import BeamStations, inertia_matrix
-from wt_gym.turbines.catalogue import load_turbine
 from wt_gym.turbines.model import Support, Tower, Turbine
+from wt_gym.turbines.windio import own_file, read_turbine
 
 __all__ = ["OC3_FOUNDATION", "oc3_turbine"]
 
@@ -54,7 +54,7 @@ def oc3_turbine() -> Turbine:
     Turbine
         On the published soil springs; ``replace`` its ``tower.support`` for a rigid foundation.
     """
-    land = load_turbine("nrel_5mw")
+    land = read_turbine(own_file("nrel_5mw.yaml"))
     length = land.tower.height - TOWER_BASE
     station = np.linspace(0.0, length, 21)  # section properties are powers of the linear diameter
     along = station / length

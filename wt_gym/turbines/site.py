@@ -5,13 +5,10 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar, Protocol, TypeVar
 
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import check_number
-
-if TYPE_CHECKING:
-    from wt_gym.turbines.model import Turbine
 
 __all__ = ["SITE", "at_controller_density", "with_site", "without_site"]
 
@@ -29,7 +26,25 @@ SITE = {
 _NOTE = "site: "
 
 
-def with_site(turbine: Turbine, site: Mapping[str, Any] | None) -> Turbine:
+class _Sited(Protocol):
+    """What a site changes of a turbine, which knows its site: its class stands above this module."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def air_density(self) -> float: ...
+    @property
+    def controller_air_density(self) -> float: ...
+    @property
+    def rated_wind_speed(self) -> float: ...
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+
+
+_T = TypeVar("_T", bound=_Sited)
+
+
+def with_site(turbine: _T, site: Mapping[str, Any] | None) -> _T:
     """Return a turbine at a site.
 
     =========================== ====================================================================================
@@ -85,7 +100,7 @@ def with_site(turbine: Turbine, site: Mapping[str, Any] | None) -> Turbine:
     return replace(turbine, **changes, notes=(*turbine.notes, _NOTE + ", ".join(told))) if site else turbine
 
 
-def at_controller_density(turbine: Turbine) -> Turbine:
+def at_controller_density(turbine: _T) -> _T:
     """The turbine in the air for which its controller is designed: of it the controller's rules take their numbers.
 
     Parameters

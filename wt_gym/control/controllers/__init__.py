@@ -38,10 +38,10 @@ from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
-from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.controllers.yaw import YawByDeadBand
+from wt_gym.control.rotor_table import RotorTable, rotor_table
 
 __all__ = [
     "ADDITIONS",

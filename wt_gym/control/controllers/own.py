@@ -15,8 +15,8 @@ from wt_gym.control.controllers.discon import BaselineParameters, DisconControll
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.pitch_law import GainTable
 from wt_gym.control.controllers.rosco_like import RoscoLikeController
-from wt_gym.control.controllers.rotor_table import blade_element_table
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
+from wt_gym.control.rotor_table import blade_element_table
 from wt_gym.control.speed_loop import check_speed_loop
 
 if TYPE_CHECKING:

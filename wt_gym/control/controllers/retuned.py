@@ -17,8 +17,8 @@ from wt_gym.control.controllers.discon import BaselineParameters, DisconControll
 from wt_gym.control.controllers.own import own_controller
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.rotor_rules import same_rotor
-from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
+from wt_gym.control.rotor_table import RotorTable, rotor_table
 from wt_gym.control.speed_loop import check_speed_loop
 from wt_gym.turbines import load_turbine
 

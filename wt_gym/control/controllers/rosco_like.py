@@ -25,10 +25,10 @@ from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.discon import PITCH_OF_REGION_3, BaselineParameters
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
-from wt_gym.control.controllers.rotor_table import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.controllers.wind_estimator import WindEstimator, bandwidth_of
 from wt_gym.control.design import fine_pitch, rated_mechanical_power
 from wt_gym.control.operating_point import least_pitch, rotor_inertia
+from wt_gym.control.rotor_table import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.sensors import LowPass, Notch
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
-from wt_gym.control.controllers.rotor_table import RotorTable, rotor_table
 from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.rotor_table import RotorTable, rotor_table
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings

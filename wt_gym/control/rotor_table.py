@@ -1,7 +1,7 @@
 """Power and thrust coefficients of a rotor over tip-speed ratio and pitch, as the simulator makes them.
 
 Controllers that estimate the wind or limit the thrust need the quasi-steady rotor. The tables of the catalogue's
-turbines lie beside this file and were made by ``scripts/rotor_table.py``: the rotor of the coupled simulator (lattice,
+turbines come with the package and were made by ``scripts/rotor_table.py``: the rotor of the coupled simulator (lattice,
 wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a steady uniform wind until
 the wake has settled (`rotor_measurement.measure_rotor`). Any other turbine gets its table by blade elements
 (`blade_element_table`) in about a second; below rated wind the simulator's rotor makes up to a tenth more power. A
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["RotorTable", "blade_element_table", "measured_table_path", "rotor_table"]
 
-_DATA = Path(__file__).parent / "data"
+_DATA = Path(__file__).parent / "controllers" / "data"
 _known: dict[str, RotorTable] = {}
 _MEASUREMENT = 2
 """Of tables in the cache; one more when `measure_rotor` or what it runs on measures anything else."""
@@ -207,7 +207,7 @@ def blade_element_table(turbine: Turbine) -> RotorTable:
 
 
 def _stored(turbine: Turbine) -> RotorTable | None:
-    """Table beside this file for a turbine of this name and size."""
+    """Table that comes with the package for a turbine of this name and size."""
     for path in sorted(_DATA.glob("rotor_*.json")):
         table = RotorTable.load(path)
         if table.turbine == turbine.name and math.isclose(table.radius, turbine.rotor_diameter / 2, rel_tol=1e-6):

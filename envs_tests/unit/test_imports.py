@@ -1,0 +1,131 @@
+"""Who knows whom: imports of modules have no circle, and no arrow between rooms runs back."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+BASE = frozenset({
+    "angles", "attached_flow", "compiled", "constants", "errors", "fields", "files", "ids", "kernel_linking",
+    "kernel_self_test", "process_memory", "tasks", "user_cache",
+})  # fmt: skip
+"""Modules beside the rooms, which any room may use and which use none."""
+
+KNOWS = {
+    "turbines": set(),
+    "wind": set(),
+    "structure": {"turbines"},
+    "multibody": {"structure"},
+    "aerodynamics": set(),
+    "simulation": {"turbines", "wind", "structure", "multibody", "aerodynamics"},
+    "control": {"turbines", "wind", "simulation"},
+    "analysis": {"turbines", "wind", "simulation", "control"},
+    "envs": {"turbines", "wind", "simulation", "control", "analysis"},
+    "benchmark": {"turbines", "wind", "simulation", "control", "analysis", "envs"},
+    "agents": {"turbines", "wind", "simulation", "control", "analysis", "envs", "benchmark"},
+    "commands": {"turbines", "wind", "multibody", "simulation", "control", "analysis", "envs", "benchmark", "agents"},
+    "__main__": {"commands"},
+}
+"""Rooms that each room may use, beside `BASE` and the version in ``wt_gym`` itself."""
+
+TWO_WAYS_TO_COMPILE = {"wt_gym.compiled", "wt_gym.kernel_linking", "wt_gym.kernel_self_test"}
+"""The one circle that stays: `compiled` chooses between plain numba and linking, which stands on numba's inside and is
+imported only after a self-test is wanted; it uses the options and the stamp of `compiled`."""
+
+
+def modules():
+    """Path of every module by its name; ``agents`` of a clone is the package ``wt_gym.agents``."""
+    found = {}
+    for folder, prefix in ((ROOT / "wt_gym", ()), (ROOT / "agents", ("wt_gym",))):
+        for path in sorted(folder.rglob("*.py")):
+            parts = [*prefix, *path.relative_to(ROOT).with_suffix("").parts]
+            if not prefix and parts[1] == "agents":
+                continue
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imports(source, known):
+    """Modules that a source imports: at its top, within functions and for the types alone.
+
+    All three count. An import within a function is one all the same, and one under ``TYPE_CHECKING`` says that a reader
+    of this module has to know the other. What does not count is that Python runs the packages above a module first.
+    """
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, "imports name the whole module"
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        for name in names:
+            while name and name not in known:
+                name = name.rpartition(".")[0]
+            if name:
+                yield name, node.lineno
+
+
+@pytest.fixture(scope="module")
+def graph():
+    known = modules()
+    return {
+        name: {target for target, _ in imports(path.read_text(encoding="utf-8"), known)} - {name}
+        for name, path in known.items()
+    }
+
+
+def circles(graph):
+    """Strongly connected components of more than one node (Tarjan 1972)."""
+    order, low, stack, found = {}, {}, [], []
+
+    def visit(node):
+        order[node] = low[node] = len(order)
+        stack.append(node)
+        for target in sorted(graph[node]):
+            if target not in order:
+                visit(target)
+            if target in stack:
+                low[node] = min(low[node], low[target])
+        if low[node] == order[node]:
+            at = stack.index(node)
+            if len(stack) - at > 1:
+                found.append(set(stack[at:]))
+            del stack[at:]
+
+    for node in graph:
+        if node not in order:
+            visit(node)
+    return found
+
+
+def test_a_circle_is_found():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]
+    assert circles({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
+
+
+def test_every_kind_of_import_counts():
+    source = "import a.b\nfrom a import c\nif TYPE_CHECKING:\n    from a.d import X\ndef f():\n    from a.e import g\n"
+    assert [name for name, _ in imports(source, {"a", "a.b", "a.c", "a.d", "a.e"})] == ["a.b", "a.c", "a.d", "a.e"]
+
+
+def test_no_circle(graph):
+    assert len(graph) > 300
+    assert circles(graph) == [TWO_WAYS_TO_COMPILE]
+
+
+def test_no_arrow_between_rooms_runs_back():
+    known, wrong = modules(), []
+    for name, path in known.items():
+        if name == "wt_gym":
+            continue
+        room = name.split(".")[1]
+        allowed = BASE if room in BASE else BASE | KNOWS[room] | {room}
+        for target, line in imports(path.read_text(encoding="utf-8"), known):
+            if target != "wt_gym" and target.split(".")[1] not in allowed:
+                wrong.append(f"{name}:{line} uses {target}")
+    assert not wrong, "\n".join(wrong)
+    for room, below in KNOWS.items():
+        assert all(room not in KNOWS[other] for other in below)
