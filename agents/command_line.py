@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
 import gymnasium as gym
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.arguments import did_you_mean
+from wt_gym.envs.turbine_env import WindTurbineEnv, env_arguments
 
 __all__ = ["chosen_arguments", "environment_arguments"]
 
@@ -40,9 +40,13 @@ def environment_arguments(env_id: str, kwargs: dict[str, Any]) -> dict[str, Any]
         raise ValueError(f"the environment must be one of {', '.join(known)}, got {env_id!r}")
     if not isinstance(kwargs, dict):
         raise ValueError(f"the arguments of the environment must be a JSON object, got {kwargs!r}")
-    unknown = [name for name in kwargs if name not in inspect.signature(WindTurbineEnv).parameters]
-    if unknown:
-        raise ValueError(f"the environment has no arguments {unknown}")
+    arguments = env_arguments()
+    for name in kwargs:
+        if name not in arguments:
+            raise ValueError(
+                f"the environment has no argument {name!r}{did_you_mean(name, arguments)} Its arguments are "
+                f"{', '.join(arguments)}"
+            )
     return {**spec.kwargs, **kwargs}
 
 

@@ -1,15 +1,15 @@
 """Arguments of the environment of the wrong type, as JSON gives them: refused in one line, each of them."""
 
-import inspect
 import json
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.commands import evaluate
 from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, real_numbers
-from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.turbine_env import WindTurbineEnv, env_arguments
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import InflowError, WtGymError
 from wt_gym.turbines import load_turbine
@@ -47,11 +47,7 @@ ALLOWED = {
 """Kinds that an argument takes; every other one is to be refused."""
 
 
-def arguments():
-    return [name for name in inspect.signature(WindTurbineEnv).parameters if name != "self"]
-
-
-@pytest.mark.parametrize("name", arguments())
+@pytest.mark.parametrize("name", env_arguments())
 def test_every_argument_refuses_what_it_cannot_be(name):
     refused = 0
     for kind, value in JSON_VALUES.items():
@@ -67,7 +63,7 @@ def test_every_argument_refuses_what_it_cannot_be(name):
     assert refused >= 6
 
 
-@pytest.mark.parametrize("name", arguments())
+@pytest.mark.parametrize("name", env_arguments())
 def test_numbers_without_end_or_meaning_are_refused(name):
     for value in (float("nan"), float("inf"), -1e300):
         with pytest.raises((ValueError, WtGymError)):
@@ -130,3 +126,40 @@ def test_numbers_of_numpy_are_numbers():
 def test_memory_of_the_sensors_has_an_end(given, message):
     with pytest.raises(ValueError, match=message):
         WindTurbineEnv(**given)
+
+
+def test_an_unknown_argument_is_told_with_the_one_it_resembles():
+    for make in (gym.make, gym.make_vec):
+        with pytest.raises(TypeError, match=r"no argument 'wind_sped'; did you mean 'wind_speed'\? Its arguments are"):
+            make("wt_gym/NREL5MW-Steady-v1", wind_sped=8.0)
+    with pytest.raises(TypeError, match=r"no argument 'colour'\. Its arguments are turbine, .*, start was raised"):
+        gym.make("wt_gym/NREL5MW-Steady-v1", colour=8.0)
+
+
+def test_names_and_units_are_arrays():
+    env = WindTurbineEnv(observation=("rotor", "azimuth"), pitch="individual", history=2)
+    assert env.observation_names.shape == env.observation_units.shape == env.observation_space.shape
+    assert dict(zip(env.observation_names, env.observation_units, strict=True)) == {
+        "rotor_speed": "rad/s", "generator_speed": "rad/s", "azimuth_sin": "-", "azimuth_cos": "-",
+        "rotor_speed@1": "rad/s", "generator_speed@1": "rad/s", "azimuth_sin@1": "-", "azimuth_cos@1": "-",
+    }  # fmt: skip
+    assert env.action_names.tolist() == ["pitch_1_rate", "pitch_2_rate", "pitch_3_rate", "yaw_rate",
+                                         "generator_torque_rate"]  # fmt: skip
+    assert env.action_units.tolist() == ["rad/s"] * 4 + ["N m/s"]
+    vec = gym.make_vec("wt_gym/NREL5MW-Steady-v1", num_envs=2)
+    assert vec.unwrapped.action_names.tolist() == ["pitch_rate", "yaw_rate", "generator_torque_rate"]
+    assert vec.unwrapped.observation_names.shape == vec.single_observation_space.shape
+    vec.close()
+
+
+def test_environments_and_layouts_print_in_a_line():
+    env = WindTurbineEnv(inflow="turbulent")
+    sizes = "31 observations, rate actions (pitch_rate, yaw_rate, generator_torque_rate) every 0.2 s>"
+    assert repr(env) == (f"<WindTurbineEnv: NREL 5-MW baseline, land based, turbulent, training fidelity, {sizes}")
+    assert repr(env.layout) == f"<EnvLayout: NREL 5-MW baseline, land based, {sizes}"
+    assert repr(env.layout.observation) == (
+        "<ObservationLayout: 31 channels, rotor_speed, generator_speed, generator_power, generator_torque, …>"
+    )
+    vec = gym.make_vec("wt_gym/NREL5MW-Steady-v1", num_envs=2)
+    assert repr(vec).startswith("<WindTurbineVectorEnv: 2 of <WindTurbineEnv: NREL")
+    vec.close()

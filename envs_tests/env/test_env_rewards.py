@@ -410,7 +410,8 @@ def test_terms_of_ones_own():
 
 
 @pytest.mark.parametrize(
-    "reward", [[], [rewards.Power(), rewards.Power()], ["power"], dict.fromkeys(rewards.DEFAULT_WEIGHTS, 0.0)]
+    "reward",
+    [[], [rewards.Power(), rewards.Power()], ["power", rewards.Power()], dict.fromkeys(rewards.DEFAULT_WEIGHTS, 0.0)],
 )
 def test_impossible_rewards_are_refused(reward):
     with pytest.raises(ValueError, match="reward"):
@@ -421,3 +422,45 @@ def test_reference_loads_of_the_nrel_5mw():
     # 17 740 kg with the centre of mass 20.475 m from the root (NREL/TP-500-38060, Table 2-2).
     assert blade_static_moment(TURBINE) == pytest.approx(17_740 * GRAVITY * 20.475, rel=0.01)
     assert reference_flap_moment(TURBINE) == pytest.approx(12.35e6, rel=1e-3)
+
+
+def steady(step):
+    """A rate."""
+    return -2.0 * step.after["rotor_speed"]
+
+
+def test_names_functions_and_terms_make_rewards():
+    def terms(reward):
+        return [(term.name, term.weight) for term in rewards.compose(reward)]
+
+    assert terms("power") == terms(["power"]) == [("power", 1.0)]
+    assert terms("blade_fatigue") == [("blade_fatigue", 1.5)]
+    assert terms("damage") == [("damage", 1.0)]  # of weight 0 unless it is asked for
+    assert terms(steady) == [("steady", 1.0)]
+    assert terms(rewards.Power(weight=2.0)) == [("power", 2.0)]
+    mixed = ["power", steady, rewards.Overspeed(), rewards.FunctionTerm(steady, 0.5, "half"), lambda step: 0.0]
+    assert [name for name, _ in terms(mixed)] == ["power", "steady", "overspeed", "half", "function"]
+    assert rewards.worst_rate(rewards.compose(steady)) == -math.inf
+
+
+@pytest.mark.parametrize(
+    ("reward", "message"),
+    [
+        ("powr", r"no term 'powr'; did you mean 'power'\? There are power, "),
+        (["power", "colour"], r"no term 'colour'\. There are"),
+        ({"powr": 1.0}, "did you mean 'power'"),
+        ([steady, steady], "different names"),
+        (3.0, "must map names of terms to weights, or be a name, a function"),
+        ([3.0], "a reward term needs a name"),
+    ],
+)
+def test_rewards_that_are_none_are_refused(reward, message):
+    with pytest.raises(ValueError, match=message):
+        rewards.compose(reward)
+
+
+def test_a_function_is_called_with_the_step():
+    transition = rewards.Transition(None, None, {"rotor_speed": 1.5}, DT)
+    assert rewards.total(rewards.compose(steady), transition) == (-3.0 * DT, {"steady": -3.0 * DT})
+    with pytest.raises(ValueError, match="reward function 'function' must give a finite rate"):
+        rewards.total(rewards.compose(lambda step: math.nan), transition)

@@ -1,5 +1,6 @@
 """The words of the report follow from the numbers."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -196,3 +197,23 @@ def test_figures_hold_every_agent():
 def test_trailing_filaments_carry_the_difference_of_their_neighbours():
     circulation = np.array([[[1.0, 4.0, 2.0]]])
     np.testing.assert_array_equal(trailing_strength(circulation), [[[1.0, 3.0, 2.0, 2.0]]])
+
+
+def test_an_evaluation_as_a_table():
+    found = evaluation(endings=("time", "overspeed"), mean_power=2e6)
+    short = replace(found.runs[-1], wind=Wind(8.0), metrics={})
+    table = replace(found, runs=[*found.runs[:-1], short]).to_dataframe()
+    assert list(table.columns) == ["agent", "wind_speed", "wind_seed", "wind", "ending", "duration", "episode_return",
+                                   *METRICS]  # fmt: skip
+    assert table.agent.tolist() == ["Baseline", "Baseline", "PPO", "PPO"]
+    assert table.wind_seed[:3].tolist() == [1001, 1002, 1001]
+    assert table.wind_seed.isna().tolist() == [False, False, False, True]
+    assert table.mean_power[2] == 2e6
+    assert np.isnan(table.mean_power[3])
+    assert table.groupby("agent").mean_power.mean()["PPO"] == 2e6
+
+
+def test_a_table_without_pandas_says_what_to_do(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match="to_dataframe needs pandas: pip install pandas"):
+        evaluation().to_dataframe()

@@ -317,7 +317,7 @@ def test_a_damaged_file_is_named(tmp_path, counted):
         (["--address", "auto"], "ask for the engine ray"),
         (["nobody"], "'nobody' is no agent"),
         (["--env-kwargs", '{"wind_speed": 9}'], "wind_speed follows from the load cases"),
-        (["--env-kwargs", '{"colour": 9}'], "the environment has no arguments"),
+        (["--env-kwargs", '{"colour": 9}'], "the environment has no argument 'colour'"),
         (["no controller=baseline"], "of a name other than 'no controller'"),
         (["--out", "/dev/null/there"], "/dev/null/there"),
         (["--mean-wind-speed", "-1"], "mean_speed of a wind climate must be positive and finite, got -1.0"),

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -16,6 +16,9 @@ from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.replay import Replay
 from wt_gym.files import whole_file, write_netcdf_whole, write_text_whole
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["METRICS_FILE", "RUNS_FOLDER", "TABLE_FILE", "Evaluation", "Run", "Wind", "run_file"]
 
@@ -224,6 +227,36 @@ class Evaluation:
         tables = [run.metrics for run in self.runs_of(agent) if speed in (None, run.wind.speed)]
         shared = [key for key in tables[0] if all(key in table for table in tables)]
         return {key: float(_COMBINE[METRICS[key].over_winds]([table[key] for table in tables])) for key in shared}
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Table with a row a run: agent, wind, ending, return, and the metrics, which are missing where not measured.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns ``agent``, ``wind_speed`` [m/s], ``wind_seed``, ``wind``, ``ending``, ``duration`` [s],
+            ``episode_return`` and one for each of `wt_gym.analysis.metrics.METRICS`, in SI units.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed. xarray, which this package needs, brings it.
+        """
+        try:
+            import pandas as pd
+        except ImportError as error:
+            raise ImportError(
+                "Evaluation.to_dataframe needs pandas: pip install pandas; Evaluation.to_json gives the same rows"
+            ) from error
+        rows = [
+            {
+                "agent": run.agent, "wind_speed": run.wind.speed, "wind_seed": run.wind.seed, "wind": run.wind.label,
+                "ending": run.ending, "duration": run.duration, "episode_return": run.episode_return,
+                **{key: run.metrics.get(key, np.nan) for key in METRICS},
+            }
+            for run in self.runs
+        ]  # fmt: skip
+        return pd.DataFrame(rows).astype({"wind_seed": "Int64"})
 
     def to_json(self) -> dict[str, Any]:
         """Everything but signals and shapes, as JSON values."""

@@ -86,7 +86,7 @@ COLUMNS = (
 def check(arguments: argparse.Namespace) -> None:
     """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
     from wt_gym.envs.arguments import check_duration
-    from wt_gym.envs.wind_sampler import LARGEST_WIND_SEED
+    from wt_gym.envs.wind_sampler import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
     from wt_gym.simulation.fidelity import fidelity
 
     check_duration("--duration", arguments.duration, LEAST_DURATION)
@@ -96,9 +96,10 @@ def check(arguments: argparse.Namespace) -> None:
             f"{arguments.average:g}"
         )
     for value in arguments.wind_speed:
-        if not (value > 0.0 if arguments.turbulent else value >= 0.0) or value == math.inf:
-            least = "positive" if arguments.turbulent else "at least 0"
-            raise ValueError(f"--wind-speed must be {least} and finite, got {value:g}")
+        least = SLOWEST_TURBULENCE if arguments.turbulent else 0.0
+        if not least <= value <= FASTEST_WIND:
+            still = " with --turbulent" if arguments.turbulent else ""
+            raise ValueError(f"--wind-speed must lie between {least:g} and {FASTEST_WIND:g} m/s{still}, got {value:g}")
     if arguments.wind and (arguments.turbulent or arguments.shear or arguments.yaw_misalignment):
         raise ValueError("--wind has its own turbulence, shear and direction: leave those options out")
     if not 0 <= arguments.seed <= LARGEST_WIND_SEED:
@@ -194,14 +195,16 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
 def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Recorder:
     """Run one wind; what was simulated is written where a file is wanted, of a stopped run too."""
     from wt_gym.agents.closed_loop import run_baseline
+    from wt_gym.agents.progress import ProgressLine
     from wt_gym.simulation import Recorder, Simulator
 
     simulator = Simulator(turbine, inflow=inflow_of(arguments, turbine, speed), fidelity=arguments.fidelity)
     recorder = Recorder(simulator)
 
+    line = ProgressLine()
+
     def progress(signals):
-        if sys.stderr.isatty() and signals.time % 10.0 < simulator.time_step:
-            print(f"\r{_label(speed)}: {signals.time:5.0f} of {arguments.duration:g} s", end="", file=sys.stderr)
+        line.show(f"{_label(speed)}: {signals.time:5.0f} of {arguments.duration:g} s")
 
     try:
         return run_baseline(simulator, arguments.duration, on_step=progress, recorder=recorder)

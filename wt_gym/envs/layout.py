@@ -105,6 +105,9 @@ class ObservationLayout:
         outside = np.flatnonzero((values < self._low) | (values > self._high))
         return observation, tuple(self.names[i] for i in outside)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self)} channels, {_few(self.names)}>"
+
     def table(self) -> list[dict]:
         """Rows (name, unit, offset, scale, min, max, description) for documentation and reports."""
         return [
@@ -137,6 +140,20 @@ class EnvLayout:
     control_dt: float
     delay: int = 0
     lidar: Lidar | None = None
+
+    @property
+    def sizes(self) -> str:
+        """Numbers of observations and of actions with their names, and the control step, in one line."""
+        names = ", ".join(self.action.names)
+        return f"{len(self.observation)} observations, {self.action.mode} actions ({names}) every {self.control_dt:g} s"
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.turbine.name}, {self.sizes}>"
+
+
+def _few(names: tuple[str, ...]) -> str:
+    """The first names."""
+    return ", ".join(names[:4]) + (", …" if len(names) > 4 else "")
 
 
 def layout_of(env) -> EnvLayout:

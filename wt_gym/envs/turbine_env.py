@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
@@ -25,7 +26,7 @@ from wt_gym.control.controllers import (
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs import rewards
-from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, shown
+from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, did_you_mean, shown
 from wt_gym.envs.costs import Costs
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, Situation
@@ -48,12 +49,12 @@ if TYPE_CHECKING:
 
     from wt_gym.control import Lidar
     from wt_gym.control.controllers import Controller, Readings
-    from wt_gym.envs.rewards import RewardTerm
+    from wt_gym.envs.rewards.compose import Part
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals, SimulatorState
     from wt_gym.wind import Inflow
 
-__all__ = ["EnvSnapshot", "WindTurbineEnv", "turbine_env_of"]
+__all__ = ["EnvSnapshot", "WindTurbineEnv", "env_arguments", "turbine_env_of"]
 
 _RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
@@ -311,8 +312,9 @@ class WindTurbineEnv(gym.Env):
     controller : str, Controller or callable
         What runs beneath residual actions, or decides on components left out: a name for
         `wt_gym.control.controllers.make_controller`, a controller, or a function that makes one for a turbine.
-    reward : mapping or iterable of RewardTerm, optional
-        Weights by name, or terms of one's own; see `wt_gym.envs.rewards.compose`.
+    reward : mapping, str, callable, RewardTerm or iterable of them, optional
+        Weights by name; or the terms alone: names, functions that give a rate, terms of one's own. See
+        `wt_gym.envs.rewards.compose`.
     relative_reward : bool
         Take off what the controller alone earns in the same wind: a second turbine runs beside the first, at twice the
         cost.
@@ -341,6 +343,22 @@ class WindTurbineEnv(gym.Env):
         Picture of turbine and wake with the recent course of the key signals.
     start : {"running", "steady"}
         What an episode in turbulence begins with, see "Starting state".
+
+    Attributes
+    ----------
+    layout : EnvLayout
+        Everything that is to be known of observation and action.
+    observation_names, observation_units : numpy.ndarray of str, shape (n_obs,)
+        Of the components of an observation, and of what they stand for in ``layout.observation.value``.
+    action_names, action_units : numpy.ndarray of str, shape (n_act,)
+        Of the components of an action, and of what they stand for at -1 and +1.
+
+    Raises
+    ------
+    TypeError
+        If there is no such argument; the message names the one that it resembles.
+    ValueError, wt_gym.errors.InflowError, wt_gym.errors.TurbineDefinitionError
+        If an argument has no meaning.
 
     Notes
     -----
@@ -379,7 +397,7 @@ class WindTurbineEnv(gym.Env):
         residual_fade: bool | float | FadeParameters = False,
         residual_washout: float | None = None,
         controller: str | Controller | Callable = "discon",
-        reward: Mapping[str, float] | Iterable[RewardTerm] | None = None,
+        reward: Mapping[str, float] | Part | Iterable[Part] | None = None,
         relative_reward: bool = False,
         vector_reward: bool = False,
         termination_penalty: float = 120.0,
@@ -398,7 +416,10 @@ class WindTurbineEnv(gym.Env):
         gusts: Sequence[str] = TRANSIENTS,
         site: Mapping[str, Any] | None = None,
         start: str = "running",
+        **unknown: Any,
     ):
+        if unknown:
+            raise _unknown_argument(next(iter(unknown)))
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
         if start not in STARTS:
@@ -498,6 +519,32 @@ class WindTurbineEnv(gym.Env):
         self._renderer = self._make_renderer()
         self._running = self._failed = self._told_of_limit = False
         self._steps = 0
+
+    def __repr__(self) -> str:
+        fidelity = fidelity_of(self.fidelity).name
+        return (
+            f"<{type(self).__name__}: {self.turbine.name}, {self.wind.label}, {fidelity} fidelity, {self.layout.sizes}>"
+        )
+
+    @property
+    def observation_names(self) -> np.ndarray:
+        """Name of every component of an observation."""
+        return np.array(self.layout.observation.names)
+
+    @property
+    def observation_units(self) -> np.ndarray:
+        """Unit of what every component of an observation stands for, "-" for none."""
+        return np.array([channel.unit for channel in self.layout.observation.channels])
+
+    @property
+    def action_names(self) -> np.ndarray:
+        """Name of every component of an action."""
+        return np.array(self.layout.action.names)
+
+    @property
+    def action_units(self) -> np.ndarray:
+        """Unit of what every component of an action stands for."""
+        return np.array(self.layout.action.units)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Start an episode.
@@ -950,3 +997,16 @@ def _registered_limit(spec: EnvSpec | None) -> int | None:
 def turbine_env_of(env: gym.Env) -> WindTurbineEnv:
     """The environment of the turbine behind any wrappers."""
     return cast("WindTurbineEnv", env.unwrapped)
+
+
+def env_arguments() -> tuple[str, ...]:
+    """Names of the arguments of `WindTurbineEnv`."""
+    kinds = inspect.signature(WindTurbineEnv).parameters.items()
+    return tuple(name for name, parameter in kinds if parameter.kind is not parameter.VAR_KEYWORD)
+
+
+def _unknown_argument(name: str) -> TypeError:
+    known = env_arguments()
+    return TypeError(
+        f"the environment has no argument {name!r}{did_you_mean(name, known)} Its arguments are {', '.join(known)}"
+    )

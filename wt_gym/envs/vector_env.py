@@ -96,6 +96,29 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         self._threads = min(threads or _processors(), num_envs)
         self._pool = ThreadPoolExecutor(self._threads - 1, "turbine") if self._threads > 1 else None
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.num_envs} of {self.envs[0]!r}>"
+
+    @property
+    def observation_names(self) -> np.ndarray:
+        """As of `WindTurbineEnv`, of one turbine; so the following."""
+        return self.envs[0].observation_names
+
+    @property
+    def observation_units(self) -> np.ndarray:
+        """Units of the observation."""
+        return self.envs[0].observation_units
+
+    @property
+    def action_names(self) -> np.ndarray:
+        """Names of the action's components."""
+        return self.envs[0].action_names
+
+    @property
+    def action_units(self) -> np.ndarray:
+        """Units of the action's components."""
+        return self.envs[0].action_units
+
     # ---- single turbines ----
 
     def reset_each(

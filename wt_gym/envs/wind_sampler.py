@@ -229,6 +229,11 @@ class WindSampler:
         self.seeds = (self._pool if self._turbulent else ()) if isinstance(self._kind, str) else None
 
     @property
+    def label(self) -> str:
+        """Kind of wind in a word or two."""
+        return self._kind if isinstance(self._kind, str) else "own inflow"
+
+    @property
     def options(self) -> tuple[str, ...]:
         """What `sample` can be told instead of drawing it."""
         if self._all_files:

@@ -151,6 +151,7 @@ class Signals:
     """Values of all channels at one instant.
 
     Attributes are the channel names; a per-blade name without its number gives all blades, e.g. ``signals.pitch``.
+    Iteration goes over the names of all channels, as of a dict.
 
     Parameters
     ----------
@@ -202,9 +203,28 @@ class Signals:
             f"power {self.generator_power / 1e3:.0f} kW)"
         )
 
-    def as_dict(self):
+    def __iter__(self):
+        return iter(self.keys())
+
+    def __len__(self):
+        return self.values.size
+
+    def __contains__(self, name):
+        return name in self._places
+
+    def keys(self):
+        """Names of all channels, those of blades with their numbers; with it ``dict(signals)`` works."""
+        return tuple(_layout(self.n_blades)[0])
+
+    def items(self):
+        """Names and values of all channels, as of a dict."""
+        return self.to_dict().items()
+
+    def to_dict(self):
         """All channels by name (floats)."""
         return {channel.name: float(v) for channel, v in zip(channel_table(self.n_blades), self.values, strict=True)}
+
+    as_dict = to_dict
 
 
 def new_values(n_blades):

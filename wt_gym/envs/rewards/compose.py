@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, TypeAlias, cast
 
-from wt_gym.envs.arguments import check_mapping, check_number, shown
+from wt_gym.envs.arguments import check_mapping, check_number, did_you_mean, shown
 from wt_gym.envs.rewards.damage import Damage
 from wt_gym.envs.rewards.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
+from wt_gym.envs.rewards.function import FunctionTerm
 from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
 from wt_gym.envs.rewards.operation import ActuatorUse, Overspeed
 from wt_gym.envs.rewards.power import Power
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import RewardTerm, Transition
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
+
+    Part: TypeAlias = str | RewardTerm | Callable[[Transition], float]
 
 __all__ = ["DEFAULT_WEIGHTS", "compose", "reset", "total", "worst_rate"]
 
@@ -38,14 +41,15 @@ DEFAULT_WEIGHTS: dict[str, float] = {name: cls().weight for name, cls in _TERMS.
 """Weight of every term that has a name; those with weight 0 are there on request."""
 
 
-def compose(reward: Mapping[str, float] | Iterable[RewardTerm] | None) -> tuple[RewardTerm, ...]:
+def compose(reward: Mapping[str, float] | Part | Iterable[Part] | None) -> tuple[RewardTerm, ...]:
     """Terms of a reward.
 
     Parameters
     ----------
-    reward : None, mapping or iterable of RewardTerm
+    reward : None, mapping, str, callable, RewardTerm or iterable of the latter three
         None: the terms with their `DEFAULT_WEIGHTS`. A mapping of names to weights changes those weights (zero drops
-        the term). An iterable gives the terms themselves.
+        the term). A part or an iterable of parts stands for itself alone: the name of a term, with its default weight
+        or, where that is zero, 1; a function of a `Transition` that gives a rate [1/s]; a term.
 
     Returns
     -------
@@ -56,21 +60,32 @@ def compose(reward: Mapping[str, float] | Iterable[RewardTerm] | None) -> tuple[
     ------
     ValueError
         If a name is unknown, a weight is negative, two terms share a name, or no term is left.
+
+    Examples
+    --------
+    >>> [term.name for term in compose("power")]
+    ['power']
+    >>> [term.name for term in compose(["power", lambda step: -abs(step.after["tower_top_fore_aft"])])]
+    ['power', 'function']
     """
     if reward is None:
         reward = {}
     if isinstance(reward, Mapping):
-        unknown = [name for name in reward if name not in _TERMS]
-        if unknown:
-            raise ValueError(f"reward has no terms {unknown}; there are {tuple(_TERMS)}")
+        for name in reward:
+            _check_name(name)
         weights = check_mapping("reward", reward)
         terms: list[RewardTerm] = [
             cls(weight=weights[name]) if name in reward else cls() for name, cls in _TERMS.items()
         ]
+    elif isinstance(reward, str) or callable(reward):
+        terms = [_term(reward)]
     elif isinstance(reward, Iterable):
-        terms = list(reward)
+        terms = [_term(part) for part in reward]
     else:
-        raise ValueError(f"reward must map names of terms to weights, or give several terms, got {shown(reward)}")
+        raise ValueError(
+            "reward must map names of terms to weights, or be a name, a function of a step, a term or several of them, "
+            f"got {shown(reward)}"
+        )
     for term in terms:
         if not (callable(term) and hasattr(term, "name") and hasattr(term, "weight")):
             raise ValueError(f"a reward term needs a name, a weight and must be callable, got {term!r}")
@@ -83,6 +98,21 @@ def compose(reward: Mapping[str, float] | Iterable[RewardTerm] | None) -> tuple[
     if not kept or len({term.name for term in kept}) != len(kept):
         raise ValueError(f"reward needs at least one term and different names, got {[term.name for term in kept]}")
     return kept
+
+
+def _check_name(name: object) -> None:
+    if name not in _TERMS:
+        raise ValueError(f"reward has no term {name!r}{did_you_mean(name, _TERMS)} There are {', '.join(_TERMS)}")
+
+
+def _term(part: Part) -> RewardTerm:
+    """Term that a name, a function or a term stands for."""
+    if isinstance(part, str):
+        _check_name(part)
+        return _TERMS[part](weight=DEFAULT_WEIGHTS[part] or 1.0)
+    if callable(part) and not hasattr(part, "weight"):
+        return FunctionTerm(part)
+    return cast("RewardTerm", part)
 
 
 def reset(terms: Iterable[RewardTerm], turbine: Turbine, signals: Signals, averaged: Signals | None = None) -> None:

@@ -1,0 +1,29 @@
+"""Signals by name, one after another and as a dict."""
+
+import numpy as np
+import pytest
+
+from wt_gym.simulation.channels import Signals, channel_table
+
+
+@pytest.fixture
+def signals():
+    return Signals(np.arange(float(len(channel_table(2)))), 2)
+
+
+def test_signals_iterate_as_a_dict(signals):
+    names = [channel.name for channel in channel_table(2)]
+    assert list(signals) == list(signals.keys()) == names
+    assert len(signals) == len(names)
+    assert dict(signals) == dict(signals.items()) == signals.to_dict() == signals.as_dict()
+    assert signals.to_dict() == {name: float(k) for k, name in enumerate(names)}
+    assert all(type(value) is float for value in signals.to_dict().values())
+
+
+def test_signals_know_their_names(signals):
+    assert "rotor_speed" in signals
+    assert "pitch_2" in signals
+    assert "pitch" in signals
+    assert "pitch_3" not in signals
+    assert 3 not in signals
+    assert signals  # whatever its values are
