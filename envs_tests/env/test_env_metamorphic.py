@@ -19,7 +19,6 @@ import wt_gym.agents
 from wt_gym.analysis.metrics import METRICS, run_metrics
 from wt_gym.control.controllers import lidar_of
 from wt_gym.control.controllers.catalogue import CONTROLLERS
-from wt_gym.envs import observations
 from wt_gym.envs.observations import OBSERVATION_GROUPS
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.recorder import Recorder
@@ -500,12 +499,6 @@ def test_every_observation_of_a_mirrored_world(pitch):
             assert np.abs(second.observations[:, k] + layout.parity[k] * first.observations[:, k]).max() > ROUNDING, (
                 name
             )
-
-
-def test_a_channel_without_a_parity_is_refused(monkeypatch):
-    monkeypatch.delitem(observations._PARITY, "rotor_wind")
-    with pytest.raises(KeyError, match="rotor_wind"):
-        gym.make("wt_gym/NREL5MW-Steady-v1", observation=("wind_estimate",))
 
 
 def test_a_twin_and_pictures_of_a_mirrored_world():

@@ -18,7 +18,7 @@ from wt_gym.constants import GRAVITY
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs import rewards
-from wt_gym.envs.observations import blade_static_moment
+from wt_gym.envs.observable import blade_static_moment
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

@@ -28,7 +28,15 @@ _ROOT = Path(wt_gym.__file__).parent
 _SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER}
 _WITHOUT_NUMBERS = {"box_cache.py", "bts.py", "compilation.py", "compile_ahead.py"}
 """Files that change no number of a task: they keep and read boxes of wind, and say when kernels are compiled."""
-_ENVIRONMENT = ("costs.py", "episode.py", "layout.py", "observations.py", "turbine_env.py")
+_ENVIRONMENT = (
+    "costs.py",
+    "episode.py",
+    "layout.py",
+    "observable.py",
+    "observations.py",
+    "readers.py",
+    "turbine_env.py",
+)
 _STATEMENT_BEGINS = {tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
 
 

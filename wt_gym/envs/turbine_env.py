@@ -29,7 +29,9 @@ from wt_gym.envs import rewards
 from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, did_you_mean, shown
 from wt_gym.envs.costs import Costs
 from wt_gym.envs.layout import EnvLayout
-from wt_gym.envs.observations import DEFAULT_GROUPS, RESIDUAL_GROUPS, Observer, Situation
+from wt_gym.envs.observable import DEFAULT_GROUPS, RESIDUAL_GROUPS
+from wt_gym.envs.observations import Observer
+from wt_gym.envs.readers import Situation
 from wt_gym.envs.running_start import RunningStart, Start, steady_start
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, TRANSIENTS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError

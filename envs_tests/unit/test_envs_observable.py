@@ -1,0 +1,111 @@
+"""Channels of an observation and their readers, one by one."""
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from wt_gym.control import ActionMap, Aim, Demand, Lidar
+from wt_gym.envs.observable import OBSERVATION_GROUPS, Observable
+from wt_gym.envs.observations import Observer
+from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Situation
+from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.turbines import load_turbine
+
+TURBINE = load_turbine("nrel_5mw")
+ACTION = ActionMap(TURBINE, 0.2, "residual", "fixed-frame", None, None, (8.0, 16.0), 0.0)
+LIDAR = Lidar.for_rotor(TURBINE.rotor_diameter)
+SINGLES = (
+    "pitch_rate", "pitch_demand", "pitch_2", "pitch_rate_3", "pitch_demand_1", "tip_in_plane_tilt",
+    "root_edge_moment_yaw", "tower_base_side_side_moment",
+)  # fmt: skip
+CHOICE = (*OBSERVATION_GROUPS, *SINGLES)
+
+
+def signals(step=0):
+    """Every signal another number; angles within a turn."""
+    values = np.random.default_rng(step).uniform(0.5, 1.0, len(channel_table(3)))
+    return Signals(values, 3)
+
+
+def situation(now):
+    demand, base = Demand(np.array([0.1, 0.2, 0.3]), 0.0, 3e4), Demand(np.full(3, 0.15), 0.0, 2e4)
+    aim = Aim([0.01, 0.02, 0.03], 0.0, 4e3)
+    return Situation(now, demand, aim, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]))
+
+
+@pytest.fixture(scope="module")
+def observer():
+    return Observer(TURBINE, ACTION, CHOICE, lidar=LIDAR)
+
+
+def observed(observer):
+    """Physical values by name after a start and a step of 0.2 s."""
+    observer.reset(situation(signals(0)))
+    observer.advance(signals(1), 0.2)
+    values, kept = {}, observer.layout.normalise
+    try:
+        observer.layout.normalise = lambda found: (values.update(zip(observer.layout.names, found, strict=True)), ())
+        observer.observe(situation(signals(1)), np.random.default_rng(0))
+    finally:
+        observer.layout.normalise = kept
+    return values
+
+
+def test_each_channel_is_read_from_what_it_names(observer):
+    before, now, case, values = signals(0), signals(1), situation(signals(1)), observed(observer)
+    for name in ("rotor_speed", "generator_power", "tip_out_of_plane_2", "tower_top_side_side", "pitch_2",
+                 "nacelle_acceleration_fore_aft", "tower_base_side_side_moment"):  # fmt: skip
+        assert values[name] == now[name]
+    assert values["pitch_rate_3"] == pytest.approx((now["pitch_3"] - before["pitch_3"]) / 0.2, rel=1e-14)
+    assert values["pitch_rate"] == pytest.approx((now.pitch.mean() - before.pitch.mean()) / 0.2, rel=1e-12)
+    assert [values["pitch_demand"], values["pitch_demand_1"]] == pytest.approx([0.2, 0.1])
+    assert [values["controller_pitch"], values["controller_torque"]] == pytest.approx([0.15, 2e4])
+    assert values["generator_torque_demand"] == 3e4
+    assert [values[f"pitch_offset_{k}"] for k in (1, 2, 3)] == case.aim.pitch
+    assert values["torque_offset"] == 4e3
+    assert [values[f"lidar_{k}"] for k in (1, 2, 3)] == [9.0, 10.0, 11.0]
+    assert [values[f"previous_{name}"] for name in ACTION.names] == case.action.tolist()
+    assert values["azimuth_sin"] == math.sin(now["azimuth"])
+    assert values["azimuth_cos"] == math.cos(now["azimuth"])
+    psi = now["azimuth"] + 2.0 * math.pi / 3.0 * np.arange(3)
+    assert values["root_edge_moment_yaw"] == pytest.approx(2.0 / 3.0 * np.dot(np.sin(psi), now.root_edge_moment))
+    assert values["root_flap_moment_mean"] == pytest.approx(now.root_flap_moment.mean())
+    assert values["tip_in_plane_tilt"] == pytest.approx(2.0 / 3.0 * np.dot(np.cos(psi), now.tip_in_plane))
+
+
+def test_every_channel_has_a_reader_and_another_name():
+    _, channels = Observable(TURBINE, ACTION, LIDAR).choose(CHOICE)
+    assert len({one.channel.name for one in channels}) == len(channels) > 40
+    assert {type(one.reader) for one in channels} == {FromSignals, InFixedFrame, Computed}
+    for one in channels:
+        if isinstance(one.reader, FromSignals):
+            assert one.reader.name == one.channel.name
+    assert [one.channel.name for one in channels if one.circular] == ["yaw_error"]
+    assert [one.channel.name for one in channels if isinstance(one.reader, Computed) and one.reader.needs] == [
+        "rotor_wind", "lidar_1", "lidar_2", "lidar_3",
+    ]  # fmt: skip
+
+
+def test_parities_of_signals_are_those_of_the_simulator():
+    parities = {channel.name: channel.parity for channel in channel_table(3)}
+    _, channels = Observable(TURBINE, ACTION, LIDAR).choose(CHOICE)
+    found = {one.channel.name: one.channel.parity for one in channels}
+    assert {name: parities[name] for name in found if name in parities} == {
+        name: parity for name, parity in found.items() if name in parities
+    }
+    assert [name for name, parity in found.items() if parity < 0 and name not in parities] == ["previous_yaw_rate"]
+
+
+def test_a_copy_observes_the_same(observer):
+    expected = observed(observer)
+    for same in (copy.deepcopy(observer), pickle.loads(pickle.dumps(observer))):
+        assert observed(same) == expected
+
+
+def test_what_is_not_asked_for_needs_nothing():
+    plain = Observer(TURBINE, ACTION, ("rotor",))
+    assert not plain.sees_lidar
+    assert plain._sensors.estimator is None

@@ -1,0 +1,305 @@
+"""Everything that can be observed: channels with unit, scale, range and noise for a turbine, and how each is read."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.constants import GRAVITY
+from wt_gym.control import Channel, torque_curve
+from wt_gym.control.coleman import FIXED_FRAME
+from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
+from wt_gym.envs import readers
+from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed
+from wt_gym.simulation.channels import EVEN, ODD, channel_table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from wt_gym.control import ActionMap, Lidar
+    from wt_gym.control.residual import ResidualPitch
+    from wt_gym.turbines import Turbine
+
+__all__ = ["DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observable", "blade_static_moment"]
+
+OBSERVATION_GROUPS = (
+    "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
+    "offsets", "lidar", "previous_action",
+)  # fmt: skip
+DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
+RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
+"""What is observed by default on top of a controller, in coordinates that do not turn with the rotor."""
+
+
+def blade_static_moment(turbine: Turbine) -> float:
+    """Root moment of a horizontal blade under its own weight [N m]."""
+    structure = turbine.blade.structure
+    return float(GRAVITY * np.trapezoid(structure.inertia[:, 0, 0] * structure.station, structure.station))
+
+
+class Observable:
+    """All channels of a turbine, an action and a lidar.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    action : ActionMap
+    lidar : Lidar
+    residual : ResidualPitch, optional
+    """
+
+    def __init__(self, turbine: Turbine, action: ActionMap, lidar: Lidar, residual: ResidualPitch | None = None):
+        self._turbine, self._action, self._lidar = turbine, action, lidar
+        self._fades = residual is not None and residual.fades
+        self._washes = residual is not None and residual.washes
+        self._parities = {channel.name: channel.parity for channel in channel_table(turbine.n_blades)}
+
+    def choose(self, choice: Sequence[str]) -> tuple[tuple[str, ...], list[Observed]]:
+        """Groups and channels that are observed.
+
+        Parameters
+        ----------
+        choice : sequence of str
+            Groups and single channels, as of `wt_gym.envs.observations.Observer`.
+
+        Raises
+        ------
+        ValueError
+            If a group or channel is unknown or not there, or none is given.
+        """
+        choice = choice if isinstance(choice, str) else tuple(choice)
+        if isinstance(choice, str) or not choice:
+            raise ValueError(f"observation must name groups of {OBSERVATION_GROUPS} or channels, got {choice!r}")
+        builders = {
+            "rotor": self._rotor, "power": self._power, "pitch": self._pitch, "wind": self._wind,
+            "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
+            "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
+            "lidar": self._lidar_channels, "previous_action": self._previous_action,
+        }  # fmt: skip
+        groups = tuple(group for group in OBSERVATION_GROUPS if group in choice)
+        others = (*self._pitch_forms(), self._every_fixed_frame(), self._more())
+        singles = {c.channel.name: c for found in (*(build() for build in builders.values()), *others) for c in found}
+        unknown = [name for name in choice if name not in OBSERVATION_GROUPS and name not in singles]
+        if unknown:
+            raise ValueError(
+                f"observation has no {unknown}; there are the groups {OBSERVATION_GROUPS} and the channels "
+                f"{tuple(singles)}"
+            )
+        empty = [group for group in groups if not builders[group]()]
+        if empty:
+            raise ValueError(f"observation {empty}: with this action there is no controller beneath, or no offset")
+        channels = [channel for group in groups for channel in builders[group]()]
+        taken = {observed.channel.name for observed in channels}
+        wanted = [name for name in dict.fromkeys(choice) if name not in OBSERVATION_GROUPS and name not in taken]
+        return groups, [self._as_it_turns(observed) for observed in channels + [singles[name] for name in wanted]]
+
+    def _as_it_turns(self, observed: Observed) -> Observed:
+        """Of an odd channel the offset and range that a turbine of this rotation has."""
+        channel = observed.channel
+        if channel.parity == EVEN or self._turbine.rotation == "clockwise":
+            return observed
+        turned = replace(channel, offset=0.0 - channel.offset, low=-channel.high, high=-channel.low)
+        return replace(observed, channel=turned)
+
+    # ---- channels; scales are the standard deviations under the baseline controller in turbulence of class B ----
+
+    def _signal(self, name: str, *row: Any) -> Observed:
+        """A signal of the simulator; the row is that of `Channel` behind the name, from the unit to the description."""
+        return Observed(replace(Channel(name, *row), parity=self._parities[name]), FromSignals(name))
+
+    def _computed(self, parity: int, function, name: str, *row: Any, index=0, needs="", circular=False) -> Observed:
+        return Observed(replace(Channel(name, *row), parity=parity), Computed(function, index, needs), circular)
+
+    def _per_blade(self, function, name: str, *row: Any) -> list[Observed]:
+        """The same channel for every blade; without a function the signal of that name."""
+        *numbers, text = row
+        rows = [(f"{name}_{b + 1}", *numbers, f"{text}, blade {b + 1}") for b in range(self._turbine.n_blades)]
+        if function is None:
+            return [self._signal(*each) for each in rows]
+        return [self._computed(EVEN, function, *each, index=b) for b, each in enumerate(rows)]
+
+    def _rotor(self) -> list[Observed]:
+        drivetrain = self._turbine.drivetrain
+        rated, ratio = drivetrain.rated_rotor_speed, drivetrain.gear_ratio
+        rows = (("rotor_speed", rated, "rotor speed"), ("generator_speed", rated * ratio, "generator speed, HSS"))
+        return [self._signal(name, "rad/s", w, 0.1 * w, 0.0, 2 * w, 1e-3 * w, text) for name, w, text in rows]
+
+    def _torque_row(self) -> tuple[float, float, float]:
+        curve = torque_curve(self._turbine)
+        torque = curve.rated_power / curve.rated_generator_speed
+        return 0.8 * torque, 0.25 * torque, self._action.torque_limits[1]
+
+    def _power(self) -> list[Observed]:
+        power = self._turbine.drivetrain.rated_power
+        middle, scale, limit = self._torque_row()
+        return [
+            self._signal("generator_power", "W", 0.8 * power, 0.25 * power, -power, 2 * power, 5e-3 * power,
+                         "electrical power"),
+            self._signal("generator_torque", "N m", middle, scale, -limit, 2 * limit, 0.02 * scale,
+                         "generator torque, HSS"),
+            *self._torque_demand(readers.torque_demand, "generator_torque_demand", "demanded generator torque, HSS"),
+        ]  # fmt: skip
+
+    def _torque_demand(self, function, name: str, text: str) -> list[Observed]:
+        """A demand for torque, where the generator takes one."""
+        if not self._action.takes_torque:
+            return []
+        middle, scale, limit = self._torque_row()
+        return [self._computed(EVEN, function, name, "N m", middle, scale, 0.0, limit, 0.0, text)]
+
+    def _pitch(self) -> list[Observed]:
+        mean, each = self._pitch_forms()
+        return mean if self._action.pitch == "collective" else each
+
+    def _pitch_forms(self) -> tuple[list[Observed], list[Observed]]:
+        """Pitch as the mean of the blades and of each."""
+        low, high = self._action.pitch_limits
+        rate, noise = self._action.max_pitch_rate, math.radians(0.05)
+        # A servo may overshoot its limits and its greatest rate a little.
+        margin = 0.1
+        rows: tuple[tuple[Any, ...], ...] = (
+            (readers.mean_pitch, None, "pitch", "rad", 0.1, 0.1, low - margin, high + margin, noise, "blade pitch"),
+            (readers.mean_pitch_rate, readers.pitch_rate, "pitch_rate", "rad/s", 0.0, 0.15 * rate, -2 * rate, 2 * rate,
+             0.02 * rate, "blade pitch rate of the step"),
+            (readers.mean_pitch_demand, readers.pitch_demand, "pitch_demand", "rad", 0.1, 0.1, low, high, 0.0,
+             "demanded blade pitch"),
+        )  # fmt: skip
+        mean = [self._computed(EVEN, of_all, *row[:-1], f"{row[-1]}, mean of the blades") for of_all, _, *row in rows]
+        return mean, [channel for _, of_one, *row in rows for channel in self._per_blade(of_one, *row)]
+
+    def _wind(self) -> list[Observed]:
+        return [
+            self._computed(EVEN, readers.wind_speed, "wind_speed", "m/s", 12.0, 4.0, 0.0, 60.0, 0.2,
+                           "nacelle anemometer, filtered over 1 s"),
+            self._computed(ODD, readers.yaw_error, "yaw_error", "rad", 0.0, 0.1, -math.pi, math.pi, 0.02,
+                           "wind vane, filtered over 5 s", circular=True),
+        ]  # fmt: skip
+
+    def _wind_estimate(self) -> list[Observed]:
+        text = "rotor-effective wind, estimated from rotor speed, torque and pitch"
+        row = ("rotor_wind", "m/s", 12.0, 4.0, 0.0, 60.0, 0.0, text)
+        return [self._computed(EVEN, readers.rotor_wind, *row, needs="estimator")]
+
+    def _blade_rows(self):
+        """Name, unit, offset and scale of a blade, offset and scale of mean and of tilt and yaw, reference, text."""
+        tip = 0.1 * self._turbine.blade.length
+        flap, edge = reference_flap_moment(self._turbine), blade_static_moment(self._turbine)
+        return (
+            ("tip_out_of_plane", "m", (0.53, 0.2), (0.53, 0.2), (0.08, 0.075), tip, "tip deflection downwind"),
+            ("tip_in_plane", "m", (-0.1, 0.075), (-0.1, 0.025), (0.0, 0.025), tip, "tip deflection in the rotor plane"),
+            ("root_flap_moment", "N m", (0.5, 0.18), (0.5, 0.15), (0.07, 0.075), flap, "flapwise root moment"),
+            ("root_edge_moment", "N m", (0.0, 0.75), (0.2, 0.1), (0.0, 0.5), edge, "edgewise root moment"),
+        )
+
+    def _blades(self) -> list[Observed]:
+        channels = []
+        for name, unit, (middle, scale), _, _, size, text in self._blade_rows():
+            reach = 20 * size if name == "root_edge_moment" else 10 * size
+            row = (unit, middle * size, scale * size, -reach, reach, 0.01 * size, text)
+            channels += self._per_blade(None, name, *row)
+        return channels
+
+    def _fixed_frame(self) -> list[Observed]:
+        return self._fixed_frame_of("tip_out_of_plane") + self._fixed_frame_of("root_flap_moment")
+
+    def _every_fixed_frame(self) -> list[Observed]:
+        """Mean, tilt and yaw of every signal of the blades."""
+        return [channel for name, *_ in self._blade_rows() for channel in self._fixed_frame_of(name)]
+
+    def _fixed_frame_of(self, signal: str) -> list[Observed]:
+        """Mean, tilt and yaw of a signal; the azimuth counts in the sense of rotation, hence all are even."""
+        (row,) = [row for row in self._blade_rows() if row[0] == signal]
+        name, unit, _, mean, cyclic, size, text = row
+        reach = 20 * size
+        channels = []
+        for k, (part, (middle, scale)) in enumerate(zip(FIXED_FRAME, (mean, cyclic, cyclic), strict=True)):
+            row = (unit, middle * size, scale * size, -reach, reach, 0.005 * size, f"{text}, {part} of the blades")
+            channels.append(Observed(Channel(f"{name}_{part}", *row), InFixedFrame(name, k)))
+        return channels
+
+    def _tower(self) -> list[Observed]:
+        height = self._turbine.hub_height
+        reach, rows = 0.1 * height, (("fore_aft", 3.1e-3, 9e-4, 0.11), ("side_side", -5e-4, 2.5e-4, 0.065))
+        displacement = [
+            self._signal(f"tower_top_{axis}", "m", middle * height, scale * height, -reach, reach, 5e-5 * height,
+                         f"tower-top position {axis.replace('_', '-')}")
+            for axis, middle, scale, _ in rows
+        ]  # fmt: skip
+        acceleration = [
+            self._signal(f"nacelle_acceleration_{axis}", "m/s^2", 0.0, scale, -20.0, 20.0, 0.01,
+                         f"nacelle acceleration {axis.replace('_', '-')}")
+            for axis, _, _, scale in rows
+        ]  # fmt: skip
+        return displacement + acceleration
+
+    def _azimuth(self) -> list[Observed]:
+        return [
+            self._computed(EVEN, function, f"azimuth_{name}", "-", 0.0, 0.7, -1.0, 1.0, 0.0,
+                           f"{text} of the azimuth of blade 1 (0 = up)")
+            for name, text, function in (("sin", "sine", readers.azimuth_sin), ("cos", "cosine", readers.azimuth_cos))
+        ]  # fmt: skip
+
+    def _controller(self) -> list[Observed]:
+        if not self._action.needs_controller:
+            return []
+        low, high = self._action.pitch_limits
+        return [
+            self._computed(EVEN, readers.controller_pitch, "controller_pitch", "rad", 0.1, 0.1, low, high, 0.0,
+                           "pitch that the controller beneath demands"),
+            *self._torque_demand(readers.controller_torque, "controller_torque", "torque that it demands, HSS"),
+        ]  # fmt: skip
+
+    def _offsets(self) -> list[Observed]:
+        if self._action.mode != "residual":
+            return []
+        channels = []
+        if "pitch" in self._action.components:
+            limit = self._action.pitch_high
+            channels += [
+                self._computed(EVEN, readers.pitch_offset, f"pitch_offset_{k + 1}", "rad", 0.0, 0.5 * limit[k],
+                               -limit[k], limit[k], 0.0, f"residual pitch, coordinate {k + 1} of the action", index=k)
+                for k in range(self._action.n_pitch)
+            ]  # fmt: skip
+        if "torque" in self._action.components:
+            most = self._action.torque_offset_limit
+            row = ("torque_offset", "N m", 0.0, 0.5 * most, -most, most, 0.0, "residual torque")
+            channels.append(self._computed(EVEN, readers.torque_offset, *row))
+        return channels
+
+    def _lidar_channels(self) -> list[Observed]:
+        return [
+            self._computed(EVEN, readers.lidar, f"lidar_{k + 1}", "m/s", 12.0, 4.0, 0.0, 60.0, 0.1,
+                           f"wind {distance:.0f} m ahead, mean over the beams of a cone", index=k, needs="lidar")
+            for k, distance in enumerate(self._lidar.ranges)
+        ]  # fmt: skip
+
+    def _previous_action(self) -> list[Observed]:
+        return [
+            self._computed(int(self._action.parity[k]), readers.previous_action, f"previous_{name}", "-", 0.0,
+                           1.0, -1.0, 1.0, 0.0, f"last action, component {name}", index=k)
+            for k, name in enumerate(self._action.names)
+        ]  # fmt: skip
+
+    def _more(self) -> list[Observed]:
+        """Channels of no group."""
+        moment = reference_tower_moment(self._turbine)
+        acting = []
+        if self._fades:
+            text = "share of residual pitch that acts"
+            row: tuple = ("residual_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, text)
+            acting.append(self._computed(EVEN, readers.residual_share, *row))
+        if self._washes:
+            limit = 2.0 * float(self._action.pitch_high[0])
+            text = "mean of the blades' residual pitch that acts"
+            row = ("residual_mean", "rad", 0.0, 0.25 * limit, -limit, limit, 0.0, text)
+            acting.append(self._computed(EVEN, readers.residual_mean, *row))
+        return [
+            *acting,
+            self._signal("tower_base_fore_aft_moment", "N m", 0.55 * moment, 0.15 * moment, -10 * moment, 10 * moment,
+                         0.005 * moment, "tower-base moment, positive for a downwind push"),
+            self._signal("tower_base_side_side_moment", "N m", 0.055 * moment, 0.04 * moment, -10 * moment, 10 * moment,
+                         0.005 * moment, "tower-base moment about the wind's direction"),
+        ]  # fmt: skip

@@ -1,0 +1,261 @@
+"""How the channels of an observation are read: from signals of the simulator, sensors with memory, and demands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from wt_gym.control import NacelleAnemometer
+
+if TYPE_CHECKING:
+    from wt_gym.control import Aim, Channel, Demand
+    from wt_gym.control.controllers.wind_estimator import WindEstimator
+    from wt_gym.control.residual import ResidualPitch
+    from wt_gym.simulation import Signals
+
+__all__ = ["Computed", "FromSignals", "InFixedFrame", "Observed", "Reader", "Sensors", "Situation"]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """All that can be observed after a control step.
+
+    Attributes
+    ----------
+    signals : Signals
+    demand : Demand
+        Present demands on the actuators.
+    aim : Aim
+        Of the agent; its offsets in mode "residual".
+    base : Demand or None
+        Of the controller beneath.
+    action : numpy.ndarray, shape (n_act,)
+        That led here.
+    seen : numpy.ndarray, shape (n_ranges,), optional
+        By the lidar, for an observer that `wt_gym.envs.observations.Observer.sees_lidar` [m/s].
+    residual : ResidualPitch, optional
+        What residual pitch passes.
+    """
+
+    signals: Signals
+    demand: Demand
+    aim: Aim
+    base: Demand | None
+    action: np.ndarray
+    seen: np.ndarray | None = None
+    residual: ResidualPitch | None = None
+
+
+class Sensors:
+    """What remembers something from step to step: wind vane, anemometer, wind estimator, pitch for its rate.
+
+    Parameters
+    ----------
+    estimator : WindEstimator, optional
+
+    Attributes
+    ----------
+    wind_speed, yaw_error : float
+        Filtered readings of the nacelle's anemometer and vane [m/s, rad].
+    pitch, pitch_before : list of float
+        Of each blade now and a control step before [rad].
+    dt : float
+        Length of that step [s], infinite before the first one.
+    """
+
+    def __init__(self, estimator: WindEstimator | None = None):
+        self.estimator = estimator
+        self._anemometer = NacelleAnemometer()
+
+    def reset(self, signals: Signals) -> None:
+        """Start the filters in steady state."""
+        wind = signals["wind_x"], signals["wind_y"], signals["yaw_error"]
+        self.wind_speed, self.yaw_error = self._anemometer.reset(*wind)
+        self.pitch_before = self.pitch = signals["pitch"].tolist()
+        self.dt = math.inf
+        if self.estimator is not None:
+            self.estimator.start(signals)
+
+    def advance(self, signals: Signals, dt: float) -> None:
+        """Let the filters take the signals of a step of length ``dt`` [s]."""
+        wind = signals["wind_x"], signals["wind_y"], signals["yaw_error"]
+        self.wind_speed, self.yaw_error = self._anemometer.update(*wind, dt)
+        if self.estimator is not None:
+            self.estimator.update(signals, dt)
+        self.pitch_before, self.pitch, self.dt = self.pitch, signals["pitch"].tolist(), dt
+
+
+@dataclass(frozen=True)
+class FromSignals:
+    """Reads a signal of the simulator as it is.
+
+    Attributes
+    ----------
+    name : str
+        Of the signal (`wt_gym.simulation.channels`).
+    """
+
+    name: str
+
+
+@dataclass(frozen=True)
+class InFixedFrame:
+    """Reads a coordinate of a signal of the blades in the frame that does not turn.
+
+    Attributes
+    ----------
+    signal : str
+        Without the number of the blade.
+    part : int
+        Place in `wt_gym.control.coleman.FIXED_FRAME`.
+    """
+
+    signal: str
+    part: int
+
+
+@dataclass(frozen=True)
+class Computed:
+    """Reads by a function, which is called at every step.
+
+    Attributes
+    ----------
+    function : callable
+        Takes sensors, situation and the index; stands at the top level of a module, so that an observer can be pickled.
+    index : int
+        Blade, component or gate, from 0.
+    needs : {"", "lidar", "estimator"}
+        What must be there for it.
+    """
+
+    function: Callable[[Sensors, Situation, int], float]
+    index: int = 0
+    needs: str = ""
+
+
+Reader: TypeAlias = FromSignals | InFixedFrame | Computed
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A channel with its reader.
+
+    Attributes
+    ----------
+    channel : Channel
+    reader : FromSignals, InFixedFrame or Computed
+    circular : bool
+        Whether it is a direction: with noise it is wrapped around the circle.
+    """
+
+    channel: Channel
+    reader: Reader
+    circular: bool = False
+
+
+def _mean(of_blades) -> float:
+    """Mean of one number a blade; of so few, numpy's own is slow."""
+    return float(np.add.reduce(of_blades)) / len(of_blades)
+
+
+# Functions for `Computed`: each takes sensors, situation and index. Those of a quantity that the observer was not asked
+# for are not called, so what they need is there.
+
+
+def previous_action(sensors, situation, k) -> float:
+    """Component of the last action."""
+    return situation.action[k]
+
+
+def lidar(sensors, situation, k) -> float:
+    """Wind in a gate of the lidar [m/s]."""
+    return situation.seen[k]
+
+
+def wind_speed(sensors, situation, _) -> float:
+    """Nacelle anemometer [m/s]."""
+    return sensors.wind_speed
+
+
+def yaw_error(sensors, situation, _) -> float:
+    """Wind vane [rad]."""
+    return sensors.yaw_error
+
+
+def rotor_wind(sensors, situation, _) -> float:
+    """Wind of the estimator [m/s]."""
+    return sensors.estimator.wind
+
+
+def azimuth_sin(sensors, situation, _) -> float:
+    """Sine of the azimuth."""
+    return math.sin(situation.signals["azimuth"])
+
+
+def azimuth_cos(sensors, situation, _) -> float:
+    """Cosine of the azimuth."""
+    return math.cos(situation.signals["azimuth"])
+
+
+def pitch_rate(sensors, situation, b) -> float:
+    """Rate of a blade over the last step [rad/s]."""
+    return (sensors.pitch[b] - sensors.pitch_before[b]) / sensors.dt
+
+
+def pitch_demand(sensors, situation, b) -> float:
+    """Demand on a blade [rad]."""
+    return situation.demand.pitch[b]
+
+
+def mean_pitch(sensors, situation, _) -> float:
+    """Mean of the blades [rad]."""
+    return _mean(sensors.pitch)
+
+
+def mean_pitch_rate(sensors, situation, _) -> float:
+    """Mean rate of the blades [rad/s]."""
+    return _mean(np.subtract(sensors.pitch, sensors.pitch_before)) / sensors.dt
+
+
+def mean_pitch_demand(sensors, situation, _) -> float:
+    """Mean demand on the blades [rad]."""
+    return _mean(situation.demand.pitch)
+
+
+def torque_demand(sensors, situation, _) -> float:
+    """Demand on the generator [N m]."""
+    return situation.demand.generator_torque
+
+
+def controller_pitch(sensors, situation, _) -> float:
+    """Mean demand of the base controller on the blades [rad]."""
+    return _mean(situation.base.pitch)
+
+
+def controller_torque(sensors, situation, _) -> float:
+    """Demand of the base controller on the generator [N m]."""
+    return situation.base.generator_torque
+
+
+def pitch_offset(sensors, situation, k) -> float:
+    """Coordinate of the residual pitch [rad]."""
+    return situation.aim.pitch[k]
+
+
+def torque_offset(sensors, situation, _) -> float:
+    """Residual torque [N m]."""
+    return situation.aim.generator_torque
+
+
+def residual_share(sensors, situation, _) -> float:
+    """Share of the residual pitch that acts."""
+    return situation.residual.share
+
+
+def residual_mean(sensors, situation, _) -> float:
+    """Mean of the residual pitch that acts [rad]."""
+    return situation.residual.mean
