@@ -10,6 +10,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from wt_gym.control.rotor_measurement import measure_rotor
+from wt_gym.turbine_records import FOLDER, RECORDS
 from wt_gym.turbines import load_turbine
 
 
@@ -17,14 +18,22 @@ def main() -> None:
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("turbine", help="name in the catalogue or path of a windIO file")
-    parser.add_argument("output", type=Path, help="JSON file to write")
+    places = parser.add_mutually_exclusive_group(required=True)
+    places.add_argument("output", type=Path, nargs="?", help="JSON file to write")
+    places.add_argument("--record", action="store_true", help="write into the record of a turbine of the catalogue")
     parser.add_argument("--fidelity", default="training")
     arguments = parser.parse_args()
+    if arguments.record and arguments.turbine not in RECORDS:
+        parser.error(f"--record needs a name of the catalogue ({', '.join(RECORDS)}), got {arguments.turbine!r}")
     turbine = load_turbine(arguments.turbine)
     table = measure_rotor(
         turbine, arguments.fidelity, lambda done, count: print(f"{done} of {count} pitches", flush=True)
     )
-    table.save(arguments.output)
+    if arguments.record:
+        arguments.output = FOLDER / f"{arguments.turbine}.json"
+        table.put_into(arguments.output)
+    else:
+        table.save(arguments.output)
     ratio, best = table.optimum
     print(f"{turbine.name}: Cp {best:.4f} at tip-speed ratio {ratio:.2f}; written to {arguments.output}")
 

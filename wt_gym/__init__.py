@@ -24,56 +24,30 @@ Examples
 >>> env = gym.make("wt_gym/NREL5MW-Turbulent-v1", wind_speed=12.0)
 """
 
-from typing import Any
-
 from gymnasium.envs.registration import register
 
-from wt_gym.tasks import TASKS, TWISTING
+from wt_gym.tasks import TASKS
+from wt_gym.turbine_records import RECORDS
 
 __all__ = ["__version__"]
 __version__ = "0.1.0"
 
-_TURBINES = {
-    "NREL5MW": "nrel_5mw",
-    "IEA15MW": "iea_15mw",
-    "IEA22MW": "iea_22mw",
-    "Gebhardt45m": "gebhardt_45m",
-    "NadaSmall": "nada_small",
-}
-_OWN: dict[str, dict[str, Any]] = {
-    "iea_22mw": TWISTING,
-    "nada_small": {"wind_speed": (6.0, 10.0), "control_dt": 0.02, "episode_length": 4.0},
-}
-"""Arguments of turbines for which the defaults do not fit: blades of 138 m twist by two degrees, and four seconds are a
-hundred turns of the small rotor."""
-_INFLOWS = {"Steady": "steady", "Turbulent": "turbulent"}
-_VERSIONS: dict[str, tuple[int, tuple[dict, ...]]] = {
-    "nrel_5mw": (1, ({},)),
-    "iea_15mw": (2, (TWISTING,)),
-    "gebhardt_45m": (1, ({},)),
-    "nada_small": (1, ({},)),
-}
-"""Of a turbine's plain ids: number of the oldest version, and what each from there on adds. Tasks tell their own."""
+
+def _register(env_id, arguments, **limits):
+    """Register an id; ``arguments`` go to the environment."""
+    register(
+        id=env_id,
+        entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
+        vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
+        kwargs=arguments,
+        **limits,
+    )
 
 
-def _register(name, first, versions, arguments, **limits):
-    """Register an id in all its versions; ``arguments`` go to the environment."""
-    for version, more in enumerate(versions, first):
-        register(
-            id=f"wt_gym/{name}-v{version}",
-            entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
-            vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
-            kwargs={**arguments, **more},
-            **limits,
-        )
-
-
-for _label, _turbine in _TURBINES.items():
-    for _inflow_label, _inflow in _INFLOWS.items():
-        _arguments = {"turbine": _turbine, "inflow": _inflow, **_OWN.get(_turbine, {})}
-        _register(f"{_label}-{_inflow_label}", *_VERSIONS.get(_turbine, (0, ({},))), _arguments)
+for _record in RECORDS.values():
+    for _id, _arguments in _record.ids:
+        _register(_id, _arguments)
 
 for _task in TASKS.values():
-    _register(
-        _task.name, _task.first_version, _task.versions, _task.arguments, max_episode_steps=_task.max_episode_steps
-    )
+    for _id, _changes in zip(_task.ids, _task.versions, strict=True):
+        _register(_id, {**_task.arguments, **_changes}, max_episode_steps=_task.max_episode_steps)

@@ -8,11 +8,11 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["TASKS", "TWISTING", "Task"]
+from wt_gym.turbine_records import RECORDS
+
+__all__ = ["TASKS", "Task"]
 
 _CONTROL_DT = 0.2
-TWISTING = {"fidelity": "training-torsion"}
-"""What the ids of the IEA 15-MW add: blades that long twist by degrees, a tenth of the thrust."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ TASKS = {
             "Load reduction on a turbine of three times the power: does a method carry over?",
             "as LoadReduction",
             60.0,
-            {**_LOAD_REDUCTION, **TWISTING, "turbine": "iea_15mw", "wind_speed": (11.0, 20.0)},
+            {**_LOAD_REDUCTION, **RECORDS["iea_15mw"].arguments, "turbine": "iea_15mw", "wind_speed": (11.0, 20.0)},
             first_version=2,
         ),
         Task(
@@ -163,7 +163,7 @@ TASKS = {
             "Load reduction on a turbine of 22 MW, whose own controller cuts the peak of the thrust.",
             "as LoadReduction",
             60.0,
-            {**_LOAD_REDUCTION, **TWISTING, "turbine": "iea_22mw", "wind_speed": (12.0, 20.0)},
+            {**_LOAD_REDUCTION, **RECORDS["iea_22mw"].arguments, "turbine": "iea_22mw", "wind_speed": (12.0, 20.0)},
         ),
     )
 }

@@ -164,12 +164,3 @@ def test_the_baseline_controller_holds_the_light_rotor_about_rated_wind():
     rpm = np.array(speeds) * 30 / np.pi
     assert rpm.max() < 17.5
     assert np.diff(rpm[100:]).std() < 0.1  # from 20 s on; it was 1 to 2.5
-
-
-@pytest.mark.slow
-def test_a_damper_begins_amid_its_operation_in_turbulence():
-    env = gym.make("wt_gym/Gebhardt45m-Turbulent-v1", generator="damper", wind_speed=10.0)
-    env.reset(seed=1)
-    assert env.unwrapped.demand.generator_torque == 0.0
-    assert env.unwrapped.signals.rotor_speed > 0.0
-    env.close()

@@ -1,9 +1,9 @@
 """Power and thrust coefficients of a rotor over tip-speed ratio and pitch, as the simulator makes them.
 
 Controllers that estimate the wind or limit the thrust need the quasi-steady rotor. The tables of the catalogue's
-turbines come with the package and were made by ``scripts/rotor_table.py``: the rotor of the coupled simulator (lattice,
-wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a steady uniform wind until
-the wake has settled (`rotor_measurement.measure_rotor`). Any other turbine gets its table by blade elements
+turbines stand in their records and were made by ``scripts/rotor_table.py``: the rotor of the coupled simulator
+(lattice, wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a steady uniform
+wind until the wake has settled (`rotor_measurement.measure_rotor`). Any other turbine gets its table by blade elements
 (`blade_element_table`) in about a second; below rated wind the simulator's rotor makes up to a tenth more power. A
 table measured by the script goes before it: put into the folder ``rotor`` of the user's cache (`measured_table_path`).
 """
@@ -22,6 +22,7 @@ import numpy as np
 
 from wt_gym.control.design import fine_pitch
 from wt_gym.control.rotor import rotor_of
+from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines.site import at_controller_density, without_site
 from wt_gym.user_cache import user_cache
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["RotorTable", "blade_element_table", "measured_table_path", "rotor_table"]
 
-_DATA = Path(__file__).parent / "controllers" / "data"
 _known: dict[str, RotorTable] = {}
 _MEASUREMENT = 2
 """Of tables in the cache; one more when `measure_rotor` or what it runs on measures anything else."""
@@ -118,33 +118,60 @@ class RotorTable:
         fine = np.linspace(self.pitch[0], self.pitch[-1], 20 * len(self.pitch))
         return float(fine[np.argmax([self.power_coefficient(ratio, p) for p in fine])])
 
-    def save(self, path: Path) -> None:
-        """Write the table as JSON."""
-        content = {
+    def to_json(self) -> dict[str, Any]:
+        """Everything as JSON values: pitch in degrees, coefficients with five digits behind the point."""
+        coefficients = {
+            name: [[round(x, 5) for x in row] for row in getattr(self, name).tolist()] for name in ("power", "thrust")
+        }
+        return {
             "turbine": self.turbine,
             "radius": self.radius,
             "air_density": self.air_density,
             "made_by": self.made_by,
             "tip_speed_ratio": self.tip_speed_ratio.tolist(),
             "pitch_deg": np.degrees(self.pitch).round(6).tolist(),
+            **coefficients,
         }
-        rows = {
-            name: [[round(x, 5) for x in row] for row in getattr(self, name).tolist()] for name in ("power", "thrust")
-        }
-        text = json.dumps(content, indent=1)[:-2]
-        for name, values in rows.items():
-            text += f',\n "{name}": [\n  ' + ",\n  ".join(json.dumps(row) for row in values) + "\n ]"
-        path.write_text(text + "\n}\n", encoding="utf-8")
 
     @classmethod
-    def load(cls, path: Path) -> RotorTable:
-        """Read what `save` wrote."""
-        content = json.loads(path.read_text(encoding="utf-8"))
+    def from_json(cls, content: dict[str, Any]) -> RotorTable:
+        """Table of what `to_json` gave."""
         arrays: dict[str, Any] = {
             name: np.array(content[name], dtype=np.float64) for name in ("tip_speed_ratio", "power", "thrust")
         }
         plain = {name: content[name] for name in ("turbine", "radius", "air_density", "made_by")}
         return cls(**(plain | arrays), pitch=np.radians(content["pitch_deg"]))
+
+    def save(self, path: Path) -> None:
+        """Write the table as JSON."""
+        path.write_text(_text(self.to_json()) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: Path) -> RotorTable:
+        """Read what `save` wrote."""
+        return cls.from_json(json.loads(path.read_text(encoding="utf-8")))
+
+    def put_into(self, path: Path) -> None:
+        """Write the table into the record of a turbine, in place of the one there.
+
+        Parameters
+        ----------
+        path : pathlib.Path
+            File of the record (`wt_gym.turbine_records`).
+        """
+        record = json.loads(path.read_text(encoding="utf-8"))
+        path.write_text(_text({**record, "rotor_table": self.to_json()}) + "\n", encoding="utf-8")
+
+
+def _text(value: Any, depth: int = 1) -> str:
+    """JSON with a line for each entry of the record and of the table, and for each row of coefficients."""
+    indent = " " * depth
+    if isinstance(value, dict) and (depth == 1 or "tip_speed_ratio" in value):
+        lines = [f"{indent}{json.dumps(key)}: {_text(part, depth + 1)}" for key, part in value.items()]
+        return "{\n" + ",\n".join(lines) + f"\n{indent[1:]}}}"
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return f"[\n{indent}" + f",\n{indent}".join(map(json.dumps, value)) + f"\n{indent[1:]}]"
+    return json.dumps(value)
 
 
 def _place(grid: list, value: float) -> tuple[int, float]:
@@ -207,11 +234,12 @@ def blade_element_table(turbine: Turbine) -> RotorTable:
 
 
 def _stored(turbine: Turbine) -> RotorTable | None:
-    """Table that comes with the package for a turbine of this name and size."""
-    for path in sorted(_DATA.glob("rotor_*.json")):
-        table = RotorTable.load(path)
-        if table.turbine == turbine.name and math.isclose(table.radius, turbine.rotor_diameter / 2, rel_tol=1e-6):
-            return table
+    """Table in the record of a turbine of this name and size."""
+    for record in RECORDS.values():
+        if record.rotor_table is not None and record.rotor_table["turbine"] == turbine.name:
+            table = RotorTable.from_json(record.rotor_table)
+            if math.isclose(table.radius, turbine.rotor_diameter / 2, rel_tol=1e-6):
+                return table
     return None
 
 

@@ -383,8 +383,6 @@ class Maker:
                     kept += [[demand.generator_torque], seen, turning, simulator.motion()]
                     rows.append(np.concatenate(kept).astype(np.float32))
                 demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
-                if not turbine.drivetrain.takes_torque:  # a damper
-                    demand = replace(demand, generator_torque=0.0)
                 signals = simulator.advance(dt, demand.pitch, 0.0, demand.generator_torque)
                 readings = readings_of(controller, signals, inflow, turbine.hub_height)
         except SimulationError as error:

@@ -1,7 +1,7 @@
 """Turbines by name, from a windIO file or from an OpenFAST model."""
 
+import importlib
 import importlib.util
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wt_gym.errors import TurbineDefinitionError
+from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Turbine
 from wt_gym.turbines.windio import own_file, read_turbine
 
 __all__ = ["catalogue", "load_turbine", "turbine_file"]
-
-IEA_15MW_WATER_DEPTH = 30.0
-"""For which the monopile of that turbine was designed [m] (NREL/TP-5000-75698)."""
 
 
 def _windio_example(name: str) -> Path:
@@ -28,48 +26,24 @@ def _windio_example(name: str) -> Path:
     return Path(spec.origin).parent / "examples" / "turbine" / name
 
 
-_FILES: dict[str, Callable[[], Path]] = {
-    "nrel_5mw": lambda: own_file("nrel_5mw.yaml"),
-    "iea_15mw": lambda: _windio_example("IEA-15-240-RWT.yaml"),
-    "iea_22mw": lambda: _windio_example("IEA-22-280-RWT.yaml"),
-}
-
-
-def _gebhardt() -> Turbine:
-    from wt_gym.turbines.gebhardt_turbine import gebhardt_turbine  # which takes its sections from this catalogue
-
-    return gebhardt_turbine()
-
-
-def _nada() -> Turbine:
-    from wt_gym.turbines.nada_turbine import nada_turbine
-
-    return nada_turbine()
-
-
 @cache
-def _iea_15mw_monopile() -> Turbine:
-    return load_turbine("iea_15mw", water_depth=IEA_15MW_WATER_DEPTH)
+def _built(name: str) -> Turbine:
+    """Make a turbine that no windIO file describes, or none alone."""
+    source = RECORDS[name].source
+    if "function" in source:
+        module, _, function = source["function"].partition(":")
+        return getattr(importlib.import_module(module), function)()
+    return load_turbine(source["turbine"], water_depth=source["water_depth"])
 
 
-def _nrel_5mw_monopile() -> Turbine:
-    from wt_gym.turbines.oc3_monopile import oc3_turbine
-
-    return oc3_turbine()
-
-
-_BUILT: dict[str, Callable[[], Turbine]] = {
-    "gebhardt_45m": _gebhardt,
-    "nada_small": _nada,
-    "iea_15mw_monopile": _iea_15mw_monopile,
-    "nrel_5mw_monopile": _nrel_5mw_monopile,
-}
-"""Turbines that no windIO file describes, or none alone."""
+def _has_file(name: str) -> bool:
+    """Whether a windIO file describes a turbine of the catalogue."""
+    return bool(RECORDS[name].source.keys() & {"file", "windio_example"})
 
 
 def catalogue() -> tuple[str, ...]:
     """Return the names that ``load_turbine`` knows."""
-    return (*_FILES, *_BUILT)
+    return tuple(RECORDS)
 
 
 def load_turbine(
@@ -121,10 +95,10 @@ def _load(name_or_path: str | Path, water_depth: float | None, foundation: NDArr
     """Load a turbine as its file describes it; see `load_turbine`."""
     if foundation is not None and water_depth is None:
         raise fail("foundation", "a stiffness", "None without a water_depth")
-    if isinstance(name_or_path, str) and name_or_path in _BUILT and water_depth is not None:
-        raise fail("water_depth", water_depth, f"None for {name_or_path!r}, which no windIO file describes")
-    if isinstance(name_or_path, str) and name_or_path in _BUILT:
-        return _BUILT[name_or_path]()
+    if isinstance(name_or_path, str) and name_or_path in RECORDS and not _has_file(name_or_path):
+        if water_depth is not None:
+            raise fail("water_depth", water_depth, f"None for {name_or_path!r}, which no windIO file describes")
+        return _built(name_or_path)
     path = turbine_file(name_or_path)
     if path.suffix.lower() == ".fst":
         return _openfast(path, water_depth)
@@ -150,13 +124,15 @@ def turbine_file(name_or_path: str | Path) -> Path:
     TurbineDefinitionError
         If it is neither, or a turbine of the catalogue that has no file.
     """
-    if isinstance(name_or_path, str) and name_or_path in _FILES:
-        return _FILES[name_or_path]()
-    if isinstance(name_or_path, str) and name_or_path in _BUILT:
-        raise TurbineDefinitionError(
-            f"turbine {name_or_path!r} has no windIO file, the package builds it: load_turbine({name_or_path!r}); with "
-            f"a file are {', '.join(map(repr, _FILES))}"
-        )
+    if isinstance(name_or_path, str) and name_or_path in RECORDS:
+        source = RECORDS[name_or_path].source
+        if not _has_file(name_or_path):
+            with_file = ", ".join(repr(name) for name in RECORDS if _has_file(name))
+            raise TurbineDefinitionError(
+                f"turbine {name_or_path!r} has no windIO file, the package builds it: load_turbine({name_or_path!r}); "
+                f"with a file are {with_file}"
+            )
+        return own_file(source["file"]) if "file" in source else _windio_example(source["windio_example"])
     allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO file or OpenFAST model (.fst)"
     if not isinstance(name_or_path, (str, Path)):
         raise fail("turbine", name_or_path, allowed)

@@ -2,9 +2,9 @@
 
 The published gain belongs to the rotor of blade-element momentum theory. The lattice's rotor has its best power at a
 higher tip-speed ratio, so that a smaller gain makes more power. `FOUND` holds the multiple of the published gain that
-made the most power in coupled runs; docs/baselines.md says how it was found. It belongs to the rotor and its drive
-train, whatever tower or monopile these stand on. Any other turbine gets the gain of the optimum of its own table,
-``rho pi R^5 Cp / (2 lambda^3 N^3)`` times the gearbox efficiency.
+made the most power in coupled runs (the turbine's record); docs/baselines.md says how it was found. It belongs to the
+rotor and its drive train, whatever tower or monopile these stand on. Any other turbine gets the gain of the optimum
+of its own table, ``rho pi R^5 Cp / (2 lambda^3 N^3)`` times the gearbox efficiency.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
 from wt_gym.control.rotor_table import RotorTable, rotor_table
 from wt_gym.control.speed_loop import check_speed_loop
+from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
@@ -36,7 +37,9 @@ __all__ = [
     "with_region_2_gain",
 ]
 
-FOUND: dict[str, float] = {"nrel_5mw": 0.74}
+FOUND: dict[str, float] = {
+    name: record.region_2_gain_factor for name, record in RECORDS.items() if record.region_2_gain_factor is not None
+}
 """Multiple of the published region-2 gain, by the turbine of the catalogue with the rotor and drive train."""
 
 

@@ -1,0 +1,100 @@
+"""Turbines of the catalogue: one record each, a file ``turbines/records/NAME.json``.
+
+This module loads nothing heavy: the ids of the environments are registered from it. A new turbine of the catalogue is a
+new record.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+__all__ = ["FOLDER", "RECORDS", "TurbineRecord", "read_records"]
+
+FOLDER = Path(__file__).parent / "turbines" / "records"
+"""Of the records."""
+
+
+@dataclass(frozen=True)
+class TurbineRecord:
+    """What the package knows of a turbine by name.
+
+    Attributes
+    ----------
+    name : str
+        Of ``load_turbine`` and of the file of the record.
+    source : dict
+        Where the turbine comes from, one of ``{"file": a windIO file in turbines/data}``, ``{"windio_example": one that
+        comes with windIO}``, ``{"function": "module:function" that makes it}`` and ``{"turbine": another name,
+        "water_depth": [m]}``, that turbine on the monopile of its file.
+    label : str, optional
+        ``wt_gym/<label>-Steady-v<N>`` and ``wt_gym/<label>-Turbulent-v<N>`` are ids of environments; None: there are
+        none.
+    versions : dict
+        Number of each version of these ids, ascending, to what it changes of the arguments.
+    arguments : dict
+        Of environments with this turbine, where the defaults do not fit it.
+    region_2_gain_factor : float, optional
+        Multiple of the published gain below rated that made the most power in coupled runs
+        (`wt_gym.control.controllers.retuned`).
+    rotor_table : dict, optional
+        Coefficients of the rotor as measured in the simulator (`wt_gym.control.rotor_table`).
+    """
+
+    name: str
+    source: dict[str, Any]
+    label: str | None = None
+    versions: dict[int, dict[str, Any]] = field(default_factory=dict)
+    arguments: dict[str, Any] = field(default_factory=dict)
+    region_2_gain_factor: float | None = None
+    rotor_table: dict[str, Any] | None = None
+
+    @property
+    def ids(self) -> tuple[tuple[str, dict[str, Any]], ...]:
+        """Every id, the newest last, with the arguments of its environment."""
+        return tuple(
+            (
+                f"wt_gym/{self.label}-{inflow}-v{number}",
+                {"turbine": self.name, "inflow": inflow.lower(), **self.arguments, **changes},
+            )
+            for inflow in ("Steady", "Turbulent")
+            for number, changes in self.versions.items()
+        )
+
+
+def read_records(folder: Path) -> dict[str, TurbineRecord]:
+    """Read the records of a folder, by name in alphabetical order.
+
+    Raises
+    ------
+    ValueError
+        If a file holds no record.
+    """
+    found = {}
+    for path in sorted(folder.glob("*.json")):
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            versions = {int(number): _as_tuples(more) for number, more in content.pop("versions", {}).items()}
+            arguments = _as_tuples(content.pop("arguments", {}))
+            record = TurbineRecord(path.stem, **content, versions=versions, arguments=arguments)
+        except (ValueError, TypeError, AttributeError) as error:
+            raise ValueError(f"{path} must hold the record of a turbine, see TurbineRecord: {error}") from error
+        if len(record.source.keys() & {"file", "windio_example", "function", "turbine"}) != 1:
+            raise ValueError(
+                f"{path}: source must have one of file, windio_example, function and turbine, got {record.source}"
+            )
+        if bool(record.label) != bool(record.versions):
+            raise ValueError(f"{path}: label and versions must both be given or both be left out")
+        found[path.stem] = record
+    return found
+
+
+def _as_tuples(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Arguments with tuples where JSON has lists."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in arguments.items()}
+
+
+RECORDS = read_records(FOLDER)
+"""Record of every turbine of the catalogue by its name."""
