@@ -96,7 +96,7 @@ def test_start_is_the_instant_of_the_record_after_the_same_wind():
     row = record.rows[0, k].astype(float)
     assert start.rotor_speed == pytest.approx(row[record._turning + 1], rel=1e-6)
     np.testing.assert_allclose(start.tower_top, row[record._tower_top], rtol=1e-6)
-    assert set(start.means) == set(LOADS)
+    assert set(start.deviations) == set(LOADS)
 
 
 @pytest.mark.parametrize("name", ["tuned", "tuned_lidar"])

@@ -179,8 +179,8 @@ class Start:
         record.
     thrust_before : float, optional
         Mean thrust of the air in the time before, to which the wake belongs [N].
-    means : dict
-        Running means of channels, by name.
+    deviations : dict
+        Of the running means of channels from their present values, by name.
     before : Before, optional
         What the base controller has read until then.
     """
@@ -192,7 +192,7 @@ class Start:
     tower_top: np.ndarray | None = None
     motion: np.ndarray | None = None
     thrust_before: float | None = None
-    means: dict[str, float | np.ndarray] = field(default_factory=dict)
+    deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
     before: Before | None = None
 
     def start(self, controller: Controller, readings, demand: Demand) -> None:
@@ -212,12 +212,15 @@ class Start:
             self.before.feed(controller)
 
     def averaged(self, signals: Signals) -> Signals:
-        """Signals with the running means in place of the present values of the loads."""
-        if not self.means:
+        """Signals with the running means in place of the present values of the loads.
+
+        What a load is above its mean is that of the record; in another wind both may be higher.
+        """
+        if not self.deviations:
             return signals
         averaged = Signals(signals.values.copy(), signals.n_blades)
-        for name, mean in self.means.items():
-            averaged.set(name, mean)
+        for name, deviation in self.deviations.items():
+            averaged.set(name, signals[name] + deviation)
         return averaged
 
 
@@ -513,16 +516,17 @@ class Record:
             pitch = np.array(to_blades(to_fixed_frame(pitch, recorded), azimuth, n))
         else:
             pitch = np.full(n, pitch.mean())
-        means: dict[str, float | np.ndarray] = {}
+        deviations: dict[str, float | np.ndarray] = {}
         first = self._means.start
         for name in AVERAGED:
             last = first + _width(name, n)
-            means[name] = row[first:last] if last - first > 1 else float(row[first])
+            deviation = row[first:last] - row[self._places_of(name)]
+            deviations[name] = deviation if last - first > 1 else float(deviation[0])
             first = last
         memory = Memory(*(part[chosen] for part in self.memory))
         return Start(
             float(row[self._turning + 1]), pitch, max(float(row[self._torque.start]), 0.0), azimuth,
-            row[self._tower_top], motion, thrust, means, self._before(rows[-1 - _READINGS : -1], memory, yaw),
+            row[self._tower_top], motion, thrust, deviations, self._before(rows[-1 - _READINGS : -1], memory, yaw),
         )  # fmt: skip
 
     def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> Before:
