@@ -20,6 +20,7 @@ import contextlib
 import copy
 import hashlib
 import inspect
+import itertools
 import logging
 import math
 import os
@@ -30,7 +31,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import filelock
 import numpy as np
@@ -64,7 +65,7 @@ if TYPE_CHECKING:
 __all__ = ["Lengths", "RunningStart", "Start", "steady_start"]
 
 _log = logging.getLogger(__name__)
-_FORMAT = 7  # raise when what a record holds changes
+_FORMAT = 8  # raise when what a record holds changes
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ _MEAN_TIME = 10.0
 """Time constant of the running means of loads [s], that of the rewards' filters."""
 _ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "wind")
 _NEEDED = ("rotor_speed", "azimuth", "generator_torque", "aero_thrust", "tower_top_fore_aft", "pitch", *AVERAGED)
-_READINGS = 10
+_READINGS = 3
 """Readings after which a controller has the form in which its numbers are put."""
 _STEADY = 1e-3
 """Range of the wind before the start, over its mean, up to which it is steady."""
@@ -306,6 +307,40 @@ def _pace(turbine: Turbine) -> float:
     return min(1.0, 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / _SLOW_TURN)
 
 
+class Columns(NamedTuple):
+    """Places of the parts of a row of `Run`."""
+
+    signals: slice
+    tower_top: slice
+    wind: slice
+    means: slice
+    pitch: slice
+    torque: slice
+    lidar: slice
+    turning: slice
+    motion: slice
+
+
+class Run(NamedTuple):
+    """A turbine in one wind.
+
+    Attributes
+    ----------
+    step : float
+        Between the rows [s].
+    rows : numpy.ndarray, shape (n_times, n_columns), float32
+        Signals at ``Maker.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
+        demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
+        the structure.
+    memories : list of Memory
+        What the controller remembers at the instants.
+    """
+
+    step: float
+    rows: np.ndarray
+    memories: list[Memory]
+
+
 class Maker:
     """Records a turbine under a controller.
 
@@ -328,36 +363,33 @@ class Maker:
         self.places = np.unique(np.concatenate(places)).astype(int)
         self.pace = _pace(turbine)
         n_means = sum(_width(name, turbine.n_blades) for name in AVERAGED)
-        self.counts = (len(self.places), 4, 3, n_means, turbine.n_blades, 1, self.n_gates, 2)
+        counts = len(self.places), 4, 3, n_means, turbine.n_blades, 1, self.n_gates, 2
+        ends = np.cumsum(counts).tolist()
+        parts = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
+        self.columns = Columns._make([*parts, slice(ends[-1], None)])
+
+    def places_of(self, name: str) -> np.ndarray:
+        """Columns of a signal, of the blades together."""
+        return _places_of(name, self.places, self.turbine.n_blades)
 
     def record(self, inflows: list[Inflow]) -> Record | None:
         """Run the turbine in winds; None where it cannot run in any of them."""
         with ThreadPoolExecutor(max(os.cpu_count() or 1, 1)) as pool:  # compiled steps run side by side
-            runs = list(pool.map(self._run, inflows))
+            runs = list(pool.map(self.run, inflows))
         done = [run for run in runs if run is not None]
-        if not done:
-            return None
-        memories = [memory for _, _, each in done for memory in each]
-        values = np.full((len(memories), max(len(memory.values) for memory in memories)), np.nan)
-        for row, memory in zip(values, memories, strict=True):
-            row[: len(memory.values)] = memory.values
-        sizes, changing = np.array([memory.sizes for memory in memories]), changing_parts(memories)
-        return Record(self, done[0][0], np.stack([rows for _, rows, _ in done]), Memory(values, sizes), changing)
+        return Record.of_runs(self, done) if done else None
 
     def times(self, step: float) -> tuple[list[int], int, int]:
         """Rows: ends of the windows, before the first instant, and between instants."""
         windows = [max(round(self.pace * time / step), k) for k, time in enumerate(WINDOWS)]
         return windows, max(windows[-1], _READINGS), max(round(self.pace * SPACING / step), 1)
 
-    def _run(self, inflow: Inflow) -> tuple[float, np.ndarray, list[Memory]] | None:
-        """Run the turbine in a wind.
+    def steps(self, step: float) -> np.ndarray:
+        """How many steps before an instant the wind is asked for."""
+        return np.arange(0, self.times(step)[0][-1], max(round(0.5 * self.pace / step), 1))
 
-        Returns
-        -------
-        (float, numpy.ndarray, shape (n_times, n_columns), float32, list of Memory) or None
-            Step [s], the columns of `Record` and what the controller remembers at the instants; None where the
-            simulation fails.
-        """
+    def run(self, inflow: Inflow) -> Run | None:
+        """Run the turbine in a wind; None where the simulation fails."""
         turbine, controller = self.turbine, copy.deepcopy(self.controller)
         simulator = Simulator(turbine, inflow, self.fidelity)
         point = starting_point(turbine, inflow)
@@ -391,7 +423,7 @@ class Maker:
         except SimulationError as error:
             _log.warning("%s does not run in %s (%s): no start is taken of it", turbine.name, inflow, error)
             return None
-        return dt, np.array(rows), memories
+        return Run(dt, np.array(rows), memories)
 
 
 class Record:
@@ -402,37 +434,65 @@ class Record:
     maker : Maker
         Of what it is a record.
     step : float
-        Between the rows [s].
-    rows : numpy.ndarray, shape (n_runs, n_times, n_columns), float32
-        Signals at ``maker.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
-        demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
-        the structure.
+        Of the simulation [s].
+    now : numpy.ndarray, shape (n_instants, n_columns), float32
+        Rows of `Run` at the instants of all runs.
+    history : numpy.ndarray, shape (n_instants, n_known), float32
+        What is known of the wind before them, see `_averaged`.
+    thrust : numpy.ndarray, shape (n_instants,), float32
+        Mean over the windows before them [N].
+    before : numpy.ndarray, shape (n_instants, n_readings, n_columns), float32
+        The rows just before them, without the motion of the structure.
     memory : Memory
-        What the controller remembers at the instants of all runs: values (n_instants, n), not numbers at the end where
-        there are fewer, and sizes (n_instants, n_parts).
+        What the controller remembers at the instants: values (n_instants, n), not numbers at the end where there are
+        fewer, and sizes (n_instants, n_parts).
     changing : numpy.ndarray, shape (n_parts,), bool
         Which parts of it are no parameters.
     """
 
-    def __init__(self, maker: Maker, step: float, rows: np.ndarray, memory: Memory, changing: np.ndarray):
-        self.step, self.rows, self.memory, self.changing, self._n_gates = step, rows, memory, changing, maker.n_gates
-        self._turbine, self._pace = maker.turbine, maker.pace
-        self._places = maker.places
-        ends = np.cumsum(maker.counts).tolist()
-        parts = [slice(end - count, end) for end, count in zip(ends, maker.counts, strict=True)]
-        self._signals, self._tower_top, self._wind, self._means, self._pitch, self._torque, self._lidar, turning = parts
-        self._turning, self._motion = turning.start, slice(turning.stop, None)
-        self._windows, first, spacing = maker.times(step)
-        self._instants = np.arange(first, rows.shape[1], spacing)
-        self._steps = np.arange(0, self._windows[-1], max(round(0.5 * self._pace / step), 1))
+    def __init__(
+        self,
+        maker: Maker,
+        step: float,
+        now: np.ndarray,
+        history: np.ndarray,
+        thrust: np.ndarray,
+        before: np.ndarray,
+        memory: Memory,
+        changing: np.ndarray,
+    ):
+        self.step, self.now, self.history, self.thrust, self.before = step, now, history, thrust, before
+        self.memory, self.changing = memory, changing
+        self._columns, self._windows, self._steps = maker.columns, maker.times(step)[0], maker.steps(step)
+        self._turbine, self._places = maker.turbine, maker.places
         self._fit()
+
+    @classmethod
+    def of_runs(cls, maker: Maker, runs: list[Run]) -> Record:
+        """Gather what is wanted of runs of one turbine."""
+        step, rows = runs[0].step, np.stack([run.rows for run in runs])
+        windows, first, spacing = maker.times(step)
+        instants = np.arange(first, rows.shape[1], spacing)
+        columns = maker.columns
+        wind = rows[:, instants[:, None] - maker.steps(step), columns.wind].astype(float)
+        thrust = rows[..., maker.places_of("aero_thrust")[0]].astype(float)
+        memories = [memory for run in runs for memory in run.memories]
+        values = np.full((len(memories), max(len(memory.values) for memory in memories)), np.nan)
+        for row, memory in zip(values, memories, strict=True):
+            row[: len(memory.values)] = memory.values
+        sizes = np.array([memory.sizes for memory in memories])
+        gathered = (
+            rows[:, instants],
+            _averaged(wind, maker.steps(step), windows),
+            thrust[:, instants[:, None] - np.arange(windows[-1])].mean(axis=-1),
+            rows[:, instants[:, None] - np.arange(_READINGS, 0, -1), : columns.motion.start],
+        )
+        now, history, thrust, before = (part.reshape(-1, *part.shape[2:]).astype(np.float32) for part in gathered)
+        return cls(maker, step, now, history, thrust, before, Memory(values, sizes), changing_parts(memories))
 
     def _fit(self) -> None:
         """Which motion the wind before explains."""
-        wind = self.rows[:, :, self._wind].astype(float)
-        history = self._averaged(wind[:, self._instants[:, None] - self._steps])
-        history = history.reshape(-1, history.shape[-1])
-        motion = self._followed().reshape(len(history), -1)
+        history, motion = self.history.astype(float), self._followed()
         self._spread = np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30)
         self._mean_history = history.mean(axis=0)
         centred = history - self._mean_history
@@ -443,19 +503,16 @@ class Record:
         self._explained = centred @ self._follows
 
     def _followed(self) -> np.ndarray:
-        """Values of `FOLLOWS` at the instants (n_runs, n_instants, n)."""
-        known = self._places_of
-        rows = self.rows[:, self._instants].astype(float)
-        columns = [rows[..., known(name)].mean(axis=-1) for name in FOLLOWS]
-        flap, azimuth = rows[..., known("root_flap_moment")], rows[..., known("azimuth")[0]]
-        for wave in (np.cos, np.sin):  # moments of tilt and yaw
-            blades = 2.0 * math.pi * np.arange(flap.shape[-1]) / flap.shape[-1]
-            columns.append((flap * wave(azimuth[..., None] + blades)).sum(axis=-1))
+        """Values of `FOLLOWS` at the instants, and the moments of tilt and yaw (n_instants, n)."""
+        now, known = self.now.astype(float), self._places_of
+        columns = [now[:, known(name)].mean(axis=-1) for name in FOLLOWS]
+        flap, azimuth = now[:, known("root_flap_moment")], now[:, known("azimuth")]
+        blades = azimuth + 2.0 * math.pi * np.arange(flap.shape[-1]) / flap.shape[-1]
+        columns += [(flap * wave(blades)).sum(axis=-1) for wave in (np.cos, np.sin)]
         return np.stack(columns, axis=-1)
 
     def _places_of(self, name: str) -> np.ndarray:
-        """Columns of a signal, of the blades together."""
-        return np.searchsorted(self._places, np.atleast_1d(_table(self._turbine.n_blades)[name]))
+        return _places_of(name, self._places, self._turbine.n_blades)
 
     def start(self, inflow: Inflow, yaw: float, number: float, azimuth: float | None, fastest: float) -> Start:
         """Start that fits the wind before the beginning of an episode.
@@ -474,42 +531,22 @@ class Record:
         """
         explained = (self._history(inflow, yaw) - self._mean_history) @ self._follows
         distance = ((self._explained - explained) ** 2).sum(axis=1)
-        speed = self.rows[:, self._instants][..., self._places_of("rotor_speed")].ravel()
+        speed = self.now[:, self._places_of("rotor_speed")[0]]
         distance[speed > fastest] = np.inf
         alike = np.argsort(distance, kind="stable")[:NEAREST]
         chosen = alike[int(number * len(alike))]
-        return self._at(int(chosen), azimuth, yaw)
+        return self.at(int(chosen), azimuth, yaw)
 
     def _history(self, inflow: Inflow, yaw: float) -> np.ndarray:
-        """Means of the rotor-effective wind over the windows before time zero [m/s]."""
-        return self._averaged(
-            np.array([_rotor_wind(inflow, self._turbine, yaw, -k * self.step) for k in self._steps.tolist()])
-        )
+        """What is known of the wind before time zero (n_known,)."""
+        wind = [_rotor_wind(inflow, self._turbine, yaw, -k * self.step) for k in self._steps.tolist()]
+        return _averaged(np.array(wind), self._steps, self._windows)
 
-    def _averaged(self, wind: np.ndarray) -> np.ndarray:
-        """What is known of the wind over the rotor at ``self._steps`` before an instant (..., n, 3).
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., n_known)
-            Its mean over the windows, and its changes across the rotor over the windows that blades remember.
-        """
-        steps, pairs = self._steps, zip(self._windows[:-1], self._windows[1:], strict=True)
-        means = [
-            wind[..., 0, :],
-            *(wind[..., (steps >= late) & (steps < early), :].mean(axis=-2) for late, early in pairs),
-        ]
-        return np.concatenate([mean[..., : 3 if k < _REMEMBERED else 1] for k, mean in enumerate(means)], axis=-1)
-
-    def _at(self, chosen: int, azimuth: float | None, yaw: float) -> Start:
-        """Start at one of the instants of all runs."""
-        run, place = divmod(chosen, len(self._instants))
-        k, n = int(self._instants[place]), self._turbine.n_blades
-        rows = self.rows[run, k - self._windows[-1] : k + 1].astype(float)
-        thrust = float(rows[:, self._places_of("aero_thrust")[0]].mean())
-        row = rows[-1]
-        pitch, recorded = row[self._places_of("pitch")], float(row[self._turning])
-        motion = row[self._motion] if azimuth is None else None  # blades bend as they do at an azimuth
+    def at(self, chosen: int, azimuth: float | None = None, yaw: float = 0.0) -> Start:
+        """Start at one of the instants."""
+        row, n, columns = self.now[chosen].astype(float), self._turbine.n_blades, self._columns
+        pitch, recorded = row[self._places_of("pitch")], float(row[columns.turning.start])
+        motion = row[columns.motion] if azimuth is None else None  # blades bend as they do at an azimuth
         if azimuth is None:
             azimuth = recorded
         elif n == 3:  # what the blades do by azimuth they do elsewhere
@@ -517,7 +554,7 @@ class Record:
         else:
             pitch = np.full(n, pitch.mean())
         deviations: dict[str, float | np.ndarray] = {}
-        first = self._means.start
+        first = columns.means.start
         for name in AVERAGED:
             last = first + _width(name, n)
             deviation = row[first:last] - row[self._places_of(name)]
@@ -525,22 +562,50 @@ class Record:
             first = last
         memory = Memory(*(part[chosen] for part in self.memory))
         return Start(
-            float(row[self._turning + 1]), pitch, max(float(row[self._torque.start]), 0.0), azimuth,
-            row[self._tower_top], motion, thrust, deviations, self._before(rows[-1 - _READINGS : -1], memory, yaw),
+            float(row[columns.turning.start + 1]), pitch, max(float(row[columns.torque.start]), 0.0), azimuth,
+            row[columns.tower_top], motion, float(self.thrust[chosen]), deviations,
+            self._before(self.before[chosen].astype(float), memory, yaw),
         )  # fmt: skip
 
     def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> Before:
         """What was read and demanded in the rows before an instant."""
-        n = self._turbine.n_blades
+        n, columns = self._turbine.n_blades, self._columns
         signals = np.full((len(before), len(channel_table(n))), np.nan)
-        signals[:, self._places] = before[:, self._signals]
+        signals[:, self._places] = before[:, columns.signals]
         known = _table(n)
         signals[:, known["time"]] = self.step * np.arange(-len(before), 0)
         signals[:, known["yaw"]] = yaw
         return Before(
-            signals, before[:, self._pitch], before[:, self._torque.start], before[:, self._lidar], self.step, memory,
-            self.changing,
+            signals, before[:, columns.pitch], before[:, columns.torque.start], before[:, columns.lidar], self.step,
+            memory, self.changing,
         )  # fmt: skip
+
+
+def _averaged(wind: np.ndarray, steps: np.ndarray, windows: list[int]) -> np.ndarray:
+    """What counts of the wind over the rotor before an instant.
+
+    Parameters
+    ----------
+    wind : numpy.ndarray, shape (..., n, 3)
+        As `_rotor_wind` gives it.
+    steps : numpy.ndarray, shape (n,)
+        So many steps before the instant.
+    windows : list of int
+        Ends of the windows, in steps.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., n_known)
+        Its mean over the windows, and its changes across the rotor over the windows that blades remember.
+    """
+    ages = [(steps >= late) & (steps < early) for late, early in itertools.pairwise(windows)]
+    means = [wind[..., 0, :], *(wind[..., age, :].mean(axis=-2) for age in ages)]
+    return np.concatenate([mean[..., : 3 if k < _REMEMBERED else 1] for k, mean in enumerate(means)], axis=-1)
+
+
+def _places_of(name: str, places: np.ndarray, n_blades: int) -> np.ndarray:
+    """Columns of a signal, of the blades together, where the signals at certain places are recorded."""
+    return np.searchsorted(places, np.atleast_1d(_table(n_blades)[name]))
 
 
 @cache
@@ -581,8 +646,9 @@ def _rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> np
 # ---- records that are kept ------------------------------------------------------------------------------------------
 
 _MOST = 32
-"""Records in memory, of some 3 MB each."""
-_MOST_FILES = 300
+"""Records in memory, of some 2 MB each."""
+_MOST_FILES = 200
+_PARTS = ("now", "history", "thrust", "before")
 _records: dict[str, Record | None] = {}
 _told: set[str] = set()
 
@@ -667,16 +733,16 @@ def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
-            step, rows = float(file["step"]), file["rows"]
+            step, parts = float(file["step"]), {name: file[name] for name in _PARTS}
             values = np.tile(file["values"], (len(file["sizes"]), 1))
             values[:, file["changing"]] = file["changes"]
             memory, changing = Memory(values, file["sizes"]), file["changing_parts"]
-        if rows.ndim != 3 or rows.shape[2] <= sum(maker.counts) or not np.isfinite(rows).all():
-            raise ValueError("its rows have another form")
+        if any(len(part) != len(memory.sizes) or not np.isfinite(part).all() for part in parts.values()):
+            raise ValueError("its parts do not fit together")
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         _log.warning("record %s of the running turbine is unreadable (%s); it is made again", path, error)
         return None
-    return Record(maker, step, rows, memory, changing)
+    return Record(maker, step, **parts, memory=memory, changing=changing)
 
 
 def _store(folder: Path | None, key: str, record: Record) -> None:
@@ -688,8 +754,9 @@ def _store(folder: Path | None, key: str, record: Record) -> None:
         with whole_file(path) as partial, partial.open("wb") as file:
             values, sizes = record.memory  # hardly any of the values change
             changing = np.flatnonzero((values != values[0]).any(axis=0))
+            parts = {name: getattr(record, name) for name in _PARTS}
             np.savez(
-                file, step=record.step, rows=record.rows, sizes=sizes, values=values[0], changing=changing,
+                file, step=record.step, **parts, sizes=sizes, values=values[0], changing=changing,
                 changes=values[:, changing], changing_parts=record.changing,
             )  # fmt: skip
         for old in sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime)[:-_MOST_FILES]:
