@@ -259,7 +259,8 @@ class RunningStart:
         self._turbine, self._winds = turbine, winds
         twists = isinstance(fidelity, str) and fidelity.endswith("-torsion")
         self._maker = Maker(turbine, "training-torsion" if twists else "training", copy.deepcopy(controller))
-        self._same_model = fidelity_of(fidelity) == fidelity_of(self._maker.fidelity)
+        recorded = fidelity_of(self._maker.fidelity)
+        self._same_model = fidelity_of(fidelity) == recorded and recorded.takes_motion
         self._identity = _identity(self._maker.controller)
         self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
 
@@ -418,7 +419,8 @@ class Maker:
                     kept += [[demand.generator_torque], seen, turning, simulator.motion()]
                     rows.append(np.concatenate(kept).astype(np.float32))
                 demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
-                signals = simulator.advance(dt, demand.pitch, 0.0, demand.generator_torque)
+                torque = demand.generator_torque if turbine.drivetrain.takes_torque else 0.0
+                signals = simulator.advance(dt, demand.pitch, 0.0, torque)
                 readings = readings_of(controller, signals, inflow, turbine.hub_height)
         except SimulationError as error:
             _log.warning("%s does not run in %s (%s): no start is taken of it", turbine.name, inflow, error)
@@ -561,8 +563,9 @@ class Record:
             deviations[name] = deviation if last - first > 1 else float(deviation[0])
             first = last
         memory = Memory(*(part[chosen] for part in self.memory))
+        torque = max(float(row[columns.torque.start]), 0.0) if self._turbine.drivetrain.takes_torque else 0.0
         return Start(
-            float(row[columns.turning.start + 1]), pitch, max(float(row[columns.torque.start]), 0.0), azimuth,
+            float(row[columns.turning.start + 1]), pitch, torque, azimuth,
             row[columns.tower_top], motion, float(self.thrust[chosen]), deviations,
             self._before(self.before[chosen].astype(float), memory, yaw),
         )  # fmt: skip
