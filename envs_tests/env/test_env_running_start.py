@@ -163,3 +163,47 @@ def test_parameters_that_are_changed_later_stay():
     changed = damper.gain
     env.reset(seed=0)
     assert damper.gain == changed
+
+
+class Logging(DisconController):
+    """A controller of a user, with a memory that grows."""
+
+    def __init__(self, parameters=None):
+        super().__init__(parameters)
+        self.log, self.last, self.itself = [], None, self
+
+    def step(self, signals, dt):
+        demand = super().step(signals, dt)
+        self.log.append(demand.pitch)
+        self.last = float(signals["generator_speed"])
+        return demand
+
+
+def test_controllers_of_the_user_start_from_the_present_demand():
+    env = gym.make(TASK, wind_speed=15.0, controller=Logging()).unwrapped
+    signals = begun(env)
+    assert env.controller.log == []
+    assert abs(env.simulator.tower_top()[2:]).max() > 1e-4
+    env.step(np.zeros(env.action_space.shape))
+    np.testing.assert_allclose(env.controller.log[0], signals["pitch"], atol=np.radians(0.5))
+
+
+def test_a_wind_unlike_those_of_the_record_starts_at_rest(env):
+    """Slow wind at the start of an episode whose mean is fast."""
+    record = next(iter(running_start._records.values()))
+    calm = SteadyInflow(5.0, 90.0)
+    assert record.start(calm, 0.0, 0.5, None, np.inf) is None
+    assert record.start(SteadyInflow(15.0, 90.0, shear_exponent=0.2), 0.0, 0.5, None, 0.1) is None
+
+
+def test_a_wind_that_has_no_past_is_not_asked_for_it():
+    class Started:
+        mean_speed, hub_height, description = 15.0, 90.0, "from time zero on"
+
+        def velocity(self, points, time):
+            assert time >= 0.0
+            return np.broadcast_to([15.0 + np.sin(time), 0.0, 0.0], np.shape(points)).copy()
+
+    env = gym.make("wt_gym/NREL5MW-Turbulent-v1", inflow=Started()).unwrapped
+    env.reset(seed=0)
+    np.testing.assert_allclose(env.simulator.tower_top()[2:], 0.0, atol=1e-9)

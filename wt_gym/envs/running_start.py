@@ -19,13 +19,12 @@ from __future__ import annotations
 import contextlib
 import copy
 import hashlib
-import inspect
 import itertools
 import logging
 import math
 import os
 import pickle
-import secrets
+import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -39,7 +38,7 @@ import numpy as np
 from wt_gym.compiled import digest_of
 from wt_gym.control import Demand
 from wt_gym.control.coleman import to_blades, to_fixed_frame
-from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of, readings_of
+from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of, make_controller, parts_of, readings_of
 from wt_gym.control.controllers.memory import Memory, changing_parts, memory_of, remember
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.rewards import AVERAGED
@@ -51,7 +50,7 @@ from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
 from wt_gym.user_cache import user_cache
 from wt_gym.wind import MirroredInflow
-from wt_gym.wind.protocol import fill_velocity, read_only
+from wt_gym.wind.protocol import PointInflow, fill_velocity, read_only
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -95,6 +94,8 @@ WINDOWS = (0.0, 1.0, 3.0, 6.0, 12.0)
 """Times before the start between which the wind is averaged [s]; the first window is the instant itself."""
 FOLLOWS = ("rotor_speed", "pitch", "generator_torque", "aero_thrust", "tower_top_fore_aft")
 """What of the motion decides which instants are alike, with the tilt and yaw moments of the rotor."""
+_LATEST = 3
+"""Where the mean wind of the first window before an instant stands among what counts of the wind."""
 _REMEMBERED = 3
 """Windows over which the wind across the rotor counts: the bending of blades follows it within seconds."""
 NEAREST = 8
@@ -107,10 +108,13 @@ _SLOW_TURN = 2.0 * math.pi / 1.267
 """Seconds a turn of a large turbine: times are shorter by as much as a small one turns faster."""
 _MEAN_TIME = 10.0
 """Time constant of the running means of loads [s], that of the rewards' filters."""
-_ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "wind")
+_ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "turbines", "wind")
 _NEEDED = ("rotor_speed", "azimuth", "generator_torque", "aero_thrust", "tower_top_fore_aft", "pitch", *AVERAGED)
 _READINGS = 3
 """Readings after which a controller has the form in which its numbers are put."""
+_BUILT_IN = "wt_gym.control.controllers"
+_FARTHEST = 0.3
+"""Difference of the winds just before two instants, over the wind, beyond which they are not alike."""
 _STEADY = 1e-3
 """Range of the wind before the start, over its mean, up to which it is steady."""
 _HIGHEST = 0.97
@@ -242,7 +246,8 @@ class RunningStart:
     fidelity : str or Fidelity
         Of the episodes. Records are made with "training", or "training-torsion" for blades that twist.
     controller : Controller
-        The base controller; it is copied.
+        The base controller; it is copied. One that is not built in is started from the present demand, in records
+        under the baseline: what it remembers need not be made of numbers.
     winds : WindSampler
     overspeed_limit : float
         Rotor speed over rated at which an episode ends.
@@ -258,7 +263,9 @@ class RunningStart:
     ):
         self._turbine, self._winds = turbine, winds
         twists = isinstance(fidelity, str) and fidelity.endswith("-torsion")
-        self._maker = Maker(turbine, "training-torsion" if twists else "training", copy.deepcopy(controller))
+        self._is_own = any(not type(part).__module__.startswith(_BUILT_IN) for part in parts_of(controller))
+        recorded_controller = make_controller("discon", turbine) if self._is_own else copy.deepcopy(controller)
+        self._maker = Maker(turbine, "training-torsion" if twists else "training", recorded_controller)
         recorded = fidelity_of(self._maker.fidelity)
         self._same_model = fidelity_of(fidelity) == recorded and recorded.takes_motion
         self._identity = _identity(self._maker.controller)
@@ -280,27 +287,38 @@ class RunningStart:
         Returns
         -------
         Start or None
-            None where the wind has not changed before the start, blows below cut-in or above cut-out, or the turbine
-            cannot run in it.
+            None where the wind has not changed before the start, blows below cut-in or above cut-out, is like none in
+            which the turbine was recorded, or the turbine cannot run in it.
         """
         which, among = rng.random(2).tolist()
+        speed = self._speed(wind, yaw)
         low, high = self._turbine.cut_in, self._turbine.cut_out
-        if not (low <= wind.wind_speed <= high and self._is_turbulent(wind.inflow, yaw)):
+        if speed is None or not low <= speed <= high:
             return None
         # Of the speeds with records on both sides one is drawn, the nearer one as much more often as it is nearer: the
         # distribution is then interpolated linearly.
-        speed = min(max(BIN * math.floor(wind.wind_speed / BIN + which), low), high)
+        speed = min(max(BIN * math.floor(speed / BIN + which), low), high)
         record = _kept(self._maker, self._identity, self._winds, speed)
-        if record is None:
+        start = None if record is None else record.start(wind.inflow, yaw, among, azimuth, self._fastest)
+        if start is None:
             return None
-        start = record.start(wind.inflow, yaw, among, azimuth, self._fastest)
+        if self._is_own:
+            start = replace(start, before=None)
         return start if self._same_model else replace(start, motion=None)
 
-    def _is_turbulent(self, inflow: Inflow, yaw: float) -> bool:
-        """Whether the wind has changed before the start of the episode."""
-        times = -self._maker.pace * np.array(WINDOWS)
-        wind = np.array([_rotor_wind(inflow, self._turbine, yaw, time) for time in times.tolist()])
-        return bool(np.ptp(wind[:, 0]) > _STEADY * abs(wind[:, 0].mean()))
+    def _speed(self, wind: EpisodeWind, yaw: float) -> float | None:
+        """Mean speed of the turbulence before the start [m/s]; None where the wind does not change, or has no past.
+
+        Of turbulence made here it is that of the episode. Other winds are asked: those that are known to have a wind
+        at any time.
+        """
+        if not isinstance(wind.inflow, PointInflow):
+            return None
+        times = -self._maker.pace * np.linspace(0.0, WINDOWS[-1], 25)
+        speeds = np.array([_rotor_wind(wind.inflow, self._turbine, yaw, time)[0] for time in times.tolist()])
+        if np.ptp(speeds) <= _STEADY * abs(speeds.mean()):
+            return None
+        return wind.wind_speed if wind.wind_seed >= 0 else float(speeds.mean())
 
 
 def _pace(turbine: Turbine) -> float:
@@ -516,8 +534,8 @@ class Record:
     def _places_of(self, name: str) -> np.ndarray:
         return _places_of(name, self._places, self._turbine.n_blades)
 
-    def start(self, inflow: Inflow, yaw: float, number: float, azimuth: float | None, fastest: float) -> Start:
-        """Start that fits the wind before the beginning of an episode.
+    def start(self, inflow: Inflow, yaw: float, number: float, azimuth: float | None, fastest: float) -> Start | None:
+        """Start that fits the wind before the beginning of an episode; None where it was like none of the record.
 
         Parameters
         ----------
@@ -531,11 +549,17 @@ class Record:
         fastest : float
             Rotor speed beyond which nothing begins [rad/s].
         """
-        explained = (self._history(inflow, yaw) - self._mean_history) @ self._follows
+        history = self._history(inflow, yaw)
+        explained = (history - self._mean_history) @ self._follows
         distance = ((self._explained - explained) ** 2).sum(axis=1)
         speed = self.now[:, self._places_of("rotor_speed")[0]]
         distance[speed > fastest] = np.inf
         alike = np.argsort(distance, kind="stable")[:NEAREST]
+        alike = alike[np.isfinite(distance[alike])]
+        near = np.abs(self.history[alike, _LATEST] - history[_LATEST]) <= _FARTHEST * abs(history[_LATEST])
+        alike = alike[near]
+        if not len(alike):
+            return None
         chosen = alike[int(number * len(alike))]
         return self.at(int(chosen), azimuth, yaw)
 
@@ -654,29 +678,33 @@ _MOST_FILES = 200
 _PARTS = ("now", "history", "thrust", "before")
 _records: dict[str, Record | None] = {}
 _told: set[str] = set()
+_lock = threading.Lock()
 
 
 def _kept(maker: Maker, identity: str, winds: WindSampler, speed: float) -> Record | None:
     """Record at a wind speed: from memory, from the disk, or made now."""
     parts = _FORMAT, LENGTHS, maker.turbine, maker.fidelity, winds.turbulence_key, speed, _sources(), identity
     key = fingerprint(*parts)[:32]
-    if key not in _records:
-        folder = _folder()
-        with _alone(folder, key):
-            record = _load(folder, key, maker)
-            if record is None and key not in _records:
-                _tell(maker.turbine)
-                seeds = range(RECORD_SEED, RECORD_SEED + LENGTHS.runs)
-                inflows: list[Inflow] = [winds.turbulence(speed, seed) for seed in seeds]
-                if maker.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
-                    inflows = [MirroredInflow(inflow) for inflow in inflows]
-                record = maker.record(inflows)
-                if record is not None:
-                    _store(folder, key, record)
+    with _lock:
+        if key in _records:
+            return _records[key]
+    folder = _folder()
+    with _alone(folder, key):
+        record = _load(folder, key, maker)
+        if record is None:
+            _tell(maker.turbine)
+            seeds = range(RECORD_SEED, RECORD_SEED + LENGTHS.runs)
+            inflows: list[Inflow] = [winds.turbulence(speed, seed) for seed in seeds]
+            if maker.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
+                inflows = [MirroredInflow(inflow) for inflow in inflows]
+            record = maker.record(inflows)
+            if record is not None:
+                _store(folder, key, record)
+    with _lock:
         while len(_records) >= _MOST:
             _records.pop(next(iter(_records)))
-        _records.setdefault(key, record)
-    return _records[key]
+        _records[key] = record
+    return record
 
 
 def _tell(turbine: Turbine) -> None:
@@ -691,16 +719,8 @@ def _tell(turbine: Turbine) -> None:
 
 
 def _identity(controller: Controller) -> str:
-    """Digest of a controller and of the file in which its class is written; of its own where it has no such digest."""
-    try:
-        digest = hashlib.sha256(pickle.dumps(controller))
-    except (pickle.PicklingError, AttributeError, TypeError):  # it holds a function, or something of the system
-        return secrets.token_hex()
-    module = inspect.getmodule(type(controller))
-    source = getattr(module, "__file__", None)
-    if source is not None and Path(source).is_file():
-        digest.update(Path(source).read_bytes())
-    return digest.hexdigest()
+    """Digest of a built-in controller: of its parameters, and of what it remembers; the sources have their own."""
+    return hashlib.sha256(pickle.dumps(controller)).hexdigest()
 
 
 @cache
@@ -726,7 +746,9 @@ def _folder() -> Path | None:
 
 def _alone(folder: Path | None, key: str) -> AbstractContextManager:
     """Have other processes and threads wait that want the same record."""
-    return contextlib.nullcontext() if folder is None else filelock.FileLock(folder / f"{key}.lock")
+    if folder is None or not os.access(folder, os.W_OK):
+        return contextlib.nullcontext()
+    return filelock.FileLock(folder / f"{key}.lock")
 
 
 def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
