@@ -1,12 +1,13 @@
 """The laws of pitch, yaw and generator drives: limits, starts, refusals."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from wt_gym.errors import ActionError
-from wt_gym.simulation.drives import Drives, LinearDamper, available_torque
+from wt_gym.simulation.drives import Drives, LinearDamper, TorqueCommand, available_torque
 from wt_gym.turbines import load_turbine
 
 RATED = 12.1 * np.pi / 30
@@ -44,6 +45,22 @@ def test_a_standing_rotor_bears_no_torque_at_the_start(turbine):
     assert drives.torque(RATED) == pytest.approx(20e3)
     drives.load(-1e6, RATED)
     assert drives.torque(RATED) == 0.0
+
+
+@pytest.mark.parametrize("make", [TorqueCommand, lambda drivetrain: LinearDamper(5e6, drivetrain)])
+def test_the_generator_gets_the_power_that_the_gearbox_leaves(turbine, make):
+    """0.9 of the rotor's power arrives at the generator: torque N Omega = 0.9 moment Omega, also at the balance."""
+    drivetrain = replace(turbine.drivetrain, gearbox_efficiency=0.9)
+    law = make(drivetrain)
+    if law.damping:
+        moment = law.damping * RATED
+        assert law.moment(np.zeros(1)) == 0.0  # the damper stands in the structure
+    else:
+        command = np.array([20e3])
+        moment = law.moment(command)
+        assert law.balance(moment, RATED) == pytest.approx(20e3)
+    arrives = law.torque(np.array([20e3]), RATED) * drivetrain.gear_ratio * RATED
+    assert arrives == pytest.approx(0.9 * moment * RATED)
 
 
 @pytest.mark.parametrize(
