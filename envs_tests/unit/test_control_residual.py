@@ -67,6 +67,13 @@ def test_without_fade_and_mean_all_passes():
     assert (residual.share, residual.mean, residual.fades, residual.washes) == (1.0, 0.0, False, False)
 
 
+def test_a_washout_may_be_short_and_nothing_acts_before_the_start():
+    residual = ResidualPitch(None, 0.5, 1)
+    assert (residual.share, residual.mean) == (1.0, 0.0)
+    residual.start(0.0, RATED, 0.1)
+    assert residual.acting(OFFSETS[:1], np.zeros(3), RATED, 0.1) == pytest.approx(OFFSETS[:1] * math.exp(-0.2))
+
+
 @pytest.mark.parametrize("washout", [0.0, -1.0, math.inf, math.nan])
 def test_a_washout_is_a_positive_time(washout):
     with pytest.raises(ValueError, match="residual_washout must be a positive time"):
