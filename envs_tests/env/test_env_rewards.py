@@ -19,6 +19,7 @@ from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs import rewards
 from wt_gym.envs.observations import blade_static_moment
+from wt_gym.envs.rewards.term import HighPass
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -269,6 +270,41 @@ def test_counter_refuses_nonsense():
 
 
 # Operation and other loads
+
+
+@pytest.mark.parametrize(
+    ("term", "before", "after", "share"),
+    [
+        (rewards.Overspeed, {}, {"rotor_speed": 1.22 * RATED}, 0.8),
+        (rewards.TipDeflection, {}, {f"tip_out_of_plane_{b}": 0.3 * 61.5 for b in (1, 2, 3)}, 0.8),
+        (rewards.TowerLoad, {}, {"tower_base_fore_aft_moment": 5e7 - 0.5 * TOWER_MOMENT * DT}, 0.8),
+        (rewards.TowerLoad, {"tower_base_side_side_moment": 9e6}, {"tower_base_side_side_moment": 9e6}, 0.0),
+        (rewards.TowerForeAftFatigue, {}, {"tower_base_fore_aft_moment": 1e200}, 1.0),
+        (rewards.ActuatorUse, {}, {f"pitch_travel_{b}": 0.1 * DT * TURBINE.pitch.max_rate for b in (1, 2, 3)}, 0.1 / 3),
+        (rewards.ActuatorUse, {}, {"generator_torque": 43e3 - 0.1 * DT * 15e3}, 0.1 / 3),
+        (rewards.ActuatorUse, {}, {"yaw_rate": 0.1 * TURBINE.nacelle.max_yaw_rate}, 0.1 / 3),
+    ],
+)
+def test_penalties_away_from_the_middle(term, before, after, share):
+    """x^2/(1 + x^2) at twice the scale is 0.8; a tenth of the rate of one of three drives is a thirtieth."""
+    assert rate(term(weight=2.0), before, **after) == pytest.approx(-2.0 * share, rel=1e-3)
+
+
+@pytest.mark.parametrize("dt", [0.1, 1.0])
+def test_a_high_pass_filter_is_exact_for_any_step(dt):
+    high_pass = HighPass(4.0, 1.0)
+    assert [high_pass(3.0, dt) for _ in range(3)] == pytest.approx([2.0 * math.exp(-k * dt / 4.0) for k in (1, 2, 3)])
+
+
+@pytest.mark.parametrize("term", [rewards.BladeFatigue, rewards.TowerForeAftFatigue, rewards.TowerSideSideFatigue])
+def test_loads_lose_the_mean_that_they_are_reset_with(term):
+    """An environment resets them with running means; they do not begin anew with the first step."""
+    one, loads = term(weight=1.0), ("tower_base_fore_aft_moment", "tower_base_side_side_moment")
+    high = dict.fromkeys([*loads, *(f"root_flap_moment_{b}" for b in (1, 2, 3))], 3e7)
+    low = dict.fromkeys(high, 0.0)
+    one.reset(TURBINE, signals(**low))
+    assert one(rewards.Transition(TURBINE, signals(**high), signals(**high), DT)) < -0.01
+    assert one.begins_with_means
 
 
 def test_tip_deflection():
