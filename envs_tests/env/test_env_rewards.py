@@ -95,6 +95,26 @@ def test_available_power_is_that_of_the_rotor_not_of_the_hub():
     assert values == pytest.approx(expected, abs=2e-3)
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.5, 0.5 * math.pi, 4.0])
+def test_the_disc_of_the_wind_stands_across_it(angle):
+    """8 m/s (1 + a y^2) in one direction: the mean over a disc across it is 8 m/s (1 + a cos^2 R^2/4)."""
+
+    class Hollow:
+        def velocity(self, points, time):
+            direction = np.array([math.cos(angle), math.sin(angle), 0.0])
+            return 8.0 * (1.0 + 1e-4 * points[:, 1:2] ** 2) * direction
+
+    low = {"wind_x": 8 * math.cos(angle), "wind_y": 8 * math.sin(angle), "generator_power": 1e6, "rotor_speed": 1.0}
+    mean = 8.0 * (1.0 + 1e-4 * math.cos(angle) ** 2 * 63.0**2 / 4.0)
+    expected = 1.0 + (1e6 - rewards.available_power(TURBINE, mean)) / 5e6
+    assert course(rewards.Power(), [low] * 20, Hollow()) == pytest.approx(expected, rel=1e-9)
+
+
+def test_in_a_calm_there_is_no_power():
+    calm = {"wind_x": 0.0, "wind_y": 0.0, "generator_power": 0.0, "rotor_speed": -0.5}
+    assert course(rewards.Power(), [calm] * 3, SteadyInflow(0.0)) == pytest.approx(1.0)
+
+
 def test_wind_is_filtered_and_its_size_counts():
     term = rewards.Power(time_constant=5.0)
     low = {"wind_x": 8.0, "wind_y": 0.0, "generator_power": 1e6}
@@ -260,6 +280,17 @@ def test_damage_term_sums_to_the_equivalent_load():
     alone = rewards.Damage(weight=1.0, loads=[rewards.Load(load, 10.0, 3e6, 1.0)])
     wave = [{load: 8e6 + 1.5e6 * (-1) ** k} for k in range(1001)]
     assert DT * course(alone, wave).sum() == pytest.approx(-500.0)  # 500 cycles with the range of the reference
+
+
+def test_loads_of_the_damage_term():
+    """Blades 0.5 times 12.35 MN m, exponent 10; tower 0.25 and 0.04 times the moment of the Betz thrust, exponent 4."""
+    term = rewards.Damage()
+    term.reset(TURBINE, signals())
+    references = [part.reference for part in term.loads]
+    expected = [0.5 * 12.35e6] * 3 + [0.25 * TOWER_MOMENT, 0.04 * TOWER_MOMENT]
+    assert references == pytest.approx(expected, rel=2e-3)
+    assert [part.exponent for part in term.loads] == [10.0] * 3 + [4.0] * 2
+    assert [part.share for part in term.loads] == pytest.approx([1 / 9] * 3 + [1 / 3] * 2)
 
 
 def test_counter_refuses_nonsense():

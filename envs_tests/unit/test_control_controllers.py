@@ -302,6 +302,32 @@ def test_individual_pitch_leads_by_the_delay_of_the_drive(turbine, frequency, da
         IndividualPitch.of_turbine(turbine, lead=math.nan)
 
 
+def test_parameters_of_individual_pitch_by_rule(turbine):
+    """In rated rotor speeds and in 12.35 MN m, the reference flap moment; the second harmonic has half the room."""
+    first, second = (
+        harmonic.parameters
+        for harmonic in IndividualPitch.of_turbine(
+            turbine, bandwidth=0.3, proportional_time=2.0, level=0.2, leak_time=8.0, limit=0.06, second_harmonic=0.4
+        ).harmonics
+    )
+    gain = 0.3 * RATED / flap_moment_sensitivity(turbine)
+    for harmonic, share, room in ((first, 1.0, 1.0), (second, 0.4, 0.5)):
+        assert harmonic.integral_gain == pytest.approx(share * gain, rel=1e-6)
+        assert harmonic.proportional_gain == pytest.approx(2.0 * share * gain, rel=1e-6)
+        assert harmonic.level == pytest.approx(room * 0.2 * 12.35e6, rel=1e-3)
+        assert harmonic.limit == pytest.approx(room * 0.06)
+        assert (harmonic.leak, harmonic.rate_limit) == (0.125, math.radians(1.5))
+    assert (first.harmonic, second.harmonic) == (1, 2)
+    assert len(IndividualPitch.of_turbine(turbine).harmonics) == 1
+
+
+@pytest.mark.parametrize("step", [0.0, -1.0, math.inf, math.nan])
+def test_the_step_of_the_simulator_must_be_positive(turbine, step):
+    with pytest.raises(ValueError, match="simulator_step must be finite and positive"):
+        IndividualPitch.of_turbine(turbine, simulator_step=step)
+    assert IndividualPitch.of_turbine(turbine, simulator_step=0.5).simulator_step == 0.5
+
+
 def test_individual_pitch_needs_three_blades(turbine):
     with pytest.raises(ValueError, match="at least 3 blades"):
         IndividualPitch([HarmonicPitchParameters()], None, turbine.pitch, n_blades=2)
