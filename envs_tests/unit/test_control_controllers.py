@@ -14,6 +14,7 @@ import pytest
 from wt_gym.agents.tuning import Cost, TuningTask, _defaults
 from wt_gym.angles import wrapped
 from wt_gym.control import Demand, LowPass, Notch
+from wt_gym.control.coleman import harmonic_of_blades, to_blades, to_fixed_frame
 from wt_gym.control.controllers import (
     BASES,
     CONTROLLERS,
@@ -169,6 +170,19 @@ def test_harmonic_and_back(harmonic, azimuth):
     assert blades[0] == pytest.approx(2 * math.cos(harmonic * azimuth) - 3 * math.sin(harmonic * azimuth))
     angle = harmonic * (azimuth + 2 * math.pi / 3)
     assert blades[1] == pytest.approx(2 * math.cos(angle) - 3 * math.sin(angle))
+
+
+@pytest.mark.parametrize("n_blades", [3, 4])
+def test_coordinates_of_the_fixed_frame_and_back(n_blades):
+    """Blade 1 up has the mean and the tilt, a blade at a right angle the mean and the yaw; harmonics are the first."""
+    assert to_blades((5.0, 2.0, -3.0), 0.0, n_blades)[0] == pytest.approx(7.0)
+    assert to_blades((5.0, 2.0, -3.0), 0.5 * math.pi, n_blades)[0] == pytest.approx(2.0)
+    blades = to_blades((5.0, 2.0, -3.0), 0.7, n_blades)
+    assert to_fixed_frame([blades, blades], 0.7) == pytest.approx(np.array([[5.0, 2.0, -3.0]] * 2))
+    assert to_fixed_frame(blades, 0.7) == pytest.approx([5.0, 2.0, -3.0])
+    assert to_harmonic(blades, 0.7) == pytest.approx((2.0, -3.0))
+    assert harmonic_of_blades(2.0, -3.0, 0.7, n_blades) == pytest.approx([blade - 5.0 for blade in blades])
+    assert from_harmonic(2.0, -3.0, 0.7) == pytest.approx(harmonic_of_blades(2.0, -3.0, 0.7, 3))
 
 
 def test_fade(turbine):
