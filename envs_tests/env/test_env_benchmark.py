@@ -61,7 +61,7 @@ def test_winds_and_controllers_differ():
 
 def test_random_actions_are_the_same_again():
     first = played("random")
-    assert first["metrics"]["pitch_travel"] > 1.1 * played("discon")["metrics"]["pitch_travel"]
+    assert first["metrics"]["pitch_travel"] > played("discon")["metrics"]["pitch_travel"]
     assert same_numbers(first, played.__wrapped__("random"))
 
 

@@ -1,5 +1,7 @@
 """Every id that is registered keeps the contracts of Gymnasium and stable-baselines3, on the real simulator."""
 
+import re
+
 import gymnasium as gym
 import pytest
 from turbine_contract import both_checkers_are_content
@@ -11,7 +13,7 @@ from wt_gym.tasks import TASKS
 
 IDS = sorted(name for name in gym.registry if name.startswith("wt_gym/"))
 # Each box of turbulence for a rotor of 240 m takes ten to forty seconds to make where it is not on disk yet.
-SLOW = {name for name in IDS if "IEA15MW" in name and gym.spec(name).kwargs["inflow"] == "turbulent"}
+SLOW = {name for name in IDS if re.search("IEA(15|22)MW", name) and gym.spec(name).kwargs["inflow"] == "turbulent"}
 
 
 def test_every_task_is_among_the_ids():

@@ -19,6 +19,7 @@ from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs import rewards
 from wt_gym.envs.observable import blade_static_moment
+from wt_gym.envs.rewards.term import HighPass
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -92,6 +93,26 @@ def test_available_power_is_that_of_the_rotor_not_of_the_hub():
     values = course(term, [low] * 3, sheared)
     expected = 1.0 + (1e6 - rewards.available_power(TURBINE, sheared.rotor_effective_speed(0.0, 126.0))) / 5e6
     assert values == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 0.5 * math.pi, 4.0])
+def test_the_disc_of_the_wind_stands_across_it(angle):
+    """8 m/s (1 + a y^2) in one direction: the mean over a disc across it is 8 m/s (1 + a cos^2 R^2/4)."""
+
+    class Hollow:
+        def velocity(self, points, time):
+            direction = np.array([math.cos(angle), math.sin(angle), 0.0])
+            return 8.0 * (1.0 + 1e-4 * points[:, 1:2] ** 2) * direction
+
+    low = {"wind_x": 8 * math.cos(angle), "wind_y": 8 * math.sin(angle), "generator_power": 1e6, "rotor_speed": 1.0}
+    mean = 8.0 * (1.0 + 1e-4 * math.cos(angle) ** 2 * 63.0**2 / 4.0)
+    expected = 1.0 + (1e6 - rewards.available_power(TURBINE, mean)) / 5e6
+    assert course(rewards.Power(), [low] * 20, Hollow()) == pytest.approx(expected, rel=1e-9)
+
+
+def test_in_a_calm_there_is_no_power():
+    calm = {"wind_x": 0.0, "wind_y": 0.0, "generator_power": 0.0, "rotor_speed": -0.5}
+    assert course(rewards.Power(), [calm] * 3, SteadyInflow(0.0)) == pytest.approx(1.0)
 
 
 def test_wind_is_filtered_and_its_size_counts():
@@ -261,6 +282,17 @@ def test_damage_term_sums_to_the_equivalent_load():
     assert DT * course(alone, wave).sum() == pytest.approx(-500.0)  # 500 cycles with the range of the reference
 
 
+def test_loads_of_the_damage_term():
+    """Blades 0.5 times 12.35 MN m, exponent 10; tower 0.25 and 0.04 times the moment of the Betz thrust, exponent 4."""
+    term = rewards.Damage()
+    term.reset(TURBINE, signals())
+    references = [part.reference for part in term.loads]
+    expected = [0.5 * 12.35e6] * 3 + [0.25 * TOWER_MOMENT, 0.04 * TOWER_MOMENT]
+    assert references == pytest.approx(expected, rel=2e-3)
+    assert [part.exponent for part in term.loads] == [10.0] * 3 + [4.0] * 2
+    assert [part.share for part in term.loads] == pytest.approx([1 / 9] * 3 + [1 / 3] * 2)
+
+
 def test_counter_refuses_nonsense():
     with pytest.raises(ValueError, match="exponent"):
         rewards.RainflowCounter(exponent=0.0)
@@ -269,6 +301,41 @@ def test_counter_refuses_nonsense():
 
 
 # Operation and other loads
+
+
+@pytest.mark.parametrize(
+    ("term", "before", "after", "share"),
+    [
+        (rewards.Overspeed, {}, {"rotor_speed": 1.22 * RATED}, 0.8),
+        (rewards.TipDeflection, {}, {f"tip_out_of_plane_{b}": 0.3 * 61.5 for b in (1, 2, 3)}, 0.8),
+        (rewards.TowerLoad, {}, {"tower_base_fore_aft_moment": 5e7 - 0.5 * TOWER_MOMENT * DT}, 0.8),
+        (rewards.TowerLoad, {"tower_base_side_side_moment": 9e6}, {"tower_base_side_side_moment": 9e6}, 0.0),
+        (rewards.TowerForeAftFatigue, {}, {"tower_base_fore_aft_moment": 1e200}, 1.0),
+        (rewards.ActuatorUse, {}, {f"pitch_travel_{b}": 0.1 * DT * TURBINE.pitch.max_rate for b in (1, 2, 3)}, 0.1 / 3),
+        (rewards.ActuatorUse, {}, {"generator_torque": 43e3 - 0.1 * DT * 15e3}, 0.1 / 3),
+        (rewards.ActuatorUse, {}, {"yaw_rate": 0.1 * TURBINE.nacelle.max_yaw_rate}, 0.1 / 3),
+    ],
+)
+def test_penalties_away_from_the_middle(term, before, after, share):
+    """x^2/(1 + x^2) at twice the scale is 0.8; a tenth of the rate of one of three drives is a thirtieth."""
+    assert rate(term(weight=2.0), before, **after) == pytest.approx(-2.0 * share, rel=1e-3)
+
+
+@pytest.mark.parametrize("dt", [0.1, 1.0])
+def test_a_high_pass_filter_is_exact_for_any_step(dt):
+    high_pass = HighPass(4.0, 1.0)
+    assert [high_pass(3.0, dt) for _ in range(3)] == pytest.approx([2.0 * math.exp(-k * dt / 4.0) for k in (1, 2, 3)])
+
+
+@pytest.mark.parametrize("term", [rewards.BladeFatigue, rewards.TowerForeAftFatigue, rewards.TowerSideSideFatigue])
+def test_loads_lose_the_mean_that_they_are_reset_with(term):
+    """An environment resets them with running means; they do not begin anew with the first step."""
+    one, loads = term(weight=1.0), ("tower_base_fore_aft_moment", "tower_base_side_side_moment")
+    high = dict.fromkeys([*loads, *(f"root_flap_moment_{b}" for b in (1, 2, 3))], 3e7)
+    low = dict.fromkeys(high, 0.0)
+    one.reset(TURBINE, signals(**low))
+    assert one(rewards.Transition(TURBINE, signals(**high), signals(**high), DT)) < -0.01
+    assert one.begins_with_means
 
 
 def test_tip_deflection():

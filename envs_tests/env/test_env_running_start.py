@@ -10,7 +10,7 @@ from wt_gym.control import Demand
 from wt_gym.control.controllers import DisconController, make_controller
 from wt_gym.control.controllers.memory import Memory, memory_of, remember
 from wt_gym.envs import running_start
-from wt_gym.envs.running_start import Lengths, Maker, RunningStart
+from wt_gym.envs.running_start import Lengths, Maker, Record, RunningStart
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
@@ -89,14 +89,17 @@ def test_start_is_the_instant_of_the_record_after_the_same_wind():
     controller = make_controller("discon", turbine)
     box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
     inflow = TurbulentInflow(box, SteadyInflow(15.0, turbine.hub_height, shear_exponent=0.2))
-    record = Maker(turbine, "training", controller).record([inflow])
-    k = int(record._instants[len(record._instants) // 2])
-    later = TurbulentInflow(box, inflow.steady, time_offset=k * record.step)
-    start = record.start(later, 0.0, 0.0, None, np.inf)
-    row = record.rows[0, k].astype(float)
-    assert start.rotor_speed == pytest.approx(row[record._turning + 1], rel=1e-6)
-    np.testing.assert_allclose(start.tower_top, row[record._tower_top], rtol=1e-6)
-    assert set(start.means) == set(LOADS)
+    maker = Maker(turbine, "training", controller)
+    run = maker.run(inflow)
+    record = Record.of_runs(maker, [run])
+    chosen = len(record.now) // 2
+    _, first, spacing = maker.times(run.step)
+    k = first + chosen * spacing
+    later = TurbulentInflow(box, inflow.steady, time_offset=k * run.step)
+    start, row = record.start(later, 0.0, 0.0, None, np.inf), run.rows[k].astype(float)
+    assert start.rotor_speed == pytest.approx(row[maker.columns.turning.start + 1], rel=1e-6)
+    np.testing.assert_allclose(start.tower_top, row[maker.columns.tower_top], rtol=1e-6)
+    assert set(start.deviations) == set(LOADS)
 
 
 @pytest.mark.parametrize("name", ["tuned", "tuned_lidar"])
@@ -104,15 +107,17 @@ def test_controller_continues_as_the_one_that_was_recorded(name):
     """Integrals, filters and what a lidar has seen are put back."""
     turbine = load_turbine("nrel_5mw")
     box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
-    record = Maker(turbine, "training", make_controller(name, turbine)).record([TurbulentInflow(box)])
+    maker = Maker(turbine, "training", make_controller(name, turbine))
+    run = maker.run(TurbulentInflow(box))
+    record = Record.of_runs(maker, [run])
     running = make_controller(name, turbine)
-    record._at(0, None, 0.0).start(running, None, None)
-    k = int(record._instants[0])
-    present = record._before(record.rows[0, : k + 1].astype(float), Memory(*(part[0] for part in record.memory)), 0.0)
-    demand, recorded = running.step(present._readings(k), record.step), record.rows[0, k + 1]
+    record.at(0).start(running, None, None)
+    k = maker.times(run.step)[1]
+    present = record._before(run.rows[: k + 1].astype(float), Memory(*(part[0] for part in record.memory)), 0.0)
+    demand, recorded = running.step(present._readings(k), run.step), run.rows[k + 1]
     assert np.ptp(demand.pitch) > np.radians(0.1)
-    np.testing.assert_allclose(demand.pitch, recorded[record._pitch], atol=1e-6)
-    assert demand.generator_torque == pytest.approx(recorded[record._torque.start], rel=1e-3)
+    np.testing.assert_allclose(demand.pitch, recorded[maker.columns.pitch], atol=1e-6)
+    assert demand.generator_torque == pytest.approx(recorded[maker.columns.torque.start], rel=1e-3)
 
 
 def test_a_wind_in_which_the_turbine_cannot_run_starts_at_rest(caplog, monkeypatch):
@@ -158,3 +163,47 @@ def test_parameters_that_are_changed_later_stay():
     changed = damper.gain
     env.reset(seed=0)
     assert damper.gain == changed
+
+
+class Logging(DisconController):
+    """A controller of a user, with a memory that grows."""
+
+    def __init__(self, parameters=None):
+        super().__init__(parameters)
+        self.log, self.last, self.itself = [], None, self
+
+    def step(self, signals, dt):
+        demand = super().step(signals, dt)
+        self.log.append(demand.pitch)
+        self.last = float(signals["generator_speed"])
+        return demand
+
+
+def test_controllers_of_the_user_start_from_the_present_demand():
+    env = gym.make(TASK, wind_speed=15.0, controller=Logging()).unwrapped
+    signals = begun(env)
+    assert env.controller.log == []
+    assert abs(env.simulator.tower_top()[2:]).max() > 1e-4
+    env.step(np.zeros(env.action_space.shape))
+    np.testing.assert_allclose(env.controller.log[0], signals["pitch"], atol=np.radians(0.5))
+
+
+def test_a_wind_unlike_those_of_the_record_starts_at_rest(env):
+    """Slow wind at the start of an episode whose mean is fast."""
+    record = next(iter(running_start._records.values()))
+    calm = SteadyInflow(5.0, 90.0)
+    assert record.start(calm, 0.0, 0.5, None, np.inf) is None
+    assert record.start(SteadyInflow(15.0, 90.0, shear_exponent=0.2), 0.0, 0.5, None, 0.1) is None
+
+
+def test_a_wind_that_has_no_past_is_not_asked_for_it():
+    class Started:
+        mean_speed, hub_height, description = 15.0, 90.0, "from time zero on"
+
+        def velocity(self, points, time):
+            assert time >= 0.0
+            return np.broadcast_to([15.0 + np.sin(time), 0.0, 0.0], np.shape(points)).copy()
+
+    env = gym.make("wt_gym/NREL5MW-Turbulent-v1", inflow=Started()).unwrapped
+    env.reset(seed=0)
+    np.testing.assert_allclose(env.simulator.tower_top()[2:], 0.0, atol=1e-9)

@@ -62,7 +62,9 @@ def test_both_checkers_have_nothing_to_say(mode, pitch):
         check_env(env.unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name.startswith("IEA22MW") else name for name in TASKS]
+)  # turbulence over a rotor of 284 m takes half a minute a box to make
 def test_tasks_start_step_and_tell_their_length(name):
     env = gym.make(TASKS[name].ids[-1])
     assert env.spec.max_episode_steps * env.unwrapped.control_dt == TASKS[name].episode

@@ -68,7 +68,7 @@ def test_a_turned_world_is_the_same(simulator, straight, degrees):
 def test_a_gust_from_any_side_is_the_same(simulator):
     gust = TransientInflow.ecd(12.0, 90.0, 126.0, start_time=0.5)
     first, second = (course(simulator, gust, angle) for angle in (0.0, 2.0))
-    assert_turned(first, second, 2.0, 1e-5)
+    assert_turned(first, second, 2.0, 2e-5)  # the nacelle accelerates by 0.8 m/s², and wakes are of single precision
 
 
 @pytest.mark.slow

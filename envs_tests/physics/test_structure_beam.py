@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
 
 from wt_gym.constants import GRAVITY
 from wt_gym.errors import TurbineDefinitionError
@@ -174,6 +175,45 @@ class TestInertiaIntegrals:
         shortening = -0.5 * marker.second[2, 0, 0]
         assert shortening == pytest.approx(500.0**2 * LENGTH**5 / (15 * 2e6**2), rel=1e-6)
         assert isinstance(beam.second_order_field(shape), SecondOrderField)
+
+    @pytest.mark.parametrize("angle", [0.0, 0.5], ids=["straight", "arc"])
+    def test_second_order_displacement_of_bending_with_twist(self, angle):
+        """The second derivative of ∫ exp(θ̃) t ds, in fine steps, by the amplitudes of three rotation fields θ(s).
+
+        A straight beam under a moment and a torque, κ and τ, bends and twists as a helix does: its tip moves sideways
+        by ∫ ½ θ_x θ_z ds = κ τ L³/6, and shortens by κ² L³/6.
+        """
+        beam = uniform(3)
+        if angle:
+            turned = np.linspace(0.0, angle, 13)
+            axis = LENGTH / angle * np.column_stack([np.cos(turned) - 1.0, 0.0 * turned, np.sin(turned)])
+            stiffness = np.tile(np.diag([np.inf, np.inf, 1e9, 5e6, 2e6, 1e6]), (13, 1, 1))
+            inertia = np.tile(inertia_matrix(1.0, 0.0, 0.0, 0.1, 0.1, 0.0), (13, 1, 1))
+            beam = Beam(BeamSections(LENGTH / angle * turned, stiffness, inertia, axis), 6)
+        loads = np.zeros((beam.n_dof, 3))
+        loads[-3:] = np.diag([4e4, 3e4, 2e4])  # moments and a torque at the tip
+        basis = np.column_stack([solve_static(beam, load) for load in loads.T])
+        share = (np.arange(40) + 0.5) / 40
+        middle = np.concatenate([a + (b - a) * share for a, b in zip(beam.nodes, beam.nodes[1:], strict=False)])
+        rotation = np.array([beam.linear_field(s, basis)[1] for s in middle])
+        parts = np.repeat(np.diff(beam.node_position, axis=0) / 40, 40, axis=0)  # of straight elements
+
+        def tip(q):
+            return Rotation.from_rotvec(rotation @ q).apply(parts).sum(axis=0)
+
+        # the unit rotations are below 0.6 rad: a step of 1 % leaves 1e-5 of the fourth derivative
+        h, unit = 1e-2, np.eye(3)
+        expected = np.zeros((3, 3, 3))
+        for j in range(3):
+            for k in range(3):
+                corners = [a * b * tip(h * (a * unit[j] + b * unit[k])) for a in (1, -1) for b in (1, -1)]
+                expected[:, j, k] = sum(corners) / (4.0 * h**2)
+        found = offset_marker(beam, basis, beam.nodes[-1], np.zeros(3)).second
+        np.testing.assert_allclose(found, expected, atol=2e-4 * np.abs(expected).max())
+        if not angle:
+            kappa, tau = 4e4 / 5e6, 2e4 / 1e6
+            assert found[0, 0, 2] == pytest.approx(kappa * tau * LENGTH**3 / 6, rel=1e-6)
+            assert found[2, 0, 0] == pytest.approx(-(kappa**2) * LENGTH**3 / 3, rel=1e-6)
 
     def test_euler_buckling_of_a_body_under_its_tip_weight(self):
         """A massless column under a tip weight loses its stiffness at P = π²EI/4L²."""

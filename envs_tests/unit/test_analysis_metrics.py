@@ -104,6 +104,28 @@ def test_metrics_of_a_made_up_run(run, turbine):
     assert metrics["yaw_travel"] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize(("above", "events"), [((0,), 1), ((1,), 1), ((0, 1, 3, 5, 6), 3), ((999,), 1), ((), 0)])
+def test_an_overspeed_counts_once_from_the_first_sample_on(run, turbine, above, events):
+    fastest = np.full(1000, 1.09)
+    fastest[list(above)] = 1.11
+    run["rotor_speed_max"][:] = fastest * turbine.drivetrain.rated_rotor_speed
+    assert run_metrics(run, turbine)["overspeed_count"] == events
+
+
+SHOWN = {
+    "MW": 1e-6, "MWh": 1 / 3.6e9, "rpm": 30 / np.pi, "MN m": 1e-6, "kN m/s": 1e-3, "deg": 180 / np.pi, "%": 100.0,
+    "m": 1.0, "-": 1.0,
+}  # fmt: skip
+MORE_IS_BETTER = {"mean_power", "corrected_power", "energy", "tip_clearance_min"}
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_every_metric_is_shown_in_its_unit_and_has_its_sense(name):
+    metric = METRICS[name]
+    assert metric.factor == pytest.approx(SHOWN[metric.unit], rel=1e-12)
+    assert metric.better == (1 if name in MORE_IS_BETTER else 0 if name == "rotor_speed_mean" else -1)
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.3, 0.5 * np.pi, 4.0])
 def test_the_worst_direction_of_the_tower_turns_with_the_world(run, turbine, angle):
     along = run["tower_base_moment_y"].values

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from wt_gym.control import ActionMap, Demand
+from wt_gym.control.actions import Aim
 from wt_gym.errors import ActionError
 from wt_gym.turbines import load_turbine
 
@@ -134,6 +135,55 @@ class TestResidual:
         with pytest.raises(ValueError, match="let it run beneath"):
             ActionMap(turbine, DT, pitch="fixed-frame").encode(self.base, hold)
 
+    @pytest.mark.parametrize(
+        ("speed", "beneath", "offset", "torque"),
+        [
+            (1.267, 40e3, 5e3, 1.03 * 5e6 / 0.944 / 97.0 / 1.267),  # no more than 1.03 of rated power
+            (1.2, 40e3, 1e3, 41e3),
+            (1.267, 46.5e3, 5e3, 46.5e3),  # the controller alone may load more
+            (0.5, 40e3, 5e3, 45e3),
+            (0.0, 40e3, 5e3, 45e3),
+        ],
+    )
+    def test_residual_torque_does_not_overload(self, turbine, speed, beneath, offset, torque):
+        action_map = self.map(turbine, spans={"torque": 5e3})
+        demand = action_map.demand(Aim(np.zeros(1), 0.0, offset), Demand(np.zeros(3), 0.0, beneath), 0.0, speed)
+        assert demand.generator_torque == pytest.approx(torque, rel=1e-6)
+
+    def test_coordinates_whose_mean_is_that_of_the_blades(self, turbine):
+        forms = ("collective", "individual", "fixed-frame", "cyclic")
+        assert [self.map(turbine, pitch=form).n_mean for form in forms] == [1, 3, 1, 0]
+
+
+def test_an_episode_starts_from_the_mean_of_the_blades_at_rest(turbine):
+    previous = Demand(np.array([0.1, 0.2, 0.6]), 0.01, 20e3)
+    wanted = {"collective": [0.3], "individual": [0.1, 0.2, 0.6], "fixed-frame": [0.3, 0.0, 0.0]}
+    for pitch, angles in wanted.items():
+        aim = ActionMap(turbine, DT, pitch=pitch).start(previous)
+        np.testing.assert_allclose(aim.pitch, angles, rtol=1e-12)
+        assert (aim.yaw_rate, aim.generator_torque) == (0.0, 20e3)
+    aim = ActionMap(turbine, DT, "residual").start(previous)
+    assert (aim.pitch.tolist(), aim.yaw_rate, aim.generator_torque) == ([0.0], 0.0, 0.0)
+
+
+def test_absolute_tilt_and_yaw_lie_about_nothing(turbine):
+    """Rows of the action vector; only a yaw rate changes its sign in the mirror image."""
+    action_map = ActionMap(turbine, DT, "absolute", "fixed-frame", wind_speeds=(15.0, 15.0))
+    assert action_map.names == ("pitch_mean", "pitch_tilt", "pitch_yaw", "yaw_rate", "generator_torque")
+    assert action_map.units == ("rad", "rad", "rad", "rad/s", "N m")
+    assert action_map.parity.tolist() == [1.0, 1.0, 1.0, -1.0, 1.0]
+    four, yaw_rate = math.radians(4.0), math.radians(0.3)
+    np.testing.assert_allclose(action_map.low[1:], [-four, -four, -yaw_rate, 0.0], rtol=1e-6)
+    np.testing.assert_allclose(action_map.high[1:], [four, four, yaw_rate, 47_402.91], rtol=1e-6)
+    row = action_map.table()[3]
+    assert (row["name"], row["unit"], row["min"]) == ("yaw_rate", "rad/s", action_map.low[3])
+
+
+def test_pitch_in_the_fixed_frame_needs_three_blades(turbine):
+    for pitch in ("fixed-frame", "cyclic"):
+        with pytest.raises(ValueError, match="needs three blades or more, the turbine has 2"):
+            ActionMap(replace(turbine, n_blades=2), DT, "residual", pitch)
+
 
 def test_individual_pitch_moves_each_blade(turbine, hold):
     action_map = ActionMap(turbine, DT, pitch="individual")
@@ -193,7 +243,17 @@ def test_rounding_beyond_one_is_put_on_one(turbine):
 
 @pytest.mark.parametrize(
     "kwargs",
-    [{"mode": "speed"}, {"pitch": "cyclic"}, {"control_dt": 0.0}, {"components": ("nacelle",)}, {"components": ()}],
+    [
+        {"mode": "speed"},
+        {"pitch": "cyclic"},
+        {"control_dt": 0.0},
+        {"components": ("nacelle",)},
+        {"components": ()},
+        {"components": "pitch"},
+        {"spans": {"pitch": 0.0}},
+        {"spans": {"pitch": math.inf}},
+        {"spans": {"torque_rate": 0}},
+    ],
 )
 def test_unknown_choices_are_refused(turbine, kwargs):
     with pytest.raises(ValueError, match="got"):

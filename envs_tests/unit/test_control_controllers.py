@@ -14,6 +14,7 @@ import pytest
 from wt_gym.agents.tuning import Cost, TuningTask, _defaults
 from wt_gym.angles import wrapped
 from wt_gym.control import Demand, LowPass, Notch
+from wt_gym.control.coleman import harmonic_of_blades, to_blades, to_fixed_frame
 from wt_gym.control.controllers import (
     BASES,
     CONTROLLERS,
@@ -171,6 +172,19 @@ def test_harmonic_and_back(harmonic, azimuth):
     assert blades[1] == pytest.approx(2 * math.cos(angle) - 3 * math.sin(angle))
 
 
+@pytest.mark.parametrize("n_blades", [3, 4])
+def test_coordinates_of_the_fixed_frame_and_back(n_blades):
+    """Blade 1 up has the mean and the tilt, a blade at a right angle the mean and the yaw; harmonics are the first."""
+    assert to_blades((5.0, 2.0, -3.0), 0.0, n_blades)[0] == pytest.approx(7.0)
+    assert to_blades((5.0, 2.0, -3.0), 0.5 * math.pi, n_blades)[0] == pytest.approx(2.0)
+    blades = to_blades((5.0, 2.0, -3.0), 0.7, n_blades)
+    assert to_fixed_frame([blades, blades], 0.7) == pytest.approx(np.array([[5.0, 2.0, -3.0]] * 2))
+    assert to_fixed_frame(blades, 0.7) == pytest.approx([5.0, 2.0, -3.0])
+    assert to_harmonic(blades, 0.7) == pytest.approx((2.0, -3.0))
+    assert harmonic_of_blades(2.0, -3.0, 0.7, n_blades) == pytest.approx([blade - 5.0 for blade in blades])
+    assert from_harmonic(2.0, -3.0, 0.7) == pytest.approx(harmonic_of_blades(2.0, -3.0, 0.7, 3))
+
+
 def test_fade(turbine):
     fade = AboveRated.of_turbine(turbine, FadeParameters(pitch=(0.01, 0.05), speed=(0.8, 0.9), time_constant=5.0))
     fade.start(0.0)
@@ -302,6 +316,32 @@ def test_individual_pitch_leads_by_the_delay_of_the_drive(turbine, frequency, da
         IndividualPitch.of_turbine(turbine, lead=math.nan)
 
 
+def test_parameters_of_individual_pitch_by_rule(turbine):
+    """In rated rotor speeds and in 12.35 MN m, the reference flap moment; the second harmonic has half the room."""
+    first, second = (
+        harmonic.parameters
+        for harmonic in IndividualPitch.of_turbine(
+            turbine, bandwidth=0.3, proportional_time=2.0, level=0.2, leak_time=8.0, limit=0.06, second_harmonic=0.4
+        ).harmonics
+    )
+    gain = 0.3 * RATED / flap_moment_sensitivity(turbine)
+    for harmonic, share, room in ((first, 1.0, 1.0), (second, 0.4, 0.5)):
+        assert harmonic.integral_gain == pytest.approx(share * gain, rel=1e-6)
+        assert harmonic.proportional_gain == pytest.approx(2.0 * share * gain, rel=1e-6)
+        assert harmonic.level == pytest.approx(room * 0.2 * 12.35e6, rel=1e-3)
+        assert harmonic.limit == pytest.approx(room * 0.06)
+        assert (harmonic.leak, harmonic.rate_limit) == (0.125, math.radians(1.5))
+    assert (first.harmonic, second.harmonic) == (1, 2)
+    assert len(IndividualPitch.of_turbine(turbine).harmonics) == 1
+
+
+@pytest.mark.parametrize("step", [0.0, -1.0, math.inf, math.nan])
+def test_the_step_of_the_simulator_must_be_positive(turbine, step):
+    with pytest.raises(ValueError, match="simulator_step must be finite and positive"):
+        IndividualPitch.of_turbine(turbine, simulator_step=step)
+    assert IndividualPitch.of_turbine(turbine, simulator_step=0.5).simulator_step == 0.5
+
+
 def test_individual_pitch_needs_three_blades(turbine):
     with pytest.raises(ValueError, match="at least 3 blades"):
         IndividualPitch([HarmonicPitchParameters()], None, turbine.pitch, n_blades=2)
@@ -335,6 +375,30 @@ def test_fore_aft_damper_feathers_when_the_nacelle_moves_downwind(turbine):
     for _ in range(100):
         made = damper.step(readings(nacelle_acceleration_fore_aft=9.0), 0.1, demand())
         assert made.pitch.max() <= 0.2 + damper.limit + 1e-12
+
+
+def test_fore_aft_damper_adds_the_damping_it_is_asked_for(turbine):
+    """The 5-MW turbine's nacelle swings out as a mass on a spring that the damper holds.
+
+    Frequency 0.324 Hz, rotor and nacelle 350 t, of the tower's 347 t the 33/140 of a uniform cantilever
+    (NREL/TP-500-38060, Tables 1-1 and 9-1); rated at 11.4 m/s, where the power falls by 25.52 MW/rad (section 7.3),
+    hence the thrust by 25.52/11.4 MN/rad. The band-limited integrator passes
+    s^2/(s + w)^2 of the velocity, at the frequency of the tower with w a fifth of it 1/(1 - 0.2i)^2, whose real part
+    is (1 - 0.04)/1.04^2 = 0.888. Modal masses of the rule and of these figures agree to 10 %.
+    """
+    omega, mass, slope = 2.0 * math.pi * 0.324, 350e3 + 33.0 / 140.0 * 347e3, 25.52e6 / 11.4
+    damper, dt = ForeAftDamper.of_turbine(turbine, damping=0.05, limit=1.0, fade=False), 0.01
+    damper.start(readings())
+    place, velocity, added, peaks = 0.2, 0.0, 0.0, []
+    for _ in range(4000):
+        acceleration = -(omega**2) * place - slope * added / mass
+        before, velocity = velocity, velocity + dt * acceleration
+        place += dt * velocity
+        added = damper.step(readings(nacelle_acceleration_fore_aft=acceleration), dt, demand()).pitch[0] - 0.2
+        if before > 0.0 >= velocity:
+            peaks.append(place)
+    ratio = math.log(peaks[2] / peaks[8]) / (6 * 2.0 * math.pi)
+    assert ratio == pytest.approx(0.05 * 0.888, rel=0.1)
 
 
 def test_side_side_damper_adds_torque_against_the_motion(turbine):

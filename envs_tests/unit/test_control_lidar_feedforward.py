@@ -252,7 +252,8 @@ def test_beneath_an_agent_it_reads_what_the_observation_shows(monkeypatch):
     heard = []
     step = LidarFeedforward.step
     monkeypatch.setattr(LidarFeedforward, "step", lambda s, r, dt: (heard.append(r["lidar_2"]), step(s, r, dt))[1])
-    env = gym.make("wt_gym/LoadReduction-v1", controller="lidar+constrained_ipc", observation=("lidar",))
+    steady = {"start": "steady"}  # a running start has it hear what was before
+    env = gym.make("wt_gym/LoadReduction-v1", controller="lidar+constrained_ipc", observation=("lidar",), **steady)
     observation, _ = env.reset(seed=3)
     shown = [float(env.unwrapped.layout.observation.value(observation, "lidar_2"))]
     for _ in range(3):

@@ -1,12 +1,9 @@
-"""The pages of the tasks: tables are those of the record, the record is of today's tasks, commands are accepted."""
+"""The pages of the tasks: tables are those of the record, the record is of today's tasks."""
 
 import importlib.util
 import re
-import shlex
-from importlib import import_module
 from pathlib import Path
 
-import gymnasium as gym
 import pytest
 
 from wt_gym.agents.task_scores import RANDOM, STUDIES, score_table
@@ -17,12 +14,6 @@ from wt_gym.tasks import TASKS
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "tasks").glob("*.md"))}
 TASK_PAGES = {stem: text for stem, text in PAGES.items() if stem != "index"}
-COMMANDS = [
-    line
-    for text in PAGES.values()
-    for block in re.findall(r"^```\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    for line in block.splitlines()
-]
 
 
 def load_script():
@@ -91,13 +82,6 @@ def test_ranges_of_speeds_are_those_of_the_tasks():
             assert low <= min(speeds) < max(speeds) <= high
             assert len(speeds) >= 4
             assert RANDOM in study.contenders
-
-
-@pytest.mark.parametrize("line", COMMANDS)
-def test_commands_are_accepted(line):
-    program, *words = shlex.split(line)
-    options = import_module(f"wt_gym.commands.{Path(program).stem}").parse_arguments(words)
-    assert options.env in gym.registry
 
 
 def test_runs_that_ended_early_are_counted_and_not_compared():

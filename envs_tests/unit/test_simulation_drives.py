@@ -1,12 +1,14 @@
 """The laws of pitch, yaw and generator drives: limits, starts, refusals."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from wt_gym.errors import ActionError
-from wt_gym.simulation.drives import Drives, LinearDamper, available_torque
+from wt_gym.simulation.drives import Drives, LinearDamper, TorqueCommand, available_torque, pitch_delay
 from wt_gym.turbines import load_turbine
 
 RATED = 12.1 * np.pi / 30
@@ -46,6 +48,22 @@ def test_a_standing_rotor_bears_no_torque_at_the_start(turbine):
     assert drives.torque(RATED) == 0.0
 
 
+@pytest.mark.parametrize("make", [TorqueCommand, lambda drivetrain: LinearDamper(5e6, drivetrain)])
+def test_the_generator_gets_the_power_that_the_gearbox_leaves(turbine, make):
+    """0.9 of the rotor's power arrives at the generator: torque N Omega = 0.9 moment Omega, also at the balance."""
+    drivetrain = replace(turbine.drivetrain, gearbox_efficiency=0.9)
+    law = make(drivetrain)
+    if law.damping:
+        moment = law.damping * RATED
+        assert law.moment(np.zeros(1)) == 0.0  # the damper stands in the structure
+    else:
+        command = np.array([20e3])
+        moment = law.moment(command)
+        assert law.balance(moment, RATED) == pytest.approx(20e3)
+    arrives = law.torque(np.array([20e3]), RATED) * drivetrain.gear_ratio * RATED
+    assert arrives == pytest.approx(0.9 * moment * RATED)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -80,6 +98,52 @@ def test_commands_follow_demands_at_the_greatest_rates(turbine, inputs):
         drives.follow((3.0, 0.1, -1.0), 0.0, -1.0, DT, RATED)
     np.testing.assert_allclose(drives.command[2:], [turbine.pitch.max_pitch, 0.1, turbine.pitch.min_pitch])
     assert drives.command[0] == 0.0
+
+
+@pytest.mark.parametrize("rate", [-1.0, -0.001, 0.002, 1.0])
+def test_the_yaw_drive_turns_both_ways(turbine, rate):
+    drives = Drives(turbine)
+    drives.start(0.1, 0.3, RATED)
+    assert drives.command.tolist() == [0.0, 0.3, 0.1, 0.1, 0.1]
+    for _ in range(2):
+        drives.follow(np.full(3, 0.1), rate, 0.0, DT, RATED)
+    turned = 2.0 * DT * min(abs(rate), np.radians(0.3)) * np.sign(rate)
+    np.testing.assert_allclose(drives.command, [0.0, 0.3 + turned, 0.1, 0.1, 0.1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("frequency", [None, 10.0])
+def test_an_ideal_pitch_stands_half_a_step_behind_its_command(turbine, inputs, frequency):
+    """With the rate of the command; a servo gets the command alone. At the start nothing moves."""
+    drives = Drives(replace(turbine, pitch=replace(turbine.pitch, servo_frequency=frequency)))
+    drives.start(0.1, 0.0, RATED)
+    drives.act(inputs, 1, 0)
+    np.testing.assert_array_equal(inputs.servo_command, [[0.0, 0.1, 0.1, 0.1]] * 2)
+    assert not inputs.servo_rate.any()
+    drives.follow((0.102, 0.1, 0.096), 0.0, 0.0, DT, RATED)
+    drives.act(inputs, 1)
+    moved, ideal = np.array([0.002, 0.0, -0.004]), frequency is None
+    np.testing.assert_array_equal(inputs.servo_command[0], [0.0, 0.1, 0.1, 0.1])
+    np.testing.assert_allclose(inputs.servo_command[1, 1:], 0.1 + (0.5 if ideal else 1.0) * moved, rtol=1e-12)
+    np.testing.assert_allclose(inputs.servo_rate[1, 1:], moved / DT if ideal else 0.0, atol=1e-12)
+
+
+def test_delay_of_the_pitch(turbine):
+    """Interval and half a step of an ideal drive, or 2 zeta/omega: the lag of a servo behind a slow ramp."""
+    servo = replace(turbine.pitch, servo_frequency=10.0, servo_damping=0.7)
+    ideal = replace(turbine.pitch, servo_frequency=None)
+    assert pitch_delay(ideal, 0.2, 0.05) == pytest.approx(0.225)
+    assert pitch_delay(ideal, 0.2) == pytest.approx(0.3)
+    assert pitch_delay(servo, 0.2, 0.05) == pytest.approx(0.34)
+    time = np.linspace(0.0, 5.0, 2001)
+    out = lsim(([100.0], [1.0, 14.0, 100.0]), time, time)[1]
+    assert pitch_delay(servo, 0.0) == pytest.approx(time[-1] - out[-1], rel=1e-6)
+
+
+def test_one_angle_is_that_of_every_blade(turbine):
+    pitch = Drives(turbine).pitch
+    for given, wanted in ((0.1, [0.1] * 3), ((0.1, 0.2, 0.3), [0.1, 0.2, 0.3])):
+        assert pitch.vector(given).tolist() == wanted
+    assert LinearDamper(0.0, turbine.drivetrain).torque(np.zeros(1), 1.0) == 0.0
 
 
 def test_a_linear_damper_takes_no_demand(turbine, inputs):

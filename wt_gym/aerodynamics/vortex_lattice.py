@@ -27,6 +27,8 @@ BALANCED, ROUGHLY_BALANCED = 2e-5, 2e-3
 to another wake."""
 UNBALANCED = 0.05
 """Largest change of the circulation in the last of them, over the circulation."""
+SMALLEST_THRUST = 0.2
+"""Thrust over an earlier one from which on the circulation of the wake is taken in proportion."""
 
 
 class VortexLattice:
@@ -243,6 +245,7 @@ class VortexLattice:
             Mean thrust of the rotor over the time in which the wake was shed [N], where loads change: the wake then has
             circulation in the proportion of that thrust to the present one, the mean of the blades. Rows younger than a
             quarter of a turn keep the present circulation of their own blade, in a share that falls with their age.
+            Where the present thrust is less than a fifth of the earlier one, the wake stays its own.
 
         Returns
         -------
@@ -292,7 +295,7 @@ class VortexLattice:
             pressure = thrust / (2.0 * self.air_density * np.pi * radius**2) * np.copysign(1.0, stream @ axis)
             target = np.sqrt(0.25 * speed**2 - min(pressure, 0.24 * speed**2)) - 0.5 * speed
             induced, slowest = 0.5 * (induced + target), max(0.5 * np.sqrt(abs(pressure)), closest)
-        if thrust_before is not None and thrust_before * thrust > 0.0:
+        if thrust_before and thrust / thrust_before > SMALLEST_THRUST:
             own = state.arrays.wake_gamma[: len(numbers)]
             recent = np.exp(-ages * abs(rotor_speed) / (0.5 * np.pi))[:, None, None]
             own[:] = recent * own + (1.0 - recent) * (thrust_before / thrust) * own.mean(axis=1, keepdims=True)

@@ -29,18 +29,20 @@ PITCH_RATE_MARGIN = 0.1
 
 
 def unloaded_clearance(turbine: Turbine) -> float:
-    """Distance of the tip of an undeflected blade from the tower surface, where the blade points down [m].
+    """Distance of the tip of an undeflected blade from the tower surface, where the blade points down at no pitch [m].
 
     Parameters
     ----------
     turbine : Turbine
     """
     nacelle, tower, blade = turbine.nacelle, turbine.tower, turbine.blade
-    lean, reach = nacelle.tilt + turbine.hub.cone, blade.root_radius + blade.length
-    upwind = nacelle.overhang * math.cos(nacelle.tilt) + reach * math.sin(lean) - blade.axis[-1, 0] * math.cos(lean)
-    below = reach * math.cos(lean) - nacelle.overhang * math.sin(nacelle.tilt) - nacelle.tower_top_to_shaft
+    out_of_plane, sideways, along = blade.axis[-1].tolist()
+    lean, reach = nacelle.tilt + turbine.hub.cone, blade.root_radius + along
+    upwind = nacelle.overhang * math.cos(nacelle.tilt) + reach * math.sin(lean) - out_of_plane * math.cos(lean)
+    hub = nacelle.overhang * math.sin(nacelle.tilt) + nacelle.tower_top_to_shaft  # above the top of the tower
+    below = reach * math.cos(lean) + out_of_plane * math.sin(lean) - hub
     station = min(max(tower.length - below, 0.0), tower.length)
-    return float(upwind - 0.5 * tower.diameter_at(station))
+    return float(math.hypot(upwind, sideways) - 0.5 * tower.diameter_at(station))
 
 
 class Costs:

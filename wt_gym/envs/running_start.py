@@ -19,18 +19,18 @@ from __future__ import annotations
 import contextlib
 import copy
 import hashlib
-import inspect
+import itertools
 import logging
 import math
 import os
 import pickle
-import secrets
+import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import filelock
 import numpy as np
@@ -38,7 +38,7 @@ import numpy as np
 from wt_gym.compiled import digest_of
 from wt_gym.control import Demand
 from wt_gym.control.coleman import to_blades, to_fixed_frame
-from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of, readings_of
+from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of, make_controller, parts_of, readings_of
 from wt_gym.control.controllers.memory import Memory, changing_parts, memory_of, remember
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.rewards import AVERAGED
@@ -50,7 +50,7 @@ from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.state import fingerprint
 from wt_gym.user_cache import user_cache
 from wt_gym.wind import MirroredInflow
-from wt_gym.wind.protocol import fill_velocity, read_only
+from wt_gym.wind.protocol import PointInflow, fill_velocity, read_only
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 __all__ = ["Lengths", "RunningStart", "Start", "steady_start"]
 
 _log = logging.getLogger(__name__)
-_FORMAT = 7  # raise when what a record holds changes
+_FORMAT = 8  # raise when what a record holds changes
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,8 @@ WINDOWS = (0.0, 1.0, 3.0, 6.0, 12.0)
 """Times before the start between which the wind is averaged [s]; the first window is the instant itself."""
 FOLLOWS = ("rotor_speed", "pitch", "generator_torque", "aero_thrust", "tower_top_fore_aft")
 """What of the motion decides which instants are alike, with the tilt and yaw moments of the rotor."""
+_LATEST = 3
+"""Where the mean wind of the first window before an instant stands among what counts of the wind."""
 _REMEMBERED = 3
 """Windows over which the wind across the rotor counts: the bending of blades follows it within seconds."""
 NEAREST = 8
@@ -106,10 +108,13 @@ _SLOW_TURN = 2.0 * math.pi / 1.267
 """Seconds a turn of a large turbine: times are shorter by as much as a small one turns faster."""
 _MEAN_TIME = 10.0
 """Time constant of the running means of loads [s], that of the rewards' filters."""
-_ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "wind")
+_ROOMS = ("aerodynamics", "control", "multibody", "simulation", "structure", "turbines", "wind")
 _NEEDED = ("rotor_speed", "azimuth", "generator_torque", "aero_thrust", "tower_top_fore_aft", "pitch", *AVERAGED)
-_READINGS = 10
+_READINGS = 3
 """Readings after which a controller has the form in which its numbers are put."""
+_BUILT_IN = "wt_gym.control.controllers"
+_FARTHEST = 0.3
+"""Difference of the winds just before two instants, over the wind, beyond which they are not alike."""
 _STEADY = 1e-3
 """Range of the wind before the start, over its mean, up to which it is steady."""
 _HIGHEST = 0.97
@@ -179,8 +184,8 @@ class Start:
         record.
     thrust_before : float, optional
         Mean thrust of the air in the time before, to which the wake belongs [N].
-    means : dict
-        Running means of channels, by name.
+    deviations : dict
+        Of the running means of channels from their present values, by name.
     before : Before, optional
         What the base controller has read until then.
     """
@@ -192,7 +197,7 @@ class Start:
     tower_top: np.ndarray | None = None
     motion: np.ndarray | None = None
     thrust_before: float | None = None
-    means: dict[str, float | np.ndarray] = field(default_factory=dict)
+    deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
     before: Before | None = None
 
     def start(self, controller: Controller, readings, demand: Demand) -> None:
@@ -212,12 +217,15 @@ class Start:
             self.before.feed(controller)
 
     def averaged(self, signals: Signals) -> Signals:
-        """Signals with the running means in place of the present values of the loads."""
-        if not self.means:
+        """Signals with the running means in place of the present values of the loads.
+
+        What a load is above its mean is that of the record; in another wind both may be higher.
+        """
+        if not self.deviations:
             return signals
         averaged = Signals(signals.values.copy(), signals.n_blades)
-        for name, mean in self.means.items():
-            averaged.set(name, mean)
+        for name, deviation in self.deviations.items():
+            averaged.set(name, signals[name] + deviation)
         return averaged
 
 
@@ -238,7 +246,8 @@ class RunningStart:
     fidelity : str or Fidelity
         Of the episodes. Records are made with "training", or "training-torsion" for blades that twist.
     controller : Controller
-        The base controller; it is copied.
+        The base controller; it is copied. One that is not built in is started from the present demand, in records
+        under the baseline: what it remembers need not be made of numbers.
     winds : WindSampler
     overspeed_limit : float
         Rotor speed over rated at which an episode ends.
@@ -254,8 +263,11 @@ class RunningStart:
     ):
         self._turbine, self._winds = turbine, winds
         twists = isinstance(fidelity, str) and fidelity.endswith("-torsion")
-        self._maker = Maker(turbine, "training-torsion" if twists else "training", copy.deepcopy(controller))
-        self._same_model = fidelity_of(fidelity) == fidelity_of(self._maker.fidelity)
+        self._is_own = any(not type(part).__module__.startswith(_BUILT_IN) for part in parts_of(controller))
+        recorded_controller = make_controller("discon", turbine) if self._is_own else copy.deepcopy(controller)
+        self._maker = Maker(turbine, "training-torsion" if twists else "training", recorded_controller)
+        recorded = fidelity_of(self._maker.fidelity)
+        self._same_model = fidelity_of(fidelity) == recorded and recorded.takes_motion
         self._identity = _identity(self._maker.controller)
         self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
 
@@ -275,32 +287,77 @@ class RunningStart:
         Returns
         -------
         Start or None
-            None where the wind has not changed before the start, blows below cut-in or above cut-out, or the turbine
-            cannot run in it.
+            None where the wind has not changed before the start, blows below cut-in or above cut-out, is like none in
+            which the turbine was recorded, or the turbine cannot run in it.
         """
         which, among = rng.random(2).tolist()
+        speed = self._speed(wind, yaw)
         low, high = self._turbine.cut_in, self._turbine.cut_out
-        if not (low <= wind.wind_speed <= high and self._is_turbulent(wind.inflow, yaw)):
+        if speed is None or not low <= speed <= high:
             return None
         # Of the speeds with records on both sides one is drawn, the nearer one as much more often as it is nearer: the
         # distribution is then interpolated linearly.
-        speed = min(max(BIN * math.floor(wind.wind_speed / BIN + which), low), high)
+        speed = min(max(BIN * math.floor(speed / BIN + which), low), high)
         record = _kept(self._maker, self._identity, self._winds, speed)
-        if record is None:
+        start = None if record is None else record.start(wind.inflow, yaw, among, azimuth, self._fastest)
+        if start is None:
             return None
-        start = record.start(wind.inflow, yaw, among, azimuth, self._fastest)
+        if self._is_own:
+            start = replace(start, before=None)
         return start if self._same_model else replace(start, motion=None)
 
-    def _is_turbulent(self, inflow: Inflow, yaw: float) -> bool:
-        """Whether the wind has changed before the start of the episode."""
-        times = -self._maker.pace * np.array(WINDOWS)
-        wind = np.array([_rotor_wind(inflow, self._turbine, yaw, time) for time in times.tolist()])
-        return bool(np.ptp(wind[:, 0]) > _STEADY * abs(wind[:, 0].mean()))
+    def _speed(self, wind: EpisodeWind, yaw: float) -> float | None:
+        """Mean speed of the turbulence before the start [m/s]; None where the wind does not change, or has no past.
+
+        Of turbulence made here it is that of the episode. Other winds are asked: those that are known to have a wind
+        at any time.
+        """
+        if not isinstance(wind.inflow, PointInflow):
+            return None
+        times = -self._maker.pace * np.linspace(0.0, WINDOWS[-1], 25)
+        speeds = np.array([_rotor_wind(wind.inflow, self._turbine, yaw, time)[0] for time in times.tolist()])
+        if np.ptp(speeds) <= _STEADY * abs(speeds.mean()):
+            return None
+        return wind.wind_speed if wind.wind_seed >= 0 else float(speeds.mean())
 
 
 def _pace(turbine: Turbine) -> float:
     """Times of a turbine over those of a large one."""
     return min(1.0, 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / _SLOW_TURN)
+
+
+class Columns(NamedTuple):
+    """Places of the parts of a row of `Run`."""
+
+    signals: slice
+    tower_top: slice
+    wind: slice
+    means: slice
+    pitch: slice
+    torque: slice
+    lidar: slice
+    turning: slice
+    motion: slice
+
+
+class Run(NamedTuple):
+    """A turbine in one wind.
+
+    Attributes
+    ----------
+    step : float
+        Between the rows [s].
+    rows : numpy.ndarray, shape (n_times, n_columns), float32
+        Signals at ``Maker.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
+        demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
+        the structure.
+    memories : list of Memory
+        What the controller remembers at the instants.
+    """
+
+    step: float
+    rows: np.ndarray
+    memories: list[Memory]
 
 
 class Maker:
@@ -325,36 +382,33 @@ class Maker:
         self.places = np.unique(np.concatenate(places)).astype(int)
         self.pace = _pace(turbine)
         n_means = sum(_width(name, turbine.n_blades) for name in AVERAGED)
-        self.counts = (len(self.places), 4, 3, n_means, turbine.n_blades, 1, self.n_gates, 2)
+        counts = len(self.places), 4, 3, n_means, turbine.n_blades, 1, self.n_gates, 2
+        ends = np.cumsum(counts).tolist()
+        parts = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
+        self.columns = Columns._make([*parts, slice(ends[-1], None)])
+
+    def places_of(self, name: str) -> np.ndarray:
+        """Columns of a signal, of the blades together."""
+        return _places_of(name, self.places, self.turbine.n_blades)
 
     def record(self, inflows: list[Inflow]) -> Record | None:
         """Run the turbine in winds; None where it cannot run in any of them."""
         with ThreadPoolExecutor(max(os.cpu_count() or 1, 1)) as pool:  # compiled steps run side by side
-            runs = list(pool.map(self._run, inflows))
+            runs = list(pool.map(self.run, inflows))
         done = [run for run in runs if run is not None]
-        if not done:
-            return None
-        memories = [memory for _, _, each in done for memory in each]
-        values = np.full((len(memories), max(len(memory.values) for memory in memories)), np.nan)
-        for row, memory in zip(values, memories, strict=True):
-            row[: len(memory.values)] = memory.values
-        sizes, changing = np.array([memory.sizes for memory in memories]), changing_parts(memories)
-        return Record(self, done[0][0], np.stack([rows for _, rows, _ in done]), Memory(values, sizes), changing)
+        return Record.of_runs(self, done) if done else None
 
     def times(self, step: float) -> tuple[list[int], int, int]:
         """Rows: ends of the windows, before the first instant, and between instants."""
         windows = [max(round(self.pace * time / step), k) for k, time in enumerate(WINDOWS)]
         return windows, max(windows[-1], _READINGS), max(round(self.pace * SPACING / step), 1)
 
-    def _run(self, inflow: Inflow) -> tuple[float, np.ndarray, list[Memory]] | None:
-        """Run the turbine in a wind.
+    def steps(self, step: float) -> np.ndarray:
+        """How many steps before an instant the wind is asked for."""
+        return np.arange(0, self.times(step)[0][-1], max(round(0.5 * self.pace / step), 1))
 
-        Returns
-        -------
-        (float, numpy.ndarray, shape (n_times, n_columns), float32, list of Memory) or None
-            Step [s], the columns of `Record` and what the controller remembers at the instants; None where the
-            simulation fails.
-        """
+    def run(self, inflow: Inflow) -> Run | None:
+        """Run the turbine in a wind; None where the simulation fails."""
         turbine, controller = self.turbine, copy.deepcopy(self.controller)
         simulator = Simulator(turbine, inflow, self.fidelity)
         point = starting_point(turbine, inflow)
@@ -383,12 +437,13 @@ class Maker:
                     kept += [[demand.generator_torque], seen, turning, simulator.motion()]
                     rows.append(np.concatenate(kept).astype(np.float32))
                 demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
-                signals = simulator.advance(dt, demand.pitch, 0.0, demand.generator_torque)
+                torque = demand.generator_torque if turbine.drivetrain.takes_torque else 0.0
+                signals = simulator.advance(dt, demand.pitch, 0.0, torque)
                 readings = readings_of(controller, signals, inflow, turbine.hub_height)
         except SimulationError as error:
             _log.warning("%s does not run in %s (%s): no start is taken of it", turbine.name, inflow, error)
             return None
-        return dt, np.array(rows), memories
+        return Run(dt, np.array(rows), memories)
 
 
 class Record:
@@ -399,37 +454,65 @@ class Record:
     maker : Maker
         Of what it is a record.
     step : float
-        Between the rows [s].
-    rows : numpy.ndarray, shape (n_runs, n_times, n_columns), float32
-        Signals at ``maker.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
-        demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
-        the structure.
+        Of the simulation [s].
+    now : numpy.ndarray, shape (n_instants, n_columns), float32
+        Rows of `Run` at the instants of all runs.
+    history : numpy.ndarray, shape (n_instants, n_known), float32
+        What is known of the wind before them, see `_averaged`.
+    thrust : numpy.ndarray, shape (n_instants,), float32
+        Mean over the windows before them [N].
+    before : numpy.ndarray, shape (n_instants, n_readings, n_columns), float32
+        The rows just before them, without the motion of the structure.
     memory : Memory
-        What the controller remembers at the instants of all runs: values (n_instants, n), not numbers at the end where
-        there are fewer, and sizes (n_instants, n_parts).
+        What the controller remembers at the instants: values (n_instants, n), not numbers at the end where there are
+        fewer, and sizes (n_instants, n_parts).
     changing : numpy.ndarray, shape (n_parts,), bool
         Which parts of it are no parameters.
     """
 
-    def __init__(self, maker: Maker, step: float, rows: np.ndarray, memory: Memory, changing: np.ndarray):
-        self.step, self.rows, self.memory, self.changing, self._n_gates = step, rows, memory, changing, maker.n_gates
-        self._turbine, self._pace = maker.turbine, maker.pace
-        self._places = maker.places
-        ends = np.cumsum(maker.counts).tolist()
-        parts = [slice(end - count, end) for end, count in zip(ends, maker.counts, strict=True)]
-        self._signals, self._tower_top, self._wind, self._means, self._pitch, self._torque, self._lidar, turning = parts
-        self._turning, self._motion = turning.start, slice(turning.stop, None)
-        self._windows, first, spacing = maker.times(step)
-        self._instants = np.arange(first, rows.shape[1], spacing)
-        self._steps = np.arange(0, self._windows[-1], max(round(0.5 * self._pace / step), 1))
+    def __init__(
+        self,
+        maker: Maker,
+        step: float,
+        now: np.ndarray,
+        history: np.ndarray,
+        thrust: np.ndarray,
+        before: np.ndarray,
+        memory: Memory,
+        changing: np.ndarray,
+    ):
+        self.step, self.now, self.history, self.thrust, self.before = step, now, history, thrust, before
+        self.memory, self.changing = memory, changing
+        self._columns, self._windows, self._steps = maker.columns, maker.times(step)[0], maker.steps(step)
+        self._turbine, self._places = maker.turbine, maker.places
         self._fit()
+
+    @classmethod
+    def of_runs(cls, maker: Maker, runs: list[Run]) -> Record:
+        """Gather what is wanted of runs of one turbine."""
+        step, rows = runs[0].step, np.stack([run.rows for run in runs])
+        windows, first, spacing = maker.times(step)
+        instants = np.arange(first, rows.shape[1], spacing)
+        columns = maker.columns
+        wind = rows[:, instants[:, None] - maker.steps(step), columns.wind].astype(float)
+        thrust = rows[..., maker.places_of("aero_thrust")[0]].astype(float)
+        memories = [memory for run in runs for memory in run.memories]
+        values = np.full((len(memories), max(len(memory.values) for memory in memories)), np.nan)
+        for row, memory in zip(values, memories, strict=True):
+            row[: len(memory.values)] = memory.values
+        sizes = np.array([memory.sizes for memory in memories])
+        gathered = (
+            rows[:, instants],
+            _averaged(wind, maker.steps(step), windows),
+            thrust[:, instants[:, None] - np.arange(windows[-1])].mean(axis=-1),
+            rows[:, instants[:, None] - np.arange(_READINGS, 0, -1), : columns.motion.start],
+        )
+        now, history, thrust, before = (part.reshape(-1, *part.shape[2:]).astype(np.float32) for part in gathered)
+        return cls(maker, step, now, history, thrust, before, Memory(values, sizes), changing_parts(memories))
 
     def _fit(self) -> None:
         """Which motion the wind before explains."""
-        wind = self.rows[:, :, self._wind].astype(float)
-        history = self._averaged(wind[:, self._instants[:, None] - self._steps])
-        history = history.reshape(-1, history.shape[-1])
-        motion = self._followed().reshape(len(history), -1)
+        history, motion = self.history.astype(float), self._followed()
         self._spread = np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30)
         self._mean_history = history.mean(axis=0)
         centred = history - self._mean_history
@@ -440,22 +523,19 @@ class Record:
         self._explained = centred @ self._follows
 
     def _followed(self) -> np.ndarray:
-        """Values of `FOLLOWS` at the instants (n_runs, n_instants, n)."""
-        known = self._places_of
-        rows = self.rows[:, self._instants].astype(float)
-        columns = [rows[..., known(name)].mean(axis=-1) for name in FOLLOWS]
-        flap, azimuth = rows[..., known("root_flap_moment")], rows[..., known("azimuth")[0]]
-        for wave in (np.cos, np.sin):  # moments of tilt and yaw
-            blades = 2.0 * math.pi * np.arange(flap.shape[-1]) / flap.shape[-1]
-            columns.append((flap * wave(azimuth[..., None] + blades)).sum(axis=-1))
+        """Values of `FOLLOWS` at the instants, and the moments of tilt and yaw (n_instants, n)."""
+        now, known = self.now.astype(float), self._places_of
+        columns = [now[:, known(name)].mean(axis=-1) for name in FOLLOWS]
+        flap, azimuth = now[:, known("root_flap_moment")], now[:, known("azimuth")]
+        blades = azimuth + 2.0 * math.pi * np.arange(flap.shape[-1]) / flap.shape[-1]
+        columns += [(flap * wave(blades)).sum(axis=-1) for wave in (np.cos, np.sin)]
         return np.stack(columns, axis=-1)
 
     def _places_of(self, name: str) -> np.ndarray:
-        """Columns of a signal, of the blades together."""
-        return np.searchsorted(self._places, np.atleast_1d(_table(self._turbine.n_blades)[name]))
+        return _places_of(name, self._places, self._turbine.n_blades)
 
-    def start(self, inflow: Inflow, yaw: float, number: float, azimuth: float | None, fastest: float) -> Start:
-        """Start that fits the wind before the beginning of an episode.
+    def start(self, inflow: Inflow, yaw: float, number: float, azimuth: float | None, fastest: float) -> Start | None:
+        """Start that fits the wind before the beginning of an episode; None where it was like none of the record.
 
         Parameters
         ----------
@@ -469,74 +549,90 @@ class Record:
         fastest : float
             Rotor speed beyond which nothing begins [rad/s].
         """
-        explained = (self._history(inflow, yaw) - self._mean_history) @ self._follows
+        history = self._history(inflow, yaw)
+        explained = (history - self._mean_history) @ self._follows
         distance = ((self._explained - explained) ** 2).sum(axis=1)
-        speed = self.rows[:, self._instants][..., self._places_of("rotor_speed")].ravel()
+        speed = self.now[:, self._places_of("rotor_speed")[0]]
         distance[speed > fastest] = np.inf
         alike = np.argsort(distance, kind="stable")[:NEAREST]
+        alike = alike[np.isfinite(distance[alike])]
+        near = np.abs(self.history[alike, _LATEST] - history[_LATEST]) <= _FARTHEST * abs(history[_LATEST])
+        alike = alike[near]
+        if not len(alike):
+            return None
         chosen = alike[int(number * len(alike))]
-        return self._at(int(chosen), azimuth, yaw)
+        return self.at(int(chosen), azimuth, yaw)
 
     def _history(self, inflow: Inflow, yaw: float) -> np.ndarray:
-        """Means of the rotor-effective wind over the windows before time zero [m/s]."""
-        return self._averaged(
-            np.array([_rotor_wind(inflow, self._turbine, yaw, -k * self.step) for k in self._steps.tolist()])
-        )
+        """What is known of the wind before time zero (n_known,)."""
+        wind = [_rotor_wind(inflow, self._turbine, yaw, -k * self.step) for k in self._steps.tolist()]
+        return _averaged(np.array(wind), self._steps, self._windows)
 
-    def _averaged(self, wind: np.ndarray) -> np.ndarray:
-        """What is known of the wind over the rotor at ``self._steps`` before an instant (..., n, 3).
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., n_known)
-            Its mean over the windows, and its changes across the rotor over the windows that blades remember.
-        """
-        steps, pairs = self._steps, zip(self._windows[:-1], self._windows[1:], strict=True)
-        means = [
-            wind[..., 0, :],
-            *(wind[..., (steps >= late) & (steps < early), :].mean(axis=-2) for late, early in pairs),
-        ]
-        return np.concatenate([mean[..., : 3 if k < _REMEMBERED else 1] for k, mean in enumerate(means)], axis=-1)
-
-    def _at(self, chosen: int, azimuth: float | None, yaw: float) -> Start:
-        """Start at one of the instants of all runs."""
-        run, place = divmod(chosen, len(self._instants))
-        k, n = int(self._instants[place]), self._turbine.n_blades
-        rows = self.rows[run, k - self._windows[-1] : k + 1].astype(float)
-        thrust = float(rows[:, self._places_of("aero_thrust")[0]].mean())
-        row = rows[-1]
-        pitch, recorded = row[self._places_of("pitch")], float(row[self._turning])
-        motion = row[self._motion] if azimuth is None else None  # blades bend as they do at an azimuth
+    def at(self, chosen: int, azimuth: float | None = None, yaw: float = 0.0) -> Start:
+        """Start at one of the instants."""
+        row, n, columns = self.now[chosen].astype(float), self._turbine.n_blades, self._columns
+        pitch, recorded = row[self._places_of("pitch")], float(row[columns.turning.start])
+        motion = row[columns.motion] if azimuth is None else None  # blades bend as they do at an azimuth
         if azimuth is None:
             azimuth = recorded
         elif n == 3:  # what the blades do by azimuth they do elsewhere
             pitch = np.array(to_blades(to_fixed_frame(pitch, recorded), azimuth, n))
         else:
             pitch = np.full(n, pitch.mean())
-        means: dict[str, float | np.ndarray] = {}
-        first = self._means.start
+        deviations: dict[str, float | np.ndarray] = {}
+        first = columns.means.start
         for name in AVERAGED:
             last = first + _width(name, n)
-            means[name] = row[first:last] if last - first > 1 else float(row[first])
+            deviation = row[first:last] - row[self._places_of(name)]
+            deviations[name] = deviation if last - first > 1 else float(deviation[0])
             first = last
         memory = Memory(*(part[chosen] for part in self.memory))
+        torque = max(float(row[columns.torque.start]), 0.0) if self._turbine.drivetrain.takes_torque else 0.0
         return Start(
-            float(row[self._turning + 1]), pitch, max(float(row[self._torque.start]), 0.0), azimuth,
-            row[self._tower_top], motion, thrust, means, self._before(rows[-1 - _READINGS : -1], memory, yaw),
+            float(row[columns.turning.start + 1]), pitch, torque, azimuth,
+            row[columns.tower_top], motion, float(self.thrust[chosen]), deviations,
+            self._before(self.before[chosen].astype(float), memory, yaw),
         )  # fmt: skip
 
     def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> Before:
         """What was read and demanded in the rows before an instant."""
-        n = self._turbine.n_blades
+        n, columns = self._turbine.n_blades, self._columns
         signals = np.full((len(before), len(channel_table(n))), np.nan)
-        signals[:, self._places] = before[:, self._signals]
+        signals[:, self._places] = before[:, columns.signals]
         known = _table(n)
         signals[:, known["time"]] = self.step * np.arange(-len(before), 0)
         signals[:, known["yaw"]] = yaw
         return Before(
-            signals, before[:, self._pitch], before[:, self._torque.start], before[:, self._lidar], self.step, memory,
-            self.changing,
+            signals, before[:, columns.pitch], before[:, columns.torque.start], before[:, columns.lidar], self.step,
+            memory, self.changing,
         )  # fmt: skip
+
+
+def _averaged(wind: np.ndarray, steps: np.ndarray, windows: list[int]) -> np.ndarray:
+    """What counts of the wind over the rotor before an instant.
+
+    Parameters
+    ----------
+    wind : numpy.ndarray, shape (..., n, 3)
+        As `_rotor_wind` gives it.
+    steps : numpy.ndarray, shape (n,)
+        So many steps before the instant.
+    windows : list of int
+        Ends of the windows, in steps.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., n_known)
+        Its mean over the windows, and its changes across the rotor over the windows that blades remember.
+    """
+    ages = [(steps >= late) & (steps < early) for late, early in itertools.pairwise(windows)]
+    means = [wind[..., 0, :], *(wind[..., age, :].mean(axis=-2) for age in ages)]
+    return np.concatenate([mean[..., : 3 if k < _REMEMBERED else 1] for k, mean in enumerate(means)], axis=-1)
+
+
+def _places_of(name: str, places: np.ndarray, n_blades: int) -> np.ndarray:
+    """Columns of a signal, of the blades together, where the signals at certain places are recorded."""
+    return np.searchsorted(places, np.atleast_1d(_table(n_blades)[name]))
 
 
 @cache
@@ -577,33 +673,38 @@ def _rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> np
 # ---- records that are kept ------------------------------------------------------------------------------------------
 
 _MOST = 32
-"""Records in memory, of some 3 MB each."""
-_MOST_FILES = 300
+"""Records in memory, of some 2 MB each."""
+_MOST_FILES = 200
+_PARTS = ("now", "history", "thrust", "before")
 _records: dict[str, Record | None] = {}
 _told: set[str] = set()
+_lock = threading.Lock()
 
 
 def _kept(maker: Maker, identity: str, winds: WindSampler, speed: float) -> Record | None:
     """Record at a wind speed: from memory, from the disk, or made now."""
     parts = _FORMAT, LENGTHS, maker.turbine, maker.fidelity, winds.turbulence_key, speed, _sources(), identity
     key = fingerprint(*parts)[:32]
-    if key not in _records:
-        folder = _folder()
-        with _alone(folder, key):
-            record = _load(folder, key, maker)
-            if record is None and key not in _records:
-                _tell(maker.turbine)
-                seeds = range(RECORD_SEED, RECORD_SEED + LENGTHS.runs)
-                inflows: list[Inflow] = [winds.turbulence(speed, seed) for seed in seeds]
-                if maker.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
-                    inflows = [MirroredInflow(inflow) for inflow in inflows]
-                record = maker.record(inflows)
-                if record is not None:
-                    _store(folder, key, record)
+    with _lock:
+        if key in _records:
+            return _records[key]
+    folder = _folder()
+    with _alone(folder, key):
+        record = _load(folder, key, maker)
+        if record is None:
+            _tell(maker.turbine)
+            seeds = range(RECORD_SEED, RECORD_SEED + LENGTHS.runs)
+            inflows: list[Inflow] = [winds.turbulence(speed, seed) for seed in seeds]
+            if maker.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
+                inflows = [MirroredInflow(inflow) for inflow in inflows]
+            record = maker.record(inflows)
+            if record is not None:
+                _store(folder, key, record)
+    with _lock:
         while len(_records) >= _MOST:
             _records.pop(next(iter(_records)))
-        _records.setdefault(key, record)
-    return _records[key]
+        _records[key] = record
+    return record
 
 
 def _tell(turbine: Turbine) -> None:
@@ -618,16 +719,8 @@ def _tell(turbine: Turbine) -> None:
 
 
 def _identity(controller: Controller) -> str:
-    """Digest of a controller and of the file in which its class is written; of its own where it has no such digest."""
-    try:
-        digest = hashlib.sha256(pickle.dumps(controller))
-    except (pickle.PicklingError, AttributeError, TypeError):  # it holds a function, or something of the system
-        return secrets.token_hex()
-    module = inspect.getmodule(type(controller))
-    source = getattr(module, "__file__", None)
-    if source is not None and Path(source).is_file():
-        digest.update(Path(source).read_bytes())
-    return digest.hexdigest()
+    """Digest of a built-in controller: of its parameters, and of what it remembers; the sources have their own."""
+    return hashlib.sha256(pickle.dumps(controller)).hexdigest()
 
 
 @cache
@@ -653,7 +746,9 @@ def _folder() -> Path | None:
 
 def _alone(folder: Path | None, key: str) -> AbstractContextManager:
     """Have other processes and threads wait that want the same record."""
-    return contextlib.nullcontext() if folder is None else filelock.FileLock(folder / f"{key}.lock")
+    if folder is None or not os.access(folder, os.W_OK):
+        return contextlib.nullcontext()
+    return filelock.FileLock(folder / f"{key}.lock")
 
 
 def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
@@ -663,16 +758,16 @@ def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
-            step, rows = float(file["step"]), file["rows"]
+            step, parts = float(file["step"]), {name: file[name] for name in _PARTS}
             values = np.tile(file["values"], (len(file["sizes"]), 1))
             values[:, file["changing"]] = file["changes"]
             memory, changing = Memory(values, file["sizes"]), file["changing_parts"]
-        if rows.ndim != 3 or rows.shape[2] <= sum(maker.counts) or not np.isfinite(rows).all():
-            raise ValueError("its rows have another form")
+        if any(len(part) != len(memory.sizes) or not np.isfinite(part).all() for part in parts.values()):
+            raise ValueError("its parts do not fit together")
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         _log.warning("record %s of the running turbine is unreadable (%s); it is made again", path, error)
         return None
-    return Record(maker, step, rows, memory, changing)
+    return Record(maker, step, **parts, memory=memory, changing=changing)
 
 
 def _store(folder: Path | None, key: str, record: Record) -> None:
@@ -684,8 +779,9 @@ def _store(folder: Path | None, key: str, record: Record) -> None:
         with whole_file(path) as partial, partial.open("wb") as file:
             values, sizes = record.memory  # hardly any of the values change
             changing = np.flatnonzero((values != values[0]).any(axis=0))
+            parts = {name: getattr(record, name) for name in _PARTS}
             np.savez(
-                file, step=record.step, rows=record.rows, sizes=sizes, values=values[0], changing=changing,
+                file, step=record.step, **parts, sizes=sizes, values=values[0], changing=changing,
                 changes=values[:, changing], changing_parts=record.changing,
             )  # fmt: skip
         for old in sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime)[:-_MOST_FILES]:

@@ -225,8 +225,9 @@ class TorqueCommand:
         return np.array([value])
 
     def balance(self, moment, speed):
-        """The torque that balances the moment, as far as there is one."""
-        return min(max(moment / self.drivetrain.gear_ratio, 0.0), available_torque(self.drivetrain, speed))
+        """The torque that balances the moment, as far as there is one; what the gearbox loses balances its part."""
+        torque = moment * self.drivetrain.gearbox_efficiency / self.drivetrain.gear_ratio
+        return min(max(torque, 0.0), available_torque(self.drivetrain, speed))
 
     def follow(self, command, demand, dt, speed):
         """Move the command (1,) towards the demanded torque [N m], from 0 to what is available at this speed."""

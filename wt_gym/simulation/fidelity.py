@@ -281,6 +281,12 @@ class Fidelity:
             return self.spectral_radius
         return 0.3 if self.blade_modes[2] > 0 else 0.8
 
+    @property
+    def takes_motion(self):
+        """Whether `Simulator.reset` can begin amid a motion: modal coordinates, embedded form, Hamming integrator."""
+        modal = (self.blade_coordinates, self.tower_coordinates) == ("modal", "modal") and self.blade_bodies == 1
+        return modal and self.formulation == "embedded" and self.integrator == "hamming"
+
     def step_for(self, rated_speed):
         """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
         if self.time_step is not None:

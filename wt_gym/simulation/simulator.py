@@ -208,7 +208,7 @@ class Simulator:
         if motion is not None:
             motion = np.asarray(motion, dtype=float)
             size = self.structure.n_motion
-            if not self._takes_motion or motion.shape != (size,) or not np.isfinite(motion).all():
+            if not self.fidelity.takes_motion or motion.shape != (size,) or not np.isfinite(motion).all():
                 raise ActionError(
                     f"motion must be {size} finite numbers, for modal coordinates, formulation 'embedded' and the "
                     f"Hamming integrator; got shape {motion.shape} for {self.fidelity!r:.200}"
@@ -385,12 +385,6 @@ class Simulator:
         self._require_start()
         integrator = self.coupling.integrator
         return self.structure.motion(integrator.state, integrator.state_rate, self.drives.command[1])
-
-    @property
-    def _takes_motion(self):
-        f = self.fidelity
-        modal = (f.blade_coordinates, f.tower_coordinates) == ("modal", "modal") and f.blade_bodies == 1
-        return modal and f.formulation == "embedded" and f.integrator == "hamming"
 
     def constraint_drift(self, restart=True):
         """How far steps have drifted off the constraint equations before they were put back onto them.

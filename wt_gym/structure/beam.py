@@ -11,19 +11,27 @@ shear-rigid section it reduces to the classical Hermite element. (Flexibility me
 e.g. Przemieniecki, Theory of Matrix Structural Analysis, 1968, ch. 5 and 8.)
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from wt_gym.turbines.beam import BeamStations, inertia_matrix, interpolate
 from wt_gym.turbines.checks import check_array
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
 __all__ = ["Beam", "BeamSections", "skew"]
 
 N_GAUSS = 4  # exact for the cubic displacement times linear mass of a uniform element
 
 
-def skew(v):
+def skew(v: ArrayLike) -> NDArray[np.float64]:
     """Cross-product matrices of vectors.
 
     Parameters
@@ -65,15 +73,28 @@ class BeamSections(BeamStations):
         For tables that are no beam, see :class:`wt_gym.turbines.beam.BeamStations`.
     """
 
-    axis: np.ndarray
+    axis: NDArray[np.float64]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the tables and make them read-only."""
         super().__post_init__()
         self._set(axis=check_array("BeamSections.axis", self.axis, (len(self.station), 3)))
 
     @classmethod
-    def uniform(cls, length, *, EA, EIx, EIy, GJ, mass, Ix=0.0, Iy=0.0, offset=(0.0, 0.0), n=2):
+    def uniform(
+        cls,
+        length: float,
+        *,
+        EA: float,
+        EIx: float,
+        EIy: float,
+        GJ: float,
+        mass: float,
+        Ix: float = 0.0,
+        Iy: float = 0.0,
+        offset: tuple[float, float] = (0.0, 0.0),
+        n: int = 2,
+    ) -> BeamSections:
         """Sections of a straight uniform shear-rigid beam along z.
 
         Parameters
@@ -99,11 +120,11 @@ class BeamSections(BeamStations):
         axis[:, 2] = s
         return cls(s, np.tile(stiffness, (n, 1, 1)), np.tile(inertia, (n, 1, 1)), axis)
 
-    def axis_at(self, s):
+    def axis_at(self, s: ArrayLike) -> NDArray[np.float64]:
         """Position (..., 3) of the reference axis at arc length s."""
         return interpolate(s, self.station, self.axis)
 
-    def compliance_at(self, s):
+    def compliance_at(self, s: ArrayLike) -> NDArray[np.float64]:
         """Compliance (..., 6, 6); rows and columns of rigid shear are zero."""
         k = self.stiffness_at(s)
         c = np.zeros_like(k)
@@ -114,7 +135,7 @@ class BeamSections(BeamStations):
         return c
 
 
-def _frame_along(tangent):
+def _frame_along(tangent: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation (3, 3) that turns z into the tangent by the shortest way (no turn about the tangent)."""
     z = np.array([0.0, 0.0, 1.0])
     axis = np.cross(z, tangent)
@@ -122,10 +143,11 @@ def _frame_along(tangent):
     if c < -1.0 + 1e-9:
         raise ValueError("the reference axis of a beam must not run against its z axis")
     a = skew(axis)
-    return np.eye(3) + a + a @ a / (1.0 + c)
+    out: NDArray[np.float64] = np.eye(3) + a + a @ a / (1.0 + c)
+    return out
 
 
-def _lever(length):
+def _lever(length: ArrayLike) -> NDArray[np.float64]:
     """Equilibrium matrices B (…, 6, 6) that carry an end force over a distance along z."""
     length = np.asarray(length, dtype=float)
     out = np.zeros((*length.shape, 6, 6))
@@ -135,15 +157,16 @@ def _lever(length):
     return out
 
 
-def _transpose(a):
+def _transpose(a: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.swapaxes(a, -1, -2)
 
 
-def _integration_row(nodes, x):
+def _integration_row(nodes: NDArray[np.float64], x: float) -> NDArray[np.float64]:
     """Weights w with ∫₀ˣ p(ξ) dξ = Σ w_k p(ξ_k) for polynomials through the given nodes."""
     powers = np.arange(len(nodes))
     moments = x ** (powers + 1) / (powers + 1)
-    return np.linalg.solve(np.vander(nodes, increasing=True).T, moments)
+    row = np.linalg.solve(np.vander(nodes, increasing=True).T, moments)
+    return cast("NDArray[np.float64]", row)
 
 
 class Beam:
@@ -180,11 +203,18 @@ class Beam:
         Linear displacement of the mass points.
     """
 
-    def __init__(self, sections, nodes, foundation=None, added_mass=None, lumps=()):
+    def __init__(
+        self,
+        sections: BeamSections,
+        nodes: ArrayLike,
+        foundation: NDArray[np.float64] | None = None,
+        added_mass: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
+        lumps: Sequence[tuple[int, float]] = (),
+    ) -> None:
         self.sections = sections
         self._lumps = lumps
         if np.isscalar(nodes):
-            nodes = np.linspace(sections.station[0], sections.station[-1], int(nodes) + 1)
+            nodes = np.linspace(sections.station[0], sections.station[-1], int(cast(float, nodes)) + 1)
         self.nodes = np.asarray(nodes, dtype=float)
         if self.nodes.ndim != 1 or len(self.nodes) < 2 or np.any(np.diff(self.nodes) <= 0.0):
             raise ValueError(f"beam nodes must be at least two increasing arc lengths, got {nodes!r}")
@@ -208,16 +238,16 @@ class Beam:
             self.mass += self.fluid_mass
 
     @property
-    def n_dof(self):
+    def n_dof(self) -> int:
         """Number of nodal degrees of freedom."""
         return 6 * len(self.nodes)
 
     @property
-    def n_elements(self):
+    def n_elements(self) -> int:
         """Number of elements."""
         return len(self.nodes) - 1
 
-    def _build_elements(self):
+    def _build_elements(self) -> None:
         """Frames, lengths and end stiffness K_bb of all elements."""
         chord = np.diff(self.node_position, axis=0)
         self._length = np.linalg.norm(chord, axis=1)
@@ -225,7 +255,7 @@ class Beam:
         self._flexibility = self._element_flexibility(np.arange(self.n_elements), np.ones(self.n_elements))
         self._end_stiffness = np.linalg.inv(self._flexibility)
 
-    def _element_flexibility(self, e, xi):
+    def _element_flexibility(self, e: ArrayLike, xi: ArrayLike) -> NDArray[np.float64]:
         """G(ξ) = ∫₀^{ξL} B_sᵀ C B dσ: displacement at ξ of a root-clamped element per end force (n, 6, 6)."""
         e, xi = np.atleast_1d(e), np.atleast_1d(xi)
         arc = np.diff(self.nodes)[e]
@@ -242,7 +272,7 @@ class Beam:
                 out += (w / n_panel * xi * length)[:, None, None] * (_transpose(to_point) @ compliance @ to_end)
         return out
 
-    def shape(self, e, xi):
+    def shape(self, e: ArrayLike, xi: ArrayLike) -> NDArray[np.float64]:
         """Displacements and rotations inside elements per nodal coordinate, in the body frame.
 
         Parameters
@@ -265,9 +295,10 @@ class Beam:
         r2[:, :3, :3] = r2[:, 3:, 3:] = r
         r4 = np.zeros((len(e), 12, 12))
         r4[:, :6, :6] = r4[:, 6:, 6:] = r2
-        return r2 @ local @ _transpose(r4)
+        out: NDArray[np.float64] = r2 @ local @ _transpose(r4)
+        return out
 
-    def _assemble_stiffness(self):
+    def _assemble_stiffness(self) -> None:
         """K_e = [[T K T^T, −T K], [−K Tᵀ, K]] rotated into the body frame."""
         self.stiffness = np.zeros((self.n_dof, self.n_dof))
         t = _lever(self._length)
@@ -279,7 +310,7 @@ class Beam:
             i = slice(6 * e, 6 * e + 12)
             self.stiffness[i, i] += r @ local[e] @ r.T
 
-    def _assemble_fluid(self, added_mass):
+    def _assemble_fluid(self, added_mass: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> NDArray[np.float64]:
         """∫ m (Sₓᵀ Sₓ + S_yᵀ S_y) ds over the displacements across the axis, in panels much finer than an element."""
         total, n_panel = np.zeros((self.n_dof, self.n_dof)), 20
         xi = np.concatenate([(panel + self._xi) / n_panel for panel in range(n_panel)])
@@ -293,7 +324,7 @@ class Beam:
             total[i, i] += np.einsum("g,gka,gkb->ab", density * weight * self._length[e], across, across, optimize=True)
         return total
 
-    def _build_particles(self):
+    def _build_particles(self) -> None:
         """Replace each Gauss point's section by four mass points with the same mass, centre and inertia."""
         n_e, n_g = self.n_elements, N_GAUSS
         e = np.repeat(np.arange(n_e), n_g)
@@ -347,12 +378,12 @@ class Beam:
 
     # ---- fields for a reduced basis ------------------------------------------------------------------------------
 
-    def locate(self, s):
+    def locate(self, s: float) -> tuple[int, float]:
         """Element index and position inside it of an arc length s [m]."""
         e = int(np.clip(np.searchsorted(self.nodes, s, side="right") - 1, 0, self.n_elements - 1))
         return e, (s - self.nodes[e]) / (self.nodes[e + 1] - self.nodes[e])
 
-    def linear_field(self, s, basis):
+    def linear_field(self, s: float, basis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Displacement and rotation at arc length s for a basis.
 
         Parameters
@@ -371,13 +402,14 @@ class Beam:
         field = self.shape(e, xi)[0] @ basis[6 * e : 6 * e + 12]
         return field[:3], field[3:]
 
-    def gauss_rotation(self, basis):
+    def gauss_rotation(self, basis: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rotation fields (n_elements, N_GAUSS, 3, n) at the Gauss points for a basis."""
         cols = np.array([np.arange(6 * e, 6 * e + 12) for e in range(self.n_elements)])
         rot = self._gauss_shape[:, 3:, :].reshape(self.n_elements, N_GAUSS, 3, 12)
-        return np.einsum("egid,edn->egin", rot, basis[cols], optimize=True)
+        out: NDArray[np.float64] = np.einsum("egid,edn->egin", rot, basis[cols], optimize=True)
+        return out
 
-    def second_order_field(self, basis):
+    def second_order_field(self, basis: NDArray[np.float64]) -> SecondOrderField:
         """Second-order displacement of the reference axis (foreshortening), the source of geometric stiffness.
 
         The beam axis keeps its length while its sections turn by the rotation vector θ = Θ q:
@@ -398,7 +430,7 @@ class Beam:
 class SecondOrderField:
     """Quadratic displacement H_jk of a beam axis for the rotation fields of a basis."""
 
-    def __init__(self, beam, theta):
+    def __init__(self, beam: Beam, theta: NDArray[np.float64]) -> None:
         self._beam = beam
         self._integrand = self._pair(theta, beam._frame[:, None, :, 2])
         step = np.einsum("g,egijk->eijk", beam._weight, self._integrand) * beam._length[:, None, None, None]
@@ -406,27 +438,32 @@ class SecondOrderField:
         self._start = np.concatenate([np.zeros((1, 3, n, n)), np.cumsum(step, axis=0)])
 
     @staticmethod
-    def _pair(theta, v):
+    def _pair(theta: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
         """½ (θ̃_j θ̃_k + θ̃_k θ̃_j) v = ½ [θ_j (θ_k·v) + θ_k (θ_j·v)] − v (θ_j·θ_k), shapes (…, 3, n), (…, 3)."""
         along = np.einsum("...in,...i->...n", theta, np.broadcast_to(v, (*theta.shape[:-2], 3)))
         mixed = np.einsum("...ij,...k->...ijk", theta, along)
         dot = np.einsum("...ij,...ik->...jk", theta, theta)
-        return 0.5 * (mixed + np.swapaxes(mixed, -1, -2)) - v[..., :, None, None] * dot[..., None, :, :]
+        out: NDArray[np.float64] = (
+            0.5 * (mixed + np.swapaxes(mixed, -1, -2)) - v[..., :, None, None] * dot[..., None, :, :]
+        )
+        return out
 
-    def at(self, s):
+    def at(self, s: float) -> NDArray[np.float64]:
         """H (3, n, n) of the reference axis at arc length s."""
         e, xi = self._beam.locate(s)
         row = _integration_row(self._beam._xi, xi) * self._beam._length[e]
-        return self._start[e] + np.einsum("g,gijk->ijk", row, self._integrand[e])
+        out: NDArray[np.float64] = self._start[e] + np.einsum("g,gijk->ijk", row, self._integrand[e])
+        return out
 
-    def at_gauss(self):
+    def at_gauss(self) -> NDArray[np.float64]:
         """H (n_elements · N_GAUSS, 3, n, n) at the Gauss points."""
         rows = np.array([_integration_row(self._beam._xi, x) for x in self._beam._xi])
         inner = np.einsum("gh,ehijk->egijk", rows, self._integrand) * self._beam._length[:, None, None, None, None]
         out = self._start[:-1, None] + inner
-        return out.reshape(out.shape[0] * out.shape[1], *out.shape[2:])
+        result: NDArray[np.float64] = out.reshape(out.shape[0] * out.shape[1], *out.shape[2:])
+        return result
 
     @classmethod
-    def of_offset(cls, theta, offset):
+    def of_offset(cls, theta: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
         """Quadratic displacement of a point carried at an offset by a section turning by θ (…, 3, n)."""
         return cls._pair(theta, offset)

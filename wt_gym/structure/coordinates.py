@@ -24,12 +24,20 @@ is part of every flexible body, nodal or modal.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody, shape_damping
 from wt_gym.structure.modes import clamped_modes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from wt_gym.structure.beam import Beam
 
 __all__ = ["ALL_DOFS", "COORDINATES", "body_from_beam", "circular_sections", "nodal_basis", "node_names"]
 
@@ -40,15 +48,15 @@ DOF_NAMES = ("x", "y", "z", "turn_x", "turn_y", "turn_z")
 
 
 def body_from_beam(
-    name,
-    beam,
-    coordinates="modal",
+    name: str,
+    beam: Beam,
+    coordinates: str = "modal",
     *,
-    n_modes=6,
-    dofs=ALL_DOFS,
-    tip_mass=None,
-    damping_ratio=0.0,
-    markers=None,
+    n_modes: int = 6,
+    dofs: Sequence[int] = ALL_DOFS,
+    tip_mass: NDArray[np.float64] | None = None,
+    damping_ratio: float = 0.0,
+    markers: Mapping[str, float] | None = None,
 ) -> FlexibleBody:
     """A body whose frame lies at node 0 of a beam, clamped there or on its foundation, in coordinates of one's choice.
 
@@ -93,22 +101,24 @@ def body_from_beam(
     return replace(body, damping=_nodal_damping(beam, dofs, damping_ratio, tip_mass))
 
 
-def nodal_basis(beam, dofs=ALL_DOFS):
+def nodal_basis(beam: Beam, dofs: Sequence[int] = ALL_DOFS) -> NDArray[np.float64]:
     """Unit displacements (n_dof, n) of all nodes of a beam that move, in the given degrees of freedom of a node."""
     return np.eye(beam.n_dof)[:, _moving(beam, dofs)]
 
 
-def node_names(beam, dofs=ALL_DOFS):
+def node_names(beam: Beam, dofs: Sequence[int] = ALL_DOFS) -> list[str]:
     """Names of the coordinates of `nodal_basis`."""
     return [f"node_{node}_{DOF_NAMES[dof]}" for node in range(beam.first_free, len(beam.nodes)) for dof in dofs]
 
 
-def _moving(beam, dofs):
+def _moving(beam: Beam, dofs: Sequence[int]) -> list[int]:
     """Rows of the moving degrees of freedom among all of a beam."""
     return [6 * node + dof for node in range(beam.first_free, len(beam.nodes)) for dof in dofs]
 
 
-def _nodal_damping(beam, dofs, damping_ratio, tip_mass):
+def _nodal_damping(
+    beam: Beam, dofs: Sequence[int], damping_ratio: float, tip_mass: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
     """Damping matrix of nodal coordinates, damped as the body of all its modes is.
 
     With modes Φ, shaped by what the tip carries, and their damping matrix C the nodes have P C Pᵀ, P = M Φ (Φᵀ M Φ)⁻¹.
@@ -120,11 +130,20 @@ def _nodal_damping(beam, dofs, damping_ratio, tip_mass):
         mass[-6:, -6:] += tip_mass
     shapes = clamped_modes(beam, len(rows), tip_mass=tip_mass, node_dofs=dofs).shape[rows]
     momentum = mass[np.ix_(rows, rows)] @ shapes
-    alone = [shapes.T @ matrix[np.ix_(rows, rows)] @ shapes for matrix in (beam.stiffness, beam.mass)]
-    return momentum @ shape_damping(*alone, damping_ratio) @ momentum.T
+    stiffness, inertia = (shapes.T @ matrix[np.ix_(rows, rows)] @ shapes for matrix in (beam.stiffness, beam.mass))
+    out: NDArray[np.float64] = momentum @ shape_damping(stiffness, inertia, damping_ratio) @ momentum.T
+    return out
 
 
-def circular_sections(length, diameter, *, youngs_modulus, shear_modulus, density, inner_diameter=0.0) -> BeamSections:
+def circular_sections(
+    length: float,
+    diameter: float,
+    *,
+    youngs_modulus: float,
+    shear_modulus: float,
+    density: float,
+    inner_diameter: float = 0.0,
+) -> BeamSections:
     """Sections of a straight uniform rod or tube along z.
 
     With the second moment of area I = π (D⁴ − d⁴)/64 the section has EA, equal bending stiffness EI about every

@@ -14,12 +14,22 @@ The terms with H are what stiffens a rotating blade and what makes a loaded towe
 Schwertassek 1991, Int. J. Numer. Methods Eng. 32, 1833–1850.)
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from wt_gym.structure.beam import SecondOrderField, skew
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.structure.beam import Beam
 
 __all__ = [
     "BodyInertia",
@@ -48,10 +58,26 @@ class Marker:
         Rotation vector per elastic coordinate.
     """
 
-    position: np.ndarray
-    linear: np.ndarray
-    second: np.ndarray
-    rotation: np.ndarray
+    position: NDArray[np.float64]
+    linear: NDArray[np.float64]
+    second: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+
+
+class MassPointFields(Protocol):
+    """Displacement fields of mass points, as :class:`ParticleFields` has them."""
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """Undeformed positions (n_p, 3)."""
+
+    @property
+    def linear(self) -> NDArray[np.float64]:
+        """Displacement per elastic coordinate (n_p, 3, n)."""
+
+    @property
+    def second(self) -> NDArray[np.float64]:
+        """Second-order displacement (n_p, 3, n, n)."""
 
 
 @dataclass(frozen=True)
@@ -79,21 +105,21 @@ class BodyInertia:
     """
 
     mass: float
-    c0: np.ndarray
-    c1: np.ndarray
-    c2: np.ndarray
-    j0: np.ndarray
-    j1: np.ndarray
-    j2: np.ndarray
-    d0: np.ndarray
-    d1: np.ndarray
-    d2: np.ndarray
-    m0: np.ndarray
-    m1: np.ndarray
-    m2: np.ndarray
+    c0: NDArray[np.float64]
+    c1: NDArray[np.float64]
+    c2: NDArray[np.float64]
+    j0: NDArray[np.float64]
+    j1: NDArray[np.float64]
+    j2: NDArray[np.float64]
+    d0: NDArray[np.float64]
+    d1: NDArray[np.float64]
+    d2: NDArray[np.float64]
+    m0: NDArray[np.float64]
+    m1: NDArray[np.float64]
+    m2: NDArray[np.float64]
 
     @classmethod
-    def rigid(cls, mass, centre, inertia_about_centre):
+    def rigid(cls, mass: float, centre: ArrayLike, inertia_about_centre: ArrayLike) -> BodyInertia:
         """Inertia of a rigid body from mass, mass centre (3,) and inertia tensor (3, 3) about the mass centre."""
         centre = np.asarray(centre, dtype=float)
         r = skew(centre)
@@ -116,7 +142,7 @@ class BodyInertia:
         )
 
     @classmethod
-    def from_particles(cls, mass, fields, complete=False):
+    def from_particles(cls, mass: NDArray[np.float64], fields: MassPointFields, complete: bool = False) -> BodyInertia:
         """Sum over mass points (n_p,) with their :class:`ParticleFields`; ``complete``: with d2 and m2."""
         x0, s = fields.position, fields.linear
         n = s.shape[-1]
@@ -124,8 +150,9 @@ class BodyInertia:
         ms = mass[:, None, None] * s
         mx = mass[:, None] * x0
 
-        def second_moment_to_inertia(e):
-            return np.trace(e, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - e
+        def second_moment_to_inertia(e: NDArray[np.float64]) -> NDArray[np.float64]:
+            out: NDArray[np.float64] = np.trace(e, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - e
+            return out
 
         e0 = np.einsum("pi,pj->ij", mx, x0)
         e1 = np.einsum("pi,pjk->kij", mx, s)
@@ -158,7 +185,7 @@ class BodyInertia:
         )
 
 
-def _axial(t):
+def _axial(t: NDArray[np.float64]) -> NDArray[np.float64]:
     """∫ a × b dm from ∫ a bᵀ dm (…, 3, 3)."""
     return np.stack([t[..., 1, 2] - t[..., 2, 1], t[..., 2, 0] - t[..., 0, 2], t[..., 0, 1] - t[..., 1, 0]], -1)
 
@@ -167,19 +194,19 @@ def _axial(t):
 class ParticleFields:
     """Position (n_p, 3), linear (n_p, 3, n) and second-order (n_p, 3, n, n) displacement of mass points."""
 
-    position: np.ndarray
-    linear: np.ndarray
-    _axis_second: np.ndarray = field(repr=False)
-    _rotation: np.ndarray = field(repr=False)
-    _offset: np.ndarray = field(repr=False)
-    _gauss: np.ndarray = field(repr=False)
+    position: NDArray[np.float64]
+    linear: NDArray[np.float64]
+    _axis_second: NDArray[np.float64] = field(repr=False)
+    _rotation: NDArray[np.float64] = field(repr=False)
+    _offset: NDArray[np.float64] = field(repr=False)
+    _gauss: NDArray[np.intp] = field(repr=False)
 
     @property
-    def second(self):
+    def second(self) -> NDArray[np.float64]:
         """H of every mass point; large for nodal bases."""
         return self._axis_second[self._gauss] + SecondOrderField.of_offset(self._rotation[self._gauss], self._offset)
 
-    def second_along(self, q):
+    def second_along(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """H_p q (n_p, 3, n): how the displacement per coordinate changes with a deformation q (n,)."""
         axis = np.einsum("gijk,k->gij", self._axis_second, q, optimize=True)[self._gauss]
         theta, d = self._rotation[self._gauss], self._offset
@@ -187,9 +214,10 @@ class ParticleFields:
         # ½ [θ_j (θ·d) + θ (θ_j·d)] − d (θ_j·θ)
         along = np.einsum("pi,pi->p", turned, d)
         mixed = theta * along[:, None, None] + np.einsum("pi,pj,pjk->pik", turned, d, theta, optimize=True)
-        return axis + 0.5 * mixed - np.einsum("pi,pj,pjk->pik", d, turned, theta, optimize=True)
+        out: NDArray[np.float64] = axis + 0.5 * mixed - np.einsum("pi,pj,pjk->pik", d, turned, theta, optimize=True)
+        return out
 
-    def contract_second(self, force):
+    def contract_second(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
         """Σ_p force_p · H_p (n, n) without storing H of all points; force (n_p, 3)."""
         n_g = len(self._axis_second)
         per_gauss = np.zeros((n_g, 3))
@@ -200,10 +228,11 @@ class ParticleFields:
         moment = np.einsum("pi,pj->pij", force, self._offset)
         trace = np.trace(moment, axis1=1, axis2=2)
         symmetric = 0.5 * (moment + np.swapaxes(moment, 1, 2)) - trace[:, None, None] * np.eye(3)
-        return out + np.einsum("pij,pia,pjb->ab", symmetric, theta, theta, optimize=True)
+        result: NDArray[np.float64] = out + np.einsum("pij,pia,pjb->ab", symmetric, theta, theta, optimize=True)
+        return result
 
 
-def particle_fields(beam, basis):
+def particle_fields(beam: Beam, basis: NDArray[np.float64]) -> ParticleFields:
     """Displacement fields of a beam's mass points for a basis (n_dof, n)."""
     basis = np.asarray(basis, dtype=float)
     theta = beam.gauss_rotation(basis)
@@ -236,18 +265,25 @@ class FlexibleBody:
 
     name: str
     inertia: BodyInertia
-    stiffness: np.ndarray
-    damping: np.ndarray
-    markers: dict
-    coordinate_names: tuple = ()
+    stiffness: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    markers: dict[str, Marker]
+    coordinate_names: tuple[str, ...] = ()
 
     @property
-    def n_elastic(self):
+    def n_elastic(self) -> int:
         """Number of elastic coordinates."""
-        return self.stiffness.shape[0]
+        return len(self.stiffness)
 
     @classmethod
-    def rigid(cls, name, mass, centre, inertia_about_centre, markers=None):
+    def rigid(
+        cls,
+        name: str,
+        mass: float,
+        centre: ArrayLike,
+        inertia_about_centre: ArrayLike,
+        markers: Mapping[str, ArrayLike] | None = None,
+    ) -> FlexibleBody:
         """A rigid body; markers are given as name → position (3,)."""
         none = np.zeros
         points = {
@@ -257,7 +293,16 @@ class FlexibleBody:
         return cls(name, BodyInertia.rigid(mass, centre, inertia_about_centre), none((0, 0)), none((0, 0)), points)
 
     @classmethod
-    def from_beam(cls, name, beam, basis, damping_ratio=0.0, markers=None, coordinate_names=None, complete=False):
+    def from_beam(
+        cls,
+        name: str,
+        beam: Beam,
+        basis: NDArray[np.float64],
+        damping_ratio: float = 0.0,
+        markers: Mapping[str, float] | None = None,
+        coordinate_names: Sequence[str] | None = None,
+        complete: bool = False,
+    ) -> FlexibleBody:
         """A flexible body from a beam and a basis of nodal displacements.
 
         Parameters
@@ -291,7 +336,7 @@ class FlexibleBody:
         return cls(name, inertia, stiffness, shape_damping(stiffness, inertia.m0, damping_ratio), points, names)
 
 
-def without_second_order(body, beam, basis):
+def without_second_order(body: FlexibleBody, beam: Beam, basis: NDArray[np.float64]) -> FlexibleBody:
     """The same body with the displacement r = x₀ + S q alone, and so without geometric stiffness.
 
     Parameters
@@ -313,7 +358,7 @@ def without_second_order(body, beam, basis):
     return replace(body, inertia=inertia, markers=markers)
 
 
-def shape_damping(stiffness, mass, ratio):
+def shape_damping(stiffness: NDArray[np.float64], mass: NDArray[np.float64], ratio: float) -> NDArray[np.float64]:
     """Damping matrix of a body whose shapes, each vibrating in the body alone, all have the same damping ratio.
 
     In proportion to the stiffness, shape by shape (meant for modes or the like, not for unit displacements of nodes),
@@ -339,10 +384,13 @@ def shape_damping(stiffness, mass, ratio):
     if ratio == 0.0:
         return np.zeros_like(stiffness)
     scale = np.sqrt(2.0 * ratio) * (np.diag(mass) / np.diag(stiffness)) ** 0.25
-    return scale[:, None] * stiffness * scale
+    out: NDArray[np.float64] = scale[:, None] * stiffness * scale
+    return out
 
 
-def offset_marker(beam, basis, s, offset, second=None):
+def offset_marker(
+    beam: Beam, basis: NDArray[np.float64], s: float, offset: ArrayLike, second: SecondOrderField | None = None
+) -> Marker:
     """Marker of a point rigidly carried by the section at arc length s.
 
     Parameters

@@ -1,8 +1,17 @@
 """Stiffness of a pile in the ground, seen from its head."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wt_gym.structure.beam import Beam, BeamSections
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["pile_head_stiffness"]
 
@@ -10,7 +19,17 @@ ELEMENTS_PER_LENGTH = 8
 """Elements to the length 1/β = (4 EI/k)^¼ over which the deflection of a pile dies away: 1e-5 of the stiffness."""
 
 
-def pile_head_stiffness(length, lateral, *, EA, EI, GJ, axial, torsional, base_lateral=0.0):
+def pile_head_stiffness(
+    length: float,
+    lateral: Callable[[NDArray[np.float64]], ArrayLike],
+    *,
+    EA: float,
+    EI: float,
+    GJ: float,
+    axial: float,
+    torsional: float,
+    base_lateral: float = 0.0,
+) -> NDArray[np.float64]:
     """Stiffness of the head of an upright pile on springs along its length (Winkler), all else condensed statically.
 
     The ground resists the displacement of the pile by k(d) per length at the depth d. On a pile much longer than

@@ -1,11 +1,21 @@
 """Vibration modes of a beam and the choice of a reduced basis."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.structure import eigen_kernels
 from wt_gym.structure.beam import skew
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.structure.beam import Beam
 
 __all__ = ["Modes", "clamped_modes", "lowest_modes", "named_modes", "select_modes"]
 
@@ -24,12 +34,19 @@ class Modes:
         "flap" (motion along x), "edge" (along y), "torsion" or "axial", by the largest share of kinetic energy.
     """
 
-    frequency: np.ndarray
-    shape: np.ndarray
-    kind: tuple
+    frequency: NDArray[np.float64]
+    shape: NDArray[np.float64]
+    kind: tuple[str, ...]
 
 
-def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None, node_dofs=(0, 1, 2, 3, 4, 5)):
+def clamped_modes(
+    beam: Beam,
+    n: int = 20,
+    tip_mass: NDArray[np.float64] | None = None,
+    spin: ArrayLike = 0.0,
+    centre: ArrayLike | None = None,
+    node_dofs: Sequence[int] = (0, 1, 2, 3, 4, 5),
+) -> Modes:
     """Modes of a beam, clamped at node 0 or on its foundation, optionally spinning with a constant angular velocity.
 
     Parameters
@@ -67,13 +84,13 @@ def clamped_modes(beam, n=20, tip_mass=None, spin=0.0, centre=None, node_dofs=(0
     return named_modes(beam, value, shape)
 
 
-def named_modes(beam, value, shape):
+def named_modes(beam: Beam, value: NDArray[np.float64], shape: NDArray[np.float64]) -> Modes:
     """`Modes` from λ (n,) [rad²/s²] and mass-normalised shapes (n_dof, n), which receive the signs of their tips."""
     shape = shape * _tip_sign(shape)
     return Modes(np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), shape, tuple(_kind(beam, s) for s in shape.T))
 
 
-def lowest_modes(stiffness, mass, n):
+def lowest_modes(stiffness: ArrayLike, mass: ArrayLike, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Lowest solutions of K φ = λ M φ with symmetric matrices; independent of the threads of any library.
 
     Parameters
@@ -105,7 +122,7 @@ def lowest_modes(stiffness, mass, n):
     return value[lowest], vectors[lowest].T
 
 
-def spin_stiffness(beam, omega, centre=None):
+def spin_stiffness(beam: Beam, omega: NDArray[np.float64], centre: ArrayLike | None = None) -> NDArray[np.float64]:
     """Centrifugal stiffness (n_dof, n_dof): spin softening plus the geometric part of the centrifugal tension.
 
     From the potential −½ Σ m |ω × r|² of the mass points with r = x₀ + S q + ½ qᵀ H q, second order in q:
@@ -119,10 +136,11 @@ def spin_stiffness(beam, omega, centre=None):
     w = skew(omega) @ skew(omega)
     pull = (beam.particle_position - centre) @ w.T
     linear = np.einsum("p,pia,ij,pjb->ab", beam.particle_mass, fields.linear, w, fields.linear, optimize=True)
-    return linear + fields.contract_second(beam.particle_mass[:, None] * pull)
+    out: NDArray[np.float64] = linear + fields.contract_second(beam.particle_mass[:, None] * pull)
+    return out
 
 
-def select_modes(modes, **count):
+def select_modes(modes: Modes, **count: int) -> list[int]:
     """Indices of the lowest modes of each kind.
 
     Parameters
@@ -150,14 +168,14 @@ def select_modes(modes, **count):
     return chosen
 
 
-def _tip_sign(shape):
+def _tip_sign(shape: NDArray[np.float64]) -> NDArray[np.float64]:
     """Signs that make the dominant tip displacement (or rotation) of each mode positive."""
     tip = shape[-6:]
     dominant = np.abs(tip * np.array([1.0, 1.0, 1.0, 10.0, 10.0, 10.0])[:, None]).argmax(axis=0)
     return np.where(tip[dominant, np.arange(shape.shape[1])] < 0.0, -1.0, 1.0)
 
 
-def _kind(beam, shape):
+def _kind(beam: Beam, shape: NDArray[np.float64]) -> str:
     """Name of a mode by the share of kinetic energy in x, y, z displacement and in the rotation about z."""
     u = np.einsum("pia,a->pi", beam.particle_shape, shape)
     axial = np.zeros_like(shape)

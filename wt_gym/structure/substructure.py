@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, cast
+from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -23,7 +23,23 @@ from wt_gym.structure.coordinates import ALL_DOFS, nodal_basis
 from wt_gym.structure.flexible_body import FlexibleBody, Marker, offset_marker
 from wt_gym.structure.modes import lowest_modes
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
 __all__ = ["Piece", "add_chain", "cut_beam", "piece_at", "tip_and_interior_modes"]
+
+
+J = TypeVar("J", contravariant=True)
+"""A joint: the multibody system knows what one is, this module does not."""
+
+
+class SystemOfBodies(Protocol[J]):
+    """What takes bodies that hang on one another, such as ``MultibodySystem``."""
+
+    def add(self, body: FlexibleBody, joint: J, parent: int | None = None, marker: str = "origin") -> int:
+        """Add a body by a joint to a marker of an earlier one; its index."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +60,11 @@ class Piece:
 
     body: FlexibleBody
     beam: Beam
-    basis: np.ndarray
+    basis: NDArray[np.float64]
     start: float
     end: float
 
-    def marker(self, s, offset=(0.0, 0.0, 0.0)) -> Marker:
+    def marker(self, s: float, offset: ArrayLike = (0.0, 0.0, 0.0)) -> Marker:
         """A point carried by the section at arc length s of the whole beam, at an offset [m] in frame axes.
 
         Raises
@@ -62,7 +78,14 @@ class Piece:
 
 
 def cut_beam(
-    name, sections, nodes, cuts, coordinates="nodal", n_modes=0, dofs=ALL_DOFS, stiffness_damping=0.0
+    name: str,
+    sections: BeamSections,
+    nodes: ArrayLike,
+    cuts: int | Sequence[float] | NDArray[np.float64],
+    coordinates: str = "nodal",
+    n_modes: int = 0,
+    dofs: Sequence[int] = ALL_DOFS,
+    stiffness_damping: float = 0.0,
 ) -> tuple[Piece, ...]:
     """Cut a beam into pieces.
 
@@ -99,7 +122,7 @@ def cut_beam(
         For cuts that are no nodes, more pieces than elements, or unknown coordinates.
     """
     if np.isscalar(nodes):
-        nodes = np.linspace(sections.station[0], sections.station[-1], int(cast(Any, nodes)) + 1)
+        nodes = np.linspace(sections.station[0], sections.station[-1], int(cast(float, nodes)) + 1)
     nodes = np.asarray(nodes, dtype=float)
     bounds = _bounds(nodes, cuts)
     pieces = []
@@ -120,7 +143,7 @@ def cut_beam(
     return tuple(pieces)
 
 
-def tip_and_interior_modes(beam, n_modes, dofs=ALL_DOFS):
+def tip_and_interior_modes(beam: Beam, n_modes: int, dofs: Sequence[int] = ALL_DOFS) -> NDArray[np.float64]:
     """Static tip modes and vibration modes between fixed ends of a beam clamped at node 0.
 
     Parameters
@@ -154,7 +177,9 @@ def tip_and_interior_modes(beam, n_modes, dofs=ALL_DOFS):
     return np.hstack([static, vibration])
 
 
-def add_chain(system, pieces, joint, parent=None, marker="origin") -> tuple[int, ...]:
+def add_chain(
+    system: SystemOfBodies[J], pieces: Sequence[Piece], joint: J, parent: int | None = None, marker: str = "origin"
+) -> tuple[int, ...]:
     """Add the pieces of a cut beam to a multibody system, each fixed to the tip of the one before.
 
     Parameters
@@ -179,7 +204,7 @@ def add_chain(system, pieces, joint, parent=None, marker="origin") -> tuple[int,
     return tuple(index)
 
 
-def piece_at(pieces, s) -> int:
+def piece_at(pieces: Sequence[Piece], s: float) -> int:
     """Number of the piece that carries the arc length s [m] of the whole beam; a cut belongs to the outer piece.
 
     Raises
@@ -192,17 +217,19 @@ def piece_at(pieces, s) -> int:
     return max(0, int(np.searchsorted([p.start for p in pieces], s + 1e-9) - 1))
 
 
-def _bounds(nodes, cuts):
+def _bounds(nodes: NDArray[np.float64], cuts: int | Sequence[float] | NDArray[np.float64]) -> NDArray[np.int64]:
     """Node numbers of both ends and of the cuts."""
     n_elements = len(nodes) - 1
     if np.isscalar(cuts):
-        if not 1 <= int(cuts) <= n_elements:
-            raise ValueError(f"a beam of {n_elements} elements makes 1 … {n_elements} pieces, {cuts} wanted")
-        return np.round(np.linspace(0, n_elements, int(cuts) + 1)).astype(int)
-    found = [int(np.abs(nodes - s).argmin()) for s in cuts]
-    for s, node in zip(cuts, found, strict=True):
+        wanted = cast(float, cuts)
+        if not 1 <= int(wanted) <= n_elements:
+            raise ValueError(f"a beam of {n_elements} elements makes 1 … {n_elements} pieces, {wanted} wanted")
+        return np.round(np.linspace(0, n_elements, int(wanted) + 1)).astype(int)
+    inner = cast("Sequence[float]", cuts)
+    found = [int(np.abs(nodes - s).argmin()) for s in inner]
+    for s, node in zip(inner, found, strict=True):
         if abs(nodes[node] - s) > 1e-9 * nodes[-1]:
             raise ValueError(f"the cut at {s} is not a node of the beam; the nearest is {nodes[node]}")
     if np.any(np.diff([0, *found, n_elements]) <= 0):
-        raise ValueError(f"cuts {list(cuts)} must increase inside the beam")
+        raise ValueError(f"cuts {list(inner)} must increase inside the beam")
     return np.array([0, *found, n_elements])

@@ -23,6 +23,7 @@ from wt_gym.control.controllers.controller import (
     WithLidar,
     checked_demand,
     lidar_of,
+    parts_of,
     readings_of,
 )
 from wt_gym.control.controllers.discon import (
@@ -80,6 +81,7 @@ __all__ = [
     "make_controller",
     "name_and_parameters",
     "nrel_5mw_parameters",
+    "parts_of",
     "readings_of",
     "retuned_parameters",
     "rotor_table",

@@ -35,6 +35,7 @@ __all__ = [
     "is_addition",
     "is_controller",
     "lidar_of",
+    "parts_of",
     "readings_of",
 ]
 
@@ -212,9 +213,14 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
     return demand if demand.pitch is pitch else replace(demand, pitch=pitch)
 
 
+def parts_of(controller: Controller) -> tuple[Controller | Addition, ...]:
+    """A controller alone, or what it is combined of."""
+    return (controller.base, *controller.additions) if isinstance(controller, Combined) else (controller,)
+
+
 def _name(controller) -> str:
     """Class of a controller, with its parts."""
-    parts = (controller.base, *controller.additions) if isinstance(controller, Combined) else (controller,)
+    parts = parts_of(controller)
     return " + ".join(type(part).__name__ for part in parts)
 
 
