@@ -222,7 +222,6 @@ def test_a_simulation_starts_with_static_points_and_continues_from_snapshots(sta
     [
         ({"dynamic_stall": "gormont"}, "dynamic_stall is 'gormont'; allowed: None or 'oye'"),
         ({"dynamic_stall": "oye", "viscous": False}, "viscous=True"),
-        ({"separation_lag": 0.0}, "separation_lag is 0.0; it must be positive"),
     ],
 )
 def test_refusals(change, message):

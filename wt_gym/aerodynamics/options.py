@@ -8,7 +8,7 @@ import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
 
-__all__ = ["ENGINEERING", "REFERENCE", "TRAINING", "AeroOptions"]
+__all__ = ["ENGINEERING", "REFERENCE", "SEPARATION_LAG", "TRAINING", "AeroOptions"]
 
 LOAD_FORMS = ("joukowski", "bernoulli")
 INDUCTIONS = ("direct", "tree")
@@ -19,12 +19,18 @@ COUNTS = {
     "n_chord": 1, "n_span": 1, "wake_rows": 1, "full_rows": 1, "coarse_stride": 1, "sparse_stride": 1,
     "sparse_span": 1, "fresh_rows": 0, "refresh_stride": 1, "wind_stride": 1, "far_wake_rows": 1,
 }  # fmt: skip
+SEPARATION_LAG = 4.0
+"""Time constant of the separation point with ``dynamic_stall`` in chord lengths travelled [-], Øye's own (1991)."""
 NOT_NEGATIVE = ("bound_core", "wake_core", "viscosity", "squire", "stall_lag")
 
 
 @dataclass(frozen=True)
 class AeroOptions:
     """Discretisation, wake treatment and physics of a `VortexLattice`.
+
+    Always there: the force of the changing circulation (added mass), and the arcs for which the two segments stand that
+    meet in a node of the wake, see `local_induction_kernels`: without them a wake moves the faster the longer its
+    segments are.
 
     Parameters
     ----------
@@ -69,10 +75,6 @@ class AeroOptions:
         None: the static polar, with ``stall_lag``. "oye": the separation point lags behind that of the static polar;
         while the flow is still attached, the lift exceeds the polar and the drag falls below it (Øye 1991; drag of
         Hansen, Gaunaa & Madsen 2004). Needs ``viscous``.
-    separation_lag : float
-        Time constant of the separation point in chord lengths travelled [-]; Øye's own is 4, other models have 3.
-    unsteady : bool
-        Include the force of the changing circulation (added mass).
     load_form : str
         "joukowski": force of the local velocity on every bound segment, with the suction of the leading edge;
         "bernoulli": pressure jump of the panels along their normals (Gebhardt et al. 2012, section 3), without it.
@@ -91,9 +93,6 @@ class AeroOptions:
     curved_filaments : bool
         Move the corners of the wake's trailing polygons outwards by two thirds of the sagitta of their segments, so
         that a polygon follows the curve through its nodes with no mean deviation; an error of the azimuth step squared.
-    local_induction : bool
-        Nodes feel the arcs for which the two segments that meet in them stand, see `local_induction_kernels`. Without
-        it a wake moves the faster the longer its segments are.
     shed_fraction : float
         Position of the newest wake row between the trailing edge (0) and the place to which the air that passed the
         trailing edge one step ago has moved (1). Below one half the lumped shed vortex best represents the sheet.
@@ -131,8 +130,6 @@ class AeroOptions:
     viscous: bool = True
     stall_lag: float = 1.5
     dynamic_stall: str | None = None
-    separation_lag: float = 4.0
-    unsteady: bool = True
     load_form: str = "joukowski"
     bound_core: float = 0.01
     wake_core: float = 0.1
@@ -140,7 +137,6 @@ class AeroOptions:
     squire: float = 1e-4
     core_strain: bool = True
     curved_filaments: bool = True
-    local_induction: bool = True
     shed_fraction: float = 0.25
     induction: str = "direct"
     tree_tolerance: float = 1e-3
@@ -152,7 +148,6 @@ class AeroOptions:
         for name in NOT_NEGATIVE:
             self._check_number(name, lambda x: 0.0 <= x < float("inf"), "it must be finite and >= 0")
         self._check_number("azimuth_step_deg", lambda x: 0.0 < x < float("inf"), "it must be positive and finite")
-        self._check_number("separation_lag", lambda x: 0.0 < x < float("inf"), "it must be positive and finite")
         self._check_number("tree_tolerance", lambda x: 0.0 < x < 0.1, "it must lie in (0, 0.1)")
         self._check_number("shed_fraction", lambda x: 0.0 < x <= 1.0, "it must lie in (0, 1]")
         if self.ground_height is not None:

@@ -12,7 +12,7 @@ from wt_gym.aerodynamics.lattice.edges import SheddingEdge, bound_segments
 from wt_gym.aerodynamics.lattice.planform import LatticePlanform
 from wt_gym.aerodynamics.lattice.ring_work import RingWork
 from wt_gym.aerodynamics.lattice.separation import separation_tables
-from wt_gym.aerodynamics.options import AeroOptions
+from wt_gym.aerodynamics.options import SEPARATION_LAG, AeroOptions
 from wt_gym.aerodynamics.wake.far_wake_kernels import N_CELL, N_FAR, N_TUBE
 
 __all__ = ["AeroArrays", "AeroConstants", "AeroState", "AeroWork", "PlanformArrays"]
@@ -135,14 +135,14 @@ class AeroConstants(NamedTuple):
         return cls(
             density=float(density), wake_core=float(o.wake_core), viscosity=float(o.viscosity),
             squire=float(o.squire), shed_fraction=float(o.shed_fraction),
-            stall_lag=0.0 if o.dynamic_stall else float(o.stall_lag), separation_lag=float(o.separation_lag),
+            stall_lag=0.0 if o.dynamic_stall else float(o.stall_lag), separation_lag=SEPARATION_LAG,
             ground=0.0 if o.ground_height is None else float(o.ground_height), full_rows=o.full_rows,
             coarse_stride=o.coarse_stride,
             sparse_from=o.wake_rows + 1 if o.sparse_from is None else o.sparse_from, sparse_stride=o.sparse_stride,
             fresh_rows=o.fresh_rows, refresh_stride=o.refresh_stride,
             far_wake_rows=o.far_wake_rows, far_wake=o.far_wake, has_ground=has_ground, viscous=o.viscous,
-            dynamic_stall=o.dynamic_stall is not None, unsteady=o.unsteady, bernoulli=o.load_form == "bernoulli",
-            strain=o.core_strain, curved=o.curved_filaments, arcs=o.local_induction, edge_wake=o.trailing_edge_wake,
+            dynamic_stall=o.dynamic_stall is not None, unsteady=True, bernoulli=o.load_form == "bernoulli",
+            strain=o.core_strain, curved=o.curved_filaments, arcs=True, edge_wake=o.trailing_edge_wake,
             tip_wake=o.tip_wake,
         )  # fmt: skip
 

@@ -28,6 +28,10 @@ ELASTODYN_NREL_5MW_TOWER = (
 ``tower_modes=(2, 2, 0)``: what OpenFAST assumes, not what this tower vibrates in."""
 
 
+STEP_BASE = 0.2
+"""Interval that the automatic time step divides [s]; control intervals are multiples of it."""
+
+
 @dataclass(frozen=True)
 class Fidelity:
     """Resolution of a simulation.
@@ -39,10 +43,8 @@ class Fidelity:
         Lattice and wake. The strides of thinned rows belong to ``aero.azimuth_step_deg``; where the step turns the
         rotor at rated speed by another angle they follow it, rounded down, see :meth:`aero_for`.
     time_step : float or None
-        Aerodynamic step [s]. None: the largest step that divides ``step_base`` and turns the rotor at rated speed by no
+        Aerodynamic step [s]. None: the largest step that divides `STEP_BASE` and turns the rotor at rated speed by no
         more than ``aero.azimuth_step_deg``.
-    step_base : float
-        Interval [s] that the automatic time step divides; control intervals are multiples of it.
     max_substep : float
         Longest structural step [s]; the aerodynamic step is divided into equal sub-steps, short enough also for the
         stability of the highest structural mode.
@@ -130,7 +132,6 @@ class Fidelity:
     name: str = "custom"
     aero: AeroOptions = field(default_factory=lambda: TRAINING)
     time_step: float | None = None
-    step_base: float = 0.2
     max_substep: float = 0.034
     stiffest_shaft: float = 8.0
     corrections: int = 3
@@ -292,7 +293,7 @@ class Fidelity:
         if self.time_step is not None:
             return self.time_step
         longest = math.radians(self.aero.azimuth_step_deg) / rated_speed
-        return self.step_base / math.ceil(self.step_base / longest - 1e-9)
+        return STEP_BASE / math.ceil(STEP_BASE / longest - 1e-9)
 
     def aero_for(self, rated_speed):
         """Lattice and wake for a rotor with this rated speed [rad/s], see :meth:`AeroOptions.for_step`."""
