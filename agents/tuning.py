@@ -17,6 +17,7 @@ import numpy as np
 
 import wt_gym
 from wt_gym.agents.comparison import Case, check_times, run_cases
+from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.control.controllers.catalogue import SHORT_FOR
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.errors import SimulationError
@@ -85,24 +86,14 @@ class Cost:
     Attributes
     ----------
     weights : dict
-        By the keys of `wt_gym.benchmark.run.benchmark_metrics`. By default those of the lifetime cost of
-        docs/rewards.md, by which the load-reduction tasks of the benchmark score too: one per cent of energy is one per
-        cent of cost.
+        By the keys of `wt_gym.benchmark.run.benchmark_metrics`. By default
+        `wt_gym.analysis.lifetime_cost.LIFETIME_COST_WEIGHTS`, by which the load-reduction tasks of the benchmark score
+        too: one per cent of energy is one per cent of cost.
     least_power : float
         Captured power over that of the reference; the benchmark's load-reduction tasks allow no less either.
     """
 
-    weights: dict[str, float] = field(
-        default_factory=lambda: {
-            "captured_power": -1.0,
-            "blade_flap_del": 0.2,
-            "blade_edge_del": 0.05,
-            "tower_fore_aft_del": 0.15,
-            "tower_side_side_del": 0.05,
-            "pitch_duty_cycle": 0.1,
-            "torque_rate": 0.05,
-        }
-    )
+    weights: dict[str, float] = field(default_factory=lambda: dict(LIFETIME_COST_WEIGHTS))
     least_power: float = 0.995
 
     def of(self, metrics: dict[str, float], reference: dict[str, float], turbine: Turbine) -> float:

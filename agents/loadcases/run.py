@@ -14,7 +14,7 @@ from wt_gym.envs.layout import turbine_env_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.faults import FEATHER
-from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
+from wt_gym.turbines.clearance import unloaded_clearance
 
 if TYPE_CHECKING:
     import gymnasium as gym
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
-__all__ = ["COMPLETE", "EXTREMES", "TRACES", "run_agent", "run_parked", "unloaded_clearance"]
+__all__ = ["COMPLETE", "EXTREMES", "TRACES", "run_agent", "run_parked"]
 
 EXTREMES = ("blade_flap_max", "blade_edge_max", "tower_base_max", "rotor_speed_max", "tip_clearance_min")
 """What is kept of a run: largest sizes of moments [N m], largest rotor speed [rad/s], smallest clearance [m]."""
@@ -83,8 +83,7 @@ def run_agent(env: gym.Env, agent: Agent, condition: Condition) -> dict[str, Any
     stops = condition.stops_at
     if ending == "standstill" and stops is not None and turbine_env.signals["time"] > stops:
         ending = "stopped"
-    clearance = unloaded_clearance(turbine, turbine_env.simulator.structure.tip_rest)
-    return _result(recorder.to_dataset(), turbine, condition, ending, failure, clearance)
+    return _result(recorder.to_dataset(), turbine, condition, ending, failure)
 
 
 def run_parked(turbine: Turbine, fidelity: str | Fidelity, condition: Condition) -> dict[str, Any]:
@@ -102,8 +101,7 @@ def run_parked(turbine: Turbine, fidelity: str | Fidelity, condition: Condition)
         if not len(recorder):
             return _nothing(str(error))
         ending, failure = "failure", str(error)
-    clearance = unloaded_clearance(turbine, simulator.structure.tip_rest)
-    return _result(recorder.to_dataset(), turbine, condition, ending, failure, clearance)
+    return _result(recorder.to_dataset(), turbine, condition, ending, failure)
 
 
 def _nothing(failure: str) -> dict[str, Any]:
@@ -114,10 +112,14 @@ def _nothing(failure: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _result(data: xr.Dataset, turbine: Turbine, condition: Condition, ending, failure, clearance) -> dict[str, Any]:
+def _result(data: xr.Dataset, turbine: Turbine, condition: Condition, ending, failure) -> dict[str, Any]:
     """What is kept of a run."""
     time = data["time"].values
-    result = _nothing(failure) | {"ending": ending, "time": float(time[-1]), "unloaded_clearance": clearance}
+    result = _nothing(failure) | {
+        "ending": ending,
+        "time": float(time[-1]),
+        "unloaded_clearance": unloaded_clearance(turbine),
+    }
     if time[-1] >= SKIP + _LEAST_MEASURED:
         metrics = run_metrics(data.isel(time=slice(1, None)), turbine, SKIP)
         edge = [np.abs(data[f"root_edge_moment_{b + 1}"].values[time >= SKIP]).max() for b in range(turbine.n_blades)]
@@ -133,23 +135,3 @@ def _result(data: xr.Dataset, turbine: Turbine, condition: Condition, ending, fa
             for name, values in (("time", time), *((name, data[name].values) for name in TRACES))
         }
     return result
-
-
-def unloaded_clearance(turbine: Turbine, tip: np.ndarray) -> float:
-    """Distance of the tip of an undeformed blade from the tower, where it passes it at zero pitch [m].
-
-    Parameters
-    ----------
-    turbine : Turbine
-    tip : numpy.ndarray, shape (3,)
-        The tip in the axes of the blade's root, `TurbineStructure.tip_rest` [m].
-    """
-    nacelle = turbine.nacelle
-    tilt = rotation_y(nacelle.tilt)
-    down = tilt @ rotation_x(math.pi) @ rotation_y(-turbine.hub.cone)
-    centre = np.array([0.0, 0.0, turbine.tower.height + nacelle.tower_top_to_shaft])
-    centre += tilt @ [-nacelle.overhang, 0.0, 0.0]
-    root = np.array([0.0, 0.0, turbine.blade.root_radius])
-    place = centre + down @ (root + tip)
-    radius = 0.5 * turbine.tower.diameter_at(np.array([place[2] - turbine.tower.base_height]))[0]
-    return float(math.hypot(place[0], place[1]) - radius)

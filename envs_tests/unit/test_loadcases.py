@@ -13,16 +13,14 @@ from wt_gym.agents.loadcases import study
 from wt_gym.agents.loadcases.cases import CASES, Condition, digest, inflow_of, plan_of
 from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
 from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
-from wt_gym.agents.loadcases.run import EXTREMES, unloaded_clearance
+from wt_gym.agents.loadcases.run import EXTREMES
 from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases
 from wt_gym.agents.sweep_record import SWEEP_FILE
 from wt_gym.agents.workers import Tally
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
 from wt_gym.commands.loadcases import main
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
-from wt_gym.simulation.assembly import assemble
 from wt_gym.simulation.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
-from wt_gym.simulation.fidelity import fidelity
 from wt_gym.turbines import load_turbine
 
 FATIGUE = ("blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_side_del")
@@ -166,16 +164,6 @@ def test_failures_are_shown_as_results(tmp_path):
     assert "DLC 1.4, A, ECD+, 11.4 m/s, seed 1: overspeed after 80.0 s" in page
     assert "<!--" not in page.split("<script>")[0]
     assert json.dumps(found.to_json())
-
-
-def test_the_unloaded_clearance_follows_from_the_geometry(turbine):
-    """NREL/TP-500-38060: overhang 5.019 m, tilt 5 deg, cone 2.5 deg, radius 63 m, straight blade, tower 6 to 3.87 m."""
-    tip = assemble(turbine, fidelity("training")).structure.tip_rest
-    tilt, cone = np.radians(5.0), np.radians(2.5)
-    upwind = 5.019 * np.cos(tilt) + 63.0 * np.sin(tilt + cone)
-    height = turbine.hub_height - 63.0 * np.cos(tilt + cone)
-    radius = 0.5 * np.interp(height, [0.0, 87.6], [6.0, 3.87])
-    assert unloaded_clearance(turbine, tip) == pytest.approx(upwind - radius, abs=0.05)
 
 
 # ---- how a study keeps and resumes runs ----
