@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import stdtrit
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from wt_gym.wind import Inflow
 
 __all__ = [
+    "BENEATH",
     "COLUMNS",
     "LEAST_MEASURED",
     "Case",
@@ -41,6 +43,9 @@ __all__ = [
     "run_cases",
     "table",
 ]
+
+BENEATH: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
+"""Arguments of an environment in which a controller runs beneath actions that rest."""
 
 COLUMNS = (
     ("mean_power", "power"),
@@ -130,6 +135,9 @@ def run_cases(
 ) -> list[ControllerRuns]:
     """Run every controller in every wind.
 
+    Where one is an agent with ``predict``, all run in environments, controllers beneath actions that rest: so that all
+    start alike.
+
     Parameters
     ----------
     turbine : Turbine
@@ -158,6 +166,7 @@ def run_cases(
     check_times(duration, skip, control_dt)
     for case in cases:
         _steady(turbine, case, 0.0)
+    in_environment = not all(runs_beneath(choice) for choice, _ in controllers.values())
     runs = [] if runs is None else runs
     runs += [ControllerRuns(label, {}, {}) for label in controllers]
     simulator = None
@@ -168,12 +177,12 @@ def run_cases(
         simulator.inflow = inflow
         for run, (choice, parameters) in zip(runs, controllers.values(), strict=True):
             try:
-                if runs_beneath(choice):
-                    controller = make_controller(choice, turbine, **parameters)
-                    recorder = run_controller(simulator, controller, skip + duration, control_dt, name=run.name)
-                else:
+                if in_environment:
                     agent = Name(read_name(choice).kind, choice, parameters)
                     recorder = run_agent(turbine, agent, inflow, skip + duration, fidelity, control_dt)
+                else:
+                    controller = make_controller(choice, turbine, **parameters)
+                    recorder = run_controller(simulator, controller, skip + duration, control_dt, name=run.name)
                 run.metrics[case] = benchmark_metrics(recorder.to_dataset(), turbine, skip)
             except SimulationError as error:
                 run.failures[case] = str(error)
@@ -185,7 +194,9 @@ def run_cases(
 def run_agent(
     turbine: Turbine, name: Name, inflow: Inflow, duration: float, fidelity="training", control_dt: float | None = None
 ) -> Recorder:
-    """Simulate under an agent with ``predict``, in the environment of its training or the one that it chooses.
+    """Simulate under an agent in an environment: that of its training, or the one that it chooses.
+
+    A controller runs beneath actions that rest, and so do words without an environment of their own.
 
     Parameters
     ----------
@@ -214,6 +225,10 @@ def run_agent(
     found = load_model(name) if name.kind == "trained" else None
     record = (found.record if found is not None else None) or {}
     interface = environment_of_training(record, INTERFACE) | env_choices_of(name.text)
+    if name.kind == "word" or runs_beneath(name.text):
+        interface |= BENEATH
+    if runs_beneath(name.text):
+        interface["controller"] = partial(make_controller, name.text)
     step = control_dt or record.get("control_dt")
     if step is not None:
         interface["control_dt"] = step

@@ -16,6 +16,7 @@ from wt_gym.agents.choices import (
     runs_beneath,
     split_name,
 )
+from wt_gym.agents.comparison import BENEATH
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.environments import load_agent, load_model
 from wt_gym.agents.planning import check_settings
@@ -49,8 +50,6 @@ WORDS = {
     ),
 }
 """Words that stand for several entries."""
-
-_BENEATH = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
 
 
 @dataclass(frozen=True)
@@ -125,10 +124,10 @@ def _entry(label: str, name: Name) -> Entry:
         source = {"class": known["class"], "parameters": name.parameters, "sha256": [*known["sha256"].values()]}
         if not runs_beneath(text):
             return Entry(label, text, {"kind": "class", **source}, env_choices_of(text))
-        beneath = {**_BENEATH, "controller": [name.target, name.parameters]}
+        beneath = {**BENEATH, "controller": [name.target, name.parameters]}
         return Entry(label, text, {"kind": "controller", **source}, beneath)
     definition = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
-    return Entry(label, text, definition, {**_BENEATH, "controller": [name.target, name.parameters]})
+    return Entry(label, text, definition, {**BENEATH, "controller": [name.target, name.parameters]})
 
 
 def entries_of(texts: Iterable[str]) -> list[Entry]:
