@@ -68,7 +68,7 @@ def is_controller_name(choice: str) -> bool:
     """Whether a choice names a controller of the library: ``controller:`` in front, or a name of `CONTROLLERS`."""
     try:
         return read_name(choice).kind == "controller"
-    except ValueError:
+    except (ValueError, FileNotFoundError):
         return False
 
 
@@ -195,7 +195,7 @@ def _is_model(choice: str) -> bool:
     """Whether a choice is a trained model; what is no name at all is refused by whoever reads it for good."""
     try:
         return read_name(choice).kind == "trained"
-    except ValueError:
+    except (ValueError, FileNotFoundError):
         return False
 
 

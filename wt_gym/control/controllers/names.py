@@ -93,6 +93,8 @@ def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str
     ------
     ValueError
         If it is none of them, with what is allowed and what is near; or if parameters are malformed.
+    FileNotFoundError
+        If it looks like a path, and nothing is there.
 
     Examples
     --------
@@ -123,6 +125,10 @@ def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str
         return Name("trained", folder, _parameters(rest, text, strings=True))
     if (found := _MODULE_CLASS.fullmatch(text)) and "=" not in found["target"]:
         return Name("class", found["target"], _parameters(found["rest"], text, strings=True))
+    if text.endswith(".zip") or "/" in text or "\\" in text:
+        raise FileNotFoundError(
+            f"{text!r} is no agent: there is no trained model at {text}, and no controller or word of that name"
+        )
     allowed = f"{', '.join(words)}, a controller" if words else "a controller"
     raise ValueError(
         f"{text!r} is no agent: give {allowed} ({', '.join(CONTROLLERS)}, joined with '+', parameters behind ':'), "
