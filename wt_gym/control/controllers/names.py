@@ -127,7 +127,7 @@ def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str
         return Name("class", found["target"], _parameters(found["rest"], text, strings=True))
     if text.endswith(".zip") or "/" in text or "\\" in text:
         raise FileNotFoundError(
-            f"{text!r} is no agent: there is no trained model at {text}, and no controller or word of that name"
+            f"{text!r} is no agent: there is no trained model at {text}, nor a controller of that name"
         )
     allowed = f"{', '.join(words)}, a controller" if words else "a controller"
     raise ValueError(
