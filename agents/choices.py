@@ -1,37 +1,145 @@
-"""What the words for agents on a command line mean."""
+"""What the names of agents mean: those of controllers (`wt_gym.control.controllers.names`), and words for agents."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.controllers import CONTROLLERS, name_and_parameters
-from wt_gym.control.controllers.parameters import did_you_mean
+from wt_gym.control.controllers.names import (
+    ALIASES,
+    BASELINE,
+    PREFIX,
+    Name,
+    is_agent_class,
+    name_and_parameters,
+    parse_name,
+)
+from wt_gym.control.controllers.own_class import load_class, source_digest
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Iterable, Mapping
 
 __all__ = [
     "BASELINE",
     "PREFIX",
+    "WORDS",
+    "checked_choices",
     "controller_of",
-    "expand_seeds",
+    "default_name",
+    "each_seed",
+    "env_choices_of",
     "fingerprint",
     "is_controller_name",
-    "kind_of",
     "named_choices",
+    "own_controller",
+    "read_name",
+    "runs_beneath",
     "split_name",
+    "with_model_options",
 ]
 
-BASELINE = "Baseline PI"
-_WORDS = {"baseline": BASELINE, "constant": "Constant action"}
-PREFIX = "controller:"
+WORDS = ("zero", "random", "planner")
+"""Agents by word: zero actions, which leave everything to the controller beneath; even draws; planning on a copy of the
+simulator. A controller, a class of one's own and a path are read by `wt_gym.control.controllers.names.parse_name`."""
+_WORD_ALIASES = {"constant": "zero", "Constant action": "zero"}
+_MODEL_PARAMETERS = ("algo", "env", "trust")
+
+
+def read_name(choice: str) -> Name:
+    """What the name of an agent means.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or has parameters that it cannot have.
+    """
+    name = parse_name(choice, WORDS, _WORD_ALIASES)
+    allowed = _MODEL_PARAMETERS if name.kind == "trained" else ()
+    if name.kind == "trained" or (name.kind == "word" and name.target != "planner"):
+        for key in name.parameters:
+            if key not in allowed:
+                raise ValueError(
+                    f"{choice!r} takes {', '.join(allowed) or 'no parameters'} behind its name, got {key!r}"
+                )
+    return name
 
 
 def is_controller_name(choice: str) -> bool:
     """Whether a choice names a controller of the library: ``controller:`` in front, or a name of `CONTROLLERS`."""
-    names = choice.partition(":")[0].split("+")
-    return choice.startswith(PREFIX) or all(name in CONTROLLERS for name in names)
+    try:
+        return read_name(choice).kind == "controller"
+    except (ValueError, FileNotFoundError):
+        return False
+
+
+def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
+    """Name and parameters of a controller, with or without ``controller:`` in front.
+
+    Parameters
+    ----------
+    choice : str
+        For example ``"ipc+tower_dampers"`` or ``"constrained_ipc:level=0.1"``.
+
+    Returns
+    -------
+    name : str
+    parameters : dict
+        Both as `wt_gym.control.controllers.make_controller` takes them.
+
+    Raises
+    ------
+    ValueError
+        See `wt_gym.control.controllers.name_and_parameters`.
+    """
+    return name_and_parameters(choice.removeprefix(PREFIX))
+
+
+def runs_beneath(choice: str) -> bool:
+    """Whether a choice is a controller, of the library or of one's own; loads the class in the latter case."""
+    name = read_name(choice)
+    return name.kind == "controller" or (name.kind == "class" and not is_agent_class(load_class(name.target)))
+
+
+def env_choices_of(choice: str) -> dict[str, Any]:
+    """Arguments of the environment that an agent chooses for itself: what it sees, what its actions mean.
+
+    Of a class its attribute ``env_kwargs``; of a model those in the file ``env=``, else in a file of its name ending in
+    ``.json`` beside it (``{"algo": "SAC", "env_kwargs": {...}}``).
+
+    Raises
+    ------
+    ValueError
+        If one is not the agent's to choose, or the file is damaged.
+    """
+    name = read_name(choice)
+    if name.kind == "class":
+        maker = load_class(name.target)
+        return checked_choices(getattr(maker, "env_kwargs", {}), choice) if is_agent_class(maker) else {}
+    if name.kind == "trained":
+        from wt_gym.agents.trained_agent import model_card  # torch takes seconds to import
+
+        return checked_choices(model_card(name.target, name.parameters.get("env")).get("env_kwargs", {}), choice)
+    return {}
+
+
+def checked_choices(given: Any, choice: str) -> dict[str, Any]:
+    """Give back arguments of the environment that an agent may choose.
+
+    Raises
+    ------
+    ValueError
+        If they are no table, or one is not the agent's to choose.
+    """
+    from wt_gym.benchmark import INTERFACE
+
+    if not isinstance(given, dict):
+        raise ValueError(f"env_kwargs of {choice} must be a table of arguments of the environment, got {given!r}")
+    if foreign := [key for key in given if key not in INTERFACE]:
+        raise ValueError(
+            f"env_kwargs of {choice} must be some of {', '.join(INTERFACE)}, got {', '.join(foreign)}: turbine and "
+            "wind are the same for all"
+        )
+    return given
 
 
 def split_name(text: str) -> tuple[str, str]:
@@ -43,99 +151,89 @@ def split_name(text: str) -> tuple[str, str]:
     return (name, choice) if separator and ":" not in name else ("", text)
 
 
-def kind_of(choice: str, words: Collection[str], more: Collection[str] = ()) -> str:
-    """What a choice is: a word, else a controller, else a path.
+def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
+    """What "baseline" means in an environment: what it runs beneath residual actions, else `BASELINE`.
 
     Parameters
     ----------
-    choice : str
-    words : collection of str
-        That mean something here.
-    more : collection of str
-        Other words, which the message names too.
-
-    Returns
-    -------
-    {"word", "controller", "trained"}
-
-    Raises
-    ------
-    ValueError
-        If it is none of them.
+    env_id : str
+    env_kwargs : mapping
+        Arguments besides those of the id.
     """
-    if choice in words:
-        return "word"
-    if is_controller_name(choice):
-        return "controller"
-    if Path(choice).exists():
-        return "trained"
-    raise ValueError(
-        f"{choice!r} is no agent: give {', '.join([*words, *more])}, a controller ({', '.join(CONTROLLERS)}, joined "
-        "with '+', parameters behind ':'), or the path of a trained model"
-        + did_you_mean(choice.partition(":")[0].rpartition("+")[2], (*words, *more, *CONTROLLERS))
-    )
+    import gymnasium as gym
+
+    arguments = {**gym.spec(env_id).kwargs, **env_kwargs}
+    given = arguments.get("controller", BASELINE)
+    beneath = arguments.get("action_mode") == "residual" and isinstance(given, str)
+    return parse_name(given).text if beneath else BASELINE
 
 
-def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
-    """Name and parameters of a controller from ``name:key=value,key=value``, with or without ``controller:`` in front.
+def with_model_options(choices: Iterable[str], algo: str | None = None, trust: bool = False) -> list[str]:
+    """Names in which trained models carry the options of a command line, where they say nothing themselves.
 
     Parameters
     ----------
-    choice : str
-        For example ``"ipc+tower_dampers"`` or ``"constrained_ipc:level=0.1"``; values are Python literals.
-
-    Returns
-    -------
-    name : str
-    parameters : dict
-        Both as `wt_gym.control.controllers.make_controller` takes them.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not of the form ``key=value`` with a number, or True, False or None as its value.
+    choices : iterable of str
+        With or without ``NAME=`` in front.
+    algo : str, optional
+        Algorithm.
+    trust : bool
+        Load what could run code.
     """
-    return name_and_parameters(choice.removeprefix(PREFIX))
+    made = []
+    for given in choices:
+        label, choice = split_name(given)
+        more: dict[str, Any] = ({"algo": algo} if algo else {}) | ({"trust": True} if trust else {})
+        if more and _is_model(choice):
+            name = read_name(choice)
+            choice = Name(name.kind, name.target, more | name.parameters).text
+        made.append(f"{label}={choice}" if label else choice)
+    return made
 
 
-def named_choices(choices: list[str]) -> dict[str, str]:
+def _is_model(choice: str) -> bool:
+    """Whether a choice is a trained model; what is no name at all is refused by whoever reads it for good."""
+    try:
+        return read_name(choice).kind == "trained"
+    except (ValueError, FileNotFoundError):
+        return False
+
+
+def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]:
     """Names for the agents of a command line: ``NAME=CHOICE``, or a name that follows from the choice.
 
     Parameters
     ----------
-    choices : list of str
-        Words, controllers or paths for `wt_gym.agents.environments.load_agent`, with or without a name in front. The
-        folder of a training with several seeds stands for one agent a seed.
+    choices : iterable of str
+        Names of agents, with or without a label in front. The folder of a training with several seeds stands for one
+        agent a seed.
+    own : str
+        What "baseline" means, see `own_controller`.
 
     Returns
     -------
     dict
-        Name to choice, in the given order.
+        Label to name, aliases resolved, in the given order.
 
     Raises
     ------
     ValueError
-        If two agents get the same name, or a choice is neither a word, nor a controller, nor a path that exists.
+        If two agents get the same label, or a choice is none.
     """
     named: dict[str, str] = {}
     for given in choices:
-        name, choice = split_name(given)
-        for suffix, single in expand_seeds(choice, kind_of(choice, _WORDS)):
-            label = (name or _default_name(choice)) + suffix
-            if label in named:
-                raise ValueError(f"two agents are called {label!r}; give them names as NAME={single}")
-            named[label] = single
+        label, choice = split_name(given)
+        name = read_name(own if choice in ALIASES else choice)
+        for suffix, single in each_seed(name):
+            shown = (label or default_name(name)) + suffix
+            if shown in named:
+                raise ValueError(f"two agents are called {shown!r}; give them names as NAME={single}")
+            named[shown] = single
     return named
 
 
-def expand_seeds(choice: str, kind: str) -> list[tuple[str, str]]:
-    """Suffix of the name and path of each seed where a choice is the folder of a training with several seeds.
-
-    Parameters
-    ----------
-    choice : str
-    kind : str
-        What it is; only what is "trained" can have seeds.
+def each_seed(name: Name) -> list[tuple[str, str]]:
+    """Suffix of the label and text of each seed where a name is the folder of a training with several seeds.
 
     Returns
     -------
@@ -149,17 +247,17 @@ def expand_seeds(choice: str, kind: str) -> list[tuple[str, str]]:
     ValueError
         If the plan of the training is damaged.
     """
-    if kind != "trained":
-        return [("", choice)]
+    if name.kind != "trained":
+        return [("", name.text)]
     from wt_gym.agents.trained_agent import MODEL_FILE  # torch takes seconds to import
 
-    folders = _folders_of_seeds(Path(choice))
+    folders = _folders_of_seeds(Path(name.target))
     if not folders:
-        return [("", choice)]
+        return [("", name.text)]
     trained = {seed: folder for seed, folder in folders.items() if (folder / MODEL_FILE).is_file()}
     if not trained:
-        raise FileNotFoundError(f"no trained model in {choice} yet: none of its seeds has one")
-    return [(f" seed {seed}", str(folder)) for seed, folder in trained.items()]
+        raise FileNotFoundError(f"no trained model in {name.target} yet: none of its seeds has one")
+    return [(f" seed {seed}", Name(name.kind, str(folder), name.parameters).text) for seed, folder in trained.items()]
 
 
 def _folders_of_seeds(folder: Path) -> dict[int, Path]:
@@ -181,30 +279,39 @@ def fingerprint(choice: str) -> dict[str, Any]:
     Returns
     -------
     dict
-        The choice, and for a trained model the SHA-256 sums of its files.
+        The choice; for a trained model or a class of one's own the SHA-256 sums of its files too, and what else makes
+        it up.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such model.
+        If there is no such model or file.
     """
-    if kind_of(choice, _WORDS) != "trained":
-        return {"choice": choice}
+    name = read_name(choice)
+    if name.kind == "class":
+        made_of = {"class": name.target.rpartition(":")[2], "parameters": name.parameters}
+        return {"choice": name.text, "sha256": {name.target: source_digest(name.target)}, **made_of}
+    if name.kind != "trained":
+        return {"choice": choice if choice in ALIASES else name.text}
     from wt_gym.agents.trained_agent import model_digests  # torch takes seconds to import
 
-    return {"choice": choice, "sha256": model_digests(choice)}
+    found: dict[str, Any] = {"choice": name.text, "sha256": model_digests(name.target)}
+    if "algo" in name.parameters:
+        found["algo"] = name.parameters["algo"]
+    if chosen := env_choices_of(choice):
+        found["env_kwargs"] = chosen
+    return found
 
 
-def _default_name(choice: str) -> str:
-    """Name that says what the choice is: algorithm of a trained model, else the name of its file or folder."""
-    kind = kind_of(choice, _WORDS)
-    if kind == "word":
-        return _WORDS[choice]
-    if kind == "controller":
-        return choice.removeprefix(PREFIX)
+def default_name(name: Name) -> str:
+    """Label that says what a name is: of a model its algorithm, else its file or folder; of a class its name."""
+    if name.kind == "class":
+        return Name("class", name.target.rpartition(":")[2], name.parameters).text
+    if name.kind != "trained":
+        return name.text.removeprefix(PREFIX)
     from wt_gym.agents.trained_agent import RECORD_FILE, read_record
 
-    path = Path(choice)
+    path = Path(name.target)
     for folder in (path, path.parent, *_folders_of_seeds(path).values()):
         record = folder / RECORD_FILE
         if record.is_file():

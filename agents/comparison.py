@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import stdtrit
 
+from wt_gym.agents.choices import env_choices_of, read_name, runs_beneath
 from wt_gym.agents.closed_loop import run_controller
-from wt_gym.benchmark.run import benchmark_metrics
-from wt_gym.control.controllers import make_controller
+from wt_gym.agents.environments import load_agent, load_model
+from wt_gym.agents.trained_environment import environment_of_training
+from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
+from wt_gym.control.controllers import Name, make_controller
 from wt_gym.envs.arguments import check_duration
+from wt_gym.envs.episode import episode_steps
+from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
-from wt_gym.simulation import Simulator
+from wt_gym.simulation import Recorder, Simulator
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
 
 __all__ = [
+    "BENEATH",
     "COLUMNS",
     "LEAST_MEASURED",
     "Case",
@@ -31,9 +39,13 @@ __all__ = [
     "half_width",
     "in_all_winds",
     "inflow_of",
+    "run_agent",
     "run_cases",
     "table",
 ]
+
+BENEATH: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
+"""Arguments of an environment in which a controller runs beneath actions that rest."""
 
 COLUMNS = (
     ("mean_power", "power"),
@@ -123,11 +135,15 @@ def run_cases(
 ) -> list[ControllerRuns]:
     """Run every controller in every wind.
 
+    Where one is an agent with ``predict``, all run in environments, controllers beneath actions that rest: so that all
+    start alike.
+
     Parameters
     ----------
     turbine : Turbine
     controllers : mapping
-        From a label to the arguments of `make_controller`: name and parameters.
+        From a label to name and parameters: of a controller as `make_controller` takes them, or of any agent that
+        `wt_gym.agents.choices.read_name` knows, which runs in an environment with the same wind.
     cases : iterable of Case
     duration, skip : float
         Measured time and time before it [s].
@@ -150,6 +166,7 @@ def run_cases(
     check_times(duration, skip, control_dt)
     for case in cases:
         _steady(turbine, case, 0.0)
+    in_environment = not all(runs_beneath(choice) for choice, _ in controllers.values())
     runs = [] if runs is None else runs
     runs += [ControllerRuns(label, {}, {}) for label in controllers]
     simulator = None
@@ -159,15 +176,82 @@ def run_cases(
             simulator = Simulator(turbine, inflow, fidelity)
         simulator.inflow = inflow
         for run, (choice, parameters) in zip(runs, controllers.values(), strict=True):
-            controller = make_controller(choice, turbine, **parameters)
             try:
-                recorder = run_controller(simulator, controller, skip + duration, control_dt, name=run.name)
+                if in_environment:
+                    agent = Name(read_name(choice).kind, choice, parameters)
+                    recorder = run_agent(turbine, agent, inflow, skip + duration, fidelity, control_dt)
+                else:
+                    controller = make_controller(choice, turbine, **parameters)
+                    recorder = run_controller(simulator, controller, skip + duration, control_dt, name=run.name)
                 run.metrics[case] = benchmark_metrics(recorder.to_dataset(), turbine, skip)
             except SimulationError as error:
                 run.failures[case] = str(error)
             if progress is not None:
                 progress(run.name, case)
     return runs
+
+
+def run_agent(
+    turbine: Turbine, name: Name, inflow: Inflow, duration: float, fidelity="training", control_dt: float | None = None
+) -> Recorder:
+    """Simulate under an agent in an environment: that of its training, or the one that it chooses.
+
+    A controller runs beneath actions that rest, and so do words without an environment of their own.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    name : Name
+        Of the agent.
+    inflow : Inflow
+    duration : float
+        [s].
+    fidelity : str or Fidelity
+    control_dt : float, optional
+        [s]; by default that of the agent's training, else the environment's.
+
+    Returns
+    -------
+    Recorder
+        Signals at the start and after every control step.
+
+    Raises
+    ------
+    wt_gym.errors.SimulationError
+        If the episode ends before its time.
+    ValueError
+        If the agent does not fit its environment.
+    """
+    found = load_model(name) if name.kind == "trained" else None
+    record = (found.record if found is not None else None) or {}
+    interface = environment_of_training(record, INTERFACE) | env_choices_of(name.text)
+    if name.kind == "word" or runs_beneath(name.text):
+        interface |= BENEATH
+    if runs_beneath(name.text):
+        interface["controller"] = partial(make_controller, name.text)
+    step = control_dt or record.get("control_dt")
+    if step is not None:
+        interface["control_dt"] = step
+    interface |= {"inflow": inflow, "wind_speed": None, "start": "steady"}
+    env = WindTurbineEnv(turbine, fidelity=fidelity, **interface)
+    try:
+        agent = load_agent(name.text, env.layout, env) if found is None else found
+        if found is not None:
+            found.enter(env.layout)
+        observation, _ = env.reset(seed=0, options={"azimuth": 0.0})
+        recorder = Recorder(env.simulator)
+        recorder.append(env.signals)
+        steps = episode_steps(env, agent, observation)
+        for _ in range(round(duration / env.control_dt)):
+            step_made = next(steps)
+            if step_made.failed or step_made.terminated:
+                info = step_made.info
+                ended = info.get("failure") or info.get("termination")
+                raise SimulationError(f"ended after {info['time']:g} s: {ended}")
+            recorder.append(env.signals)
+        return recorder
+    finally:
+        env.close()
 
 
 def in_all_winds(runs: list[ControllerRuns]) -> list[ControllerRuns]:

@@ -7,9 +7,9 @@ from contextlib import ExitStack, closing
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
-from wt_gym.agents.choices import fingerprint
+from wt_gym.agents.choices import fingerprint, read_name
 from wt_gym.agents.compilation import compile_kernels
-from wt_gym.agents.environments import Environments, load_agent
+from wt_gym.agents.environments import Environments, load_agent, load_model
 from wt_gym.agents.trained_environment import check_environment
 from wt_gym.benchmark.fingerprint import differing
 from wt_gym.envs.layout import layout_of
@@ -65,16 +65,17 @@ class Contenders:
         with ExitStack() as refused:
             refused.callback(self._environments.close)
             self.env = self._environments.plain
-            layout = layout_of(self.env)
-            self.agents = {name: load_agent(a, layout) if isinstance(a, str) else a for name, a in agents.items()}
+            self.agents: dict[str, Agent] = {}
             self._beneath = {name: self._place(name) for name in agents}
             refused.pop_all()  # nothing is: the context closes them
 
     def _place(self, name: str) -> gym.Env:
         """Environment that an agent runs in."""
-        agent = self.agents[name]
-        record = getattr(agent, "record", None) or {}
-        env = self._environments.beneath(self._given[name], record, self._as_given)
+        given = self._given[name]
+        found = load_model(read_name(given)) if isinstance(given, str) and read_name(given).kind == "trained" else given
+        record = getattr(found, "record", None) or {}
+        env = self._environments.beneath(given, record, self._as_given)
+        self.agents[name] = agent = load_agent(found, layout_of(env), env) if isinstance(found, str) else found
         try:
             enter = getattr(agent, "enter", None) or getattr(agent, "check_fits", None)
             if enter is not None:

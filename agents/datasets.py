@@ -13,8 +13,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 import wt_gym
-from wt_gym.agents.choices import controller_of, kind_of
-from wt_gym.agents.controller_agent import ControllerAgent
+from wt_gym.agents.choices import env_choices_of, read_name
+from wt_gym.agents.environments import load_agent, load_model
 from wt_gym.agents.trained_environment import check_environment
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.envs.episode import episode_steps
@@ -164,11 +164,9 @@ def _datasets_in(folder: Path) -> Iterator[None]:
 
 def _agent(config: DatasetConfig):
     """Environment, its arguments, and what makes the agent for it."""
-    kind = kind_of(config.agent, ("baseline", "random"))
-    if kind == "trained":
-        from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
-
-        trained = TrainedAgent.load(config.agent)
+    name = read_name(config.agent)
+    if name.kind == "trained":
+        trained = load_model(name)
         of_training = (trained.record or {}).get("config", {})
         env_id = config.env_id or of_training.get("env_id")
         if env_id is None:
@@ -181,12 +179,13 @@ def _agent(config: DatasetConfig):
                 check_environment(trained.record or {}, env)
             return trained
 
-        return env_id, {**of_training.get("env_kwargs", {}), **config.env_kwargs}, make_trained
+        chosen = {**of_training.get("env_kwargs", {}), **env_choices_of(config.agent), **config.env_kwargs}
+        return env_id, chosen, make_trained
     env_id, kwargs = config.env_id or "wt_gym/NREL5MW-Turbulent-v1", {**ENV_KWARGS, **config.env_kwargs}
-    if config.agent == "random":
+    if name.text == "random":
         return env_id, kwargs, lambda env: UniformAgent(layout_of(env), config.seed)
-    name, parameters = controller_of("discon" if config.agent == "baseline" else config.agent)
-    return env_id, kwargs, lambda env: ControllerAgent(layout_of(env), name, **parameters)
+    kwargs |= env_choices_of(config.agent)
+    return env_id, kwargs, lambda env: load_agent(config.agent, layout_of(env), env)
 
 
 class _Noisy:

@@ -4,14 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from wt_gym.agents.choices import controller_of, expand_seeds, kind_of, split_name
+from wt_gym.agents.choices import (
+    BASELINE,
+    default_name,
+    each_seed,
+    env_choices_of,
+    fingerprint,
+    read_name,
+    runs_beneath,
+    split_name,
+)
+from wt_gym.agents.comparison import BENEATH
 from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.planning import ShootingPlanner, check_settings
+from wt_gym.agents.environments import load_agent, load_model
+from wt_gym.agents.planning import check_settings
 from wt_gym.agents.trained_environment import environment_of_training
-from wt_gym.agents.uniform import UniformAgent
 from wt_gym.benchmark import INTERFACE
+from wt_gym.control.controllers.parameters import did_you_mean
 from wt_gym.envs.layout import layout_of
 
 if TYPE_CHECKING:
@@ -19,10 +30,10 @@ if TYPE_CHECKING:
 
     import gymnasium as gym
 
-__all__ = ["BASELINE", "LEVELS", "WORDS", "Entry", "entries_of", "entry_of"]
+    from wt_gym.agents.trained_agent import TrainedAgent
+    from wt_gym.control.controllers import Name
 
-BASELINE = "discon"
-"""Entry whose score is zero."""
+__all__ = ["BASELINE", "LEVELS", "WORDS", "Entry", "entries_of", "entry_of"]
 
 LEVELS = (0.03, 0.06, 0.1, 0.15, 0.2)
 """Bands of constrained individual pitch in the word "baselines", in `reference_flap_moment`."""
@@ -39,8 +50,6 @@ WORDS = {
     ),
 }
 """Words that stand for several entries."""
-
-_BENEATH = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
 
 
 @dataclass(frozen=True)
@@ -67,18 +76,12 @@ class Entry:
     def make(self, env: gym.Env):
         """Make the agent for an environment; it has stable-baselines3's ``predict``."""
         layout = layout_of(env)
-        kind = self.definition["kind"]
-        if kind == "random":
-            return UniformAgent(layout)
-        if kind == "planner":
-            return ShootingPlanner(env, **self.definition["parameters"])
-        if kind == "trained":
-            from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
-
-            agent = TrainedAgent.load(self.choice)
-            agent.enter(layout)
-            return agent
-        return ConstantAgent(layout)
+        if self.definition["kind"] == "controller":  # which runs beneath
+            return ConstantAgent(layout)
+        agent = load_agent(self.choice, layout, env)
+        if self.definition["kind"] == "trained":
+            cast("TrainedAgent", agent).enter(layout)
+        return agent
 
 
 def entry_of(text: str) -> Entry:
@@ -96,36 +99,35 @@ def entry_of(text: str) -> Entry:
     ValueError
         If it is none of them, or a setting of a planner is out of range.
     """
-    name, choice = split_name(text)
-    return _entry(name or _default_name(choice), choice)
+    label, choice = split_name(text)
+    name = read_name(choice)
+    return _entry(label or _default_name(name), name)
 
 
-def _default_name(choice: str) -> str:
-    """Name of an entry: the choice, of a path its last part."""
-    return Path(choice).name if Path(choice).exists() else choice
+def _default_name(name: Name) -> str:
+    """Label of an entry: what is said, of a path its last part."""
+    return Path(name.target).name if name.kind == "trained" else default_name(name)
 
 
-def _kind(choice: str) -> str:
-    """Kind of a choice: "planner", or as `wt_gym.agents.choices.kind_of` says."""
-    if choice.partition(":")[0] == "planner":
-        return "planner"
-    return kind_of(choice, ("zero", "random"), ("planner", *WORDS))
-
-
-def _entry(name: str, choice: str) -> Entry:
-    """Entry of a choice."""
-    kind = _kind(choice)
-    if kind == "planner":
-        parameters = controller_of(choice)[1]
-        check_settings(parameters)
-        return Entry(name, choice, {"kind": kind, "parameters": parameters})
-    if kind == "word":
-        return Entry(name, choice, {"kind": choice})
-    if kind == "trained":
-        return _trained(name, Path(choice))
-    controller, parameters = controller_of(choice)
-    definition = {"kind": kind, "controller": controller, "parameters": parameters}
-    return Entry(name, choice, definition, {**_BENEATH, "controller": [controller, parameters]})
+def _entry(label: str, name: Name) -> Entry:
+    """Entry of a name."""
+    text = name.text
+    if name.kind == "word" and name.target == "planner":
+        check_settings(name.parameters)
+        return Entry(label, text, {"kind": "planner", "parameters": name.parameters})
+    if name.kind == "word":
+        return Entry(label, text, {"kind": name.target})
+    if name.kind == "trained":
+        return _trained(label, name)
+    if name.kind == "class":
+        known = fingerprint(text)
+        source = {"class": known["class"], "parameters": name.parameters, "sha256": [*known["sha256"].values()]}
+        if not runs_beneath(text):
+            return Entry(label, text, {"kind": "class", **source}, env_choices_of(text))
+        beneath = {**BENEATH, "controller": [name.target, name.parameters]}
+        return Entry(label, text, {"kind": "controller", **source}, beneath)
+    definition = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
+    return Entry(label, text, definition, {**BENEATH, "controller": [name.target, name.parameters]})
 
 
 def entries_of(texts: Iterable[str]) -> list[Entry]:
@@ -139,19 +141,29 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
     entries: dict[str, Entry] = {}
     for text in texts:
         for word in WORDS.get(text, (text,)):
-            name, choice = split_name(word)
-            for suffix, single in expand_seeds(choice, _kind(choice)):
-                entry = _entry((name or _default_name(choice)) + suffix, single)
+            label, choice = split_name(word)
+            name = _read(choice)
+            for suffix, single in each_seed(name):
+                entry = _entry((label or _default_name(name)) + suffix, read_name(single))
                 if entries.setdefault(entry.name, entry) != entry:
                     raise ValueError(f"two agents are called {entry.name!r}; give them names as NAME=CHOICE")
     return list(entries.values())
 
 
-def _trained(name: str, path: Path) -> Entry:
-    """Entry of a trained model, in the environment it was trained in."""
-    from wt_gym.agents.trained_agent import TrainedAgent, model_digests
+def _read(choice: str) -> Name:
+    """What a choice means, with the words that stand for several in the message."""
+    try:
+        return read_name(choice)
+    except ValueError as error:
+        raise ValueError(f"{error}{did_you_mean(choice, WORDS)}") from error
 
-    record = TrainedAgent.load(path).record or {}
-    interface = environment_of_training(record, INTERFACE)
-    definition = {"kind": "trained", "algorithm": record.get("algorithm"), "sha256": model_digests(path)}
-    return Entry(name, str(path), definition, interface)
+
+def _trained(label: str, name: Name) -> Entry:
+    """Entry of a trained model, in the environment it was trained in, or in the one that it chooses."""
+    from wt_gym.agents.trained_agent import model_digests
+
+    agent, chosen = load_model(name), env_choices_of(name.text)
+    record = agent.record or {}
+    algorithm = record.get("algorithm") or type(agent.model).__name__
+    definition = {"kind": "trained", "algorithm": algorithm, "sha256": model_digests(name.target)}
+    return Entry(label, name.text, definition, environment_of_training(record, INTERFACE) | chosen)

@@ -2,55 +2,98 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
-from wt_gym.agents.choices import PREFIX, controller_of, is_controller_name
+from wt_gym.agents.choices import BASELINE, PREFIX, Name, env_choices_of, read_name, runs_beneath
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
+from wt_gym.agents.planning import ShootingPlanner
 from wt_gym.agents.trained_environment import controller_of_training, interface_of_training
+from wt_gym.agents.uniform import UniformAgent
+from wt_gym.control.controllers.names import ALIASES
+from wt_gym.control.controllers.own_class import load_class
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from wt_gym.agents.trained_agent import TrainedAgent
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
 
-__all__ = ["Environments", "load_agent"]
+__all__ = ["Environments", "load_agent", "load_model"]
 
 _ENDLESS = 10**9  # control steps
 
 
-def load_agent(choice: str, layout: EnvLayout) -> Agent:
-    """Give the agent that a word or path means.
+def load_agent(choice: str, layout: EnvLayout, env: gym.Env | None = None) -> Agent:
+    """Give the agent that a name means.
 
     Parameters
     ----------
     choice : str
-        ``"baseline"`` (the controller beneath residual actions, else the baseline controller), ``"constant"``, a
-        controller as `wt_gym.agents.choices.controller_of` reads it (beneath residual actions it is the environment's
-        matter, and its agent is the constant one), or the path of a trained model or its folder.
+        As of `wt_gym.agents.choices.read_name`: ``"zero"``, ``"random"``, ``"planner"``, a controller or a class of
+        one's own that makes one (beneath residual actions it is the environment's matter, and its agent is the one of
+        zero actions), a class with ``predict``, or the path of a trained model. ``"baseline"`` is the controller
+        beneath residual actions, else the turbine's own.
     layout : EnvLayout
+        Of the environment that it runs in.
+    env : gymnasium.Env, optional
+        That environment, for a planner.
 
     Returns
     -------
     Agent
-    """
-    beneath = layout.action.mode == "residual"
-    if choice == "constant" or (beneath and (choice == "baseline" or is_controller_name(choice))):
-        return ConstantAgent(layout)
-    if choice == "baseline":
-        return ControllerAgent(layout)
-    if is_controller_name(choice):
-        name, parameters = controller_of(choice)
-        return ControllerAgent(layout, name, **parameters)
-    from wt_gym.agents.trained_agent import TrainedAgent  # torch takes seconds to import
 
-    return TrainedAgent.load(choice)
+    Raises
+    ------
+    ValueError
+        If there is no such agent, or what a class makes has no ``predict``.
+    """
+    name = read_name(choice)
+    if name.kind == "word":
+        return _by_word(name, layout, env)
+    if name.kind == "trained":
+        return load_model(name)
+    if not runs_beneath(choice):
+        return _of_own_class(name, layout)
+    if layout.action.mode == "residual":
+        return ConstantAgent(layout)
+    return ControllerAgent(layout, name.target, **name.parameters)
+
+
+def load_model(name: Name) -> TrainedAgent:
+    """Load the trained model that a name means, with what the name says of it."""
+    from wt_gym.agents.trained_agent import TrainedAgent, model_card  # torch takes seconds to import
+
+    algorithm = name.parameters.get("algo") or model_card(name.target, name.parameters.get("env")).get("algo")
+    return TrainedAgent.load(name.target, algorithm, trust=bool(name.parameters.get("trust", False)))
+
+
+def _by_word(name: Name, layout: EnvLayout, env: gym.Env | None) -> Agent:
+    """Agent of a word."""
+    if name.target == "zero":
+        return ConstantAgent(layout)
+    if name.target == "random":
+        return UniformAgent(layout)
+    if env is None:
+        raise ValueError("a planner needs the environment that it plans in")
+    return ShootingPlanner(env, **name.parameters)
+
+
+def _of_own_class(name: Name, layout: EnvLayout) -> Agent:
+    """Agent of a class of the user's, which gets the layout where it takes one."""
+    maker = load_class(name.target)
+    given = {"layout": layout} if "layout" in inspect.signature(maker).parameters else {}
+    agent = maker(**given, **name.parameters)
+    if not callable(getattr(agent, "predict", None)):
+        raise ValueError(f"{name.target} must make an agent with predict, got {agent!r}")
+    return agent
 
 
 class Environments:
@@ -78,7 +121,9 @@ class Environments:
     def beneath(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
         """Environment for an agent: the plain one, except for a controller that has to run beneath the actions.
 
-        A trained model sees what it saw in its training, and its residual actions mean what they meant.
+        A trained model sees what it saw in its training, and its residual actions mean what they meant. An agent of
+        one's own, or a model of another training, has what it chooses for itself
+        (`wt_gym.agents.choices.env_choices_of`).
 
         Parameters
         ----------
@@ -91,9 +136,17 @@ class Environments:
             A trained model runs on the controller that is there, and its actions mean what they mean there.
         """
         own = None if as_given else controller_of_training(record, self.plain)
-        residual = layout_of(self.plain).action.mode == "residual"
-        choice = given if residual and isinstance(given, str) and is_controller_name(given) else own
-        return self._make(choice, interface_of_training(record, self.plain, meaning=not as_given))
+        chosen = env_choices_of(given) if isinstance(given, str) else {}
+        choice = own
+        if layout_of(self.plain).action.mode == "residual" and isinstance(given, str) and runs_beneath(given):
+            choice = None if given in ALIASES else self._other(given)
+        return self._make(choice, interface_of_training(record, self.plain, meaning=not as_given) | chosen)
+
+    def _other(self, choice: str) -> str | None:
+        """Controller as a name, None where it is the one that the environment has anyway."""
+        here = {**gym.spec(self._id).kwargs, **self._kwargs}.get("controller", BASELINE)
+        same = isinstance(here, str) and read_name(here) == read_name(choice)
+        return None if same else choice
 
     def _make(self, choice: str | None, seen: Mapping[str, Any]) -> gym.Env:
         key = choice, json.dumps(seen, sort_keys=True)

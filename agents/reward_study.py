@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 from scipy.stats import spearmanr
 
+from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control import Demand
 from wt_gym.control.closed_loop import advance_under
@@ -76,22 +77,14 @@ _EXPONENTS = {"flap": 10.0, "edge": 10.0, "fore_aft": 4.0, "side_side": 4.0}
 RELATIVE = (*LOADS, "mean_power")
 """Columns of which the difference to the baseline is taken relative to it."""
 
-COST_WEIGHTS = {
-    "mean_power": -1.0,
-    "flap": 0.2,
-    "edge": 0.05,
-    "fore_aft": 0.15,
-    "side_side": 0.05,
-    "pitch_duty": 0.1,
-    "torque_duty": 0.05,
+_COST_METRICS = {
+    "mean_power": "captured_power",
+    **LOADS,
+    "pitch_duty": "pitch_duty_cycle",
+    "torque_duty": "torque_rate",
 }
-"""Weighted lifetime cost: change of the cost of energy by a relative change of each quantity.
-
-One per cent of energy is worth one per cent of the cost. A load that rises by one per cent asks for about as much more
-material where fatigue decides: the weights are about the shares of blades and tower in the cost of a turbine (some 20 %
-each: Fingersh, Hand and Laxson, NREL/TP-500-40566). Duty cycles count as they are, not relative to the baseline: the
-full use of the pitch drive, day and night, costs a tenth of the turbine.
-"""
+COST_WEIGHTS = {name: LIFETIME_COST_WEIGHTS[metric] for name, metric in _COST_METRICS.items()}
+"""Weights of the lifetime cost by the names of this study; duty cycles count as they are, over their full use."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,9 @@ from sb3_contrib import TQC
 from stable_baselines3 import A2C, DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.vec_env import VecNormalize
 
+from wt_gym.agents.safe_pickle import UnsafePickleError, algorithm_of, read_data, safe_loads, safe_objects
+from wt_gym.control.controllers.parameters import did_you_mean
+
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -31,6 +34,7 @@ __all__ = [
     "NORMALISATION_FILE",
     "RECORD_FILE",
     "TrainedAgent",
+    "model_card",
     "model_digests",
     "model_files",
     "read_normalisation",
@@ -49,6 +53,7 @@ DAMAGE = (
 )  # fmt: skip
 """What pickle, zipfile, torch and stable-baselines3 raise where a file is damaged, or holds something else."""
 
+_CARD = ("algo", "env_kwargs")
 _CHECKPOINT = re.compile(r"(?P<prefix>.+)_(?P<steps>\d+)_steps\.zip")
 
 
@@ -69,22 +74,60 @@ def read_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def read_normalisation(path: Path) -> VecNormalize:
-    """Read the statistics of a training. They are pickled: read only what you trust.
+def read_normalisation(path: Path, trust: bool = False) -> VecNormalize:
+    """Read the statistics of a training. They are pickled; what could run code is refused unless it is trusted.
 
     Raises
     ------
+    wt_gym.agents.safe_pickle.UnsafePickleError
+        If they hold anything but arrays, spaces and statistics.
     ValueError
         If the file is damaged, or holds something else.
     """
     try:
-        with path.open("rb") as file:
-            normalisation = pickle.load(file)
+        data = path.read_bytes()
+        normalisation = pickle.loads(data) if trust else safe_loads(data)
+    except UnsafePickleError as error:
+        raise UnsafePickleError(
+            f"the statistics {path} hold {error}: to load that could run any code. If you know who made the file, say "
+            "so by --trust, or by trust=True behind its name"
+        ) from error
     except DAMAGE as error:
         raise ValueError(f"the statistics {path} are damaged: {type(error).__name__}: {error}") from error
     if not isinstance(normalisation, VecNormalize) or "observation_space" not in vars(normalisation):
         raise ValueError(f"{path} holds no statistics of a training but a {type(normalisation).__name__}")
     return normalisation
+
+
+def model_card(path: str | Path, file: str | Path | None = None) -> dict[str, Any]:
+    """What stands beside a model that was trained elsewhere: ``algo``, and ``env_kwargs`` that it wants.
+
+    Parameters
+    ----------
+    path : str or path
+        The zip file.
+    file : str or path, optional
+        JSON file, by default the one beside the model with its name and the ending ``.json``, if there is one.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a file is named that is not there.
+    ValueError
+        If it is damaged, or says something else.
+    """
+    path = Path(path)
+    beside = path.with_suffix(".json") if file is None else Path(file)
+    if file is None and (path.is_dir() or not beside.is_file()):
+        return {}
+    try:
+        card = json.loads(beside.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{beside} is damaged: {error}") from error
+    if not isinstance(card, dict) or (other := [key for key in card if key not in _CARD]):
+        got = repr(card) if not isinstance(card, dict) else ", ".join(other)
+        raise ValueError(f"{beside} must hold a table of {' and '.join(_CARD)}, got {got}")
+    return card
 
 
 def _record_of(model_file: Path) -> dict[str, Any] | None:
@@ -164,10 +207,12 @@ class TrainedAgent:
         self._signs: tuple[np.ndarray, np.ndarray] | None = None  # of observation and action, through the mirror
 
     @classmethod
-    def load(cls, path: str | Path, algorithm: str | None = None) -> TrainedAgent:
+    def load(cls, path: str | Path, algorithm: str | None = None, trust: bool = False) -> TrainedAgent:
         """Load a model from its zip file or from the folder that training wrote.
 
-        The files hold pickled Python objects, which can run any code when they are loaded: load only what you trust.
+        The files hold pickled Python objects, which can run any code when they are loaded. What a policy needs of them
+        is read by a list of harmless names (`wt_gym.agents.safe_pickle`); the rest of a training, as schedules and
+        buffers, is left out where it is not on that list.
 
         Parameters
         ----------
@@ -177,7 +222,9 @@ class TrainedAgent:
             ``<prefix>_vecnormalize_<n>_steps.pkl`` first, and a ``training.json`` in the folder above too;
             ``best_model.zip`` has statistics of its own as well.
         algorithm : str, optional
-            Class of the model; default: that of the training record, else PPO.
+            Class of the model; default: that of the training record, else what the file itself shows.
+        trust : bool
+            Load everything as stable-baselines3 does, with whatever code is in it.
 
         Returns
         -------
@@ -188,7 +235,9 @@ class TrainedAgent:
         FileNotFoundError
             If there is no model, or no statistics although the record says that observations were normalised.
         ValueError
-            If the algorithm is unknown, or a file is damaged.
+            If the algorithm is unknown or another one than the model's, or a file is damaged.
+        wt_gym.agents.safe_pickle.UnsafePickleError
+            If policy, spaces or statistics need anything else, and the file is not trusted.
         """
         model_file, *statistics = model_files(path)
         record, statistics_file = _record_of(model_file), statistics[0] if statistics else None
@@ -196,12 +245,20 @@ class TrainedAgent:
             raise FileNotFoundError(
                 f"{model_file} was trained on normalised observations, but their statistics are not beside it"
             )
-        name = algorithm or (record or {}).get("algorithm", "PPO")
+        data = read_data(model_file)
+        shown = algorithm_of(data)
+        name = algorithm or (record or {}).get("algorithm") or shown
         if name not in ALGORITHM_CLASSES:
-            raise ValueError(f"algorithm must be one of {tuple(ALGORITHM_CLASSES)}, got {name!r}")
-        normalisation = None if statistics_file is None else read_normalisation(statistics_file)
+            near = did_you_mean(str(name), ALGORITHM_CLASSES)
+            raise ValueError(f"algorithm must be one of {tuple(ALGORITHM_CLASSES)}, got {name!r}{near}")
+        if shown is not None and name != shown and {name, shown} != {"TD3", "DDPG"}:
+            raise ValueError(f"{model_file} is no model of {name} but of {shown}, as its settings show")
+        normalisation = None if statistics_file is None else read_normalisation(statistics_file, trust)
         try:
-            model = ALGORITHM_CLASSES[name].load(model_file, device="cpu")
+            objects = None if trust else safe_objects(data, model_file)
+            model = ALGORITHM_CLASSES[name].load(model_file, device="cpu", custom_objects=objects)
+        except UnsafePickleError:
+            raise
         except DAMAGE as error:
             raise ValueError(
                 f"{model_file} is damaged, or no model of {name}: {type(error).__name__}: {error!s:.200}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
-from wt_gym.agents.choices import is_controller_name
+from wt_gym.agents.choices import read_name
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.rewards import DEFAULT_WEIGHTS
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -129,7 +129,9 @@ def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | Non
         return None
     given = cast(EnvSpec, env.spec).kwargs
     trained, here = (_kept(arguments)["controller"] for arguments in (trained_arguments(record), given))
-    return trained if trained != here and isinstance(trained, str) and is_controller_name(trained) else None
+    if not isinstance(trained, str) or (isinstance(here, str) and read_name(trained) == read_name(here)):
+        return None
+    return trained if trained != here and read_name(trained).kind in ("controller", "class") else None
 
 
 def interface_of_training(record: Mapping[str, Any], env: gym.Env, meaning: bool = True) -> dict[str, Any]:

@@ -10,14 +10,18 @@ import json
 import math
 import platform
 from dataclasses import asdict, dataclass, field
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 import wt_gym
+from wt_gym.agents.choices import read_name
 from wt_gym.agents.comparison import Case, check_times, run_cases
+from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.control.controllers.catalogue import SHORT_FOR
+from wt_gym.control.controllers.own_class import load_class
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.errors import SimulationError
 from wt_gym.files import require_writable, write_text_whole
@@ -85,24 +89,14 @@ class Cost:
     Attributes
     ----------
     weights : dict
-        By the keys of `wt_gym.benchmark.run.benchmark_metrics`. By default those of the lifetime cost of
-        docs/rewards.md, by which the load-reduction tasks of the benchmark score too: one per cent of energy is one per
-        cent of cost.
+        By the keys of `wt_gym.benchmark.run.benchmark_metrics`. By default
+        `wt_gym.analysis.lifetime_cost.LIFETIME_COST_WEIGHTS`, by which the load-reduction tasks of the benchmark score
+        too: one per cent of energy is one per cent of cost.
     least_power : float
         Captured power over that of the reference; the benchmark's load-reduction tasks allow no less either.
     """
 
-    weights: dict[str, float] = field(
-        default_factory=lambda: {
-            "captured_power": -1.0,
-            "blade_flap_del": 0.2,
-            "blade_edge_del": 0.05,
-            "tower_fore_aft_del": 0.15,
-            "tower_side_side_del": 0.05,
-            "pitch_duty_cycle": 0.1,
-            "torque_rate": 0.05,
-        }
-    )
+    weights: dict[str, float] = field(default_factory=lambda: dict(LIFETIME_COST_WEIGHTS))
     least_power: float = 0.995
 
     def of(self, metrics: dict[str, float], reference: dict[str, float], turbine: Turbine) -> float:
@@ -128,7 +122,7 @@ class TuningTask:
     Attributes
     ----------
     controller : str
-        Name in the catalogue.
+        Names of the catalogue, or a class of one's own as ``path/file.py:Class``.
     reference : str
         Controller that the cost compares with.
     winds : tuple of float
@@ -140,7 +134,8 @@ class TuningTask:
     fidelity : str
     cost : Cost
     space : dict of Range, optional
-        By default those of the parts of the name in `SPACES`.
+        By default those of the parts of the name in `SPACES`; of a class of one's own its attribute ``SPACE``: low
+        and high by name.
 
     Raises
     ------
@@ -163,6 +158,11 @@ class TuningTask:
         if held_back:
             raise ValueError(f"tuning takes training seeds (1 … 24) only, got {held_back}")
         check_times(self.duration, self.skip)
+        for name in ("controller", "reference"):
+            object.__setattr__(self, name, read_name(getattr(self, name)).text)
+        if self.space is None and read_name(self.controller).kind == "class":
+            given = getattr(load_class(read_name(self.controller).target), "SPACE", {})
+            object.__setattr__(self, "space", {name: Range(*limits) for name, limits in given.items()})
         if self.space is None:
             parts = _parts(self.controller)
             several = len(parts) > 1
@@ -173,7 +173,10 @@ class TuningTask:
             }
             object.__setattr__(self, "space", found)
         if not self.space:
-            raise ValueError(f"nothing to tune in {self.controller!r}; known are {', '.join(SPACES)}")
+            raise ValueError(
+                f"nothing to tune in {self.controller!r}; known are {', '.join(SPACES)}, a class of your own has "
+                'SPACE = {"parameter": (low, high)}, and --space says what else is searched'
+            )
 
 
 def tune(
@@ -223,7 +226,9 @@ def tune(
     cases = [Case(wind, number) for wind in task.winds for number in task.seeds]
 
     def runs(choice: str, parameters: dict):
-        return run_cases(turbine, {choice: (choice, parameters)}, cases, task.duration, task.skip, task.fidelity)[0]
+        name = read_name(choice)
+        given = {choice: (name.target, name.parameters | parameters)}
+        return run_cases(turbine, given, cases, task.duration, task.skip, task.fidelity)[0]
 
     reference = runs(task.reference, {})
     if reference.failures:
@@ -274,15 +279,19 @@ def tune(
 
 def _parts(controller: str) -> list[str]:
     """Parts of a name, those that it is short for among them."""
-    return [part for name in controller.split("+") for part in SHORT_FOR.get(name, (name,))]
+    return [part for name in read_name(controller).target.split("+") for part in SHORT_FOR.get(name, (name,))]
 
 
 def _defaults(controller: str, space: dict[str, Range]) -> dict[str, float]:
     """Numbers that a controller has by default for what is searched, as far as they are numbers and not rules."""
     from wt_gym.control.controllers import FadeParameters, controller_parameters
 
+    name = read_name(controller)
+    if name.kind == "class":
+        own = {key: p.default for key, p in signature(load_class(name.target)).parameters.items()} | name.parameters
+        return {key: float(own[key]) for key in space if isinstance(own.get(key), int | float)}
     known = {f"{part}__{key}": v for part in _parts(controller) for key, v in controller_parameters(part).items()}
-    for name in controller.split("+"):
-        known |= controller_parameters(name)  # of tuned ones what was found
+    for part in name.target.split("+"):
+        known |= controller_parameters(part)  # of tuned ones what was found
     faded = {key: FadeParameters().pitch[1] for key, value in known.items() if key.endswith("fade") and value is True}
     return {key: value for key, value in (known | faded).items() if key in space and isinstance(value, float)}

@@ -9,12 +9,12 @@ import numpy as np
 
 from wt_gym.agents.loadcases.cases import EVENT, SKIP, inflow_of
 from wt_gym.analysis.metrics import run_metrics
-from wt_gym.envs.costs import unloaded_clearance
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.faults import FEATHER
+from wt_gym.turbines.clearance import unloaded_clearance
 
 if TYPE_CHECKING:
     import gymnasium as gym
@@ -115,8 +115,11 @@ def _nothing(failure: str) -> dict[str, Any]:
 def _result(data: xr.Dataset, turbine: Turbine, condition: Condition, ending, failure) -> dict[str, Any]:
     """What is kept of a run."""
     time = data["time"].values
-    result = _nothing(failure) | {"ending": ending, "time": float(time[-1])}
-    result["unloaded_clearance"] = unloaded_clearance(turbine)
+    result = _nothing(failure) | {
+        "ending": ending,
+        "time": float(time[-1]),
+        "unloaded_clearance": unloaded_clearance(turbine),
+    }
     if time[-1] >= SKIP + _LEAST_MEASURED:
         metrics = run_metrics(data.isel(time=slice(1, None)), turbine, SKIP)
         edge = [np.abs(data[f"root_edge_moment_{b + 1}"].values[time >= SKIP]).max() for b in range(turbine.n_blades)]

@@ -93,7 +93,7 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, bu
     ValueError
         If something is damaged, or does not fit the environment.
     """
-    agent = TrainedAgent.load(folder.model, config.algorithm)
+    agent = TrainedAgent.load(folder.model, config.algorithm, trust=True)  # of its own training
     if agent.normalisation is None:
         raise FileNotFoundError(f"{folder.normalisation} is missing: training cannot go on without its statistics")
     # there are statistics of observations only where these are normalised

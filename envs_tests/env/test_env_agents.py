@@ -345,8 +345,8 @@ def test_report_is_one_file_that_needs_no_network(evaluation, tmp_path):
 
 def test_names_on_the_command_line(trained):
     folder = str(trained[0])
-    assert named_choices(["baseline", folder]) == {BASELINE: "baseline", "PPO": folder}
-    assert named_choices(["a=baseline", f"b={folder}"]) == {"a": "baseline", "b": folder}
+    assert named_choices(["baseline", folder]) == {BASELINE: "discon", "PPO": folder}
+    assert named_choices(["a=baseline", f"b={folder}"]) == {"a": "discon", "b": folder}
     with pytest.raises(ValueError, match="two agents"):
         named_choices([folder, folder])
 
@@ -398,6 +398,6 @@ def test_evaluation_script_prints_json_and_writes_a_report(tmp_path):
         [sys.executable, path, *arguments, "--out", tmp_path, "--json"], capture_output=True, text=True, check=True
     )
     table = json.loads(done.stdout.splitlines()[-1])
-    assert set(table["mean"]) == {BASELINE, "Constant action"}
+    assert set(table["mean"]) == {BASELINE, "zero"}
     assert (tmp_path / "report.html").stat().st_size > 4e6
-    assert "evaluating Baseline PI" in done.stderr
+    assert "evaluating discon" in done.stderr

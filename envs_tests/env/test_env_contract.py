@@ -254,7 +254,8 @@ def test_bang_bang_pitch_of_single_blades():
 
 @pytest.mark.parametrize("mode", ["sync", "async"])
 def test_gymnasium_vector_environment(mode):
-    kwargs = {"vector_kwargs": {"context": "spawn"}} if mode == "async" else {}
+    # other processes would record the running turbine at full length
+    kwargs = {"vector_kwargs": {"context": "spawn"}, "start": "steady"} if mode == "async" else {}
     vec = gym.make_vec(IDS[1], num_envs=2, vectorization_mode=mode, wind_speed=12.0, **kwargs)
     try:
         observations, _ = vec.reset(seed=0)

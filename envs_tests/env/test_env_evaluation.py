@@ -468,6 +468,6 @@ def test_configurations_without_meaning_are_refused(changes, message, count_runs
 def test_refused_agents_leave_no_environment_open(monkeypatch):
     closed = []
     monkeypatch.setattr(WindTurbineEnv, "close", lambda self: closed.append(self))
-    with pytest.raises(FileNotFoundError, match="nobody"):
-        Contenders({"Nobody": "nobody"}, "wt_gym/LoadReduction-v1", {})
+    with pytest.raises(FileNotFoundError, match=r"no trained model at \./nobody"):
+        Contenders({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v1", {})
     assert len(closed) == 1

@@ -36,7 +36,7 @@ def same(first, second):
 
 
 def test_the_environment_is_left_as_it_was_found(env):
-    observation, _ = env.reset(seed=3)
+    observation, _ = env.reset(seed=4)  # in whose wind the planner finds more than to rest
     planner = ShootingPlanner(env, **SMALL)
     for _ in range(2):
         observation, *_ = env.step(planner.predict(observation)[0])

@@ -7,9 +7,11 @@ from wt_gym.agents.choices import (
     controller_of,
     fingerprint,
     is_controller_name,
-    kind_of,
     named_choices,
+    own_controller,
+    read_name,
     split_name,
+    with_model_options,
 )
 
 
@@ -37,17 +39,21 @@ def test_parameters_without_meaning_are_refused(choice, message):
 def test_names_follow_from_choices_or_stand_in_front(tmp_path):
     folder = tmp_path / "mine"
     folder.mkdir()
-    choices = ["baseline", "constrained_ipc:level=0.1", "soft=ipc:limit=0.05", "controller:discon", str(folder)]
+    choices = ["baseline", "constrained_ipc:level=0.1", "soft=ipc:limit=0.05", "constant", str(folder)]
     assert named_choices(choices) == {
-        BASELINE: "baseline",
+        BASELINE: "discon",
         "constrained_ipc:level=0.1": "constrained_ipc:level=0.1",
         "soft": "ipc:limit=0.05",
-        "discon": "controller:discon",
+        "zero": "zero",
         "mine": str(folder),
     }
     with pytest.raises(ValueError, match="two agents are called 'ipc'"):
         named_choices(["ipc", "ipc=discon"])
-    with pytest.raises(ValueError, match="'ipcc' is no agent: give baseline, constant, a controller"):
+    with pytest.raises(ValueError, match="two agents are called 'discon'"):
+        named_choices(["baseline", "discon"])
+    with pytest.raises(ValueError, match="two agents are called 'discon'"):
+        named_choices(["Baseline PI", "controller:discon"])
+    with pytest.raises(ValueError, match="'ipcc' is no agent: give zero, random, planner, a controller"):
         named_choices(["ipcc"])
 
 
@@ -74,10 +80,44 @@ def test_a_choice_is_a_word_before_a_controller_before_a_path(tmp_path, monkeypa
     for name in ("random", "ipc", "mine"):
         (tmp_path / name).mkdir()
     choices = ["random", "ipc:limit=0.1", "mine", "./ipc", "./random"]
-    found = [kind_of(choice, ("random",)) for choice in choices]
+    found = [read_name(choice).kind for choice in choices]
     assert found == ["word", "controller", "trained", "trained", "trained"]
-    with pytest.raises(ValueError, match="'constant' is no agent: give random, zero, a controller"):
-        kind_of("constant", ("random",), ("zero",))
+    with pytest.raises(ValueError, match="'ipc:algo=SAC' must be a number"):
+        read_name("ipc:algo=SAC")
+    with pytest.raises(ValueError, match="takes algo, env, trust behind its name, got 'gain'"):
+        read_name("./mine:gain=1")
+
+
+def test_the_baseline_is_what_the_environment_runs_beneath():
+    assert own_controller("wt_gym/LoadReduction-v1", {}) == "discon"
+    assert own_controller("wt_gym/LoadReduction-v1", {"controller": "baseline+ipc:limit=0.1"}) == "discon+ipc:limit=0.1"
+    assert own_controller("wt_gym/NREL5MW-Steady-v1", {"controller": "ipc"}) == "discon"  # nothing runs beneath rates
+    assert named_choices(["baseline", "own=Baseline PI"], "discon+yaw") == {
+        "discon+yaw": "discon+yaw",
+        "own": "discon+yaw",
+    }
+
+
+def test_options_of_a_command_line_go_with_the_models(tmp_path):
+    model = tmp_path / "sac.zip"
+    model.touch()
+    given = ["ipc", f"mine={model}", f"{model}:algo=TQC", "no agent"]
+    assert with_model_options(given) == given
+    assert with_model_options(given, "SAC", trust=True) == [
+        "ipc", f"mine={model}:algo=SAC,trust=True", f"{model}:algo=TQC,trust=True", "no agent",
+    ]  # fmt: skip
+    assert fingerprint(f"{model}:algo=SAC")["algo"] == "SAC"
+
+
+def test_a_class_is_known_by_its_file_and_its_parameters(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("class Mine:\n    pass\n")
+    first = fingerprint(f"{file}:Mine:gain=1")
+    assert (first["class"], first["parameters"]) == ("Mine", {"gain": 1})
+    assert fingerprint(f"{file}:Mine:gain=2") != first
+    assert named_choices([f"{file}:Mine:gain=1"]) == {"Mine:gain=1": f"{file}:Mine:gain=1"}
+    file.write_text("class Mine:\n    gain = 2\n")
+    assert fingerprint(f"{file}:Mine:gain=1")["sha256"] != first["sha256"]
 
 
 def test_a_name_has_no_colon():

@@ -10,6 +10,7 @@ from wt_gym.agents import comparison, tuning
 from wt_gym.agents.comparison import Case, ControllerRuns, change, run_cases, table
 from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
 from wt_gym.benchmark import load_task
+from wt_gym.commands.tune import interval
 from wt_gym.errors import InflowError
 from wt_gym.turbines import load_turbine
 
@@ -114,3 +115,24 @@ def test_changes_and_table():
     assert half == pytest.approx(4.303 * 0.1 / math.sqrt(3), rel=1e-3)
     assert "-20.0 ± 24.8 %" in table([first, second])
     assert math.isnan(change(second, first, 12.0, "blade_flap_del")[0])
+
+
+def test_a_class_of_ones_own_is_tuned(monkeypatch, tmp_path):
+    pytest.importorskip("optuna")
+    monkeypatch.setattr(tuning, "run_cases", made_up)
+    (tmp_path / "mine.py").write_text(
+        "class Mine:\n    SPACE = {'bandwidth': (0.03, 1.0, True)}\n"
+        "    def __init__(self, bandwidth=0.2):\n        pass\n"
+    )
+    task = TuningTask(f"{tmp_path / 'mine.py'}:Mine", reference="baseline", seeds=(3,))
+    assert (task.reference, task.space) == ("discon", {"bandwidth": Range(0.03, 1.0, log=True)})
+    record = tune(load_turbine("nrel_5mw"), task, trials=3)
+    assert record["trials"][0]["parameters"] == {"bandwidth": 0.2}  # the default comes first
+
+
+def test_intervals_of_the_command_line():
+    assert interval("gain=0.1:2") == ("gain", (0.1, 2.0, False))
+    assert interval("gain=0.1:2:log") == ("gain", (0.1, 2.0, True))
+    for wrong in ("gain=2:0.1", "gain=1", "=1:2", "gain=1:2:even"):
+        with pytest.raises(ValueError, match=r"interval|unpack"):
+            interval(wrong)

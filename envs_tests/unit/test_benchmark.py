@@ -386,7 +386,7 @@ def test_entries_of_words():
     [
         (["nothing"], "'nothing' is no agent: give zero"),
         (["ipc:level"], "is key=value"),
-        (["zero:x=1"], "'zero:x=1' is no agent"),
+        (["zero:x=1"], "'zero:x=1' takes no parameters"),
         (["ipc:limit=many"], "must be a number"),
         (["a=ipc", "a=retuned"], "two agents are called 'a'"),
     ],

@@ -7,9 +7,10 @@
     wt-gym benchmark reference --confirm --jobs 2       # after a change of the sources that changes no number
     wt-gym benchmark front runs/ppo --jobs 2            # docs/data/load_travel_front.csv and .svg
 
-An agent is zero, random, a controller with parameters behind a colon (constrained_ipc:level=0.1), planner, the path of
-a trained model, or baselines, which stands for ten of them; NAME=AGENT names it. Every run is kept when it is done: who
-stops a command and starts it again loses no finished run. docs/benchmark.md has the rules.
+An agent is zero, random, a controller with parameters behind a colon (constrained_ipc:level=0.1), a class of your own
+(file.py:Class), planner, the path of a trained model, or baselines, which stands for ten of them; NAME=AGENT names it.
+Every run is kept when it is done: who stops a command and starts it again loses no finished run. docs/benchmark.md has
+the rules.
 """
 
 import argparse
@@ -17,7 +18,7 @@ import json
 import sys
 from pathlib import Path
 
-from wt_gym.commands.engine_options import add_engine_options, executor_of
+from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, as_called, stoppable, user_errors
 
 KEPT = "runs/benchmark"
@@ -50,6 +51,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         )
         command.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
         add_engine_options(command, "runs")
+    for command in (run, front):
+        add_model_options(command)
     pages = CLONE / "docs" / "data"
     front.add_argument("--data", type=Path, default=pages if pages.is_dir() else Path("runs/front"), metavar="DIR",
         help="folder of table and figure (default: docs/data of a clone, else runs/front)")  # fmt: skip
@@ -109,11 +112,12 @@ def warnings_of_scores(tasks: list) -> list[str]:
 def run(arguments: argparse.Namespace) -> dict:
     """Run agents."""
     from wt_gym.agents.benchmark_runs import jobs_of, run_jobs
+    from wt_gym.agents.choices import with_model_options
     from wt_gym.agents.entries import entries_of
     from wt_gym.benchmark import ResultFolder
 
     tasks = chosen(arguments.task)
-    jobs = jobs_of(tasks, entries_of(arguments.agents))
+    jobs = jobs_of(tasks, entries_of(with_model_options(arguments.agents, arguments.algo, arguments.trust)))
     for line in warnings_of_scores(tasks):
         print(f"warning: {line}", file=sys.stderr, flush=True)
     with executor_of(arguments) as executor:
@@ -204,10 +208,12 @@ def confirmed(arguments: argparse.Namespace) -> dict:
 def front(arguments: argparse.Namespace) -> list:
     """Make the front of load against travel."""
     from wt_gym.agents import front as fronts
+    from wt_gym.agents.choices import with_model_options
     from wt_gym.agents.entries import entries_of
 
     entries, rows, distances = fronts.front_entries(), [], []
-    others = [entry for entry in entries_of(arguments.agents) if entry not in entries]
+    agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
+    others = [entry for entry in entries_of(agents) if entry not in entries]
     if taken := {entry.name for entry in entries} & {entry.name for entry in others}:
         raise ValueError(f"{', '.join(sorted(taken))} belongs to the front itself: give the agent another name")
     asked = [(task, [*entries, *others]) for task in chosen(arguments.task)]

@@ -2,7 +2,8 @@
 
     wt-gym compare-controllers discon ipc constrained_ipc:level=0.1 --winds 12 15 18 --seeds 1001 1002
 
-A controller is a name of wt_gym.control.controllers.make_controller, with parameters behind a colon.
+A controller is a name of wt-gym list controllers, with parameters behind a colon, a class of your own (file.py:Class),
+or any other agent of wt-gym evaluate, as a trained model: that runs in an environment with the same winds.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from wt_gym.commands.engine_options import add_model_options
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
 
@@ -33,6 +35,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--skip", type=float, default=30.0, help="before it, s")
     parser.add_argument("--fidelity", default="training")
     parser.add_argument("--control-dt", type=float, help="s")
+    add_model_options(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     return parser.parse_args(words)
 
@@ -66,12 +69,14 @@ def main(words: list[str] | None = None) -> None:
 
     runs: list[ControllerRuns] = []
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
-        from wt_gym.agents.choices import controller_of
+        from wt_gym.agents.choices import named_choices, read_name, with_model_options
         from wt_gym.agents.comparison import Case, run_cases
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
-        controllers = {text: controller_of(text) for text in arguments.controllers}
+        given = named_choices(with_model_options(arguments.controllers, arguments.algo, arguments.trust))
+        names = {label: read_name(text) for label, text in given.items()}
+        controllers = {label: (name.target, name.parameters) for label, name in names.items()}
         cases = [Case(wind, seed) for wind in arguments.winds for seed in (arguments.seeds or [None])]
         try:
             run_cases(

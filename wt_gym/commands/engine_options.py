@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
     from wt_gym.agents.executors import Executor
 
-__all__ = ["add_address_options", "add_engine_options", "executor_of"]
+__all__ = ["add_address_options", "add_engine_options", "add_model_options", "executor_of"]
 
 
 def add_address_options(parser: argparse._ActionsContainer) -> None:
@@ -38,6 +38,18 @@ def add_engine_options(parser: argparse.ArgumentParser, what: str) -> None:
         "the cluster)",
     )  # fmt: skip
     add_address_options(parser)
+
+
+def add_model_options(parser: argparse._ActionsContainer) -> None:
+    """Add what is said of stable-baselines3 models that were trained elsewhere."""
+    parser.add_argument(
+        "--algo", metavar="NAME", help="algorithm of models without a record of their training: PPO, A2C, SAC, TQC, "
+        "TD3, DDPG or DQN (default: as the file shows; for one of several, model.zip:algo=NAME)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--trust", action="store_true", help="load models that hold more than a policy needs, with whatever code is in "
+        "them",
+    )  # fmt: skip
 
 
 def executor_of(arguments: argparse.Namespace) -> Executor:

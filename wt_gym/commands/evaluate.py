@@ -7,11 +7,15 @@
 
 An agent is one of these words or paths, with NAME= in front if you like:
 
-    baseline                   the controller beneath residual actions, else the published baseline controller
-    constant                   the middle of every action
+    baseline                   the controller beneath residual actions, else discon, by whose name it is shown
+    zero, random               the middle of every action (also: constant); even draws
     CONTROLLER[:KEY=VALUE,...] any controller of docs/baselines.md, parts joined with "+", with parameters; write
                                controller:NAME, or ./NAME for a folder, where both could be meant
-    FOLDER or FILE.zip         a trained model; the folder of a training with several seeds is one agent a seed
+    FILE.py:CLASS, MODULE:CLASS  a controller of your own, or a class with predict, with :KEY=VALUE,... behind it; its
+                               code is run
+    FOLDER or FILE.zip         a trained model; the folder of a training with several seeds is one agent a seed. Any
+                               model of stable-baselines3 will do (FILE.zip:algo=SAC, or --algo), see
+                               docs/howto/own_agent.md
 
 The first is the yardstick. Every run is kept in the folder of the results as soon as it is done: the same command goes
 on where it was stopped. docs/evaluation.md says what the figures mean.
@@ -24,7 +28,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.engine_options import add_engine_options, executor_of
+from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option, add_wind_option, with_options
 
@@ -63,6 +67,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
         "controllers beneath than those of their training",
     )  # fmt: skip
+    add_model_options(parser)
     add_engine_options(parser, "runs")
     climate = parser.add_argument_group("wind climate, for loads over a life")
     one = climate.add_mutually_exclusive_group()
@@ -114,15 +119,17 @@ def main(words: list[str] | None = None) -> None:
     without = " without --overwrite" if arguments.overwrite else ""
     hint = f"the same command{without} goes on with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
-        from wt_gym.agents.choices import named_choices
+        from wt_gym.agents.choices import named_choices, own_controller, with_model_options
         from wt_gym.agents.evaluation import evaluate
         from wt_gym.agents.evaluation_folder import REPORT_FILE
         from wt_gym.analysis.report import write_report
         from wt_gym.analysis.summary import results_table, summarise
 
+        chosen = configuration(arguments)
+        agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
         evaluation = evaluate(
-            named_choices(arguments.agents), configuration(arguments), folder=out, overwrite=arguments.overwrite,
-            allow_other_environment=arguments.allow_other_environment, executor=executor,
+            named_choices(agents, own_controller(chosen.env_id, chosen.env_kwargs)), chosen, folder=out,
+            overwrite=arguments.overwrite, allow_other_environment=arguments.allow_other_environment, executor=executor,
         )  # fmt: skip
         if not arguments.no_report:
             write_report(evaluation, out / REPORT_FILE, arguments.title)

@@ -5,10 +5,11 @@
     wt-gym loadcases baseline runs/ppo --case 1.3 1.4 2.3 --quick
     wt-gym loadcases baseline runs/ppo --engine ray --address ray-head:6379
 
-Agents are those of wt-gym evaluate: words, controllers, folders or files of trained models, with NAME= in front if you
-like. What fails, a turbine that runs away or a blade that strikes the tower, is a result. Every run is kept in the
-folder of the results, under the hash of all it depends on: the same command goes on where it was stopped, and another
-one takes what is there. docs/loadcases.md says what is run, and what the numbers mean.
+Agents are those of wt-gym evaluate: words, controllers, classes of your own (file.py:Class), folders or files of
+trained models, with NAME= in front if you like. What fails, a turbine that runs away or a blade that strikes the tower,
+is a result. Every run is kept in the folder of the results, under the hash of all it depends on: the same command goes
+on where it was stopped, and another one takes what is there. docs/loadcases.md says what is run, and what the numbers
+mean.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.engine_options import add_engine_options, executor_of
+from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option, with_options
 
@@ -45,6 +46,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
         "controllers beneath than those of their training",
     )  # fmt: skip
+    add_model_options(parser)
     add_engine_options(parser, "runs")
     climate = parser.add_argument_group("wind climate, for loads over a life")
     one = climate.add_mutually_exclusive_group()
@@ -87,12 +89,14 @@ def main(words: list[str] | None = None) -> None:
     out = Path(arguments.out)
     hint = f"the same command goes on with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
-        from wt_gym.agents.choices import named_choices
+        from wt_gym.agents.choices import named_choices, own_controller, with_model_options
         from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
         from wt_gym.agents.loadcases.study import REPORT_FILE, run_load_cases
 
+        chosen = configuration(arguments)
+        agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
         results = run_load_cases(
-            named_choices(arguments.agents), configuration(arguments), out,
+            named_choices(agents, own_controller(chosen.env_id, chosen.env_kwargs)), chosen, out,
             allow_other_environment=arguments.allow_other_environment, executor=executor,
         )  # fmt: skip
         if not arguments.no_report:

@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
-they are loaded: take none from strangers."""
+they are loaded, and so can files of your own (file.py:Class): take none from strangers."""
 
 FIDELITIES_HELP = "training, engineering (with -torsion: blades that twist) or reference"
 """What options called ``--fidelity`` take."""

@@ -1,6 +1,7 @@
 """Tune the parameters of a controller on training winds.
 
     wt-gym tune constrained_ipc --trials 40 --output tuned.json
+    wt-gym tune mine/controller.py:Mine --space gain=0.1:2:log --trials 20
     wt-gym tune retuned --winds 8 --seeds 1 2 3 --weights mean_power=-1 --trials 15
 
 Needs the extra "tune".
@@ -20,10 +21,19 @@ def weight(text: str) -> tuple[str, float]:
     return name, float(value)
 
 
+def interval(text: str) -> tuple[str, tuple]:
+    """Parameter and interval from ``parameter=low:high`` or ``parameter=low:high:log``."""
+    name, _, limits = text.partition("=")
+    low, high, *log = limits.split(":")
+    if log not in ([], ["log"]) or not name or not float(low) < float(high):
+        raise ValueError(f"an interval must be parameter=low:high or parameter=low:high:log, got {text!r}")
+    return name, (float(low), float(high), bool(log))
+
+
 def main(words: list[str] | None = None) -> None:
     """Run."""
     parser = OneLineParser("tune", description=__doc__)
-    parser.add_argument("controller", help="name of wt_gym.control.controllers.make_controller")
+    parser.add_argument("controller", help="of wt-gym list controllers, or file.py:Class")
     parser.add_argument("--turbine", default="nrel_5mw")
     add_site_option(parser)
     parser.add_argument("--reference", default="discon", help="that the cost compares with")
@@ -33,6 +43,10 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--skip", type=float, default=30.0, help="before it, s")
     parser.add_argument("--fidelity", default="training")
     parser.add_argument("--weights", nargs="+", type=weight, help="of the cost, as mean_power=-5 blade_flap_del=1")
+    parser.add_argument(
+        "--space", nargs="+", type=interval, metavar="NAME=LOW:HIGH[:log]", help="what is searched (default: "
+        "the known parameters of the controller, of a class of your own its SPACE)",
+    )  # fmt: skip
     parser.add_argument("--trials", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0, help="of the search")
     parser.add_argument("--output", type=Path, help="JSON file for the record")
@@ -45,7 +59,7 @@ def main(words: list[str] | None = None) -> None:
 
     kept = f"the trials so far are in {arguments.output}" if arguments.output else "--output would keep the trials"
     with user_errors(), stoppable(kept):
-        from wt_gym.agents.tuning import Cost, TuningTask, tune
+        from wt_gym.agents.tuning import Cost, Range, TuningTask, tune
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 
@@ -53,6 +67,7 @@ def main(words: list[str] | None = None) -> None:
             arguments.controller, arguments.reference, tuple(arguments.winds), tuple(arguments.seeds),
             arguments.duration, arguments.skip, arguments.fidelity,
             Cost(dict(arguments.weights)) if arguments.weights else Cost(),
+            {name: Range(*limits) for name, limits in arguments.space} if arguments.space else None,
         )  # fmt: skip
         turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         record = tune(turbine, task, arguments.trials, arguments.seed, arguments.output, progress)

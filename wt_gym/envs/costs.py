@@ -6,14 +6,15 @@ structural steps of the control step, so that nothing slips between two samples.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
+
+from wt_gym.turbines.clearance import unloaded_clearance
 
 if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
-__all__ = ["CLEARANCE_MARGIN", "COST_NAMES", "OVERSPEED_MARGIN", "PITCH_RATE_MARGIN", "Costs", "unloaded_clearance"]
+__all__ = ["CLEARANCE_MARGIN", "COST_NAMES", "OVERSPEED_MARGIN", "PITCH_RATE_MARGIN", "Costs"]
 
 COST_NAMES = ("overspeed", "clearance", "pitch_rate")
 """Keys of ``info["costs"]``."""
@@ -26,23 +27,6 @@ CLEARANCE_MARGIN = 0.3
 
 PITCH_RATE_MARGIN = 0.1
 """Part of the greatest pitch rate that is margin."""
-
-
-def unloaded_clearance(turbine: Turbine) -> float:
-    """Distance of the tip of an undeflected blade from the tower surface, where the blade points down at no pitch [m].
-
-    Parameters
-    ----------
-    turbine : Turbine
-    """
-    nacelle, tower, blade = turbine.nacelle, turbine.tower, turbine.blade
-    out_of_plane, sideways, along = blade.axis[-1].tolist()
-    lean, reach = nacelle.tilt + turbine.hub.cone, blade.root_radius + along
-    upwind = nacelle.overhang * math.cos(nacelle.tilt) + reach * math.sin(lean) - out_of_plane * math.cos(lean)
-    hub = nacelle.overhang * math.sin(nacelle.tilt) + nacelle.tower_top_to_shaft  # above the top of the tower
-    below = reach * math.cos(lean) + out_of_plane * math.sin(lean) - hub
-    station = min(max(tower.length - below, 0.0), tower.length)
-    return float(math.hypot(upwind, sideways) - 0.5 * tower.diameter_at(station))
 
 
 class Costs:

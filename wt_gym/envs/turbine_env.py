@@ -23,6 +23,7 @@ from wt_gym.control.controllers import (
     lidar_of,
     make_controller,
 )
+from wt_gym.control.controllers.names import ALIASES, BASELINE
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs import rewards
@@ -313,7 +314,8 @@ class WindTurbineEnv(gym.Env):
         "residual_mean". It has no effect on tilt and yaw alone, or in other modes.
     controller : str, Controller or callable
         What runs beneath residual actions, or decides on components left out: a name for
-        `wt_gym.control.controllers.make_controller`, a controller, or a function that makes one for a turbine.
+        `wt_gym.control.controllers.make_controller` (``"path/file.py:Class"`` among them), a controller, or a function
+        that makes one for a turbine.
     reward : mapping, str, callable, RewardTerm or iterable of them, optional
         Weights by name; or the terms alone: names, functions that give a rate, terms of one's own. See
         `wt_gym.envs.rewards.compose`.
@@ -476,7 +478,7 @@ class WindTurbineEnv(gym.Env):
             self.turbine, control_dt, action_mode, pitch, action_components, action_spans, self.wind.speeds, delay
         )
         self.controller = None
-        if action.needs_controller or controller != "discon":  # a copy: no two environments share its memory
+        if action.needs_controller or controller not in (BASELINE, *ALIASES):  # a copy: no two share its memory
             self.controller = copy.deepcopy(make_controller(controller, self.turbine))
         self._residual = self._make_residual(action, residual_fade, residual_washout)
         if observation is None:
@@ -625,7 +627,7 @@ class WindTurbineEnv(gym.Env):
         """Where episodes get their starts from, None where they are steady."""
         if kind == "steady" or self.wind.parks:
             return None
-        controller = make_controller("discon", self.turbine) if self.controller is None else self.controller
+        controller = make_controller(BASELINE, self.turbine) if self.controller is None else self.controller
         return RunningStart(self.turbine, self.fidelity, controller, self.wind, self.overspeed_limit)
 
     def _longest(self) -> float | None:

@@ -12,8 +12,6 @@ from wt_gym.control.controllers.catalogue import (
     controller_parameters,
     controller_summary,
     declared_parameters,
-    make_controller,
-    name_and_parameters,
 )
 from wt_gym.control.controllers.controller import (
     Addition,
@@ -36,6 +34,7 @@ from wt_gym.control.controllers.discon import (
 from wt_gym.control.controllers.fading import AboveRated, FadeParameters
 from wt_gym.control.controllers.individual_pitch import HarmonicPitch, HarmonicPitchParameters, IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
+from wt_gym.control.controllers.names import Name, make_controller, name_and_parameters, parse_name
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.retuned import retuned_parameters
 from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
@@ -63,6 +62,7 @@ __all__ = [
     "HarmonicPitchParameters",
     "IndividualPitch",
     "LidarFeedforward",
+    "Name",
     "Parameter",
     "Readings",
     "RoscoLikeController",
@@ -81,6 +81,7 @@ __all__ = [
     "make_controller",
     "name_and_parameters",
     "nrel_5mw_parameters",
+    "parse_name",
     "parts_of",
     "readings_of",
     "retuned_parameters",

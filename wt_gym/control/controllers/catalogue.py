@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.controllers import individual_pitch, lidar_feedforward, own, retuned, rosco_like, tower_dampers, yaw
-from wt_gym.control.controllers.controller import Addition, Combined, Controller, is_addition, is_controller
+from wt_gym.control.controllers.controller import Addition, Combined, Controller
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import own_controller, own_parameters
@@ -30,11 +29,10 @@ __all__ = [
     "BASES",
     "CONTROLLERS",
     "WRAPPERS",
+    "catalogue_controller",
     "controller_parameters",
     "controller_summary",
     "declared_parameters",
-    "make_controller",
-    "name_and_parameters",
 ]
 
 
@@ -209,113 +207,31 @@ def _parts(choice: str) -> tuple[str, ...]:
     return tuple(sorted(parts, key=lambda part: 0 if part in BASES else 1 if part in WRAPPERS else 2))
 
 
-def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
-    """Name and parameters of a controller from ``name:key=value,key=value``.
+def catalogue_controller(choice: str, turbine: Turbine, parameters: dict[str, Any]) -> Controller:
+    """Make a controller of names of the catalogue.
 
     Parameters
     ----------
     choice : str
-        Values are Python literals: numbers, True, False or None.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not of the form ``key=value`` with such a value.
-
-    Examples
-    --------
-    >>> name_and_parameters("constrained_ipc+yaw:level=0.1,dead_band=0.05")
-    ('constrained_ipc+yaw', {'level': 0.1, 'dead_band': 0.05})
-    """
-    name, _, rest = choice.partition(":")
-    parameters = {}
-    for pair in filter(None, rest.split(",")):
-        key, separator, value = pair.partition("=")
-        if not (separator and key):
-            raise ValueError(f"a parameter of a controller is key=value, got {pair!r} in {choice!r}")
-        if key in parameters:
-            raise ValueError(f"{key} stands twice in {choice!r}")
-        try:
-            parameters[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            parameters[key] = value
-        if not isinstance(parameters[key], int | float | None):
-            raise ValueError(f"the value of {key!r} in {choice!r} must be a number, True, False or None, got {value!r}")
-    return name, parameters
-
-
-def make_controller(
-    choice: str | Controller | Callable[[Turbine], Controller], turbine: Turbine, **parameters
-) -> Controller:
-    """Make a controller for a turbine.
-
-    Parameters
-    ----------
-    choice : str, Controller or callable
-        Names of `CONTROLLERS` joined with ``+``: one of `BASES` (by default "discon") and additions, for example
-        ``"discon"``, ``"ipc"`` (the same as ``"discon+ipc"``), ``"rosco+constrained_ipc+tower_dampers+yaw"``; with
-        parameters behind a colon as `name_and_parameters` reads them: ``"constrained_ipc:level=0.1"``. Or a controller,
-        which is returned as it is, or a function that makes one for the turbine.
+        Names of `CONTROLLERS` joined with "+".
     turbine : Turbine
-    **parameters
-        Of the parts, see `declared_parameters`. One that belongs to several parts of the name is told apart by the
-        name of the part and two underscores: ``ipc__limit=0.05``. For a function they are its keyword arguments.
-
-    Returns
-    -------
-    Controller
-        Not started.
+    parameters : dict
+        As of `wt_gym.control.controllers.make_controller`.
 
     Raises
     ------
     ValueError
-        For an unknown name, which lists those allowed, a parameter that no part has or that several have, or a value
-        that is not allowed.
-    TypeError
-        If what is given, or what a function gives, is no controller (an addition alone is none), or a controller comes
-        with parameters.
-
-    Examples
-    --------
-    >>> from wt_gym.turbines import load_turbine
-    >>> controller = make_controller("ipc+yaw", load_turbine("nrel_5mw"), bandwidth=0.3)
+        See `wt_gym.control.controllers.make_controller`.
     """
-    if isinstance(choice, str):
-        choice, beside = name_and_parameters(choice)
-        if both := [key for key in beside if key in parameters]:
-            raise ValueError(f"{', '.join(both)} of controller {choice!r} is given twice")
-        parameters = beside | parameters
-        parts = _parts(choice)
-        tuned = (tuned_parameters(name, turbine) for name in choice.split("+") if name in TUNED)
-        given = _distribute(parts, {key: value for found in tuned for key, value in found.items()} | parameters)
-        base = BASES[parts[0]](turbine, **given[parts[0]])
-        for part in parts:
-            if part in WRAPPERS:
-                base = WRAPPERS[part](turbine, base, **given[part])
-        additions = [ADDITIONS[part](turbine, **given[part]) for part in parts if part in ADDITIONS]
-        return Combined(base, *additions) if additions else base
-    if is_controller(choice):
-        if parameters:
-            raise TypeError(f"a controller that is made already takes no parameters, got {', '.join(parameters)}")
-        return choice
-    if is_addition(choice) or not callable(choice):
-        raise TypeError(
-            f"controller must be a name ({', '.join(CONTROLLERS)}), a Controller or a function, got {_what(choice)}"
-        )
-    made = choice(turbine, **parameters)
-    if not is_controller(made):
-        raise TypeError(
-            f"{choice!r} gave {_what(made)}; it must give a Controller: channels, start(signals, demand), "
-            "step(signals, dt)"
-        )
-    return made
-
-
-def _what(given) -> str:
-    """Name a thing that is no controller."""
-    if is_addition(given):
-        return f"the addition {given!r}, which changes the demand of a controller: use Combined(controller, addition)"
-    return repr(given)
+    parts = _parts(choice)
+    tuned = (tuned_parameters(name, turbine) for name in choice.split("+") if name in TUNED)
+    given = _distribute(parts, {key: value for found in tuned for key, value in found.items()} | parameters)
+    base = BASES[parts[0]](turbine, **given[parts[0]])
+    for part in parts:
+        if part in WRAPPERS:
+            base = WRAPPERS[part](turbine, base, **given[part])
+    additions = [ADDITIONS[part](turbine, **given[part]) for part in parts if part in ADDITIONS]
+    return Combined(base, *additions) if additions else base
 
 
 def _distribute(parts: tuple[str, ...], parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:

@@ -1,0 +1,191 @@
+"""Controllers and models of one's own in the comparisons: classes of a file, models of stable-baselines3."""
+
+import base64
+import json
+import pickle
+import zipfile
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from scripted_simulator import ScriptedSimulator, use
+
+from wt_gym.agents.choices import env_choices_of, named_choices
+from wt_gym.agents.contenders import Contenders
+from wt_gym.agents.entries import entries_of, entry_of
+from wt_gym.envs.layout import layout_of
+from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
+
+RESIDUAL = "wt_gym/LoadReduction-v1"
+STEADY = "wt_gym/NREL5MW-Steady-v1"
+
+MINE = """
+import numpy as np
+
+class Hold:
+    channels = ("generator_speed",)
+    def __init__(self, gain=1.0):
+        self.gain = gain
+    def start(self, signals, demand):
+        self.demand = demand
+    def step(self, signals, dt):
+        return self.demand
+
+class Rests:
+    env_kwargs = {"action_mode": "absolute", "observation": ["rotor"]}
+    def __init__(self, layout, offset=0.0):
+        self.size, self.offset = layout.action.size, offset
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.full(self.size, self.offset, dtype=np.float32), state
+
+class Cheats(Rests):
+    env_kwargs = {"turbine": "iea_15mw"}
+"""
+
+
+@pytest.fixture(autouse=True)
+def scripted(monkeypatch):
+    use(monkeypatch, ScriptedSimulator)
+
+
+@pytest.fixture
+def mine(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(MINE)
+    return path
+
+
+def saved(path, cls, **env_kwargs):
+    """An untrained model of an environment."""
+    env = gym.make(STEADY, **env_kwargs)
+    more = {"buffer_size": 10} if cls.__name__ not in ("PPO", "A2C") else {"n_steps": 8}
+    cls("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, device="cpu", seed=1, **more).save(path)
+    env.close()
+    return path
+
+
+def with_part(path, key, value):
+    """Put a pickled part into a model."""
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    data = json.loads(parts["data"])
+    data[key] = {":type:": "x", ":serialized:": base64.b64encode(pickle.dumps(value)).decode()}
+    parts["data"] = json.dumps(data).encode()
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+
+
+class Evil:
+    """Writes a file when it is loaded."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def __reduce__(self):
+        return open, (str(self.file), "w")
+
+
+def test_a_controller_of_ones_own_runs_beneath(mine):
+    env = gym.make(RESIDUAL, controller=f"{mine}:Hold:gain=2")
+    assert turbine_env_of(env).controller.gain == 2
+    env.close()
+    agents = {"a": "baseline", "b": f"{mine}:Hold:gain=3", "c": "discon"}
+    with Contenders(agents, RESIDUAL, {}) as contenders:
+        assert turbine_env_of(contenders["b"][0]).controller.gain == 3
+        assert contenders["a"][0] is contenders["c"][0]  # one name for one thing, in one environment
+    with Contenders(agents, STEADY, {}) as contenders:
+        assert contenders.agents["b"].controller.gain == 3
+
+
+@pytest.mark.parametrize("name", ["baseline", "Baseline PI"])
+def test_environments_know_the_baseline_by_all_its_names(name):
+    env = gym.make(RESIDUAL, controller=name)
+    assert type(turbine_env_of(env).controller).__name__ == "DisconController"
+    env.close()
+
+
+def test_a_class_with_predict_runs_in_the_environment_that_it_chooses(mine):
+    with Contenders({"a": "baseline", "b": f"{mine}:Rests:offset=0.5"}, RESIDUAL, {}) as contenders:
+        env, agent = contenders["b"]
+        layout = layout_of(env)
+        assert layout.action.mode == "absolute"
+        assert agent.predict(np.zeros(len(layout.observation)))[0].tolist() == [0.5] * layout.action.size
+    with pytest.raises(ValueError, match="got turbine: turbine and wind are the same for all"):
+        env_choices_of(f"{mine}:Cheats")
+    with pytest.raises(ValueError, match="got a class with predict"):
+        WindTurbineEnv(action_mode="residual", controller=f"{mine}:Rests")
+
+
+def test_classes_enter_the_benchmark(mine):
+    beneath, rests = entries_of([f"{mine}:Hold:gain=2", f"{mine}:Rests"])
+    assert (beneath.name, beneath.interface["controller"]) == ("Hold:gain=2", [f"{mine}:Hold", {"gain": 2}])
+    assert rests.interface == {"action_mode": "absolute", "observation": ["rotor"]}
+    assert beneath.definition["sha256"] == rests.definition["sha256"]
+    assert [entry.name for entry in entries_of(["baseline", "discon", "constant"])] == ["discon", "zero"]
+
+
+@pytest.mark.parametrize("name", ["PPO", "SAC", "TQC", "A2C", "TD3", "DDPG"])
+def test_any_model_of_stable_baselines_enters(tmp_path, name):
+    import sb3_contrib
+    import stable_baselines3
+
+    cls = getattr(stable_baselines3, name, None) or getattr(sb3_contrib, name)
+    path = saved(tmp_path / "model.zip", cls, pitch="collective")
+    (tmp_path / "model.json").write_text(json.dumps({"env_kwargs": {"pitch": "collective", "action_mode": "rate"}}))
+    for text in (str(path), f"{path}:algo={name}"):
+        with Contenders(named_choices(["baseline", f"m={text}"]), STEADY, {}) as contenders:
+            env, agent = contenders["m"]
+            observation, _ = env.reset(seed=1)
+            action, _ = agent.predict(observation)
+            plain = cls.load(path, device="cpu").predict(observation, deterministic=True)[0]
+            np.testing.assert_array_equal(action, plain)
+    assert entry_of(f"m={path}").interface == {"pitch": "collective", "action_mode": "rate"}
+
+
+def test_models_that_do_not_fit_are_refused(tmp_path):
+    from stable_baselines3 import SAC
+
+    path = saved(tmp_path / "model.zip", SAC)
+    with (
+        pytest.raises(ValueError, match="is no model of PPO but of SAC"),
+        Contenders({"m": f"{path}:algo=PPO"}, STEADY, {}),
+    ):
+        pass
+    with pytest.raises(ValueError, match=r"must be one of .*got 'SAK'; did you mean 'SAC'"), \
+            Contenders({"m": f"{path}:algo=SAK"}, STEADY, {}):  # fmt: skip
+        pass
+    with pytest.raises(ValueError, match="m: the model takes observations"), \
+            Contenders({"m": str(path)}, STEADY, {"pitch": "individual"}):  # fmt: skip
+        pass
+    (tmp_path / "model.json").write_text('{"env": {}}')
+    with pytest.raises(ValueError, match="must hold a table of algo and env_kwargs, got env"):
+        env_choices_of(str(path))
+    no_model = tmp_path / "other.zip"
+    no_model.write_bytes(b"no zip")
+    with pytest.raises(ValueError, match="damaged, or no model of stable-baselines3"), \
+            Contenders({"m": str(no_model)}, STEADY, {}):  # fmt: skip
+        pass
+
+
+def test_no_code_in_a_model_is_run_unless_it_is_trusted(tmp_path):
+    from stable_baselines3 import PPO
+
+    path, trace = saved(tmp_path / "model.zip", PPO), tmp_path / "trace"
+    with_part(path, "ep_info_buffer", Evil(trace))  # nothing that a policy needs
+    with Contenders({"m": str(path)}, STEADY, {}):
+        assert not trace.exists()
+    with_part(path, "policy_class", Evil(trace))
+    with pytest.raises(ValueError, match=r"needs \S+open for its policy_class: .*--trust"), \
+            Contenders({"m": str(path)}, STEADY, {}):  # fmt: skip
+        pass
+    assert not trace.exists()
+    (tmp_path / "vecnormalize.pkl").write_bytes(pickle.dumps(Evil(trace)))
+    with pytest.raises(ValueError, match=r"statistics .* hold \S+open: .*--trust"), \
+            Contenders({"m": str(path)}, STEADY, {}):  # fmt: skip
+        pass
+    assert not trace.exists()
+    with pytest.raises(ValueError, match="no statistics of a training"), \
+            Contenders({"m": f"{path}:trust=True"}, STEADY, {}):  # fmt: skip
+        pass
+    assert trace.exists()  # trusted: it was run

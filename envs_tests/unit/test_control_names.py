@@ -1,0 +1,142 @@
+"""Names of controllers and agents: what they mean, and classes of one's own."""
+
+import copy
+import pickle
+import sys
+
+import pytest
+
+from wt_gym.control.controllers import DisconController, make_controller, parse_name
+from wt_gym.control.controllers.names import Name
+from wt_gym.control.controllers.own_class import load_class, source_digest
+from wt_gym.turbines import load_turbine
+
+TURBINE = load_turbine("nrel_5mw")
+
+MINE = """
+from wt_gym.control import Demand
+from wt_gym.control.controllers import make_controller
+
+class Hold:
+    channels = ("generator_speed",)
+    def __init__(self, gain=1.0):
+        self.gain = gain
+    def start(self, signals, demand):
+        self.demand = demand
+    def step(self, signals, dt):
+        return self.demand
+
+class Sized(Hold):
+    def __init__(self, turbine, gain=1.0):
+        super().__init__(gain)
+        self.radius = turbine.rotor_diameter / 2
+
+class More:
+    channels = ()
+    def start(self, signals):
+        pass
+    def step(self, signals, dt, demand):
+        return demand
+
+class Rests:
+    def __init__(self, layout):
+        self.size = layout.action.size
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return [0.0] * self.size, state
+
+def retuned(turbine, gain_factor=1.0):
+    return make_controller("retuned", turbine, gain_factor=gain_factor)
+
+NOTHING = 3
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(MINE)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "target", "parameters"),
+    [
+        ("zero", "word", "zero", {}),
+        ("nothing", "word", "zero", {}),
+        ("baseline", "controller", "discon", {}),
+        ("Baseline PI", "controller", "discon", {}),
+        ("baseline+ipc:limit=0.1", "controller", "discon+ipc", {"limit": 0.1}),
+        ("controller:anything", "controller", "anything", {}),
+        ("a/b.py:Mine", "class", "a/b.py:Mine", {}),
+        ("a/b.py:Mine:gain=2,mode=fast,on=True", "class", "a/b.py:Mine", {"gain": 2, "mode": "fast", "on": True}),
+        ("a.b:Mine.Inner:gain=2", "class", "a.b:Mine.Inner", {"gain": 2}),
+    ],
+)
+def test_names_mean_one_thing(text, kind, target, parameters):
+    name = parse_name(text, ("zero",), {"nothing": "zero"})
+    assert name == Name(kind, target, parameters)
+    assert parse_name(name.text, ("zero",)) == name
+
+
+def test_models_carry_parameters(tmp_path):
+    model = tmp_path / "sac.zip"
+    model.touch()
+    assert parse_name(f"{model}:algo=SAC") == Name("trained", str(model), {"algo": "SAC"})
+    assert parse_name(str(tmp_path)) == Name("trained", str(tmp_path))
+    assert parse_name(f"{tmp_path}:trust=True") == Name("trained", str(tmp_path), {"trust": True})
+
+
+def test_what_is_no_name_is_refused_with_what_is_near(mine):
+    with pytest.raises(ValueError, match=r"'ipcc' is no agent: give zero, a controller .*did you mean 'ipc'"):
+        parse_name("ipcc", ("zero",))
+    with pytest.raises(ValueError, match=r"must name a class behind a colon, as .*mine\.py:Hold"):
+        parse_name(str(mine))
+    with pytest.raises(ValueError, match=r"'deep' in .* must be a number, a word"):
+        parse_name(f"{mine}:Hold:deep=[]")
+
+
+def test_the_baseline_has_one_controller_under_all_its_names():
+    for name in ("discon", "baseline", "Baseline PI", "controller:baseline"):
+        assert isinstance(make_controller(name, TURBINE), DisconController)
+    assert make_controller("baseline:kp=0.02", TURBINE).parameters.proportional_gain == 0.02
+
+
+def test_classes_of_a_file_make_controllers(mine):
+    made = make_controller(f"{mine}:Hold:gain=2.5", TURBINE)
+    assert made.gain == 2.5
+    assert make_controller(f"{mine}:Hold", TURBINE, gain=3).gain == 3
+    assert type(pickle.loads(pickle.dumps(copy.deepcopy(made)))) is type(made)  # one module, however often it is named
+    assert make_controller(f"{mine}:Sized", TURBINE).radius == 63.0
+    assert isinstance(make_controller(f"{mine}:More", TURBINE).base, DisconController)
+    assert make_controller(f"{mine}:retuned:gain_factor=0.9", TURBINE).channels
+
+
+def test_classes_of_a_module_make_controllers(mine, monkeypatch):
+    mine.rename(mine.with_name("own_module_of_a_test.py"))
+    monkeypatch.chdir(mine.parent)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    assert make_controller("own_module_of_a_test:Hold:gain=2", TURBINE).gain == 2
+    assert len(source_digest("own_module_of_a_test:Hold")) == 64
+
+
+def test_classes_that_cannot_be_had_are_refused(mine, tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no file .*other\.py"):
+        load_class(f"{tmp_path / 'other.py'}:Hold")
+    with pytest.raises(ValueError, match=r"has no 'Hould'.*did you mean 'Hold'"):
+        load_class(f"{mine}:Hould")
+    with pytest.raises(ValueError, match="no module 'nowhere'"):
+        load_class("nowhere.at_all:Hold")
+    with pytest.raises(ValueError, match="must be a class, or a function"):
+        load_class(f"{mine}:NOTHING")
+    with pytest.raises(ValueError, match="got a class with predict: it acts on observations"):
+        make_controller(f"{mine}:Rests", TURBINE)
+    with pytest.raises(TypeError, match="'wrong'"):
+        make_controller(f"{mine}:Hold:wrong=1", TURBINE)
+    model = tmp_path / "model.zip"
+    model.touch()
+    with pytest.raises(ValueError, match="a trained model acts on observations"):
+        make_controller(str(model), TURBINE)
+    broken = tmp_path / "broken.py"
+    broken.write_text("import wt_gym_needs_this_one\n")
+    with pytest.raises(ModuleNotFoundError, match="wt_gym_needs_this_one"):
+        load_class(f"{broken}:Hold")
