@@ -28,7 +28,7 @@ from scipy.special import hankel2, jv
 from validation.rotor_transients import Response
 from validation.unsteady_aerofoil import theodorsen
 from wt_gym.control.blade_element import BladeElementRotor, blade_element
-from wt_gym.simulation.blade_lattice import N_ALPHA
+from wt_gym.simulation.model.blade_lattice import N_ALPHA
 
 __all__ = ["DynamicRotor", "GustResponse", "loewy", "oye_filter", "oye_times"]
 

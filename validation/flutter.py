@@ -25,7 +25,7 @@ from validation.goland_wing import dominant_mode
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.simulation import Fidelity, Simulator
-from wt_gym.simulation.drives import TorqueCommand
+from wt_gym.simulation.drivetrain.drives import TorqueCommand
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

@@ -19,8 +19,8 @@ from validation.case import CaseResult, Check, case
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.ids import present_id
 from wt_gym.simulation import FIDELITIES, Recorder
-from wt_gym.simulation.assembly import assemble
-from wt_gym.simulation.equilibrium import elastic_equilibrium
+from wt_gym.simulation.model.assembly import assemble
+from wt_gym.simulation.model.equilibrium import elastic_equilibrium
 
 __all__ = ["COMBINATIONS", "NODAL_AND_MODAL", "Combination", "measure", "parked_frequencies", "steady_tip"]
 

@@ -10,9 +10,9 @@ from scipy.linalg import expm
 from validation.case import CaseResult, Check, Curve, Figure, case
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.simulation import Simulator
-from wt_gym.simulation.frozen_plant import FrozenPlant
-from wt_gym.simulation.linear_model import multiblade_transform
-from wt_gym.simulation.linearization import linearize
+from wt_gym.simulation.linear.frozen_plant import FrozenPlant
+from wt_gym.simulation.linear.linear_model import multiblade_transform
+from wt_gym.simulation.linear.linearization import linearize
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
-from wt_gym.simulation.blade_lattice import blade_planform
+from wt_gym.simulation.model.blade_lattice import blade_planform
 
 __all__ = ["RigidRotor", "RotorRun", "RotorStep", "UniformWind"]
 

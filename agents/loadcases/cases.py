@@ -22,14 +22,14 @@ import numpy as np
 
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
-from wt_gym.simulation.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
+from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow
 from wt_gym.wind.iec import OPERATING_GUST_DURATION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from wt_gym.simulation.faults import DriveFault
+    from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
@@ -81,7 +81,7 @@ class Condition:
     azimuth : float
         Of blade 1 at the start [deg].
     faults : tuple
-        Of `wt_gym.simulation.faults`.
+        Of `wt_gym.simulation.drivetrain.faults`.
     label : str
         What fails, in words.
     duration : float

@@ -13,7 +13,7 @@ from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Recorder, Simulator
-from wt_gym.simulation.faults import FEATHER
+from wt_gym.simulation.drivetrain.faults import FEATHER
 from wt_gym.turbines.clearance import unloaded_clearance
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from wt_gym.errors import ActionError, InflowError
-from wt_gym.simulation.faults import GeneratorLoss, SensorBias, StuckPitch
+from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, StuckPitch
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox
 
 WIND = {"wind_speed": 14.0, "wind_seed": 1001, "azimuth": 0.0}

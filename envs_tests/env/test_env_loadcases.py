@@ -12,7 +12,7 @@ from wt_gym.agents.loadcases.run import EXTREMES, run_agent, run_parked
 from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases
 from wt_gym.envs.layout import layout_of
 from wt_gym.errors import SimulationError
-from wt_gym.simulation.faults import GeneratorLoss, ShutDown
+from wt_gym.simulation.drivetrain.faults import GeneratorLoss, ShutDown
 from wt_gym.turbines import load_turbine
 
 

@@ -13,7 +13,7 @@ from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations
 from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
 from wt_gym.multibody.tree import output_kernels
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.turbine_structure import build_structure
+from wt_gym.simulation.model.turbine_structure import build_structure
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

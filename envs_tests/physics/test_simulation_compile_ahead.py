@@ -13,7 +13,7 @@ import pytest
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.compilation import announce_compilation, compile_once, compiling
 from wt_gym.simulation.compile_ahead import _HELPER, _compile_structure, compile_ahead
-from wt_gym.simulation.coupling import Coupling
+from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

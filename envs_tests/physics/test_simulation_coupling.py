@@ -14,10 +14,10 @@ from wt_gym.constants import GRAVITY
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody.tree.tree_kernels import OK
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
-from wt_gym.simulation.blade_lattice import blade_planform
 from wt_gym.simulation.channels import channel_table
-from wt_gym.simulation.coupled_step_kernels import OVERSPEED, check_range
-from wt_gym.simulation.turbine_bodies import turbine_bodies
+from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.model.turbine_bodies import turbine_bodies
+from wt_gym.simulation.step.coupled_step_kernels import OVERSPEED, check_range
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wt_gym.simulation import FIDELITIES, Simulator, SimulatorState
-from wt_gym.simulation.coupling_kernels import passing_clearance, signed_clearance, view_from_tower
+from wt_gym.simulation.step.coupling_kernels import passing_clearance, signed_clearance, view_from_tower
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

@@ -20,9 +20,9 @@ from wt_gym.multibody.observer_frame.frame import ObserverFrameError, ObserverFr
 from wt_gym.multibody.observer_frame.observer_frame_from_system import Translation, observer_frame_from_system
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.assembly import assemble
 from wt_gym.simulation.channels import new_values
-from wt_gym.simulation.coupling import Coupling
+from wt_gym.simulation.model.assembly import assemble
+from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

@@ -15,9 +15,9 @@ PAGE = (ROOT / "docs" / "aerodynamics.md").read_text(encoding="utf-8")
 SPANS = sorted(set(re.findall(r"`([^`]+)`", PAGE)))
 FILES = [
     *sorted((ROOT / "wt_gym" / "aerodynamics").rglob("*.py")),
-    ROOT / "wt_gym" / "simulation" / "blade_lattice.py",
-    ROOT / "wt_gym" / "simulation" / "coupled_step_kernels.py",
-    ROOT / "wt_gym" / "simulation" / "coupling_kernels.py",
+    ROOT / "wt_gym" / "simulation" / "model" / "blade_lattice.py",
+    ROOT / "wt_gym" / "simulation" / "step" / "coupled_step_kernels.py",
+    ROOT / "wt_gym" / "simulation" / "step" / "coupling_kernels.py",
     ROOT / "wt_gym" / "simulation" / "fidelity.py",
     ROOT / "wt_gym" / "turbines" / "model.py",
     ROOT / "wt_gym" / "turbines" / "rotational_augmentation.py",

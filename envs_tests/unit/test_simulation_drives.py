@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lsim
 
 from wt_gym.errors import ActionError
-from wt_gym.simulation.drives import Drives, LinearDamper, TorqueCommand, available_torque, pitch_delay
+from wt_gym.simulation.drivetrain.drives import Drives, LinearDamper, TorqueCommand, available_torque, pitch_delay
 from wt_gym.turbines import load_turbine
 
 RATED = 12.1 * np.pi / 30

@@ -10,8 +10,8 @@ from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.errors import ActionError
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import channel_table
-from wt_gym.simulation.drives import Drives, LinearDamper
-from wt_gym.simulation.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch, checked_faults
+from wt_gym.simulation.drivetrain.drives import Drives, LinearDamper
+from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch, checked_faults
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 

@@ -22,7 +22,7 @@ from wt_gym.commands.site_options import add_site_option
 from wt_gym.files import require_writable, whole_file
 
 if TYPE_CHECKING:
-    from wt_gym.simulation.campbell import CampbellDiagram
+    from wt_gym.simulation.linear.campbell import CampbellDiagram
     from wt_gym.turbines import Turbine
 
 LARGEST_OVERSPEED = 5.0  # in rated rotor speeds
@@ -105,7 +105,7 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
 
     from wt_gym.control.operating_point import operating_point
     from wt_gym.simulation import Simulator
-    from wt_gym.simulation.campbell import campbell
+    from wt_gym.simulation.linear.campbell import campbell
     from wt_gym.turbines import load_turbine
     from wt_gym.turbines.site import with_site
     from wt_gym.wind import SteadyInflow

@@ -111,7 +111,8 @@ class ActionMap:
     wind_speeds : (float, float), optional
         Range of the mean winds, for mode "absolute" [m/s]; by default that in which the turbine operates.
     delay : float
-        Time from a demand to the pitch, by which the azimuth leads [s]; see `wt_gym.simulation.drives.pitch_delay`.
+        Time from a demand to the pitch, by which the azimuth leads [s]; see
+        `wt_gym.simulation.drivetrain.drives.pitch_delay`.
 
     Attributes
     ----------

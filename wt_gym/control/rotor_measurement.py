@@ -13,7 +13,7 @@ from wt_gym.control.design import fine_pitch, rotor_inertia
 from wt_gym.control.rotor_table import RotorTable
 from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Simulator
-from wt_gym.simulation.drives import TorqueCommand
+from wt_gym.simulation.drivetrain.drives import TorqueCommand
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind import SteadyInflow
 

@@ -37,8 +37,8 @@ from wt_gym.envs.running_start import RunningStart, Start, steady_start
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, TRANSIENTS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation import Simulator
-from wt_gym.simulation.drives import available_torque, pitch_delay
-from wt_gym.simulation.faults import DriveFault, SensorBias, checked_faults
+from wt_gym.simulation.drivetrain.drives import available_torque, pitch_delay
+from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import GENERATORS, with_generator
@@ -215,10 +215,10 @@ class WindTurbineEnv(gym.Env):
 
     ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
     [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more
-    than a generator can brake with at the rotor speed (`wt_gym.simulation.drives.available_torque`): none at
-    standstill. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and ``faults``,
-    what breaks in it and when (`wt_gym.simulation.faults`): blades that stick, a generator that is lost, a shut-down,
-    sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
+    than a generator can brake with at the rotor speed (`wt_gym.simulation.drivetrain.drives.available_torque`): none
+    at standstill. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and
+    ``faults``, what breaks in it and when (`wt_gym.simulation.drivetrain.faults`): blades that stick, a generator that is lost,
+    a shut-down, sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
 
     ## Episode end
 

@@ -1,7 +1,7 @@
 """The turbine assembled from its rooms: coupled time loop, state, signals and recording."""
 
 from wt_gym.simulation.channels import Channel, Signals, channel_table
-from wt_gym.simulation.drives import LinearDamper, TorqueCommand
+from wt_gym.simulation.drivetrain.drives import LinearDamper, TorqueCommand
 from wt_gym.simulation.fidelity import FIDELITIES, Fidelity
 from wt_gym.simulation.recorder import Recorder
 from wt_gym.simulation.simulator import Simulator

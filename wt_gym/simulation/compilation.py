@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from wt_gym.simulation.coupling import Coupling
     from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.simulation.step.coupling import Coupling
     from wt_gym.turbines import Turbine
 
 __all__ = ["COMPILE_ALONE", "announce_compilation", "compile_once", "compiling"]

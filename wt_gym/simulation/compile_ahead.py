@@ -22,16 +22,16 @@ from typing import IO, TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 
 from wt_gym.compiled import argument_types
-from wt_gym.simulation.assembly import build_lattice
 from wt_gym.simulation.compilation import COMPILE_ALONE, compiling
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.simulation.model.assembly import build_lattice
 from wt_gym.wind import SteadyInflow
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from wt_gym.simulation.coupling import Coupling
     from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.simulation.step.coupling import Coupling
     from wt_gym.turbines import Turbine
 
 __all__ = ["compile_ahead"]

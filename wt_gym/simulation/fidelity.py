@@ -97,7 +97,7 @@ class Fidelity:
     nacelle_body : (int, int) or None
         Panels around and along of hub and nacelle as one closed body of revolution about the shaft in the lattice, at
         least 5 each; alone (the cheap form of the tower then stays) or with ``tower_body``, which ends a gap below it.
-        Its size is an estimate, see :func:`wt_gym.simulation.turbine_bodies.nacelle_surface`. It turns with the
+        Its size is an estimate, see :func:`wt_gym.simulation.model.turbine_bodies.nacelle_surface`. It turns with the
         nacelle, in steps of 0.25°, about the axis of the undeformed tower, unless bodies move with the tower. In
         "training" (8, 8) takes half as much time again for a step, as much as a tower of (8, 8); the influence of all
         panels on each other, about a millisecond for 100 of them, is inverted at each step of the yaw.
@@ -114,10 +114,10 @@ class Fidelity:
         holds what steps drift by.
     moving_bodies : bool
         The closed bodies follow the deflected tower, and that of the tower bears the force of the air on it
-        (`wt_gym.simulation.tower_air`). Otherwise they stand about the undeformed tower and feel nothing.
+        (`wt_gym.simulation.step.tower_air`). Otherwise they stand about the undeformed tower and feel nothing.
     blade_basis : str
         "fixed": the modes of the clamped blade at rest; "deformed": those of the blade as it turns, bent and loaded,
-        computed anew at each aerodynamic step (`wt_gym.simulation.deformed_basis`).
+        computed anew at each aerodynamic step (`wt_gym.simulation.model.deformed_basis`).
     reference_condition : str
         Of the flexible bodies in observer frames: "clamped", "simply_supported" or "three_quarter", see
         :mod:`wt_gym.multibody.observer_frame.observer_frame_body`.

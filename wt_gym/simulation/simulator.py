@@ -8,19 +8,19 @@ from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.errors import ActionError, InflowError, SimulationError
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
-from wt_gym.simulation.assembly import assemble
 from wt_gym.simulation.channels import Signals, parities
 from wt_gym.simulation.compilation import announce_compilation, compile_once
 from wt_gym.simulation.compile_ahead import compile_ahead
-from wt_gym.simulation.coupling import Coupling
-from wt_gym.simulation.drives import Drives, check_finite
+from wt_gym.simulation.drivetrain.drives import Drives, check_finite
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.geometry import turbine_shapes
-from wt_gym.simulation.measurement import Measurement
-from wt_gym.simulation.observer_coupling import ObserverCoupling
+from wt_gym.simulation.model.assembly import assemble
 from wt_gym.simulation.reflection import reflected_loads, reflected_shapes
 from wt_gym.simulation.start import Starter
 from wt_gym.simulation.state import SimulatorState, fingerprint
+from wt_gym.simulation.step.coupling import Coupling
+from wt_gym.simulation.step.measurement import Measurement
+from wt_gym.simulation.step.observer_coupling import ObserverCoupling
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
 from wt_gym.turbines.mirror import clockwise_image
@@ -48,7 +48,7 @@ class Simulator:
         Threads that share the tree code of the wake at "reference". The numbers do not depend on it.
     generator : "torque", "damper" or GeneratorLaw, optional
         What loads the rotor: a torque that is demanded, which is what most turbines have; the damper of the turbine,
-        see `wt_gym.turbines.damper.with_damper`; or a law, see `wt_gym.simulation.drives`.
+        see `wt_gym.turbines.damper.with_damper`; or a law, see `wt_gym.simulation.drivetrain.drives`.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Simulator:
         Whether the rotor turns counter-clockwise. Structure, lattice, coupling and drives are then those of the mirror
         image, whose rotor turns clockwise, in the mirrored wind (`wt_gym.simulation.reflection`); arguments, signals
         and shapes are those of the turbine.
-    faults : tuple of wt_gym.simulation.faults.DriveFault
+    faults : tuple of wt_gym.simulation.drivetrain.faults.DriveFault
         What fails, and when. As the inflow it may be exchanged before a reset, and is no part of a snapshot.
 
     Examples
@@ -411,14 +411,14 @@ class Simulator:
         return self.coupling.arrays() | {"command": self.drives.command, "values": self._measurement.values}
 
     def linearize(self, operating_point=None, **options):
-        """Linear model about a steady operating point; see :func:`wt_gym.simulation.linearization.linearize`.
+        """Linear model about a steady operating point; see :func:`wt_gym.simulation.linear.linearization.linearize`.
 
         Returns
         -------
         LinearModel
             A, B, C, D with named states, inputs and outputs.
         """
-        from wt_gym.simulation.linearization import linearize  # it builds on simulators
+        from wt_gym.simulation.linear.linearization import linearize  # it builds on simulators
 
         return linearize(self, operating_point, **options)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from wt_gym.simulation import coupling_kernels
-from wt_gym.simulation.coupling import Coupling
-from wt_gym.simulation.equilibrium import elastic_equilibrium
+from wt_gym.simulation.model.equilibrium import elastic_equilibrium
+from wt_gym.simulation.step import coupling_kernels
+from wt_gym.simulation.step.coupling import Coupling
 
 __all__ = ["Starter"]
 

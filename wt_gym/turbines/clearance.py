@@ -26,7 +26,7 @@ def unloaded_clearance(turbine: Turbine) -> float:
     (rotations about y by tilt and cone; OpenFAST has the same angles, ElastoDyn's ``ShftTilt`` and ``PreCone`` with the
     other sign). The tower stands upright and is cut at the height of the tip: that its wall leans is neglected (for 1°
     an error of 0.02 %). A tip above the tower's top is measured to its rim, one below the tower's base to the base's
-    diameter, as the simulator does (`wt_gym.simulation.coupling_kernels.signed_clearance`).
+    diameter, as the simulator does (`wt_gym.simulation.step.coupling_kernels.signed_clearance`).
 
     Parameters
     ----------

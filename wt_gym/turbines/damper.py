@@ -80,7 +80,7 @@ def with_generator(turbine: Turbine, choice):
     if not isinstance(choice, str):
         return turbine, choice
     if choice not in GENERATORS:
-        raise fail("generator", choice, f"one of {GENERATORS} or a law of wt_gym.simulation.drives")
+        raise fail("generator", choice, f"one of {GENERATORS} or a law of wt_gym.simulation.drivetrain.drives")
     if choice == "damper":
         return with_damper(turbine), None
     if not turbine.drivetrain.takes_torque:

@@ -21,7 +21,7 @@ from wt_gym.control.controllers.fading import FADE, AboveRated, FadeParameters
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity
 from wt_gym.control.reference_loads import reference_flap_moment
-from wt_gym.simulation.drives import pitch_delay
+from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings

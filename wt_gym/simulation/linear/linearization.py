@@ -27,10 +27,10 @@ import numpy as np
 
 from wt_gym.errors import SimulationError
 from wt_gym.simulation.channels import Signals, channel_table, parities
-from wt_gym.simulation.frozen_plant import FrozenPlant
-from wt_gym.simulation.linear_model import LinearModel, multiblade_model
-from wt_gym.simulation.monitor import Extremes
+from wt_gym.simulation.linear.frozen_plant import FrozenPlant
+from wt_gym.simulation.linear.linear_model import LinearModel, multiblade_model
 from wt_gym.simulation.reflection import state_parities
+from wt_gym.simulation.step.monitor import Extremes
 from wt_gym.wind import MirroredInflow, SteadyInflow
 
 __all__ = ["SteadyPoint", "linearize", "trim"]

@@ -10,7 +10,7 @@ from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import ro
 from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations, hold_velocities, refresh, step
 from wt_gym.multibody.tree.rate_kernels import prescribe_servos
 from wt_gym.multibody.tree.tree_kernels import OK
-from wt_gym.simulation.coupled_step_kernels import (
+from wt_gym.simulation.step.coupled_step_kernels import (
     MOST_PASSES,
     check_range,
     check_sections,
@@ -21,10 +21,10 @@ from wt_gym.simulation.coupled_step_kernels import (
     relax_loads,
     secant_share,
 )
-from wt_gym.simulation.coupling_kernels import rotor_loads, tower_drag
-from wt_gym.simulation.energy_kernels import check_energy
-from wt_gym.simulation.measurement_kernels import fill_channels
-from wt_gym.simulation.monitor_kernels import watch_steps
+from wt_gym.simulation.step.coupling_kernels import rotor_loads, tower_drag
+from wt_gym.simulation.step.energy_kernels import check_energy
+from wt_gym.simulation.step.measurement_kernels import fill_channels
+from wt_gym.simulation.step.monitor_kernels import watch_steps
 
 # ---- what acts -----------------------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ What laws written in Python know, the torque and the commands, is filled in afte
 import math
 
 from wt_gym.compiled import kernel
-from wt_gym.simulation.coupling_kernels import read_gauges, rotor_resultant
+from wt_gym.simulation.step.coupling_kernels import read_gauges, rotor_resultant
 
 SINGLE = (
     "wind_x", "rotor_speed", "azimuth", "generator_speed", "generator_torque", "generator_power", "aero_power",

@@ -19,7 +19,7 @@ import numpy as np
 
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.system import Points
-from wt_gym.simulation.turbine_structure import bending_dofs, body_points
+from wt_gym.simulation.model.turbine_structure import bending_dofs, body_points
 from wt_gym.structure.beam import skew
 from wt_gym.structure.flexible_body import FlexibleBody, particle_fields
 from wt_gym.structure.modes import lowest_modes, named_modes, select_modes

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from wt_gym.errors import ActionError
-from wt_gym.simulation.drive_kernels import act
+from wt_gym.simulation.drivetrain.drive_kernels import act
 from wt_gym.turbines import Drivetrain, PitchSystem
 
 __all__ = [
@@ -327,7 +327,7 @@ class Drives:
 
         Parameters
         ----------
-        faults : iterable of wt_gym.simulation.faults.DriveFault
+        faults : iterable of wt_gym.simulation.drivetrain.faults.DriveFault
             Later ones act upon what earlier ones have left.
         clock : callable
             Gives the time at the start of the present step [s].

@@ -23,8 +23,8 @@ from wt_gym.multibody.observer_frame.frame import ObserverFrameError
 from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import TORQUE
 from wt_gym.multibody.observer_frame.observer_frame_from_system import FRAME, Translation
 from wt_gym.multibody.tree import rotation_kernels, tree_kernels
-from wt_gym.simulation import observer_coupling_kernels
-from wt_gym.simulation.coupling import Coupling
+from wt_gym.simulation.step import observer_coupling_kernels
+from wt_gym.simulation.step.coupling import Coupling
 
 __all__ = ["ObservedMotion", "ObserverCoupling"]
 

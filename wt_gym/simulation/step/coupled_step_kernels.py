@@ -11,10 +11,10 @@ from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.structural_newton_kernels import structural_advance, tree_rates
 from wt_gym.multibody.tree.rate_kernels import rates
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
-from wt_gym.simulation.coupling_kernels import rotor_loads, rotor_motion, tower_drag
-from wt_gym.simulation.energy_kernels import check_energy
-from wt_gym.simulation.measurement_kernels import fill_channels
-from wt_gym.simulation.monitor_kernels import rotor_speed, watch_steps
+from wt_gym.simulation.step.coupling_kernels import rotor_loads, rotor_motion, tower_drag
+from wt_gym.simulation.step.energy_kernels import check_energy
+from wt_gym.simulation.step.measurement_kernels import fill_channels
+from wt_gym.simulation.step.monitor_kernels import rotor_speed, watch_steps
 
 # Beyond the codes of the multibody kernels
 OVERSPEED, DEFLECTION, UNSETTLED = 101, 102, 103

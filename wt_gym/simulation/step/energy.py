@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wt_gym.simulation.energy_kernels import BETZ
-from wt_gym.simulation.turbine_structure import rotor_axial_inertia
+from wt_gym.simulation.model.turbine_structure import rotor_axial_inertia
+from wt_gym.simulation.step.energy_kernels import BETZ
 
 __all__ = ["EnergyBalance"]
 
@@ -15,7 +15,7 @@ RESERVE = 0.01
 
 
 class EnergyBalance(NamedTuple):
-    """What the balances of :mod:`wt_gym.simulation.energy_kernels` know of a turbine, and where they stand."""
+    """What the balances of :mod:`wt_gym.simulation.step.energy_kernels` know of a turbine, and where they stand."""
 
     reserve: float  # [J] that the structure may gain at most
     flux: float  # 16/27 of rho A / 2 [kg/m]

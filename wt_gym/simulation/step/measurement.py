@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wt_gym.compiled import compiled_for
-from wt_gym.simulation import measurement_kernels
 from wt_gym.simulation.channels import new_values
-from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
+from wt_gym.simulation.model.turbine_structure import rotation_x, rotation_y
+from wt_gym.simulation.step import measurement_kernels
 
 __all__ = ["Gauges", "Instant", "Measurement"]
 

@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from wt_gym.errors import SimulationError
 from wt_gym.files import whole_file
-from wt_gym.simulation.linearization import linearize
+from wt_gym.simulation.linear.linearization import linearize
 
 __all__ = ["CampbellDiagram", "campbell"]
 
@@ -136,7 +136,8 @@ def campbell(simulator, *, rotor_speeds=None, wind_speeds=None, schedule=None, p
     pitch : float
         [rad], with ``rotor_speeds``.
     aerodynamics, generator, n_azimuths
-        As for :func:`wt_gym.simulation.linearization.linearize`. "locked": the generator turns at constant speed.
+        As for :func:`wt_gym.simulation.linear.linearization.linearize`. "locked": the generator turns at constant
+        speed.
     on_point : callable, optional
         Called with (number of points done, number of points).
 

@@ -9,10 +9,10 @@ from wt_gym.aerodynamics import AeroState
 from wt_gym.aerodynamics.wake.wake_kernels import velocity_behind_disc
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.simulation import coupling_kernels
-from wt_gym.simulation.coupling import TowerAir
-from wt_gym.simulation.measurement import Instant, Measurement
-from wt_gym.simulation.turbine_bodies import place_nacelle
+from wt_gym.simulation.model.turbine_bodies import place_nacelle
+from wt_gym.simulation.step import coupling_kernels
+from wt_gym.simulation.step.coupling import TowerAir
+from wt_gym.simulation.step.measurement import Instant, Measurement
 
 __all__ = ["AERODYNAMICS", "FrozenPlant", "Wake"]
 

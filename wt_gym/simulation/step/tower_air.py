@@ -17,8 +17,8 @@ import numpy as np
 
 from wt_gym.aerodynamics.bodies.lagally import convective_force, impulse
 from wt_gym.multibody.tree.point_kernels import point_motion
-from wt_gym.simulation.turbine_bodies import NACELLE
-from wt_gym.simulation.turbine_structure import body_points
+from wt_gym.simulation.model.turbine_bodies import NACELLE
+from wt_gym.simulation.model.turbine_structure import body_points
 
 __all__ = ["MovingBodies"]
 

@@ -14,15 +14,15 @@ from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import GeneralizedAlphaIntegrator, NewmarkIntegrator
 from wt_gym.multibody.system import HammingIntegrator
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.simulation import coupled_step_kernels, energy_kernels, monitor_kernels
-from wt_gym.simulation.deformed_basis import DeformedBasis
-from wt_gym.simulation.energy import EnergyBalance
-from wt_gym.simulation.measurement import Gauges, Instant
-from wt_gym.simulation.monitor import Monitor
-from wt_gym.simulation.tower_air import MovingBodies
-from wt_gym.simulation.turbine_bodies import place_nacelle
-from wt_gym.simulation.turbine_structure import drag_heights
-from wt_gym.simulation.wind_kernels import ask_for_wind, felt_wind, receive_wind
+from wt_gym.simulation.model.deformed_basis import DeformedBasis
+from wt_gym.simulation.model.turbine_bodies import place_nacelle
+from wt_gym.simulation.model.turbine_structure import drag_heights
+from wt_gym.simulation.step import coupled_step_kernels, energy_kernels, monitor_kernels
+from wt_gym.simulation.step.energy import EnergyBalance
+from wt_gym.simulation.step.measurement import Gauges, Instant
+from wt_gym.simulation.step.monitor import Monitor
+from wt_gym.simulation.step.tower_air import MovingBodies
+from wt_gym.simulation.step.wind_kernels import ask_for_wind, felt_wind, receive_wind
 from wt_gym.wind.protocol import fill_velocity, read_only
 
 __all__ = ["Air", "Coupling", "Exchange", "Motion", "Scheme", "TowerAir"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
-from wt_gym.simulation.blade_pieces import PieceNodes, add_pieces, cut_blade, piece_points, tip_of_last_piece
+from wt_gym.simulation.model.blade_pieces import PieceNodes, add_pieces, cut_blade, piece_points, tip_of_last_piece
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, without_second_order
@@ -22,7 +22,7 @@ __all__ = ["TurbineStructure", "build_structure"]
 
 IDEAL_PITCH_SERVO = 4.0 * np.pi
 """Frequency of the servo that stands for an ideal pitch drive [rad/s] in linear models; in simulations such a drive is
-prescribed (`wt_gym.simulation.drives.PitchDrives`)."""
+prescribed (`wt_gym.simulation.drivetrain.drives.PitchDrives`)."""
 DRAG_POINTS = 7
 """Points of the tower that bear its drag, an odd number: Simpson's rule is exact for a cone in a uniform wind."""
 _GAP = 1e-9

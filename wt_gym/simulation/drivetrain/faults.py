@@ -1,8 +1,8 @@
 """Faults of drives and sensors: what breaks, and when.
 
-A drive that fails is a law that wraps the sound one (`wt_gym.simulation.drives`): it acts once an aerodynamic step, at
-the simulator's own step, whoever gives the demands. All that a law remembers is its command; what the time is it asks
-a clock. A sensor that fails changes what controllers and agents read, and nothing else.
+A drive that fails is a law that wraps the sound one (`wt_gym.simulation.drivetrain.drives`): it acts once an
+aerodynamic step, at the simulator's own step, whoever gives the demands. All that a law remembers is its command; what the
+time is it asks a clock. A sensor that fails changes what controllers and agents read, and nothing else.
 
 Times count from the reset. A fault acts in the first step that begins at its time or later.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from wt_gym.angles import wrapped
 from wt_gym.errors import ActionError
 from wt_gym.simulation.channels import Signals, channel_table
-from wt_gym.simulation.drives import GeneratorLaw, PitchDrives
+from wt_gym.simulation.drivetrain.drives import GeneratorLaw, PitchDrives
 
 __all__ = ["DriveFault", "GeneratorLoss", "SensorBias", "ShutDown", "StuckPitch", "checked_faults"]
 
@@ -52,7 +52,7 @@ class DriveFault:
 
         Parameters
         ----------
-        drives : wt_gym.simulation.drives.Drives
+        drives : wt_gym.simulation.drivetrain.drives.Drives
         clock : callable
             Gives the time at the start of the present step [s].
         """
@@ -143,7 +143,7 @@ class GeneratorLoss(DriveFault):
 
 @dataclass(frozen=True)
 class _FailingPitch:
-    """Pitch drives under a fault; a `wt_gym.simulation.drives.Law`."""
+    """Pitch drives under a fault; a `wt_gym.simulation.drivetrain.drives.Law`."""
 
     law: PitchDrives
     fault: StuckPitch | ShutDown
@@ -172,7 +172,7 @@ class _FailingPitch:
 
 @dataclass(frozen=True)
 class _FailingGenerator:
-    """A generator under a fault; a `wt_gym.simulation.drives.GeneratorLaw`."""
+    """A generator under a fault; a `wt_gym.simulation.drivetrain.drives.GeneratorLaw`."""
 
     law: GeneratorLaw
     fault: ShutDown | GeneratorLoss

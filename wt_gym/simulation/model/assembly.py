@@ -6,11 +6,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wt_gym.aerodynamics import TowerFlow, VortexLattice
-from wt_gym.simulation.blade_lattice import blade_planform
-from wt_gym.simulation.equilibrium import highest_frequency
 from wt_gym.simulation.fidelity import Fidelity
-from wt_gym.simulation.turbine_bodies import turbine_bodies
-from wt_gym.simulation.turbine_structure import TurbineStructure, build_structure
+from wt_gym.simulation.model.blade_lattice import blade_planform
+from wt_gym.simulation.model.equilibrium import highest_frequency
+from wt_gym.simulation.model.turbine_bodies import turbine_bodies
+from wt_gym.simulation.model.turbine_structure import TurbineStructure, build_structure
 from wt_gym.turbines import Turbine
 
 __all__ = ["TurbineModels", "assemble", "build_lattice"]

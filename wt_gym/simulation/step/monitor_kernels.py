@@ -3,7 +3,7 @@
 import math
 
 from wt_gym.compiled import kernel
-from wt_gym.simulation.coupling_kernels import passing_clearance, read_gauges
+from wt_gym.simulation.step.coupling_kernels import passing_clearance, read_gauges
 
 
 @kernel(separate=True)

@@ -1,0 +1,1 @@
+"""Drives of pitch, yaw and generator, and their faults."""

@@ -1,0 +1,1 @@
+"""One aerodynamic time step of structure and air: motion, loads, measurement and checks."""
