@@ -2,9 +2,9 @@
 
 The simulator has balances of its own (`wt_gym.simulation.step.energy_kernels`), which end an episode. Here the
 electrical energy and the kinetic energy of the rotor are set against Betz's share, 16/27 of rho A <|V|^3> / 2, of the
-undisturbed wind over the disc. The turbine may have borrowed from the air round it, at most the kinetic energy of the sphere of air
-that the rotor turns in, with what the rotor induces (v^2 = F / 2 rho A, Rankine and Froude). Blades that swing in the
-plane of the rotor lend to the hub for a moment too, and take back: only a debt that lasts is one.
+undisturbed wind over the disc. The turbine may have borrowed from the air round it, at most the kinetic energy of the
+sphere of air that the rotor turns in, with what the rotor induces (v^2 = F / 2 rho A, Rankine and Froude). Blades that
+swing in the plane of the rotor lend to the hub for a moment too, and take back: only a debt that lasts is one.
 """
 
 from __future__ import annotations

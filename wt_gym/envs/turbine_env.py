@@ -217,8 +217,8 @@ class WindTurbineEnv(gym.Env):
     [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more
     than a generator can brake with at the rotor speed (`wt_gym.simulation.drivetrain.drives.available_torque`): none
     at standstill. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and
-    ``faults``, what breaks in it and when (`wt_gym.simulation.drivetrain.faults`): blades that stick, a generator that is lost,
-    a shut-down, sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
+    ``faults``, what breaks in it and when (`wt_gym.simulation.drivetrain.faults`): blades that stick, a generator that
+    is lost, a shut-down, sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
 
     ## Episode end
 
