@@ -1,0 +1,245 @@
+"""Outputs of OpenFAST as the signals of this package: frames, signs and units of `wt_gym.simulation.channels`."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.simulation.channels import Signals, new_values
+from wt_gym.simulation.step.coupling_kernels import passing_clearance, view_from_tower
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from wt_gym.turbines import Turbine
+
+__all__ = ["AERODYN_OUTPUTS", "ELASTODYN_OUTPUTS", "INFLOW_OUTPUTS", "Measurement", "elastodyn_outputs"]
+
+_RPM, _DEGREE, _KILO = math.pi / 30.0, math.pi / 180.0, 1e3
+
+_SCALED = {
+    "wind_x": ("Wind1VelX", 1.0),
+    "wind_y": ("Wind1VelY", 1.0),
+    "wind_z": ("Wind1VelZ", 1.0),
+    "rotor_speed": ("RotSpeed", _RPM),
+    "generator_speed": ("GenSpeed", _RPM),
+    "aero_power": ("RtAeroPwr", 1.0),
+    "aero_torque": ("RtAeroMxh", 1.0),
+    "aero_thrust": ("RtAeroFxh", 1.0),
+    "yaw": ("YawPzn", _DEGREE),
+    "yaw_rate": ("YawVzn", _DEGREE),
+    "tower_base_torsion": ("TwrBsMzt", _KILO),
+    "shaft_torque": ("RotTorq", _KILO),
+    "rotor_thrust": ("RotThrust", _KILO),
+    "tower_top_x": ("TTDspFA", 1.0),
+    "tower_top_y": ("TTDspSS", 1.0),
+    "tower_base_moment_x": ("TwrBsMxt", _KILO),
+    "tower_base_moment_y": ("TwrBsMyt", _KILO),
+}
+"""Signals that are an output of OpenFAST in another unit."""
+_SCALED_BLADE = {
+    "pitch": ("BldPitch", _DEGREE),
+    "tip_out_of_plane": ("OoPDefl", 1.0),
+    "tip_in_plane": ("IPDefl", 1.0),
+    "root_flap_moment": ("RootMyb", _KILO),
+    "root_edge_moment": ("RootMxb", _KILO),
+    "root_torsion": ("RootMzb", _KILO),
+}
+_TOWER_TOP = ("TTDspFA", "TTDspSS", "TTDspAx", "TTDspRoll", "TTDspPtch")
+_ACCELERATION = ("YawBrTAxp", "YawBrTAyp")
+_TIP_AXIAL = "TipDzc"
+INFLOW_OUTPUTS = ("Wind1VelX", "Wind1VelY", "Wind1VelZ")
+AERODYN_OUTPUTS = ("RtAeroFxh", "RtAeroMxh", "RtAeroPwr")
+ELASTODYN_OUTPUTS = (
+    *dict.fromkeys(name for name, _ in _SCALED.values() if name not in INFLOW_OUTPUTS + AERODYN_OUTPUTS),
+    "Azimuth", *_TOWER_TOP[2:], *_ACCELERATION,
+)  # fmt: skip
+"""Outputs that are asked for, those of a blade without its number aside."""
+
+
+def elastodyn_outputs(n_blades: int) -> tuple[str, ...]:
+    """All outputs of ElastoDyn that are asked for."""
+    names = [name for name, _ in _SCALED_BLADE.values()] + [_TIP_AXIAL]
+    return (*ELASTODYN_OUTPUTS, *(f"{name}{blade}" for name in names for blade in range(1, n_blades + 1)))
+
+
+class Measurement:
+    """Signals of a turbine, from the outputs of OpenFAST and the commands of the drives.
+
+    Parameters
+    ----------
+    turbine : Turbine
+        Whose rotor turns clockwise.
+    names : sequence of str
+        Of OpenFAST's outputs, in their order.
+
+    Attributes
+    ----------
+    values : ndarray (n_channels,)
+        In the order of `wt_gym.simulation.channels.channel_table`.
+    """
+
+    def __init__(self, turbine: Turbine, names: Sequence[str]):
+        self.turbine, n = turbine, turbine.n_blades
+        self.values, self._place = new_values(n)
+        self._column = {name.lower(): k for k, name in enumerate(names)}
+        scaled = [(channel, *row) for channel, row in _SCALED.items()]
+        for channel, (name, factor) in _SCALED_BLADE.items():
+            scaled += [(f"{channel}_{b}", f"{name}{b}", factor) for b in range(1, n + 1)]
+        self._targets = np.array([self._place[channel] for channel, _, _ in scaled])
+        self._sources = np.array([self._column[name.lower()] for _, name, _ in scaled])
+        self._factors = np.array([factor for *_, factor in scaled])
+        self._tower_top, self._bends, self._axials, self._flaps, self._accelerations = (
+            np.array([self._column[name.lower()] for name in group])
+            for group in (
+                _TOWER_TOP,
+                [f"{name}{b}" for name in ("OoPDefl", "IPDefl") for b in range(1, n + 1)],
+                [f"{_TIP_AXIAL}{b}" for b in range(1, n + 1)],
+                [f"RootMyb{b}" for b in range(1, n + 1)],
+                _ACCELERATION,
+            )
+        )
+        tower = turbine.tower
+        stations = np.unique(np.concatenate([tower.diameter_station, [0.0, tower.length]]))
+        self._heights, self._radii = stations, 0.5 * tower.diameter_at(stations)
+        self._view, self._before, self._between = np.zeros(4), np.zeros((n, 4)), np.zeros(4)
+        self._tips = np.zeros((n, 3))
+
+    def signals(self, signs: NDArray[np.float64] | None = None) -> Signals:
+        """A copy of the signals, multiplied by signs where a reflection wants that."""
+        return Signals(self.values.copy() if signs is None else self.values * signs, self.turbine.n_blades)
+
+    @property
+    def generator_speed(self) -> float:
+        """Speed of the generator on the low-speed shaft [rad/s]."""
+        return float(self.values[self._place["generator_speed"]]) / self.turbine.drivetrain.gear_ratio
+
+    def aero_torque(self, row: NDArray[np.float64]) -> float:
+        """Moment of the air about the shaft [N m] in a row of outputs."""
+        return float(row[self._column["rtaeromxh"]])
+
+    def take(
+        self,
+        time: float,
+        rows: NDArray[np.float64],
+        torque: float,
+        command: NDArray[np.float64],
+        pitch_rate: NDArray[np.float64],
+        travel: NDArray[np.float64],
+        go_on: bool,
+    ) -> None:
+        """Take the outputs of all steps since the last sample.
+
+        Parameters
+        ----------
+        time : float
+            Of the last row [s].
+        rows : array (n, n_outputs)
+            One a step of OpenFAST.
+        torque : float
+            Of the generator [N m].
+        command : array (n_blades,)
+            Of the pitch drives [rad].
+        pitch_rate : array (n_blades,)
+            At the end [rad/s].
+        travel : array (n_blades,)
+            Way of the pitch over the steps [rad].
+        go_on : bool
+            Whether extremes and ways go on from those of the sample before.
+        """
+        values, place, turbine, last = self.values, self._place, self.turbine, rows[-1]
+        n = turbine.n_blades
+        before = {
+            name: values[place[name]].copy() if go_on else None
+            for name in ("rotor_speed_max", "tower_base_moment_max", "tip_clearance_min", "tip_out_of_plane_max",
+                         "root_flap_moment_max", "pitch_travel")
+        }  # fmt: skip
+        values[self._targets] = self._factors * last[self._sources]
+
+        def put(name, value):
+            values[place[name]] = value
+
+        def extreme(name, found, choose):
+            old = before[name]
+            put(name, found if old is None else choose(old, found))
+
+        yaw = values[place["yaw"]]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        x, y = (values[place[name]] for name in ("tower_top_x", "tower_top_y"))
+        put("tower_top_fore_aft", cos * x + sin * y)
+        put("tower_top_side_side", cos * y - sin * x)
+        m_x, m_y = (values[place[name]] for name in ("tower_base_moment_x", "tower_base_moment_y"))
+        put("tower_base_fore_aft_moment", cos * m_y - sin * m_x)
+        put("tower_base_side_side_moment", cos * m_x + sin * m_y)
+        a_x, a_y = last[self._accelerations]
+        put("nacelle_acceleration_fore_aft", cos * a_x + sin * a_y)
+        put("nacelle_acceleration_side_side", cos * a_y - sin * a_x)
+        put("time", time)
+        put("azimuth", last[self._column["azimuth"]] * _DEGREE % (2.0 * math.pi))
+        put("generator_torque", torque)
+        efficiency = turbine.drivetrain.generator_efficiency
+        put("generator_power", torque * values[place["generator_speed"]] * efficiency)
+        direction = math.atan2(values[place["wind_y"]], values[place["wind_x"]])
+        put("yaw_error", (direction - yaw + math.pi) % (2.0 * math.pi) - math.pi)
+        put("pitch_command", command)
+        put("pitch_rate", pitch_rate)
+        old = before["pitch_travel"]
+        put("pitch_travel", travel if old is None else old + travel)
+        extreme("rotor_speed_max", rows[:, self._column["rotspeed"]].max() * _RPM, max)
+        moments = np.hypot(rows[:, self._column["twrbsmxt"]], rows[:, self._column["twrbsmyt"]])
+        extreme("tower_base_moment_max", _KILO * moments.max(), max)
+        extreme("tip_out_of_plane_max", rows[:, self._bends[:n]].max(axis=0), np.maximum)
+        extreme("root_flap_moment_max", _KILO * np.abs(rows[:, self._flaps]).max(axis=0), np.maximum)
+        now, least = self._clearances(rows, time == 0.0)
+        put("tip_clearance", now)
+        extreme("tip_clearance_min", least, np.minimum)
+
+    def _clearances(self, rows, first: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Signed clearance of each tip from the tower in the last row, and the least on the way through all rows."""
+        n = self.turbine.n_blades
+        least, now = np.full(n, np.inf), np.zeros(n)
+        base = np.array([0.0, 0.0, self.turbine.tower.base_height])
+        for k, row in enumerate(rows):
+            axis, top = self._place_tips(row)
+            for b in range(n):
+                view_from_tower(self._tips[b], base, top, axis, self._heights, self._radii, self._view)
+                if first and k == 0:
+                    self._before[b] = self._view
+                least[b] = min(least[b], passing_clearance(self._before[b], self._view, self._between))
+                if k == len(rows) - 1:
+                    now[b] = passing_clearance(self._view, self._view, self._between)
+                self._before[b] = self._view
+        return now, least
+
+    def _place_tips(self, row) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Place the tips in global axes [m]; the axis of the nacelle, downwind, and the tower top."""
+        turbine, n = self.turbine, self.turbine.n_blades
+        nacelle, blade, cone = turbine.nacelle, turbine.blade, turbine.hub.cone
+        fore, side, up, roll, lean = row[self._tower_top]
+        yaw = row[self._column["yawpzn"]] * _DEGREE
+        turned = _about(0, roll * _DEGREE) @ _about(1, lean * _DEGREE) @ _about(2, yaw)
+        top = np.array([fore, side, turbine.tower.height + up])
+        tilted = turned @ _about(1, nacelle.tilt)
+        hub = top + turned @ np.array([0.0, 0.0, nacelle.tower_top_to_shaft]) - tilted[:, 0] * nacelle.overhang
+        prebend, sweep = blade.axis_at(blade.length)[:2]
+        azimuth = row[self._column["azimuth"]] * _DEGREE
+        out, beside = row[self._bends[:n]], row[self._bends[n:]]
+        for b in range(n):
+            rotor = tilted @ _about(0, azimuth + 2.0 * math.pi * b / n) @ _about(1, -cone)
+            reach = turbine.hub.radius + blade.length + row[self._axials[b]]
+            self._tips[b] = hub + rotor @ np.array([prebend + out[b], sweep + beside[b], reach])
+        return np.ascontiguousarray(turned[:, 0]), top
+
+
+def _about(axis: int, angle: float) -> NDArray[np.float64]:
+    """Rotation about an axis, 0 to 2 for x to z."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[i, i] = matrix[j, j] = cos
+    matrix[i, j], matrix[j, i] = -sin, sin
+    return matrix

@@ -1,0 +1,182 @@
+"""The folder of one simulation of OpenFAST: the files of a model with start, wind, controls and outputs of that run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.bridges.openfast.input_text import InputFile
+from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs
+from wt_gym.bridges.openfast.wind_file import write_wind
+from wt_gym.errors import SimulationError, TurbineDefinitionError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+__all__ = ["MODULES", "RunStart", "prepare_run"]
+
+MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"}
+"""Modules whose inputs can be changed, and the keywords of their files in the primary file (``"OpenFAST"``)."""
+_FOREVER = 1e6
+_RPM = math.pi / 30.0
+
+
+@dataclass(frozen=True)
+class RunStart:
+    """State at time zero, in SI units and radians.
+
+    Attributes
+    ----------
+    rotor_speed, azimuth, yaw : float
+        [rad/s], [rad], [rad].
+    pitch : ndarray (n_blades,)
+    tower_top : (float, float)
+        Displacement of the tower top along global x and y [m].
+    tips : (float, float)
+        Deflection of the tips out of and in the plane [m].
+    """
+
+    rotor_speed: float
+    azimuth: float
+    yaw: float
+    pitch: NDArray[np.float64]
+    tower_top: tuple[float, float]
+    tips: tuple[float, float]
+
+
+def prepare_run(
+    model: Path,
+    folder: Path,
+    turbine: Turbine,
+    inflow: Inflow,
+    start: RunStart,
+    step: float,
+    duration: float,
+    relay: Path | None,
+    changes: Mapping[str, Mapping[str, Any]],
+) -> Path:
+    """Write the files of a run beside each other; what they name and the run leaves as it is stays where it is.
+
+    Parameters
+    ----------
+    model : Path
+        Primary file of the model.
+    folder : Path
+        That is there.
+    turbine : Turbine
+    inflow : Inflow
+    start : RunStart
+    step : float
+        Of OpenFAST [s].
+    duration : float
+        Time that the wind must last [s].
+    relay : Path or None
+        Library that hands over the demands; None: they are inputs of ServoDyn.
+    changes : mapping
+        Further values by module and keyword.
+
+    Returns
+    -------
+    Path
+        Of the primary file of the run.
+
+    Raises
+    ------
+    TurbineDefinitionError
+        If a file or a keyword is missing in the model.
+    SimulationError
+        If the model leaves out a module that is needed, or ``changes`` names none.
+    """
+    if unknown := set(changes) - {"OpenFAST", *MODULES}:
+        raise SimulationError(f"changes must name modules {', '.join(('OpenFAST', *MODULES))}; got {sorted(unknown)}")
+    primary = InputFile(model)
+    for key, wanted in (("CompElast", (1, 2)), ("CompInflow", (1,)), ("CompAero", (2,)), ("CompServo", (1,))):
+        if int(primary.number(key)) not in wanted:
+            allowed = " or ".join(map(str, wanted))
+            raise SimulationError(f"{model.name}: {key} must be {allowed}, got {primary.text(key)}")
+    files = {name: InputFile(_named(primary, key)) for name, key in MODULES.items()}
+    for file in (primary, *files.values()):
+        file.resolve_paths()
+    _set_primary(primary, step)
+    _set_elastodyn(files["ElastoDyn"], turbine.n_blades, start)
+    _set_servodyn(files["ServoDyn"], start, relay)
+    files["AeroDyn"].set_outputs(AERODYN_OUTPUTS)
+    inflow_file = InputFile(write_wind(inflow, turbine, folder, duration))
+    inflow_file.set_outputs(INFLOW_OUTPUTS)
+    inflow_file.write(inflow_file.path)
+    primary.set("InflowFile", inflow_file.path.name)
+    for name, key in MODULES.items():
+        primary.set(key, f"{name.lower()}.dat")
+    for name, values in changes.items():
+        file = primary if name == "OpenFAST" else files[name]
+        for key, value in values.items():
+            file.set(key, value)
+    for name, file in files.items():
+        file.write(folder / f"{name.lower()}.dat")
+    path = folder / "run.fst"
+    primary.write(path)
+    return path
+
+
+def _named(primary: InputFile, key: str) -> Path:
+    path = primary.path.parent / primary.text(key).replace("\\", "/")
+    if not path.is_file():
+        raise TurbineDefinitionError(f"{primary.path.name}: {key}: there is no file {path}")
+    return path
+
+
+def _set_primary(file: InputFile, step: float) -> None:
+    file.set("TMax", _FOREVER)
+    file.set("DT", step)
+    file.set("AbortLevel", "FATAL")
+    file.set("DT_Out", _FOREVER)  # outputs come through the library; a file of them is not wanted
+    file.set("TStart", _FOREVER)
+    file.set("OutFileFmt", 1)
+    file.set("SttsTime", _FOREVER)
+    file.set("ChkptTime", _FOREVER)
+    file.set("Linearize", False)
+    file.set("WrVTK", 0)
+    file.set("SumPrint", False)
+
+
+def _set_elastodyn(file: InputFile, n_blades: int, start: RunStart) -> None:
+    file.set("OoPDefl", start.tips[0])
+    file.set("IPDefl", start.tips[1])
+    for blade in range(n_blades):
+        file.set(f"BlPitch({blade + 1})", math.degrees(start.pitch[blade]))
+    file.set("Azimuth", math.degrees(start.azimuth))
+    file.set("RotSpeed", start.rotor_speed / _RPM)
+    file.set("NacYaw", math.degrees(start.yaw))
+    file.set("TTDspFA", start.tower_top[0])
+    file.set("TTDspSS", start.tower_top[1])
+    file.set("OutFile", 1)
+    file.set_outputs(elastodyn_outputs(n_blades))
+
+
+def _set_servodyn(file: InputFile, start: RunStart, relay: Path | None) -> None:
+    mode = 4 if relay is None else 5
+    for key, value in (("PCMode", mode), ("VSContrl", mode), ("YCMode", mode), ("HSSBrMode", 0)):
+        file.set(key, value)
+    for key in ("TPCOn", "TYCOn", "TimGenOn"):
+        file.set(key, 0.0)
+    for key in ("TimGenOf", "TYawManS", *(f"TPitManS({blade})" for blade in (1, 2, 3))):
+        file.set(key, _FOREVER)
+    file.set("GenTiStr", True)
+    file.set("GenTiStp", True)
+    file.set("YawNeut", math.degrees(start.yaw))
+    if relay is not None:
+        file.set("DLL_FileName", str(relay))
+        file.set("DLL_InFile", relay.name)
+        file.set("DLL_ProcName", "DISCON")
+        file.set("DLL_Ramp", False)
+        file.set("BPCutoff", _FOREVER)
+        file.set("Ptch_Cntrl", 1)  # else the collective pitch alone is read
+    file.set_outputs(())

@@ -1,0 +1,373 @@
+"""OpenFAST behind the contract of `wt_gym.simulation.Simulator`."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+
+from wt_gym.bridges.openfast.input_text import InputFile
+from wt_gym.bridges.openfast.library import find_library
+from wt_gym.bridges.openfast.measurement import Measurement
+from wt_gym.bridges.openfast.model_files import time_step_of, write_model
+from wt_gym.bridges.openfast.pitch_path import PitchPath
+from wt_gym.bridges.openfast.process import OpenFASTProcess
+from wt_gym.bridges.openfast.relay import relay_library
+from wt_gym.bridges.openfast.run_folder import RunStart, prepare_run
+from wt_gym.bridges.openfast.start import BentTurbine
+from wt_gym.errors import ActionError, SimulationError
+from wt_gym.simulation.channels import Signals, parities
+from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_finite
+from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.turbines import Turbine, load_turbine
+from wt_gym.turbines.damper import with_generator
+from wt_gym.turbines.mirror import clockwise_image
+from wt_gym.wind import MirroredInflow
+from wt_gym.wind.described import is_described, wind_from
+from wt_gym.wind.protocol import require_cover, start_speed
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterable, Mapping
+
+    from wt_gym.simulation import Fidelity
+    from wt_gym.simulation.drivetrain.faults import DriveFault
+    from wt_gym.wind import Inflow
+
+__all__ = ["COMMANDS", "OpenFASTSimulator"]
+
+COMMANDS = ("bladed", "inputs")
+"""How demands get into OpenFAST."""
+
+_LEAST_SPEED = 1e-4
+"""ElastoDyn needs a rotor that turns, if only just [rad/s]."""
+_TOWER_TOP_PARITIES = np.array([1.0, -1.0, 1.0, -1.0])
+
+
+class OpenFASTSimulator:
+    """A wind turbine in the wind, simulated by OpenFAST.
+
+    It takes and gives what `wt_gym.simulation.Simulator` does: the same demands through the same drives, and the same
+    signals, with their frames, signs and units. ElastoDyn has the structure, AeroDyn the air (blade elements with
+    dynamic inflow), and this package the drives: OpenFAST's blades stand at the pitch that it is given.
+
+    Each simulation runs in a process of its own. What OpenFAST refuses, and a crash of its library, is a
+    `SimulationError` here; the simulator can be reset and used on.
+
+    Parameters
+    ----------
+    turbine : str, path or Turbine
+        As of `Simulator`. The path of an OpenFAST model (``.fst``) is simulated with the files of the model.
+    inflow : Inflow, path or mapping
+        See `wt_gym.bridges.openfast.wind_file.write_wind` for what becomes of it.
+    fidelity : str or Fidelity
+        Gives the step between demands and nothing else.
+    generator : "torque", optional
+        A torque that is demanded; OpenFAST takes no other here.
+    openfast_library : path, optional
+        Of ``libopenfastlib``, version 5; see `wt_gym.bridges.openfast.library.find_library` for the default.
+    model : path, optional
+        Primary file (``.fst``) to simulate instead of one that is written of the turbine. Its wind, controller and
+        outputs are replaced.
+    commands : {"bladed", "inputs"}
+        "bladed": through a small library that OpenFAST loads as its controller, with any build of OpenFAST; it is
+        compiled at the first use and needs a C compiler or the PyPI package ``ziglang``. "inputs": as inputs of the
+        library, for builds whose ServoDyn accepts PCMode = VSContrl = YCMode = 4.
+    duration : float
+        How long a wind that does not repeat itself must last [s]; OpenFAST reads it whole at the start.
+    step : float, optional
+        Of OpenFAST [s], rounded so that whole ones make a step of the simulator; by default that of the model, or 1/396
+        of a turn at rated speed, at most 0.0125 s.
+    changes : mapping, optional
+        Further inputs by module ("OpenFAST", "ElastoDyn", "AeroDyn", "ServoDyn") and keyword, as ``{"AeroDyn":
+        {"UA_Mod": 3}}``.
+    folder : path, optional
+        Keeps the files of the model and of the last run; by default a temporary folder.
+
+    Attributes
+    ----------
+    turbine, inflow, fidelity, time_step, drives, mirrored, faults
+        As of `Simulator`. A rotor that turns counter-clockwise is simulated as its mirror image.
+    openfast_step : float
+        [s].
+    model : Path
+        Primary file of the model.
+
+    Notes
+    -----
+    Every signal is there. ``tip_clearance`` follows from tip deflections and the motion of the tower top; extremes are
+    over OpenFAST's steps. The start bends blades and tower as a steady wind would (`wt_gym.bridges.openfast.start`);
+    ``tower_top`` has an effect by its displacements, its rates and the arguments ``thrust_before`` and ``motion`` have
+    none: OpenFAST starts with a steady wake and a structure at rest but for the rotor. There are no snapshots, no
+    linearization, no pictures.
+
+    Examples
+    --------
+    >>> from wt_gym.wind import SteadyInflow
+    >>> sim = OpenFASTSimulator("nrel_5mw", inflow=SteadyInflow(8.0))   # doctest: +SKIP
+    >>> signals = sim.reset(rotor_speed=0.96)                            # doctest: +SKIP
+    >>> signals = sim.advance(0.2, pitch=0.0, generator_torque=19.3e3)   # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        turbine: str | Path | Turbine = "nrel_5mw",
+        inflow: Inflow | None = None,
+        fidelity: str | Fidelity = "training",
+        generator: str | None = None,
+        *,
+        openfast_library: str | os.PathLike | None = None,
+        model: str | os.PathLike | None = None,
+        commands: str = "bladed",
+        duration: float = 600.0,
+        step: float | None = None,
+        changes: Mapping[str, Mapping[str, Any]] | None = None,
+        folder: str | os.PathLike | None = None,
+    ):
+        self._process: OpenFASTProcess | None = None
+        self._temporary: Path | None = None
+        if inflow is None:
+            raise SimulationError("OpenFASTSimulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
+        if commands not in COMMANDS:
+            raise SimulationError(f"commands must be one of {', '.join(map(repr, COMMANDS))}; got {commands!r}")
+        check_finite(duration=duration)
+        if not duration > 0.0:
+            raise SimulationError(f"duration must be above 0 s, got {duration!r}")
+        self._library = find_library(openfast_library)
+        self._relay = relay_library() if commands == "bladed" else None
+        if model is None and not isinstance(turbine, Turbine) and str(turbine).lower().endswith(".fst"):
+            model = turbine
+        turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
+        self.turbine, law = with_generator(turbine, generator)
+        if law is not None or not self.turbine.drivetrain.takes_torque:
+            raise SimulationError("with OpenFAST the generator must be one that takes a torque; got a damper")
+        self._image = clockwise_image(self.turbine)
+        self.mirrored = self._image is not self.turbine
+        self.fidelity = fidelity_of(fidelity)
+        self.time_step = self.fidelity.step_for(self.turbine.drivetrain.rated_rotor_speed)
+        self.inflow = inflow
+        self.drives = Drives(self._image)
+        self._duration, self._changes = float(duration), dict(changes or {})
+        if folder is None:
+            self._temporary = Path(mkdtemp(prefix="wt_gym_openfast_"))
+        self._folder = Path(folder or str(self._temporary)).absolute()
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self.model = Path(model).absolute() if model is not None else write_model(self._image, self._folder / "model")
+        longest = self._longest_step(step, model is not None)
+        self._count = max(1, math.ceil(self.time_step / longest - 1e-6))
+        self.openfast_step = self.time_step / self._count
+        self._path = PitchPath(self._image.pitch, self.time_step, self._count)
+        self._bent = BentTurbine(self._image)
+        self._measurement: Measurement | None = None
+        self._n_steps = 0
+        self._faults: tuple[DriveFault, ...] = ()
+
+    def _longest_step(self, step: float | None, own_model: bool) -> float:
+        """Longest step that OpenFAST may take [s]."""
+        if step is not None:
+            check_finite(step=step)
+            if not 0.0 < step <= self.time_step:
+                raise SimulationError(f"step must be above 0 and at most {self.time_step:g} s, got {step!r}")
+            return step
+        if own_model:
+            return InputFile(self.model).number("DT")
+        return time_step_of(self._image)
+
+    @property
+    def inflow(self) -> Inflow:
+        """The undisturbed wind; it may be exchanged before a reset, also for the description of another one."""
+        return self._inflow
+
+    @inflow.setter
+    def inflow(self, inflow) -> None:
+        turbine = self.turbine
+        if is_described(inflow):
+            inflow = wind_from(inflow, turbine.hub_height, turbine.rotor_diameter)
+        if not callable(getattr(inflow, "velocity", None)):
+            raise SimulationError(f"OpenFASTSimulator needs an inflow with velocity(points, time), got {inflow!r:.100}")
+        require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
+        self._inflow = inflow
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._n_steps * self.time_step
+
+    @property
+    def faults(self) -> tuple[DriveFault, ...]:
+        """What fails, and when."""
+        return self._faults
+
+    @faults.setter
+    def faults(self, faults: Iterable[DriveFault]) -> None:
+        self._faults = ()
+        faults = tuple(faults)
+        self.drives.fail(faults, lambda: self.time)
+        self._faults = faults
+
+    @property
+    def signals(self) -> Signals:
+        """Signals at the current time, a fresh copy."""
+        return self._running()[1].signals(parities(self.turbine.n_blades) if self.mirrored else None)
+
+    def reset(
+        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, thrust_before=None,
+        motion=None,
+    ) -> Signals:  # fmt: skip
+        """Start OpenFAST at time zero.
+
+        Parameters
+        ----------
+        rotor_speed, pitch, azimuth, yaw, generator_torque, tower_top
+            As of `Simulator.reset`. Without a torque it is what balances the air at time zero.
+        thrust_before, motion
+            Not used: OpenFAST takes no such start.
+
+        Raises
+        ------
+        ActionError
+            For values that are not finite or out of range.
+        SimulationError
+            With OpenFAST's message where it does not start.
+        """
+        check_finite(rotor_speed=rotor_speed, azimuth=azimuth, yaw=yaw)
+        if rotor_speed < 0.0:
+            raise ActionError(f"rotor_speed must be 0 rad/s or more, got {rotor_speed}")
+        if tower_top is not None:
+            tower_top = np.asarray(tower_top, dtype=float)
+            if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
+                raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
+            tower_top = tower_top * _TOWER_TOP_PARITIES if self.mirrored else tower_top
+        self._stop()
+        yaw = -yaw if self.mirrored else yaw
+        self.drives.start(pitch, yaw, rotor_speed, generator_torque)
+        command = self.drives.command
+        angles = command[PITCH].copy()
+        bent = self._bent.deflections(start_speed(self.inflow), rotor_speed, float(angles.mean()))
+        fore, side = (bent.tower_top, 0.0) if tower_top is None else tower_top[:2]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        start = RunStart(
+            max(rotor_speed, _LEAST_SPEED), azimuth, yaw, angles, (cos * fore - sin * side, sin * fore + cos * side),
+            (bent.out_of_plane, bent.in_plane),
+        )  # fmt: skip
+        felt = MirroredInflow.of(self.inflow) if self.mirrored else self.inflow
+        run = self._folder / "run"
+        run.mkdir(exist_ok=True)
+        try:
+            primary = prepare_run(
+                self.model, run, self._image, felt, start, self.openfast_step, self._duration, self._relay,
+                self._changes,
+            )  # fmt: skip
+            demands = self._demands(angles[None, :], command[TORQUE], yaw, 0.0)
+            process = OpenFASTProcess(self._library, primary, self._relay, demands[0], run / "openfast.log")
+        except SimulationError as error:
+            raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
+        measurement = Measurement(self._image, process.names)
+        if abs(process.step - self.openfast_step) > 1e-9:
+            raise SimulationError(f"OpenFAST takes steps of {process.step} s; {self.openfast_step} s were asked for")
+        self._process, self._measurement = process, measurement
+        self._path.start(angles)
+        self._n_steps = 0
+        if generator_torque is None:
+            self.drives.load(measurement.aero_torque(process.outputs), rotor_speed)
+        still = np.zeros(self.turbine.n_blades)
+        measurement.take(0.0, process.outputs[None, :], command.item(0), command[PITCH], still, still, False)
+        return self.signals
+
+    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0, go_on=False) -> Signals:
+        """Simulate for a while with constant demands; the drives follow them within their limits.
+
+        Parameters
+        ----------
+        duration, pitch, yaw_rate, generator_torque, go_on
+            As of `Simulator.advance`.
+
+        Raises
+        ------
+        ActionError
+            For demands that are not finite or a duration that is no multiple of the time step.
+        SimulationError
+            With OpenFAST's message where it fails; the simulator must then be reset.
+        """
+        process, measurement = self._running()
+        drives = self.drives
+        pitch = drives.pitch.vector(pitch)
+        check_finite(duration=duration, yaw_rate=yaw_rate, generator_torque=generator_torque)
+        n = round(duration / self.time_step)
+        if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
+            raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
+        yaw_rate = -yaw_rate if self.mirrored else yaw_rate
+        command = drives.command
+        for k in range(n):
+            torque, yaw, angle = command.item(0), command.item(1), self._path.angle
+            drives.follow(pitch, yaw_rate, generator_torque, self.time_step, measurement.generator_speed)
+            path = self._path.follow(command[PITCH])
+            part = np.arange(1, self._count + 1) / self._count
+            turning = (command.item(1) - yaw) / self.time_step
+            torques = torque + part * (command.item(0) - torque)
+            demands = self._demands(path, torques, yaw + part * (command.item(1) - yaw), turning)
+            try:
+                rows = process.advance(demands)
+            except SimulationError as error:
+                failed_at = self.time
+                self._stop()
+                raise SimulationError(f"simulation failed at {failed_at:.3f} s: {error}") from error
+            self._n_steps += 1
+            travel = np.abs(np.diff(np.vstack([angle, path]), axis=0)).sum(axis=0)
+            going_on = go_on or k > 0 or self._n_steps == 1
+            measurement.take(self.time, rows, command.item(0), command[PITCH], self._path.rate, travel, going_on)
+        return self.signals
+
+    def _demands(self, pitch, torque, yaw, yaw_rate) -> np.ndarray:
+        """Rows of demands for the process (n, 6) of angles (n, n_blades) and what goes with them."""
+        rows = np.zeros((len(pitch), 6))
+        rows[:, : pitch.shape[1]] = pitch
+        rows[:, 3], rows[:, 4], rows[:, 5] = torque, yaw, yaw_rate
+        return rows
+
+    def tower_top(self) -> np.ndarray:
+        """Displacement of the tower top along and across the nacelle [m] and, unknown here, rates of zero (4,)."""
+        signals = self.signals
+        return np.array([signals["tower_top_fore_aft"], signals["tower_top_side_side"], 0.0, 0.0])
+
+    def close(self) -> None:
+        """End the process and remove the temporary folder."""
+        self._stop()
+        if self._temporary is not None:
+            shutil.rmtree(self._temporary, ignore_errors=True)
+
+    def __del__(self):
+        self.close()
+
+    def state(self) -> NoReturn:
+        """Refused: OpenFAST gives no snapshots here."""
+        raise SimulationError("OpenFAST gives no snapshots: its simulations cannot be kept, copied or gone back to")
+
+    def restore(self, state) -> NoReturn:
+        """Refused, see `state`."""
+        self.state()
+
+    def __getstate__(self) -> NoReturn:
+        self.state()
+
+    def linearize(self, operating_point=None, **options) -> NoReturn:
+        """Refused: OpenFAST's driver linearizes models."""
+        raise SimulationError(f"the simulation of OpenFAST is not linearized here; its driver does that ({self.model})")
+
+    def geometry(self) -> NoReturn:
+        """Refused: there are no shapes for pictures."""
+        raise SimulationError("OpenFAST gives no shapes for pictures: render_mode and replay must be off")
+
+    def _running(self) -> tuple[OpenFASTProcess, Measurement]:
+        if self._process is None or self._measurement is None:
+            raise SimulationError("the simulator is not running: call reset() first, also after a failed simulation")
+        return self._process, self._measurement
+
+    def _stop(self) -> None:
+        if self._process is not None:
+            self._process.close()
+        self._process = self._measurement = None

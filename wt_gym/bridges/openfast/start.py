@@ -1,0 +1,86 @@
+"""Where blades and tower stand at the start of a simulation of OpenFAST: bent as by a steady wind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.bridges.openfast.mode_shapes import POWERS
+from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
+from wt_gym.control.blade_element import BladeElementRotor, BladeElements
+
+if TYPE_CHECKING:
+    from wt_gym.turbines import Turbine
+
+__all__ = ["BentTurbine"]
+
+
+@dataclass(frozen=True)
+class Deflections:
+    """Tip deflections of the blades out of and in the rotor plane, fore-aft displacement of the tower top [m]."""
+
+    out_of_plane: float
+    in_plane: float
+    tower_top: float
+
+
+class BentTurbine:
+    """First modes of blade and tower under steady loads.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    """
+
+    def __init__(self, turbine: Turbine):
+        self._turbine = turbine
+        self._elements = BladeElements(BladeElementRotor.of_turbine(turbine))
+        blade = blade_sections(turbine)
+        self._x = (self._elements.span - turbine.hub.radius) / turbine.blade.length
+        mass = np.interp(self._x, blade.fraction, blade.mass)
+        self._mass = mass
+        self._flap, self._edge = (self._x[:, None] ** POWERS @ c for c in (blade.flap_shapes[0], blade.edge_shape))
+        width = self._elements.width
+        omega = 2.0 * np.pi * blade.frequencies
+        rated = turbine.drivetrain.rated_rotor_speed
+        self._stiffness = (
+            omega[0] ** 2 * float(mass @ self._flap**2) * width,
+            (omega[2] ** 2 + rated**2) * float(mass @ self._edge**2) * width,
+        )
+        if turbine.tower.support is not None:  # its compliance is not known here
+            self._tower = 0.0
+            return
+        tower = tower_sections(turbine)
+        shape = np.linspace(0.0, 1.0, 200)[:, None] ** POWERS @ tower.fore_aft_shapes[0]
+        m0 = turbine.blade.structure.mass_moment()
+        top = turbine.n_blades * m0 + turbine.hub.mass + turbine.nacelle.mass + turbine.nacelle.yaw_bearing_mass
+        along = np.interp(np.linspace(0.0, 1.0, 200), tower.fraction, tower.mass)
+        modal = top + float(np.mean(along * shape**2)) * turbine.tower.length
+        self._tower = 1.0 / ((2.0 * np.pi * tower.frequencies[0]) ** 2 * modal)
+
+    def deflections(self, wind: float, rotor_speed: float, pitch: float) -> Deflections:
+        """Deflections of a rotor that turns in a steady wind; of one that stands or barely turns none.
+
+        Parameters
+        ----------
+        wind : float
+            [m/s].
+        rotor_speed : float
+            [rad/s].
+        pitch : float
+            [rad].
+        """
+        turbine = self._turbine
+        if rotor_speed < 0.1 * turbine.drivetrain.rated_rotor_speed or wind <= 0.0:
+            return Deflections(0.0, 0.0, 0.0)
+        loads = self._elements.solve(wind, rotor_speed, pitch)
+        normal, driving = loads["normal"][0], loads["driving"][0]
+        # coned upwind, the centrifugal force bends the blades back
+        cone = np.sin(turbine.hub.cone) * np.cos(turbine.hub.cone)
+        normal = normal + self._mass * rotor_speed**2 * self._elements.span * cone
+        width = self._elements.width
+        flap = float(normal @ self._flap) * width / self._stiffness[0]
+        edge = float(driving @ self._edge) * width / self._stiffness[1]
+        return Deflections(flap, -edge, float(loads["thrust"][0]) * self._tower)

@@ -1,0 +1,132 @@
+"""Process that runs one simulation of OpenFAST's library; started by `wt_gym.bridges.openfast.process`.
+
+It uses the standard library alone, so that it starts in a moment. Messages are pickles over standard input and output;
+what OpenFAST prints goes to the file that is named on the command line.
+"""
+
+import ctypes
+import os
+import pickle
+import sys
+
+_TEXT = 1025
+"""Length of OpenFAST's messages (IntfStrLen)."""
+_NAME = 20
+"""Length of the name of a channel (ChanLen)."""
+_MOST_CHANNELS = 4000
+_FATAL = 4
+_INPUTS = 51
+"""Fixed inputs of FAST_Update: torque, power, yaw position and rate, three pitches, brake, flaps and cables."""
+N_DEMANDS = 6
+"""Numbers of a row of demands: pitch of three blades [rad], torque [N m], yaw [rad], yaw rate [rad/s]."""
+
+
+class Failure(Exception):
+    """OpenFAST refuses or gives up."""
+
+
+class OpenFAST:
+    """One simulation of the library.
+
+    Parameters
+    ----------
+    library, model : str
+        Paths.
+    relay : str or None
+        Path of the library that hands over the demands; None: they are inputs of FAST_Update.
+    """
+
+    def __init__(self, library, model, relay):
+        self.lib = ctypes.CDLL(library)
+        self.error, self.message = ctypes.c_int(0), ctypes.create_string_buffer(_TEXT)
+        self.fatal, self.turbine = _FATAL, ctypes.c_int(0)
+        self.demands = None
+        if relay is not None:
+            self.demands = (ctypes.c_double * 5).in_dll(ctypes.CDLL(relay), "wt_gym_demands")
+        self.call("FAST_AllocateTurbines", ctypes.c_int(1))
+        count, fatal = ctypes.c_int(), ctypes.c_int()
+        step, output_step, end = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
+        names = ctypes.create_string_buffer(_NAME * _MOST_CHANNELS + 1)
+        path = ctypes.create_string_buffer(os.fsencode(model), _TEXT)
+        refs = map(ctypes.byref, (fatal, count, step, output_step, end, self.error))
+        self.lib.FAST_Sizes(ctypes.byref(self.turbine), path, *refs, self.message, names, None, None)
+        self.check("FAST_Sizes")
+        self.fatal = fatal.value or _FATAL
+        self.step, raw = step.value, names.raw
+        parts = (raw[_NAME * k : _NAME * (k + 1)] for k in range(count.value))
+        self.names = [part.decode("ascii", "replace").strip(" \0") for part in parts]
+        self.inputs, self.outputs = (ctypes.c_double * _INPUTS)(), (ctypes.c_double * count.value)()
+        self.sizes = ctypes.c_int(_INPUTS), ctypes.c_int(count.value)
+        self.over = ctypes.c_bool(False)
+
+    def call(self, name, *values):
+        """Call a function whose last arguments are error and message."""
+        getattr(self.lib, name)(*map(ctypes.byref, values), ctypes.byref(self.error), self.message)
+        self.check(name)
+
+    def check(self, name):
+        """Raise for an error."""
+        if self.error.value >= self.fatal:
+            said = " ".join(self.message.value.decode("utf-8", "replace").split())
+            raise Failure(said or f"{name} failed with error {self.error.value}")
+
+    def demand(self, row):
+        """Hand over a row of demands."""
+        *pitch, torque, yaw, yaw_rate = row
+        if self.demands is not None:
+            self.demands[:] = [*pitch, torque, yaw_rate]
+        else:
+            self.inputs[0], self.inputs[2], self.inputs[3] = torque, yaw, yaw_rate
+            self.inputs[4:7] = pitch
+
+    def start(self, row):
+        """Initialise at the first row of demands."""
+        self.demand(row)
+        n_in, n_out = map(ctypes.byref, self.sizes)
+        turbine, error = ctypes.byref(self.turbine), ctypes.byref(self.error)
+        self.lib.FAST_Start(turbine, n_in, n_out, self.inputs, self.outputs, error, self.message)
+        self.check("FAST_Start")
+
+    def advance(self, rows):
+        """One step a row of demands; the bytes of all outputs."""
+        n_in, n_out = map(ctypes.byref, self.sizes)
+        turbine, over, error = map(ctypes.byref, (self.turbine, self.over, self.error))
+        taken = []
+        for k in range(0, len(rows), N_DEMANDS):
+            self.demand(rows[k : k + N_DEMANDS])
+            self.lib.FAST_Update(turbine, n_in, n_out, self.inputs, self.outputs, over, error, self.message)
+            self.check("FAST_Update")
+            if self.over.value:
+                raise Failure("the simulation is at its end (TMax)")
+            taken.append(bytes(self.outputs))
+        return b"".join(taken)
+
+
+def main():
+    """Serve requests until the pipe closes."""
+    requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    log = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+    for stream in (1, 2):  # what OpenFAST prints must not get among the answers
+        os.dup2(log, stream)
+    simulation = None
+    while True:
+        try:
+            request, *values = pickle.load(requests)
+        except EOFError:
+            return
+        try:
+            if request == "start":
+                library, model, relay, row = values
+                simulation = OpenFAST(library, model, relay)
+                simulation.start(row)
+                answer = ("started", simulation.step, simulation.names, bytes(simulation.outputs))
+            else:
+                answer = ("advanced", simulation.advance(values[0]))
+        except (Failure, OSError, AttributeError, ValueError) as error:
+            answer = ("failed", str(error))
+        pickle.dump(answer, answers, protocol=pickle.HIGHEST_PROTOCOL)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()
