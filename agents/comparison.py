@@ -17,9 +17,10 @@ from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
 from wt_gym.envs.arguments import check_duration
 from wt_gym.envs.episode import episode_steps
+from wt_gym.envs.simulators import simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
-from wt_gym.simulation import Recorder, Simulator
+from wt_gym.simulation import Recorder
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
@@ -132,6 +133,7 @@ def run_cases(
     control_dt: float | None = None,
     progress: Callable[[str, Case], None] | None = None,
     runs: list[ControllerRuns] | None = None,
+    simulator: Any = "wt_gym",
 ) -> list[ControllerRuns]:
     """Run every controller in every wind.
 
@@ -154,6 +156,8 @@ def run_cases(
         Called with label and case after every run.
     runs : list of ControllerRuns, optional
         That get the metrics, by default new ones. Whoever gives them has what was done where the series is stopped.
+    simulator : str, mapping or callable
+        See `wt_gym.envs.simulators.simulator_maker`.
 
     Raises
     ------
@@ -169,20 +173,20 @@ def run_cases(
     in_environment = not all(runs_beneath(choice) for choice, _ in controllers.values())
     runs = [] if runs is None else runs
     runs += [ControllerRuns(label, {}, {}) for label in controllers]
-    simulator = None
+    maker, running = simulator_maker(simulator, turbine, pictured=False), None
     for case in cases:
         inflow = inflow_of(turbine, case)
-        if simulator is None:
-            simulator = Simulator(turbine, inflow, fidelity)
-        simulator.inflow = inflow
+        if running is None:
+            running = maker(turbine, inflow, fidelity, skip + duration)
+        running.inflow = inflow
         for run, (choice, parameters) in zip(runs, controllers.values(), strict=True):
             try:
                 if in_environment:
                     agent = Name(read_name(choice).kind, choice, parameters)
-                    recorder = run_agent(turbine, agent, inflow, skip + duration, fidelity, control_dt)
+                    recorder = run_agent(turbine, agent, inflow, skip + duration, fidelity, control_dt, simulator)
                 else:
                     controller = make_controller(choice, turbine, **parameters)
-                    recorder = run_controller(simulator, controller, skip + duration, control_dt, name=run.name)
+                    recorder = run_controller(running, controller, skip + duration, control_dt, name=run.name)
                 run.metrics[case] = benchmark_metrics(recorder.to_dataset(), turbine, skip)
             except SimulationError as error:
                 run.failures[case] = str(error)
@@ -192,7 +196,13 @@ def run_cases(
 
 
 def run_agent(
-    turbine: Turbine, name: Name, inflow: Inflow, duration: float, fidelity="training", control_dt: float | None = None
+    turbine: Turbine,
+    name: Name,
+    inflow: Inflow,
+    duration: float,
+    fidelity="training",
+    control_dt: float | None = None,
+    simulator: Any = "wt_gym",
 ) -> Recorder:
     """Simulate under an agent in an environment: that of its training, or the one that it chooses.
 
@@ -209,6 +219,8 @@ def run_agent(
     fidelity : str or Fidelity
     control_dt : float, optional
         [s]; by default that of the agent's training, else the environment's.
+    simulator : str, mapping or callable
+        As the argument of the environment.
 
     Returns
     -------
@@ -232,7 +244,7 @@ def run_agent(
     step = control_dt or record.get("control_dt")
     if step is not None:
         interface["control_dt"] = step
-    interface |= {"inflow": inflow, "wind_speed": None, "start": "steady"}
+    interface |= {"inflow": inflow, "wind_speed": None, "start": "steady", "simulator": simulator}
     env = WindTurbineEnv(turbine, fidelity=fidelity, **interface)
     try:
         agent = load_agent(name.text, env.layout, env) if found is None else found

@@ -15,6 +15,7 @@ COMMANDS = {
     "train": "train a policy: PPO, SAC or TQC",
     "search": "search hyperparameters for a training",
     "evaluate": "compare agents and controllers in winds held back from training, with a report",
+    "crosscheck": "the same agents and winds in OpenFAST, changes side by side",
     "loadcases": "design load cases of IEC 61400-1: extreme and fatigue loads, faults",
     "benchmark": "agents in frozen tasks, and their scores",
     "dataset": "record an agent at work as a Minari data set",

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_model_options
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
-from wt_gym.commands.site_options import add_site_option
+from wt_gym.commands.site_options import add_simulator_option, add_site_option
 
 if TYPE_CHECKING:
     import argparse
@@ -29,6 +29,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("controllers", nargs="+")
     parser.add_argument("--turbine", default="nrel_5mw")
     add_site_option(parser)
+    add_simulator_option(parser)
     parser.add_argument("--winds", nargs="+", type=float, default=[12.0, 15.0, 18.0], help="m/s")
     parser.add_argument("--seeds", nargs="*", type=int, default=[1001, 1002], help="none: steady wind")
     parser.add_argument("--duration", type=float, default=150.0, help="measured, s")
@@ -82,6 +83,7 @@ def main(words: list[str] | None = None) -> None:
             run_cases(
                 with_site(load_turbine(arguments.turbine), dict(arguments.site or ())), controllers, cases,
                 arguments.duration, arguments.skip, arguments.fidelity, arguments.control_dt, progress, runs,
+                arguments.simulator,
             )  # fmt: skip
         finally:  # of a stopped series too
             if any(run.done for run in runs):

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
-from wt_gym.commands.site_options import add_site_option, add_wind_option, with_options
+from wt_gym.commands.site_options import add_simulator_option, add_site_option, add_wind_option, with_options
 
 if TYPE_CHECKING:
     from wt_gym.agents.evaluation import EvaluationConfig
@@ -63,6 +63,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
     add_site_option(parser)
     add_wind_option(parser)
+    add_simulator_option(parser)
     parser.add_argument(
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
         "controllers beneath than those of their training",
@@ -93,9 +94,8 @@ def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     from wt_gym.agents.evaluation import EvaluationConfig
     from wt_gym.agents.evaluation_winds import winds_for
 
-    kwargs = chosen_arguments(
-        arguments.env, with_options(arguments.env_kwargs, arguments.site, arguments.wind), arguments.fidelity
-    )
+    given = with_options(arguments.env_kwargs, arguments.site, arguments.wind, arguments.simulator)
+    kwargs = chosen_arguments(arguments.env, given, arguments.fidelity)
     return EvaluationConfig(
         env_id=arguments.env,
         env_kwargs=kwargs,
@@ -104,7 +104,7 @@ def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
         ),
         duration=arguments.duration,
         skip=arguments.skip,
-        replay=arguments.replay,
+        replay=0.0 if "simulator" in kwargs else arguments.replay,  # others give no shapes
         iec_class=arguments.iec_class,
         mean_wind_speed=arguments.mean_wind_speed,
         weibull_shape=arguments.weibull_shape,

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
-from wt_gym.commands.site_options import add_site_option, add_wind_option
+from wt_gym.commands.site_options import add_simulator_option, add_site_option, add_wind_option
 from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser = OneLineParser("simulate", description=__doc__)
     parser.add_argument("--turbine", default="nrel_5mw", help="catalogue name or windIO file (default: %(default)s)")
     add_site_option(parser)
+    add_simulator_option(parser)
     winds = parser.add_mutually_exclusive_group()
     winds.add_argument("--wind-speed", type=float, nargs="+", default=[8.0, 15.0], metavar="M_S", help="at the hub")
     add_wind_option(winds)
@@ -196,9 +197,11 @@ def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str
     """Run one wind; what was simulated is written where a file is wanted, of a stopped run too."""
     from wt_gym.agents.closed_loop import run_baseline
     from wt_gym.agents.progress import ProgressLine
-    from wt_gym.simulation import Recorder, Simulator
+    from wt_gym.envs.simulators import simulator_maker
+    from wt_gym.simulation import Recorder
 
-    simulator = Simulator(turbine, inflow=inflow_of(arguments, turbine, speed), fidelity=arguments.fidelity)
+    maker = simulator_maker(arguments.simulator, arguments.turbine, pictured=False)
+    simulator = maker(turbine, inflow_of(arguments, turbine, speed), arguments.fidelity, arguments.duration)
     recorder = Recorder(simulator)
 
     line = ProgressLine()

@@ -1,4 +1,4 @@
-"""Options of the command line for the site of a turbine and for winds from files. Imports nothing heavy, for --help."""
+"""Options of the command line for site, winds from files and simulator. Imports nothing heavy, for --help."""
 
 from __future__ import annotations
 
@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-__all__ = ["add_site_option", "add_wind_option", "site_word", "wind_word", "with_options"]
+__all__ = [
+    "OWN_SIMULATOR",
+    "add_simulator_option",
+    "add_site_option",
+    "add_wind_option",
+    "site_word",
+    "wind_word",
+    "with_options",
+]
+
+OWN_SIMULATOR = "wt_gym"
+"""Name of the simulator of this package, what ``--simulator`` is by default."""
 
 
 def site_word(word: str) -> tuple[str, float | str]:
@@ -24,7 +35,7 @@ def site_word(word: str) -> tuple[str, float | str]:
 
 
 def wind_word(word: str) -> str | dict[str, Any]:
-    """Read a wind of the option ``--wind``: a path, or a mapping as JSON."""
+    """Read a word, as a wind or a simulator: a name or path, or a mapping as JSON."""
     if not word.lstrip().startswith("{"):
         return word
     try:
@@ -50,12 +61,22 @@ def add_wind_option(parser: argparse._ActionsContainer) -> None:
     )  # fmt: skip
 
 
+def add_simulator_option(parser: argparse._ActionsContainer, default: str = OWN_SIMULATOR) -> None:
+    """Add ``--simulator``."""
+    parser.add_argument(
+        "--simulator", type=wind_word, default=default, metavar="NAME",
+        help="wt_gym or openfast (default: %(default)s), or JSON with options: "
+        '\'{"name": "openfast", "openfast_library": "libopenfastlib.so"}\', see docs/howto/openfast.md',
+    )  # fmt: skip
+
+
 def with_options(
     kwargs: Mapping[str, Any],
     site: Sequence[tuple[str, float | str]] | None,
     wind: Sequence[str | dict[str, Any]] | None = None,
+    simulator: str | dict[str, Any] = OWN_SIMULATOR,
 ) -> dict[str, Any]:
-    """Arguments of an environment with a site and winds, which count where both name one.
+    """Arguments of an environment with a site, winds and a simulator, which count where both name one.
 
     Parameters
     ----------
@@ -63,6 +84,8 @@ def with_options(
     site : sequence of (str, float or str), optional
         Added to the site among ``kwargs``.
     wind : sequence, optional
+    simulator : str or mapping
+        See `wt_gym.envs.simulators.simulator_maker`.
 
     Raises
     ------
@@ -76,4 +99,6 @@ def with_options(
         found["site"] = {**(found.get("site") or {}), **dict(site)}
     if wind:
         found["inflow"] = list(wind) if len(wind) > 1 else wind[0]
+    if simulator != OWN_SIMULATOR:
+        found["simulator"] = simulator
     return found

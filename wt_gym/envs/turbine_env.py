@@ -34,9 +34,9 @@ from wt_gym.envs.observable import DEFAULT_GROUPS, RESIDUAL_GROUPS
 from wt_gym.envs.observations import Observer
 from wt_gym.envs.readers import Situation
 from wt_gym.envs.running_start import RunningStart, Start, steady_start
+from wt_gym.envs.simulators import simulator_maker
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, TRANSIENTS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError
-from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import available_torque, pitch_delay
 from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller, Readings
     from wt_gym.envs.rewards.compose import Part
     from wt_gym.envs.wind_sampler import EpisodeWind
-    from wt_gym.simulation import Fidelity, Signals, SimulatorState
+    from wt_gym.simulation import Fidelity, Signals, Simulator, SimulatorState
     from wt_gym.wind import Inflow
 
 __all__ = ["EnvSnapshot", "WindTurbineEnv", "env_arguments", "turbine_env_of"]
@@ -347,6 +347,11 @@ class WindTurbineEnv(gym.Env):
         Picture of turbine and wake with the recent course of the key signals.
     start : {"running", "steady"}
         What an episode in turbulence begins with, see "Starting state".
+    simulator : {"wt_gym", "openfast"}, mapping or callable
+        What simulates the turbine: this package; OpenFAST (`wt_gym.bridges.openfast.OpenFASTSimulator`, slow, no
+        pictures, no snapshots), with further arguments of it in a mapping beside ``"name"``; or a function (turbine,
+        inflow, fidelity) that gives an object with the methods of `wt_gym.simulation.Simulator`. Running starts are
+        those of this package in any case.
 
     Attributes
     ----------
@@ -420,6 +425,7 @@ class WindTurbineEnv(gym.Env):
         gusts: Sequence[str] = TRANSIENTS,
         site: Mapping[str, Any] | None = None,
         start: str = "running",
+        simulator: str | Mapping[str, Any] | Callable[..., Any] = "wt_gym",
         **unknown: Any,
     ):
         if unknown:
@@ -446,6 +452,7 @@ class WindTurbineEnv(gym.Env):
             action_components = check_names("action_components", action_components)
         if action_spans is not None:
             action_spans = check_mapping("action_spans", action_spans)
+        self._make_simulator = simulator_maker(simulator, turbine, render_mode is not None)
         turbine = with_site(turbine if isinstance(turbine, Turbine) else load_turbine(turbine), site)
         if generator is not None and generator not in GENERATORS:
             raise ValueError(f"generator must be one of {GENERATORS} or None, got {generator!r}")
@@ -500,7 +507,7 @@ class WindTurbineEnv(gym.Env):
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
         # nothing before the first reset, which everything that needs them asks for
-        self.simulator, self.signals = cast(Simulator, None), cast("Signals", None)
+        self.simulator, self.signals = cast("Simulator", None), cast("Signals", None)
         self._faults: tuple[DriveFault | SensorBias, ...]
         self._sensor_faults: tuple[SensorBias, ...]
         self._drive_faults: tuple[DriveFault, ...]
@@ -517,7 +524,7 @@ class WindTurbineEnv(gym.Env):
                 control_dt=control_dt, episode_length=None, action_mode="residual", action_components=("pitch",),
                 controller=copy.deepcopy(controller), reward=self.reward_terms, termination_penalty=termination_penalty,
                 overspeed_limit=overspeed_limit, standstill_limit=standstill_limit, observation=("rotor",),
-                start="steady",
+                start="steady", simulator=simulator,
             )  # fmt: skip
         self._starts = self._make_starts(start)
         self._renderer = self._make_renderer()
@@ -856,7 +863,9 @@ class WindTurbineEnv(gym.Env):
 
     def close(self) -> None:
         """Release the simulator and the renderer."""
-        self.simulator, self._renderer, self._running = cast(Simulator, None), None, False
+        if hasattr(self.simulator, "close"):
+            self.simulator.close()
+        self.simulator, self._renderer, self._running = cast("Simulator", None), None, False
 
     def _make_renderer(self):
         if self.render_mode is None:
@@ -899,7 +908,9 @@ class WindTurbineEnv(gym.Env):
         """Put the simulator into the wind of the episode, at which the lidar has not looked yet."""
         self._look = None
         if cast("Simulator | None", self.simulator) is None:
-            self.simulator = Simulator(self.turbine, inflow=self.episode_wind.inflow, fidelity=self.fidelity)
+            self.simulator = self._make_simulator(
+                self.turbine, self.episode_wind.inflow, self.fidelity, self._longest()
+            )
             self._drive_faults = ()
         else:
             self.simulator.inflow = self.episode_wind.inflow

@@ -38,10 +38,13 @@ if TYPE_CHECKING:
     from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.wind import Inflow
 
-__all__ = ["COMMANDS", "OpenFASTSimulator"]
+__all__ = ["COMMANDS", "OPTIONS", "OpenFASTSimulator"]
 
 COMMANDS = ("bladed", "inputs")
 """How demands get into OpenFAST."""
+
+OPTIONS = ("openfast_library", "model", "commands", "duration", "step", "changes", "folder")
+"""Arguments of `OpenFASTSimulator` that `Simulator` does not have."""
 
 _LEAST_SPEED = 1e-4
 """ElastoDyn needs a rotor that turns, if only just [rad/s]."""
