@@ -30,7 +30,7 @@ PRIMARY = "turbine.fst"
 """Name of the primary file of a model that is written here."""
 
 _RPM = math.pi / 30.0
-_AERO_NODES, _BLADE_NODES, _TOWER_NODES = 30, 25, 20
+_AERO_NODES, _BLADE_NODES, _TOWER_NODES = 36, 25, 20
 _LONGEST_STEP = 0.0125
 """Of the NREL 5-MW, at 4.95 s a turn [s]."""
 _STEPS_A_TURN = 396
@@ -421,11 +421,9 @@ def write_inflow(path: Path, changes: Mapping[str, object]) -> None:
 
 
 def _aero_nodes(turbine: Turbine) -> np.ndarray:
-    """Nodes of AeroDyn [m]: closer at root and tip, and where the planform bends."""
-    share = np.linspace(0.0, 1.0, _AERO_NODES)
-    z = turbine.blade.length * (0.6 * share + 0.4 * 0.5 * (1.0 - np.cos(np.pi * share)))
-    z[-1] = turbine.blade.length
-    return z
+    """Nodes of AeroDyn [m]: the stations of the planform, where these are not too many."""
+    stations = turbine.blade.aero_station
+    return stations if stations.size <= _AERO_NODES else np.linspace(0.0, turbine.blade.length, _AERO_NODES)
 
 
 def _table_angles(polar: Polar) -> np.ndarray:

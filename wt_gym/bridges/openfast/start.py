@@ -38,16 +38,18 @@ class BentTurbine:
         self._turbine = turbine
         self._elements = BladeElements(BladeElementRotor.of_turbine(turbine))
         blade = blade_sections(turbine)
-        self._x = (self._elements.span - turbine.hub.radius) / turbine.blade.length
-        mass = np.interp(self._x, blade.fraction, blade.mass)
-        self._mass = mass
-        self._flap, self._edge = (self._x[:, None] ** POWERS @ c for c in (blade.flap_shapes[0], blade.edge_shape))
+        x = (self._elements.span - turbine.hub.radius) / turbine.blade.length
+        self._mass = np.interp(x, blade.fraction, blade.mass)
+        self._twist = np.interp(x, blade.fraction, blade.twist)
+        flap, edge = (x[:, None] ** POWERS @ shape for shape in (blade.flap_shapes[0], blade.edge_shape))
+        bends = x[:, None] ** (POWERS - 2) * POWERS * (POWERS - 1)
+        self._curvatures = bends @ blade.flap_shapes[0], bends @ blade.edge_shape
         width = self._elements.width
         omega = 2.0 * np.pi * blade.frequencies
         rated = turbine.drivetrain.rated_rotor_speed
         self._stiffness = (
-            omega[0] ** 2 * float(mass @ self._flap**2) * width,
-            (omega[2] ** 2 + rated**2) * float(mass @ self._edge**2) * width,
+            omega[0] ** 2 * float(self._mass @ flap**2) * width,
+            (omega[2] ** 2 + rated**2) * float(self._mass @ edge**2) * width,
         )
         if turbine.tower.support is not None:  # its compliance is not known here
             self._tower = 0.0
@@ -80,7 +82,12 @@ class BentTurbine:
         # coned upwind, the centrifugal force bends the blades back
         cone = np.sin(turbine.hub.cone) * np.cos(turbine.hub.cone)
         normal = normal + self._mass * rotor_speed**2 * self._elements.span * cone
-        width = self._elements.width
-        flap = float(normal @ self._flap) * width / self._stiffness[0]
-        edge = float(driving @ self._edge) * width / self._stiffness[1]
-        return Deflections(flap, -edge, float(loads["thrust"][0]) * self._tower)
+        force = np.stack([normal, -driving], axis=1)  # out of the plane, and to the trailing edge in it
+        angle = self._twist + pitch
+        axes = (np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))
+        tip, width = np.zeros(2), self._elements.width
+        for curvature, axis, stiffness in zip(self._curvatures, axes, self._stiffness, strict=True):
+            slope = np.cumsum(curvature[:, None] * np.stack(axis, axis=1), axis=0)
+            move = (np.cumsum(slope, axis=0) - 0.5 * slope) / len(slope) ** 2  # along the blade, of one unit
+            tip += float(np.sum(force * move)) * width / stiffness * move[-1]
+        return Deflections(float(tip[0]), float(tip[1]), float(loads["thrust"][0]) * self._tower)

@@ -26,9 +26,9 @@ _STEP = 0.1
 _STEADY_LENGTH = 10.0
 _LEAD = 30.0
 """Record before time zero [s]: what is downwind of the origin was there before."""
-_ALIGNED, _FINER = 1e-6, 4
+_ALIGNED, _FINER = 1e-6, 8
 _LEAST_HEIGHT = 0.5
-"""Of the lowest points of the tower [m]."""
+"""Of the lowest points, down the tower [m]."""
 
 
 def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float) -> Path:
@@ -149,9 +149,8 @@ def _grid(inflow: Inflow, turbine: Turbine, duration: float):
             step /= _FINER
     else:
         half = 0.5 * _WIDTH * turbine.rotor_diameter
-        lowest = max(turbine.hub_height - half, 0.05 * turbine.hub_height)
         y = np.linspace(-half, half, _POINTS)
-        z = np.linspace(lowest, turbine.hub_height + half, _POINTS)
+        z = np.linspace(_LEAST_HEIGHT, turbine.hub_height + half, _POINTS)
         step = _STEP
     if _is_steady(inflow):
         return y, z, step, _STEADY_LENGTH

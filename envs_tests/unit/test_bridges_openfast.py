@@ -1,0 +1,499 @@
+"""OpenFAST's bridge without OpenFAST: models, winds, mode shapes, drives, signals, and a library that fails."""
+
+import ctypes
+import importlib.util
+import math
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.bridges.openfast import OpenFASTSimulator, find_library, write_model
+from wt_gym.bridges.openfast.input_text import InputFile
+from wt_gym.bridges.openfast.library import VARIABLE
+from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, Measurement, elastodyn_outputs
+from wt_gym.bridges.openfast.mode_shapes import TopBody, bending_shapes
+from wt_gym.bridges.openfast.pitch_path import PitchPath
+from wt_gym.bridges.openfast.relay import compiler, relay_library
+from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
+from wt_gym.bridges.openfast.start import BentTurbine
+from wt_gym.bridges.openfast.wind_file import sampled, write_wind
+from wt_gym.control.blade_element import BladeElementRotor, BladeElements
+from wt_gym.envs.simulators import simulator_maker
+from wt_gym.errors import ActionError, SimulationError, TurbineDefinitionError
+from wt_gym.simulation import Simulator
+from wt_gym.simulation.drivetrain.faults import StuckPitch
+from wt_gym.turbines import PitchSystem, load_turbine
+from wt_gym.turbines.clearance import unloaded_clearance
+from wt_gym.turbines.mirror import mirrored
+from wt_gym.turbines.openfast import read_openfast
+from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, bts
+from wt_gym.wind.turning import TurningInflow
+
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler: install gcc or pip install ziglang")
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel_5mw")
+
+
+class TestModeShapes:
+    """Ritz modes in ElastoDyn's polynomials, against exact solutions."""
+
+    @staticmethod
+    def uniform(count, **options):
+        station = np.linspace(0.0, 60.0, 5)
+        mass, stiffness = np.full(5, 250.0), np.full(5, 4e9)
+        shapes, frequency = bending_shapes(station, mass, stiffness, count, **options)
+        return shapes, frequency * 2 * math.pi / math.sqrt(4e9 / 250.0 / 60.0**4)
+
+    def test_cantilever(self):
+        shapes, roots = self.uniform(2)
+        assert roots == pytest.approx([3.5160, 22.0345], rel=2e-4)  # Rao, Mechanical Vibrations, table 8.4
+        np.testing.assert_allclose(shapes.sum(axis=1), 1.0)
+
+    def test_mass_on_the_end(self):
+        """With a mass as heavy as the beam the root β L = 1.2479 (Blevins, Formulas for Natural Frequency, 8.8)."""
+        _, roots = self.uniform(1, top=TopBody(250.0 * 60.0, 0.0, 0.0))
+        assert roots[0] == pytest.approx(1.2479**2, rel=2e-4)
+
+    def test_a_turning_beam_is_stiffer(self):
+        """A uniform beam that turns with Ω = 6 √(EI/(m L⁴)): 7.3604 (Wright et al., J. Appl. Mech. 49 (1982))."""
+        station, speed = np.linspace(0.0, 60.0, 400), 6.0 * math.sqrt(4e9 / 250.0 / 60.0**4)
+        pull = 0.5 * 250.0 * speed**2 * (60.0**2 - station**2)
+        _, turning = bending_shapes(station, np.full(400, 250.0), np.full(400, 4e9), 1, pull=pull)
+        assert turning[0] * 2 * math.pi * 6.0 / speed == pytest.approx(7.3604, rel=5e-4)
+
+
+class TestSections:
+    def test_flap_and_edge_of_the_nrel_5mw(self, turbine):
+        """Published: flap 0.70 to 0.73 Hz turning, edge 1.08 Hz, flap 2 1.93 to 2.02 Hz (NREL/TP-500-38060, 9.1)."""
+        sections = blade_sections(turbine)
+        assert sections.frequencies == pytest.approx([0.72, 1.98, 1.09], rel=0.04)
+        mass = np.trapezoid(sections.mass, sections.fraction * turbine.blade.length)
+        assert mass == pytest.approx(turbine.blade.structure.mass_moment(), rel=1e-3)
+
+    def test_fore_aft_of_the_nrel_5mw(self, turbine):
+        """Published: 0.324 Hz fore-aft, 0.312 Hz side-side (NREL/TP-500-38060, table 9-1)."""
+        frequencies = tower_sections(turbine).frequencies
+        assert frequencies[[0, 2]] == pytest.approx([0.318, 0.318], rel=0.03)
+
+    @pytest.mark.parametrize("turn", [0.1, -0.3])
+    def test_a_turned_section_has_its_own_axes(self, turbine, turn):
+        """Sections turned by an angle keep their stiffnesses, and their axes turn by it."""
+        structure = turbine.blade.structure
+        c, s = math.cos(-turn), math.sin(-turn)
+        one = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        both = np.kron(np.eye(2), one)
+        finite = np.where(np.isinf(structure.stiffness), 0.0, structure.stiffness)
+        stiffness = both @ finite @ both.T
+        stiffness = np.where(np.isinf(structure.stiffness), np.inf, 0.5 * (stiffness + stiffness.transpose(0, 2, 1)))
+        turned = replace(turbine.blade, structure=replace(structure, stiffness=stiffness))
+        found, wanted = blade_sections(replace(turbine, blade=turned)), blade_sections(turbine)
+        own = np.abs(wanted.flap - wanted.edge) > 0.1 * wanted.edge
+        assert own.sum() > 20
+        np.testing.assert_allclose(found.flap[own], wanted.flap[own], rtol=1e-6)
+        np.testing.assert_allclose((found.twist - wanted.twist)[own], turn, atol=1e-6)
+
+    def test_a_monopile_is_refused(self):
+        with pytest.raises(TurbineDefinitionError, match="monopile"):
+            tower_sections(load_turbine("nrel_5mw_monopile"))
+
+
+@pytest.fixture(scope="module")
+def model(turbine, tmp_path_factory):
+    return write_model(turbine, tmp_path_factory.mktemp("model"))
+
+
+class TestModelFiles:
+    """The files that are written, as other readers understand them."""
+
+    def test_reading_them_gives_the_turbine_back(self, turbine, model):
+        train = turbine.drivetrain
+        read = read_openfast(model, rated_power=train.rated_power, rated_rotor_speed=train.rated_rotor_speed)
+        for name in ("n_blades", "rotor_diameter", "hub_height", "air_density"):
+            assert getattr(read, name) == pytest.approx(getattr(turbine, name), rel=1e-6)
+        for part, names in (
+            ("hub", ("radius", "cone", "mass", "inertia_axial", "inertia_transverse", "cm_offset_along_shaft")),
+            ("nacelle", ("mass", "tilt", "overhang", "tower_top_to_shaft", "yaw_bearing_mass", "yaw_spring")),
+            ("drivetrain", ("gear_ratio", "gearbox_efficiency", "generator_efficiency", "generator_inertia", "spring")),
+            ("pitch", ("min_pitch", "max_pitch", "max_rate")),
+            ("tower", ("base_height", "height", "drag_coefficient", "damping_ratio")),
+        ):
+            for name in names:
+                found, wanted = getattr(getattr(read, part), name), getattr(getattr(turbine, part), name)
+                assert found == pytest.approx(wanted, rel=1e-6, abs=1e-9), f"{part}.{name}"
+        z = np.linspace(0.0, turbine.blade.length, 40)
+        np.testing.assert_allclose(read.blade.twist_at(z), turbine.blade.twist_at(z), atol=math.radians(0.15))
+        np.testing.assert_allclose(read.blade.chord_at(z), turbine.blade.chord_at(z), rtol=0.02)
+        for order in range(3):
+            found, wanted = (t.blade.structure.mass_moment(order) for t in (read, turbine))
+            assert found == pytest.approx(wanted, rel=2e-3)
+        for order in range(2):
+            found, wanted = (t.tower.structure.mass_moment(order) for t in (read, turbine))
+            assert found == pytest.approx(wanted, rel=1e-6)
+        middle = 0.5 * turbine.blade.length
+        found, wanted = (t.blade.structure.stiffness_at(middle)[3:5, 3:5] for t in (read, turbine))
+        np.testing.assert_allclose(found, wanted, rtol=0.02, atol=1e-3 * wanted.max())
+
+    def test_their_rotor_makes_the_same_power(self, turbine, model):
+        train = turbine.drivetrain
+        read = read_openfast(model, rated_power=train.rated_power, rated_rotor_speed=train.rated_rotor_speed)
+        points = [8.0, 12.0, 18.0], [0.96, 1.267, 1.267], np.radians([0.0, 4.0, 14.9])
+        found, wanted = (BladeElements(BladeElementRotor.of_turbine(t)).solve(*points) for t in (read, turbine))
+        np.testing.assert_allclose(found["power"], wanted["power"], rtol=0.01)
+        np.testing.assert_allclose(found["thrust"], wanted["thrust"], rtol=0.01)
+
+    @pytest.mark.skipif(importlib.util.find_spec("openfast_io") is None, reason="needs the extra openfast")
+    def test_openfast_io_reads_them_line_by_line(self, turbine, model):
+        """It takes values by the number of their line in the files of OpenFAST 5, whatever the keyword there."""
+        from openfast_io.FAST_reader import InputReader_OpenFAST
+
+        reader = InputReader_OpenFAST()
+        reader.FAST_InputFile, reader.FAST_directory = model.name, str(model.parent)
+        reader.execute()
+        read = reader.fst_vt
+        assert read["Fst"]["CompAero"] == 2
+        assert read["Fst"]["AirDens"] == pytest.approx(turbine.air_density)
+        elastodyn = read["ElastoDyn"]
+        assert elastodyn["Twr2Shft"] == pytest.approx(turbine.nacelle.tower_top_to_shaft)
+        assert elastodyn["HubIner"] == pytest.approx(turbine.hub.inertia_axial)
+        assert elastodyn["DTTorDmp"] == pytest.approx(turbine.drivetrain.damper)
+        assert read["AeroDyn"]["DBEMT_Mod"] == 2
+        assert len(read["AeroDyn"]["af_data"]) == read["AeroDyn"]["NumAFfiles"]
+        assert read["ServoDyn"]["YawSpr"] == pytest.approx(turbine.nacelle.yaw_spring)
+        assert read["ServoDyn"]["Ptch_Cntrl"] == 1
+        assert read["InflowWind"]["WindType"] == 1
+        shape = read["ElastoDynBlade"]["BldFl1Sh"] if isinstance(read["ElastoDynBlade"], dict) else None
+        shape = read["ElastoDynBlade"][0]["BldFl1Sh"] if shape is None else shape
+        np.testing.assert_allclose(shape, blade_sections(turbine).flap_shapes[0])
+
+    def test_a_rotor_that_turns_the_other_way_is_its_image(self, turbine, tmp_path):
+        write_model(turbine, tmp_path / "one")
+        write_model(mirrored(turbine), tmp_path / "other")
+        for path in (tmp_path / "one").rglob("*.*"):
+            assert path.read_text() == (tmp_path / "other" / path.relative_to(tmp_path / "one")).read_text()
+
+    def test_names_stay_valid_elsewhere(self, model, tmp_path):
+        file = InputFile(model.parent / "aerodyn.dat")
+        file.resolve_paths()
+        file.write(tmp_path / "aerodyn.dat")
+        assert Path(InputFile(tmp_path / "aerodyn.dat").text("ADBlFile(1)")) == (model.parent / "aerodyn_blade.dat")
+
+
+class TestWind:
+    """Wind files, read back."""
+
+    def test_a_power_law_is_openfasts_own(self, turbine, tmp_path):
+        wind = SteadyInflow(9.0, 90.0, shear_exponent=0.14)
+        file = InputFile(write_wind(wind, turbine, tmp_path, 60.0))
+        assert (file.number("WindType"), file.number("HWindSpeed"), file.number("PLExp")) == (1, 9.0, 0.14)
+        assert not (tmp_path / "wind.bts").exists()
+
+    @pytest.mark.parametrize(("offset", "near"), [(0.0, 0.002), (7.5, 0.002), (7.6, 0.03)])
+    def test_turbulence_is_that_of_the_box(self, turbine, tmp_path, offset, near):
+        """Through the end of the period too, and nearly where an episode begins between two samples."""
+        box = TurbulenceBox.kaimal(14.0, 90.0, 126.0, "B", seed=3, duration=60.0, grid=(7, 7), cache=False)
+        wind = TurbulentInflow(box, SteadyInflow(14.0, 90.0, shear_exponent=0.2), time_offset=offset)
+        file = InputFile(write_wind(wind, turbine, tmp_path, 600.0))
+        assert file.number("WindType") == 3
+        read = TurbulentInflow(TurbulenceBox.from_bts(tmp_path / "wind.bts"))
+        assert read.box.periodic
+        hub = np.array([[0.0, 0.0, 90.0], [-5.0, 0.0, 90.0], [0.0, box.spacing_y, 90.0 + box.spacing_z]])
+        times = np.arange(1.0, 130.0, 0.37)
+        found, wanted = (np.array([each.velocity(hub, time) for time in times]) for each in (read, wind))
+        assert np.sqrt(np.mean((found - wanted) ** 2)) < near < 0.1 * wanted[..., 0].std()
+
+    def test_a_wind_that_changes_lasts_as_long_as_it_must(self, turbine):
+        wind = TurningInflow(SteadyInflow(12.0, 90.0), np.array([20.0, 40.0]), np.array([0.0, 0.5]))
+        content = sampled(wind, turbine, 50.0)
+        times = np.arange(len(content.grid)) * content.time_step
+        middle = content.grid[:, 7, 7]
+        for k in np.flatnonzero(times < 50.0)[::37]:
+            np.testing.assert_allclose(middle[k], wind.velocity([0.0, 0.0, 90.0], times[k]), atol=1e-4)
+        # what is downwind at the start was there before
+        np.testing.assert_allclose(middle[-1], wind.velocity([0.0, 0.0, 90.0], -content.time_step), atol=1e-4)
+        assert times[-1] > 50.0
+
+    def test_veer_and_a_log_profile_are_sampled(self, turbine):
+        wind = SteadyInflow(12.0, 90.0, roughness_length=0.03, veer=-0.002, yaw_misalignment=0.2)
+        content = sampled(wind, turbine, 600.0)
+        z = content.z_bottom + content.spacing_z * np.arange(content.grid.shape[1])
+        points = np.stack([0 * z, 0 * z, z], axis=1)
+        np.testing.assert_allclose(content.grid[5, :, 7], wind.velocity(points, 0.0), atol=1e-5)
+        assert content.z_bottom < 1.0  # the tower is in the wind down to its foot
+
+    def test_the_mirror_image_of_a_power_law(self, turbine, tmp_path):
+        file = InputFile(write_wind(MirroredInflow.of(SteadyInflow(9.0, 90.0)), turbine, tmp_path, 60.0))
+        assert file.number("WindType") == 1
+
+    def test_written_and_read_are_the_same(self, turbine, tmp_path):
+        content = sampled(SteadyInflow(12.0, 90.0, veer=-0.002), turbine, 600.0)
+        bts.write(tmp_path / "a.bts", content)
+        np.testing.assert_allclose(bts.read(tmp_path / "a.bts").grid, content.grid, atol=1e-3)
+
+
+class TestPitchPath:
+    def test_an_ideal_drive_is_at_the_mean_of_two_commands(self):
+        path = PitchPath(PitchSystem(0.0, 1.5, 0.2), 0.1, 8)
+        path.start(np.zeros(3))
+        commands = np.array([[0.01, 0.0, 0.02], [0.02, 0.01, 0.02], [0.02, 0.03, 0.02]])
+        before = np.zeros(3)
+        for command in commands:
+            angles = path.follow(command)
+            np.testing.assert_allclose(angles[-1], 0.5 * (before + command), atol=1e-15)
+            before = command
+        np.testing.assert_allclose(path.follow(before)[-1], before, atol=1e-15)
+        np.testing.assert_allclose(path.rate, 0.0)
+
+    def test_a_servo_follows_a_step(self):
+        """Critically damped: 1 − (1 + ω t) exp(−ω t), from a command that got there within a step of 0.1 ms."""
+        omega = 3.0
+        path = PitchPath(PitchSystem(0.0, 1.5, 9.0, servo_frequency=omega), 1e-4, 1)
+        path.start(np.zeros(1))
+        angles = np.array([path.follow(np.array([0.1]))[-1, 0] for _ in range(20000)])
+        times = 1e-4 * np.arange(1, 20001)
+        np.testing.assert_allclose(angles, 0.1 * (1 - (1 + omega * times) * np.exp(-omega * times)), atol=2e-5)
+
+
+NAMES = [*elastodyn_outputs(3), *AERODYN_OUTPUTS, *INFLOW_OUTPUTS]
+
+
+def outputs(**given):
+    row = np.zeros(len(NAMES))
+    for name, value in given.items():
+        row[NAMES.index(name)] = value
+    return row
+
+
+def measured(turbine, *rows, **options):
+    measurement = Measurement(turbine, NAMES)
+    still = np.zeros(3)
+    measurement.take(options.pop("time", 0.0), np.array(rows), 2e4, still, still, still, False)
+    return measurement.signals()
+
+
+class TestSignals:
+    """OpenFAST's outputs in the frames, signs and units of the channel table."""
+
+    def test_units(self, turbine):
+        signals = measured(
+            turbine, outputs(RotSpeed=12.1, GenSpeed=1173.7, BldPitch2=90.0, RootMyb3=5.0, RtAeroPwr=5e6, Azimuth=-90.0)
+        )
+        assert signals["rotor_speed"] == pytest.approx(1.267, rel=1e-3)
+        assert signals["pitch_2"] == pytest.approx(0.5 * math.pi)
+        assert signals["root_flap_moment_3"] == 5e3
+        assert signals["aero_power"] == 5e6
+        assert signals["azimuth"] == pytest.approx(1.5 * math.pi)
+        assert signals["generator_power"] == pytest.approx(2e4 * 1173.7 * math.pi / 30 * 0.944, rel=1e-3)
+
+    def test_fore_aft_is_along_the_nacelle(self, turbine):
+        """A nacelle that heads to the left: a push to the left is fore-aft, bends the tower about −x in ground axes."""
+        signals = measured(
+            turbine, outputs(YawPzn=90.0, TTDspSS=0.3, TwrBsMxt=-7.0, YawBrTAyp=0.2, Wind1VelX=3.0, Wind1VelY=4.0)
+        )
+        assert signals["tower_top_fore_aft"] == pytest.approx(0.3)
+        assert signals["tower_top_side_side"] == pytest.approx(0.0, abs=1e-12)
+        assert signals["tower_base_fore_aft_moment"] == pytest.approx(7e3)
+        assert signals["nacelle_acceleration_fore_aft"] == pytest.approx(0.2)
+        assert signals["yaw_error"] == pytest.approx(math.atan2(4.0, 3.0) - 0.5 * math.pi)
+
+    def test_clearance_of_an_unloaded_blade(self, turbine):
+        signals = measured(turbine, outputs(Azimuth=180.0))
+        assert signals["tip_clearance_1"] == pytest.approx(unloaded_clearance(turbine), abs=0.01)
+        assert signals["tip_clearance_2"] > 40.0
+
+    def test_a_blade_that_passes_the_tower_between_samples(self, turbine):
+        rows = [outputs(Azimuth=170.0), outputs(Azimuth=190.0)]
+        signals = measured(turbine, *rows)
+        assert signals["tip_clearance_min_1"] < signals["tip_clearance_1"]
+        assert signals["tip_clearance_min_1"] == pytest.approx(unloaded_clearance(turbine), abs=1.0)
+
+    def test_a_blade_bent_into_the_tower(self, turbine):
+        assert measured(turbine, outputs(Azimuth=180.0, OoPDefl1=14.0))["tip_clearance_1"] < 0.0
+        yawed = measured(turbine, outputs(Azimuth=180.0, OoPDefl1=5.0, YawPzn=40.0))["tip_clearance_1"]
+        assert yawed == pytest.approx(measured(turbine, outputs(Azimuth=180.0, OoPDefl1=5.0))["tip_clearance_1"])
+
+    def test_extremes_go_on(self, turbine):
+        measurement, still = Measurement(turbine, NAMES), np.zeros(3)
+        for k, (moment, go_on) in enumerate([(5.0, False), (3.0, True)]):
+            rows = np.array([outputs(RootMyb1=-moment, RotSpeed=moment)])
+            measurement.take(float(k), rows, 0.0, still, still, np.full(3, 0.1), go_on)
+        signals = measurement.signals()
+        assert signals["root_flap_moment_max_1"] == 5e3
+        assert signals["root_flap_moment_1"] == -3e3
+        assert signals["pitch_travel_1"] == pytest.approx(0.2)
+        assert signals["rotor_speed_max"] == pytest.approx(5.0 * math.pi / 30)
+
+    def test_start_bends_as_the_simulator_does(self, turbine):
+        """At 8 m/s and 9.2 rpm the blades of the NREL 5-MW bend by about 3 m, the tower top by 0.2 m."""
+        bent = BentTurbine(turbine).deflections(8.0, 0.96, 0.0)
+        assert bent.out_of_plane == pytest.approx(3.1, abs=0.5)
+        assert bent.in_plane == pytest.approx(-0.35, abs=0.15)
+        assert bent.tower_top == pytest.approx(0.2, abs=0.06)
+
+
+@needs_compiler
+def test_relay_hands_over_the_demands(tmp_path, monkeypatch):
+    monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path))
+    library = ctypes.CDLL(str(relay_library()))
+    (ctypes.c_double * 5).in_dll(library, "wt_gym_demands")[:] = [0.1, 0.2, 0.3, 4e4, -0.005]
+    swap, fail = np.zeros(200, np.float32), ctypes.c_int(-1)
+    message = ctypes.create_string_buffer(1025)
+    library.DISCON(swap.ctypes.data_as(ctypes.c_void_p), ctypes.byref(fail), b"in", b"out", message)
+    assert fail.value == 0
+    np.testing.assert_allclose(swap[[41, 42, 43, 44, 46, 47, 34]], [0.1, 0.2, 0.3, 0.1, 4e4, -0.005, 1.0], rtol=1e-7)
+
+
+FAKE = r"""
+#include <stdlib.h>
+#include <string.h>
+#include <stdio.h>
+static int steps;
+void FAST_AllocateTurbines(int *n, int *error, char *message) { *error = 0; }
+void FAST_Sizes(int *i, char *file, int *fatal, int *count, double *dt, double *dt_out, double *end, int *error,
+                char *message, char *names, double *a, double *b)
+{
+    const char *all[] = {NAMES};
+    int k;
+    *fatal = 4; *count = sizeof(all) / sizeof(*all); *dt = 0.0125; *error = 0;
+    for (k = 0; k < *count; ++k) { memset(names + 20 * k, ' ', 20); memcpy(names + 20 * k, all[k], strlen(all[k])); }
+}
+void FAST_Start(int *i, int *n, int *m, double *in, double *out, int *error, char *message)
+{
+    memset(out, 0, *m * sizeof(double)); out[SPEED] = 12.0; *error = 0;
+}
+void FAST_Update(int *i, int *n, int *m, double *in, double *out, _Bool *over, int *error, char *message)
+{
+    *over = 0; *error = 0; out[SPEED] = 12.0; out[PITCH] = in[4] * 57.29577951308232; ++steps;
+    if (steps > 16 && WAY == 1) { *error = 4; strcpy(message, "the mesh is   broken"); }
+    if (steps > 16 && WAY == 2) { fputs("STOP in a subroutine\n", stdout); fflush(stdout); abort(); }
+    if (steps > 16 && WAY == 3) exit(0);
+}
+"""
+
+
+@needs_compiler
+class TestProcess:
+    """A library that behaves, reports an error, aborts, or stops."""
+
+    @staticmethod
+    def simulator(folder, way, turbine, **options):
+        source = FAKE.replace("WAY", str(way)).replace("NAMES", ", ".join(f'"{name}"' for name in NAMES))
+        source = source.replace("SPEED", str(NAMES.index("RotSpeed"))).replace("PITCH", str(NAMES.index("BldPitch1")))
+        path, library = folder / "fake.c", folder / f"fake{way}.so"
+        path.write_text(source)
+        subprocess.run([*compiler(), "-shared", "-fPIC", "-o", str(library), str(path)], check=True)
+        wind = SteadyInflow(8.0, 90.0)
+        return OpenFASTSimulator(turbine, wind, openfast_library=library, commands="inputs", **options)
+
+    def test_one_that_behaves(self, tmp_path, turbine):
+        sim = self.simulator(tmp_path, 0, turbine)
+        assert sim.reset(rotor_speed=1.0, pitch=0.02)["pitch_command_1"] == 0.02
+        for _ in range(5):
+            signals = sim.advance(0.2, pitch=0.05, generator_torque=1e4)
+        assert signals["time"] == pytest.approx(1.0)
+        assert signals["pitch_1"] == pytest.approx(0.05)
+        sim.close()
+        with pytest.raises(SimulationError, match="reset"):
+            sim.advance(0.2, pitch=0.05)
+
+    @pytest.mark.parametrize(
+        ("way", "message"),
+        [(1, "OpenFAST: the mesh is broken"), (2, "OpenFAST crashed .*STOP in a subroutine"), (3, "OpenFAST crashed")],
+    )
+    def test_one_that_fails_can_be_started_again(self, tmp_path, turbine, way, message):
+        sim = self.simulator(tmp_path, way, turbine)
+        for _ in range(2):
+            sim.reset(rotor_speed=1.0)
+            sim.advance(0.2, pitch=0.0)
+            with pytest.raises(SimulationError, match=rf"simulation failed at 0\.200 s: {message}"):
+                sim.advance(0.2, pitch=0.0)
+            with pytest.raises(SimulationError, match="reset"):
+                sim.advance(0.2, pitch=0.0)
+
+    def test_a_failure_ends_the_episode(self, tmp_path, turbine):
+        self.simulator(tmp_path, 2, turbine).close()
+        options = {"name": "openfast", "openfast_library": str(tmp_path / "fake2.so"), "commands": "inputs"}
+        env = gym.make("wt_gym/NREL5MW-Steady-v1", wind_speed=8.0, simulator=options)
+        env.reset(seed=0)
+        env.step(np.zeros(env.action_space.shape))
+        *_, terminated, _, info = env.step(np.zeros(env.action_space.shape))
+        assert terminated
+        assert info["termination"] == "failure"
+        assert "OpenFAST crashed" in info["failure"]
+        env.reset(seed=0)
+        env.close()
+
+    def test_faults_of_drives(self, tmp_path, turbine):
+        sim = self.simulator(tmp_path, 0, turbine)
+        sim.faults = (StuckPitch(0.1, blade=1),)
+        sim.reset(rotor_speed=1.0)
+        for _ in range(5):
+            signals = sim.advance(0.1, pitch=0.2)
+        assert signals["pitch_command_1"] < signals["pitch_command_2"]
+
+    def test_what_is_refused(self, tmp_path, turbine):
+        sim = self.simulator(tmp_path, 0, turbine)
+        sim.reset(rotor_speed=1.0)
+        for refused in (sim.state, sim.geometry, sim.linearize):
+            with pytest.raises(SimulationError):
+                refused()
+        with pytest.raises(ActionError, match="degrees"):
+            sim.advance(0.1, pitch=15.0)
+        with pytest.raises(ActionError, match="whole number"):
+            sim.advance(0.15, pitch=0.0)
+        with pytest.raises(SimulationError, match="changes must name modules"):
+            self.simulator(tmp_path, 0, turbine, changes={"AeroDyn15": {"UA_Mod": 3}}).reset(rotor_speed=1.0)
+        with pytest.raises(TurbineDefinitionError, match="UA_Mode"):
+            self.simulator(tmp_path, 0, turbine, changes={"AeroDyn": {"UA_Mode": 3}}).reset(rotor_speed=1.0)
+
+
+class TestChoice:
+    """What is said where the library or a name is not known."""
+
+    def test_no_library_is_one_clear_line(self, monkeypatch, tmp_path):
+        monkeypatch.setenv(VARIABLE, str(tmp_path / "libopenfastlib.so"))
+        with pytest.raises(SimulationError, match=rf"{VARIABLE} must be the path"):
+            gym.make("wt_gym/NREL5MW-Steady-v1", simulator="openfast")
+        monkeypatch.delenv(VARIABLE)
+        monkeypatch.delenv("CONDA_PREFIX", raising=False)
+        monkeypatch.setattr("ctypes.util.find_library", lambda name: None)
+        monkeypatch.setattr("sys.prefix", str(tmp_path))
+        with pytest.raises(SimulationError, match="conda install -c conda-forge openfast"):
+            find_library()
+
+    @pytest.mark.parametrize(
+        ("choice", "message"),
+        [
+            ("openfst", "did you mean 'openfast'"),
+            ({"changes": {}}, "simulator must be one of"),
+            ({"name": "wt_gym", "step": 0.01}, "no further arguments"),
+            ({"name": "openfast", "steps": 0.01}, "OpenFAST takes openfast_library.*got steps"),
+            (3, "simulator must be one of"),
+        ],
+    )
+    def test_names(self, choice, message):
+        with pytest.raises(ValueError, match=message):
+            simulator_maker(choice, "nrel_5mw", pictured=False)
+
+    def test_no_pictures(self):
+        with pytest.raises(ValueError, match="render_mode must be None"):
+            gym.make("wt_gym/NREL5MW-Steady-v1", simulator="openfast", render_mode="rgb_array")
+
+    def test_a_function_makes_the_simulator(self):
+        made = []
+
+        def maker(turbine, inflow, fidelity):
+            made.append(turbine.name)
+            return Simulator(turbine, inflow, fidelity)
+
+        env = gym.make("wt_gym/NREL5MW-Steady-v1", wind_speed=8.0, simulator=maker)
+        env.reset(seed=0)
+        env.close()
+        assert len(made) == 1
