@@ -22,6 +22,7 @@ from wt_gym.bridges.openfast.relay import compiler, relay_library
 from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
 from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.wind_file import sampled, write_wind
+from wt_gym.commands import loadcases
 from wt_gym.control.blade_element import BladeElementRotor, BladeElements
 from wt_gym.envs.simulators import simulator_maker
 from wt_gym.errors import ActionError, SimulationError, TurbineDefinitionError
@@ -438,6 +439,16 @@ class TestProcess:
             signals = sim.advance(0.1, pitch=0.2)
         assert signals["pitch_command_1"] < signals["pitch_command_2"]
 
+    def test_a_wind_that_is_over(self, tmp_path, turbine):
+        sim = self.simulator(tmp_path, 0, turbine, duration=1.0)
+        sim.reset(rotor_speed=1.0)
+        sim.advance(2.0, pitch=0.0)  # a steady wind has no end
+        sim.inflow = TurningInflow(SteadyInflow(12.0, 90.0), np.array([0.0, 1.0]), np.array([0.0, 0.5]))
+        sim.reset(rotor_speed=1.0)
+        sim.advance(1.0, pitch=0.0)
+        with pytest.raises(SimulationError, match=r"written for 1 s, and 1\.1 s are asked for"):
+            sim.advance(0.1, pitch=0.0)
+
     def test_what_is_refused(self, tmp_path, turbine):
         sim = self.simulator(tmp_path, 0, turbine)
         sim.reset(rotor_speed=1.0)
@@ -481,6 +492,17 @@ class TestChoice:
     def test_names(self, choice, message):
         with pytest.raises(ValueError, match=message):
             simulator_maker(choice, "nrel_5mw", pictured=False)
+
+    def test_load_cases_leave_the_parked_turbine_out(self, monkeypatch, tmp_path):
+        library = tmp_path / "library.so"
+        library.write_bytes(b"")
+        monkeypatch.setenv(VARIABLE, str(library))
+        chosen = loadcases.configuration(loadcases.parse_arguments(["discon", "--simulator", "openfast"]))
+        assert "1.1" in chosen.cases
+        assert "6.1" not in chosen.cases
+        assert chosen.env_kwargs["simulator"] == "openfast"
+        with pytest.raises(ValueError, match=r"6\.1, the parked turbine, must be left out"):
+            loadcases.configuration(loadcases.parse_arguments(["--simulator", "openfast", "--case", "6.1"]))
 
     def test_no_pictures(self):
         with pytest.raises(ValueError, match="render_mode must be None"):

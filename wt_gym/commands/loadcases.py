@@ -21,10 +21,13 @@ from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.program import FIDELITIES_HELP, UNSAFE, OneLineParser, json_value, stoppable, user_errors
-from wt_gym.commands.site_options import add_site_option, with_options
+from wt_gym.commands.site_options import add_simulator_option, add_site_option, with_options
 
 if TYPE_CHECKING:
     from wt_gym.agents.loadcases.study import LoadCaseConfig
+
+
+PARKED_CASE = "6.1"
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -42,6 +45,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     kwargs_help = "more arguments of the environment, e.g. '{\"overspeed_limit\": 1.5}'; winds are the cases'"
     parser.add_argument("--env-kwargs", type=json_value, default={}, metavar="JSON", help=kwargs_help)
     add_site_option(parser)
+    add_simulator_option(parser)
     parser.add_argument(
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
         "controllers beneath than those of their training",
@@ -68,12 +72,17 @@ def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
     from wt_gym.agents.loadcases.cases import CASES
     from wt_gym.agents.loadcases.study import LoadCaseConfig
 
+    given = with_options(arguments.env_kwargs, arguments.site, simulator=arguments.simulator)
+    kwargs = chosen_arguments(arguments.env, given, arguments.fidelity)
+    cases = tuple(arguments.case or CASES)
+    if "simulator" in kwargs:  # nobody controls a parked turbine, which needs no environment and has this simulator
+        if PARKED_CASE in (arguments.case or ()):
+            raise ValueError(f"case {PARKED_CASE}, the parked turbine, must be left out with another simulator")
+        cases = tuple(case for case in cases if case != PARKED_CASE)
     return LoadCaseConfig(
         env_id=arguments.env,
-        env_kwargs=chosen_arguments(
-            arguments.env, with_options(arguments.env_kwargs, arguments.site), arguments.fidelity
-        ),
-        cases=tuple(arguments.case or CASES),
+        env_kwargs=kwargs,
+        cases=cases,
         quick=arguments.quick,
         turbulence=arguments.turbulence,
         iec_class=arguments.iec_class,

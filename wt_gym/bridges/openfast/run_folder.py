@@ -109,7 +109,7 @@ def prepare_run(
     _set_elastodyn(files["ElastoDyn"], turbine.n_blades, start)
     _set_servodyn(files["ServoDyn"], start, relay)
     files["AeroDyn"].set_outputs(AERODYN_OUTPUTS)
-    inflow_file = InputFile(write_wind(inflow, turbine, folder, duration))
+    inflow_file = InputFile(write_wind(inflow, turbine, folder, duration, start.yaw))
     inflow_file.set_outputs(INFLOW_OUTPUTS)
     inflow_file.write(inflow_file.path)
     primary.set("InflowFile", inflow_file.path.name)

@@ -19,6 +19,7 @@ from wt_gym.bridges.openfast.process import OpenFASTProcess
 from wt_gym.bridges.openfast.relay import relay_library
 from wt_gym.bridges.openfast.run_folder import RunStart, prepare_run
 from wt_gym.bridges.openfast.start import BentTurbine
+from wt_gym.bridges.openfast.wind_file import repeats
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.simulation.channels import Signals, parities
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_finite
@@ -154,7 +155,7 @@ class OpenFASTSimulator:
         self.time_step = self.fidelity.step_for(self.turbine.drivetrain.rated_rotor_speed)
         self.inflow = inflow
         self.drives = Drives(self._image)
-        self._duration, self._changes = float(duration), dict(changes or {})
+        self._duration, self._changes, self._lasts = float(duration), dict(changes or {}), math.inf
         if folder is None:
             self._temporary = Path(mkdtemp(prefix="wt_gym_openfast_"))
         self._folder = Path(folder or str(self._temporary)).absolute()
@@ -274,6 +275,7 @@ class OpenFASTSimulator:
             raise SimulationError(f"OpenFAST takes steps of {process.step} s; {self.openfast_step} s were asked for")
         self._process, self._measurement = process, measurement
         self._path.start(angles)
+        self._lasts = math.inf if repeats(felt) else self._duration
         self._n_steps = 0
         if generator_torque is None:
             self.drives.load(measurement.aero_torque(process.outputs), rotor_speed)
@@ -303,6 +305,11 @@ class OpenFASTSimulator:
         n = round(duration / self.time_step)
         if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
             raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
+        if self.time + duration > self._lasts + 1e-6:
+            raise SimulationError(
+                f"the wind was written for {self._lasts:g} s, and {self.time + duration:g} s are asked for: make the "
+                "argument duration longer"
+            )
         yaw_rate = -yaw_rate if self.mirrored else yaw_rate
         command = drives.command
         for k in range(n):

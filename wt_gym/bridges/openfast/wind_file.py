@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["sampled", "write_wind"]
+__all__ = ["repeats", "sampled", "write_wind"]
 
 _WIDTH = 1.3
 """Of the grid for an inflow that has none [rotor diameters]: the rotor with its deflection, and some air."""
@@ -31,7 +31,7 @@ _LEAST_HEIGHT = 0.5
 """Of the lowest points, down the tower [m]."""
 
 
-def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float) -> Path:
+def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float, yaw: float = 0.0) -> Path:
     """Write the input file of InflowWind for an inflow, with a TurbSim file (``.bts``) where OpenFAST has no formula.
 
     A power-law profile along x is OpenFAST's own steady wind. All else is sampled on a grid at x = 0: turbulence at the
@@ -50,6 +50,8 @@ def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float) 
         Receives ``inflowwind.dat`` and ``wind.bts``.
     duration : float
         Of the simulation [s].
+    yaw : float
+        Of the nacelle at the start [rad]: the wind is read where the apex of the rotor is then.
 
     Returns
     -------
@@ -61,15 +63,26 @@ def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float) 
     InflowError
         If there is no wind along x to carry the samples.
     """
-    path = folder / "inflowwind.dat"
+    path, nacelle = folder / "inflowwind.dat", turbine.nacelle
+    ahead = nacelle.overhang * math.cos(nacelle.tilt)
+    read_at = {
+        "WindVxiList": -ahead * math.cos(yaw),
+        "WindVyiList": -ahead * math.sin(yaw),
+        "WindVziList": turbine.hub_height,
+    }
     steady = _power_law(inflow)
     if steady is not None:
         profile = {"HWindSpeed": steady.speed, "RefHt": steady.hub_height, "PLExp": steady.shear_exponent}
-        write_inflow(path, {"WindType": 1, **profile, "WindVziList": turbine.hub_height})
+        write_inflow(path, {"WindType": 1, **profile, **read_at})
         return path
     bts.write(folder / "wind.bts", sampled(inflow, turbine, duration))
-    write_inflow(path, {"WindType": 3, "FileName_BTS": "wind.bts", "WindVziList": turbine.hub_height})
+    write_inflow(path, {"WindType": 3, "FileName_BTS": "wind.bts", **read_at})
     return path
+
+
+def repeats(inflow: Inflow) -> bool:
+    """Whether the file of an inflow holds for any time: a steady wind, or turbulence that is periodic."""
+    return _is_steady(inflow) or _period(inflow) is not None
 
 
 def sampled(inflow: Inflow, turbine: Turbine, duration: float) -> bts.BtsContent:
@@ -86,7 +99,7 @@ def sampled(inflow: Inflow, turbine: Turbine, duration: float) -> bts.BtsContent
     points[z.size * y.size :, 2] = below
     count = round(length / step)
     times = np.arange(count) * step
-    if _period(inflow) is None and not _is_steady(inflow):
+    if not repeats(inflow):
         times = np.where(times > duration, times - count * step, times)
     velocity = np.empty((count, len(points), 3), dtype=np.float32)
     for k, time in enumerate(times):
