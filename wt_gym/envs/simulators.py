@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
+from wt_gym import simulation
 from wt_gym.envs.arguments import did_you_mean, shown
-from wt_gym.simulation import Simulator
 
 if TYPE_CHECKING:
-    from wt_gym.simulation import Fidelity
+    from wt_gym.simulation import Fidelity, Simulator
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
@@ -19,7 +19,7 @@ __all__ = ["SIMULATORS", "Maker", "simulator_maker"]
 SIMULATORS = ("wt_gym", "openfast")
 """Names of simulators."""
 
-Maker = Callable[["Turbine", "Inflow", "str | Fidelity", "float | None"], Simulator]
+Maker = Callable[["Turbine", "Inflow", "str | Fidelity", "float | None"], "Simulator"]
 """Makes a simulator of turbine, inflow, fidelity and the time that the inflow must last [s], None if that is open."""
 
 
@@ -57,7 +57,7 @@ def simulator_maker(choice: Any, turbine: Any, pictured: bool) -> Maker:
     if name == "wt_gym":
         if options:
             raise ValueError(f"the simulator of this package takes no further arguments, got {sorted(options)}")
-        return lambda turbine, inflow, fidelity, duration: Simulator(turbine, inflow=inflow, fidelity=fidelity)
+        return _own
     if pictured:
         raise ValueError("OpenFAST gives no shapes for pictures: render_mode must be None with it")
     from wt_gym.bridges.openfast import OpenFASTSimulator, find_library  # not needed without it
@@ -71,7 +71,12 @@ def simulator_maker(choice: Any, turbine: Any, pictured: bool) -> Maker:
     return partial(_openfast, OpenFASTSimulator, options)
 
 
+def _own(turbine, inflow, fidelity, duration):
+    """The simulator of this package, to which it is all one how long the wind lasts."""
+    return simulation.Simulator(turbine, inflow=inflow, fidelity=fidelity)
+
+
 def _openfast(kind, options, turbine, inflow, fidelity, duration):
     """OpenFAST for a turbine; its wind lasts as long as episodes do."""
     lasting = {} if duration is None else {"duration": duration}
-    return cast(Simulator, kind(turbine, inflow, fidelity, **lasting | options))
+    return cast("Simulator", kind(turbine, inflow, fidelity, **lasting | options))

@@ -12,7 +12,7 @@ from wt_gym.turbines.openfast_text import TextFile
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-__all__ = ["InputFile", "lines_of", "shown_value", "write_lines"]
+__all__ = ["InputFile", "lines_of", "plain_line", "shown_value", "write_lines"]
 
 _QUOTED = re.compile(r'"([^"]+)"')
 
@@ -35,6 +35,11 @@ def shown_value(value: object) -> str:
 def lines_of(rows: Iterable[str | tuple[str, object]]) -> list[str]:
     """Lines of rows: texts as they are, pairs (key, value) as ``value  key``."""
     return [row if isinstance(row, str) else f"{shown_value(row[1]):<26s}  {row[0]:<22s} -" for row in rows]
+
+
+def plain_line(key: str, word: str) -> str:
+    """Line of a word without quotes."""
+    return f"{word:<26s}  {key:<22s} -"
 
 
 def write_lines(path: Path, title: str, rows: Iterable[str | tuple[str, object]]) -> None:
@@ -75,6 +80,14 @@ class InputFile:
             If no line has the keyword.
         """
         self.lines[self._read.line_of(key)] = lines_of([(key, value)])[0]
+
+    def set_default(self, key: str) -> None:
+        """Leave the value of a keyword to OpenFAST."""
+        self.lines[self._read.line_of(key)] = plain_line(key, "default")
+
+    def is_default(self, key: str) -> bool:
+        """Whether the value of a keyword is left to OpenFAST."""
+        return self._read.is_default(key)
 
     def set_outputs(self, names: Sequence[str]) -> None:
         """Replace the list of outputs at the end of the file.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.bridges.openfast.input_text import write_lines
+from wt_gym.bridges.openfast.input_text import plain_line, write_lines
 from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
 from wt_gym.constants import GRAVITY
 from wt_gym.errors import TurbineDefinitionError
@@ -34,6 +34,8 @@ _AERO_NODES, _BLADE_NODES, _TOWER_NODES = 36, 25, 20
 _LONGEST_STEP = 0.0125
 """Of the NREL 5-MW, at 4.95 s a turn [s]."""
 _STEPS_A_TURN = 396
+_MOST_ADVANCE = 0.8
+"""Of the phase of the fastest swing in a step [rad]: ElastoDyn's predictor-corrector is unstable at twice that."""
 _STIFFEST_SHAFT = 8.0
 """Torsional frequency of a drivetrain above which it is rigid [Hz], as in `wt_gym.simulation.Fidelity`."""
 _POLAR_ROWS = 200
@@ -43,7 +45,22 @@ _NO_FILE = "unused"
 
 def time_step_of(turbine: Turbine) -> float:
     """Longest step of OpenFAST for a turbine [s]."""
-    return min(_LONGEST_STEP, 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / _STEPS_A_TURN)
+    step = min(_LONGEST_STEP, 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / _STEPS_A_TURN)
+    if not _yaws(turbine):
+        return step
+    # the nacelle alone on the spring of the yaw drive: the blades do not follow its fast swings
+    return min(step, _MOST_ADVANCE * math.sqrt(_yaw_inertia(turbine) / turbine.nacelle.yaw_spring))
+
+
+def _yaws(turbine: Turbine) -> bool:
+    """Whether the nacelle turns, and then on its spring: without a drive it is fixed to the tower."""
+    return turbine.nacelle.max_yaw_rate > 0.0
+
+
+def _yaw_inertia(turbine: Turbine) -> float:
+    """Inertia of the nacelle about the yaw axis [kg m²] (NacYIner)."""
+    nacelle = turbine.nacelle
+    return float(nacelle.inertia[2, 2] + nacelle.mass * (nacelle.cm[0] ** 2 + nacelle.cm[1] ** 2))
 
 
 def write_model(turbine: Turbine, folder: str | Path) -> Path:
@@ -117,14 +134,13 @@ def _write_primary(turbine: Turbine, folder: Path) -> None:
 
 def _write_elastodyn(turbine: Turbine, folder: Path) -> None:
     nacelle, hub, train, tower = turbine.nacelle, turbine.hub, turbine.drivetrain, turbine.tower
-    yaw_inertia = nacelle.inertia[2, 2] + nacelle.mass * float(nacelle.cm[0] ** 2 + nacelle.cm[1] ** 2)
     three = (1, 2, 3)
     write_lines(folder / "elastodyn.dat", "ELASTODYN INPUT FILE", [
         "---------------------- SIMULATION CONTROL",
-        ("Echo", False), ("Method", 3), ("DT", time_step_of(turbine)),
+        ("Echo", False), ("Method", 1), plain_line("DT", "default"),
         "---------------------- DEGREES OF FREEDOM",
         ("FlapDOF1", True), ("FlapDOF2", True), ("EdgeDOF", True), ("PitchDOF", False), ("TeetDOF", False),
-        ("DrTrDOF", _shaft_frequency(turbine) < _STIFFEST_SHAFT), ("GenDOF", True), ("YawDOF", True),
+        ("DrTrDOF", _shaft_frequency(turbine) < _STIFFEST_SHAFT), ("GenDOF", True), ("YawDOF", _yaws(turbine)),
         *[(f"Tw{plane}DOF{k}", True) for plane in ("FA", "SS") for k in (1, 2)],
         *[(f"Ptfm{name}DOF", False) for name in ("Sg", "Sw", "Hv", "R", "P", "Y")],
         "---------------------- INITIAL CONDITIONS",
@@ -144,7 +160,7 @@ def _write_elastodyn(turbine: Turbine, folder: Path) -> None:
         *[(f"TipMass({i})", 0.0) for i in three], *[(f"PBrIner({i})", 0.0) for i in three],
         *[(f"BlPIner({i})", 0.0) for i in three], ("HubMass", hub.mass), ("HubIner", hub.inertia_axial),
         ("HubIner_Teeter", hub.inertia_transverse), ("GenIner", train.generator_inertia), ("NacMass", nacelle.mass),
-        ("NacYIner", yaw_inertia), ("YawBrMass", nacelle.yaw_bearing_mass), ("PtfmMass", 0.0),
+        ("NacYIner", _yaw_inertia(turbine)), ("YawBrMass", nacelle.yaw_bearing_mass), ("PtfmMass", 0.0),
         *[(f"Ptfm{name}Iner", 0.0) for name in ("R", "P", "Y", "XY", "YZ", "XZ")],
         "---------------------- BLADE",
         ("BldNodes", _BLADE_NODES), *[(f"BldFile({i})", "elastodyn_blade.dat") for i in three],
@@ -224,22 +240,22 @@ def _write_aerodyn(turbine: Turbine, folder: Path) -> None:
     default = "default"
     rows: list[str | tuple[str, object]] = [
         "======  General Options",
-        ("Echo", False), _plain("DTAero", default), ("Wake_Mod", 1), ("TwrPotent", 1), ("TwrShadow", 0),
+        ("Echo", False), plain_line("DTAero", default), ("Wake_Mod", 1), ("TwrPotent", 1), ("TwrShadow", 0),
         ("TwrAero", True), ("CavitCheck", False), ("NacelleDrag", False), ("CompAA", False),
         ("AA_InputFile", _NO_FILE),
         "======  Environmental Conditions",
-        *[_plain(key, default) for key in ("AirDens", "KinVisc", "SpdSound", "Patm", "Pvap")],
+        *[plain_line(key, default) for key in ("AirDens", "KinVisc", "SpdSound", "Patm", "Pvap")],
         "======  Blade-Element/Momentum Theory Options",
         ("BEM_Mod", 1),
         "--- Skew correction",
-        ("Skew_Mod", 1), ("SkewMomCorr", False), _plain("SkewRedistr_Mod", default),
-        _plain("SkewRedistrFactor", default),
+        ("Skew_Mod", 1), ("SkewMomCorr", False), plain_line("SkewRedistr_Mod", default),
+        plain_line("SkewRedistrFactor", default),
         "--- BEM algorithm",
         ("TipLoss", True), ("HubLoss", True), ("TanInd", True), ("AIDrag", False), ("TIDrag", False),
-        _plain("IndToler", default), ("MaxIter", 500),
+        plain_line("IndToler", default), ("MaxIter", 500),
         "--- Shear correction",
-        ("SectAvg", False), _plain("SectAvgWeighting", default), _plain("SectAvgNPoints", default),
-        _plain("SectAvgPsiBwd", default), _plain("SectAvgPsiFwd", default),
+        ("SectAvg", False), plain_line("SectAvgWeighting", default), plain_line("SectAvgNPoints", default),
+        plain_line("SectAvgPsiBwd", default), plain_line("SectAvgPsiFwd", default),
         "--- Dynamic wake/inflow",
         ("DBEMT_Mod", 2), ("tau1_const", 4.0),
         "======  OLAF",
@@ -326,7 +342,7 @@ def _write_servodyn(turbine: Turbine, folder: Path) -> None:
     limits = [math.degrees(value) for value in (pitch.min_pitch, pitch.max_pitch, pitch.max_rate)]
     write_lines(folder / "servodyn.dat", "SERVODYN INPUT FILE", [
         "---------------------- SIMULATION CONTROL",
-        ("Echo", False), _plain("DT", "default"),
+        ("Echo", False), plain_line("DT", "default"),
         "---------------------- PITCH CONTROL",
         ("PCMode", 0), ("TPCOn", 0.0),
         *[(f"{name}({i})", 0.0) for name in ("PitNeut", "PitSpr", "PitDamp") for i in three],
@@ -346,7 +362,7 @@ def _write_servodyn(turbine: Turbine, folder: Path) -> None:
         ("HSSBrMode", 0), ("THSSBrDp", never), ("HSSBrDT", 0.6), ("HSSBrTqF", 0.0),
         "---------------------- NACELLE-YAW CONTROL",
         ("YCMode", 0), ("TYCOn", 0.0), ("YawNeut", 0.0), ("YawSpr", nacelle.yaw_spring),
-        ("YawDamp", nacelle.yaw_damper), ("TYawManS", never), ("YawManRat", math.degrees(nacelle.max_yaw_rate)),
+        ("YawDamp", nacelle.yaw_damper), ("TYawManS", never), ("YawManRat", math.degrees(nacelle.max_yaw_rate) or 0.3),
         ("NacYawF", 0.0),
         "---------------------- Aerodynamic Flow Control",
         ("AfCmode", 0), ("AfC_Mean", 0.0), ("AfC_Amp", 0.0), ("AfC_Phase", 0.0),
@@ -356,8 +372,9 @@ def _write_servodyn(turbine: Turbine, folder: Path) -> None:
         "---------------------- CABLE CONTROL",
         ("CCmode", 0),
         "---------------------- BLADED INTERFACE",
-        ("DLL_FileName", _NO_FILE), ("DLL_InFile", _NO_FILE), ("DLL_ProcName", "DISCON"), _plain("DLL_DT", "default"),
-        ("DLL_Ramp", False), ("BPCutoff", never), ("NacYaw_North", 0.0), ("Ptch_Cntrl", 1), ("Ptch_SetPnt", 0.0),
+        ("DLL_FileName", _NO_FILE), ("DLL_InFile", _NO_FILE), ("DLL_ProcName", "DISCON"),
+        plain_line("DLL_DT", "default"), ("DLL_Ramp", False),
+        ("BPCutoff", never), ("NacYaw_North", 0.0), ("Ptch_Cntrl", 1), ("Ptch_SetPnt", 0.0),
         ("Ptch_Min", limits[0]), ("Ptch_Max", limits[1]), ("PtchRate_Min", -limits[2]), ("PtchRate_Max", limits[2]),
         ("Gain_OM", 0.0), *[(f"GenSpd_{name}", 0.0) for name in ("MinOM", "MaxOM", "Dem")], ("GenTrq_Dem", 0.0),
         ("GenPwr_Dem", 0.0),
@@ -446,11 +463,6 @@ def _shaft_frequency(turbine: Turbine) -> float:
     rotor = turbine.n_blades * (m2 + 2.0 * hub.radius * m1 + hub.radius**2 * m0) + hub.inertia_axial
     generator = train.generator_inertia * train.gear_ratio**2
     return math.sqrt(train.spring * (1.0 / rotor + 1.0 / max(generator, 1e-9))) / (2.0 * math.pi)
-
-
-def _plain(key: str, word: str) -> str:
-    """Line of a word without quotes."""
-    return f"{word:<26s}  {key:<22s} -"
 
 
 def _row(values) -> str:

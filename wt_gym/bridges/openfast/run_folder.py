@@ -25,6 +25,8 @@ __all__ = ["MODULES", "RunStart", "prepare_run"]
 
 MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"}
 """Modules whose inputs can be changed, and the keywords of their files in the primary file (``"OpenFAST"``)."""
+_STEPS = {"ElastoDyn": "DT", "AeroDyn": "DTAero", "ServoDyn": "DT"}
+"""Keywords of the steps of modules."""
 _FOREVER = 1e6
 _RPM = math.pi / 30.0
 
@@ -108,6 +110,10 @@ def prepare_run(
     _set_primary(primary, step)
     _set_elastodyn(files["ElastoDyn"], turbine.n_blades, start)
     _set_servodyn(files["ServoDyn"], start, relay)
+    for name, key in _STEPS.items():
+        file = files[name]
+        if not file.is_default(key) and not _divides(file.number(key), step):
+            file.set_default(key)
     files["AeroDyn"].set_outputs(AERODYN_OUTPUTS)
     inflow_file = InputFile(write_wind(inflow, turbine, folder, duration, start.yaw))
     inflow_file.set_outputs(INFLOW_OUTPUTS)
@@ -126,6 +132,11 @@ def prepare_run(
     return path
 
 
+def _divides(part: float, step: float) -> bool:
+    """Whether a step is a whole number of parts."""
+    return part > 0.0 and abs(step / part - round(step / part)) < 1e-6 and round(step / part) >= 1
+
+
 def _named(primary: InputFile, key: str) -> Path:
     path = primary.path.parent / primary.text(key).replace("\\", "/")
     if not path.is_file():
@@ -137,8 +148,8 @@ def _set_primary(file: InputFile, step: float) -> None:
     file.set("TMax", _FOREVER)
     file.set("DT", step)
     file.set("AbortLevel", "FATAL")
-    file.set("DT_Out", _FOREVER)  # outputs come through the library; a file of them is not wanted
-    file.set("TStart", _FOREVER)
+    file.set_default("DT_Out")
+    file.set("TStart", _FOREVER)  # outputs come through the library; a file of them is not wanted
     file.set("OutFileFmt", 1)
     file.set("SttsTime", _FOREVER)
     file.set("ChkptTime", _FOREVER)

@@ -92,7 +92,7 @@ def sampled(inflow: Inflow, turbine: Turbine, duration: float) -> bts.BtsContent
         raise InflowError(f"a wind file for OpenFAST needs a mean speed above 0 m/s; got {speed:g} ({inflow})")
     y, z, step, length = _grid(inflow, turbine, duration)
     spacing_y, spacing_z = y[1] - y[0], z[1] - z[0]
-    below = np.arange(z[0] - spacing_z, _LEAST_HEIGHT, -spacing_z)
+    below = z[0] - spacing_z * np.arange(1, math.ceil(max(z[0], spacing_z) / spacing_z) + 1)  # the last in the ground
     points = np.zeros((z.size * y.size + below.size, 3))
     rows = points[: z.size * y.size].reshape(z.size, y.size, 3)
     rows[..., 1], rows[..., 2] = y, z[:, None]
