@@ -28,6 +28,8 @@ from wt_gym.envs.simulators import simulator_maker
 from wt_gym.errors import ActionError, SimulationError, TurbineDefinitionError
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.faults import StuckPitch
+from wt_gym.structure.beam import Beam, BeamSections
+from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import PitchSystem, load_turbine
 from wt_gym.turbines.clearance import unloaded_clearance
 from wt_gym.turbines.mirror import mirrored
@@ -78,6 +80,17 @@ class TestSections:
         assert sections.frequencies == pytest.approx([0.72, 1.98, 1.09], rel=0.04)
         mass = np.trapezoid(sections.mass, sections.fraction * turbine.blade.length)
         assert mass == pytest.approx(turbine.blade.structure.mass_moment(), rel=1e-3)
+
+    @pytest.mark.parametrize(("name", "near"), [("nrel_5mw", 0.02), ("iea_15mw", 0.06)])
+    def test_frequencies_are_those_of_the_simulator(self, name, near):
+        """The blade that the simulator bends and twists; that of the IEA 15-MW is curved, what ElastoDyn has not."""
+        turbine = load_turbine(name)
+        blade, structure = turbine.blade, turbine.blade.structure
+        axis = blade.axis_at(np.interp(structure.station, blade.axis_station, blade.axis[:, 2]))
+        beam = Beam(BeamSections(structure.station, structure.stiffness, structure.inertia, axis), 30)
+        speed, root = turbine.drivetrain.rated_rotor_speed, np.array([0.0, 0.0, -turbine.hub.radius])
+        flap_1, edge_1, flap_2 = clamped_modes(beam, 3, spin=speed, centre=root).frequency
+        assert blade_sections(turbine).frequencies == pytest.approx([flap_1, flap_2, edge_1], rel=near)
 
     def test_fore_aft_of_the_nrel_5mw(self, turbine):
         """Published: 0.324 Hz fore-aft, 0.312 Hz side-side (NREL/TP-500-38060, table 9-1)."""

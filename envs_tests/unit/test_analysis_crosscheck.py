@@ -1,0 +1,103 @@
+"""Two simulators side by side: changes, order of the agents, levels, signals and spectra."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from wt_gym.analysis.crosscheck import SERIES, Crosscheck
+from wt_gym.analysis.crosscheck_page import page, tables, write_page
+from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.results import Evaluation, Run, Wind
+
+WINDS = (Wind(12.0, 1001), Wind(12.0, 1002), Wind(16.0, 1001))
+TIME = np.arange(0, 601) * 0.2
+MEAN = {key: 1.0 / metric.factor for key, metric in METRICS.items()}
+SIGNALS = (*SERIES, "tower_base_side_side_moment")
+FLAP = {"discon": 1.0, "ipc": 0.8, "a|b": 0.7, "last": 0.9}
+OTHER_FLAP = {"discon": 1.2, "ipc": 1.2 * 0.85, "a|b": 1.2 * 0.75, "last": 1.2 * 0.99}
+
+
+def evaluation(flap, frequency=0.2, phase=0.0, length=120.0, winds=WINDS):
+    runs = []
+    time = TIME[: round(length / 0.2) + 1]
+    wave = np.sin(2 * np.pi * frequency * time + phase)
+    data = xr.Dataset({name: ("time", 5.0 + wave, {"units": "N m"}) for name in SIGNALS}, {"time": time})
+    for wind in winds:
+        for agent, factor in flap.items():
+            metrics = MEAN | {"blade_flap_del": MEAN["blade_flap_del"] * factor}
+            runs.append(Run(agent, wind, data, metrics, 1.0, {}, 120.0, length, "time"))
+    settings = {"skip": 20.0, "env_id": "wt_gym/LoadReduction-v1", "duration": 120.0}
+    return Evaluation("Turbine", settings, runs, "discon")
+
+
+@pytest.fixture
+def check():
+    return Crosscheck(("wt_gym", "openfast"), (evaluation(FLAP), evaluation(OTHER_FLAP, phase=math.pi / 3)))
+
+
+def test_changes_are_against_the_baseline_of_the_same_simulator(check):
+    assert check.agents == ["ipc", "a|b", "last"]
+    first, second = check.changes("ipc", "blade_flap_del", 12.0)
+    assert (first.value, second.value) == (pytest.approx(-0.2), pytest.approx(-0.15))
+    assert check.level("blade_flap_del") == pytest.approx(1.0 / 1.2 - 1.0)
+
+
+def test_the_order_of_agents(check):
+    assert check.rank_correlation("blade_flap_del") == pytest.approx(1.0)
+    assert math.isnan(check.rank_correlation("tower_fore_aft_del"))  # none has an effect
+    turned = dict(zip(FLAP, (1.0, 0.7, 0.8, 0.9), strict=True))  # the first two change places
+    other = Crosscheck(("a", "b"), (evaluation(FLAP), evaluation(turned)))
+    assert other.rank_correlation("blade_flap_del") == pytest.approx(0.8)
+
+
+def test_signals_are_compared_after_the_start_and_as_long_as_both_last():
+    other = evaluation(OTHER_FLAP, phase=math.pi / 3, length=80.0)
+    check = Crosscheck(("a", "b"), (evaluation(FLAP), other))
+    first, second = check.common("ipc", WINDS[0])
+    assert (float(first.time[0]), float(first.time[-1])) == (pytest.approx(20.0), pytest.approx(80.0))
+    assert first.sizes == second.sizes
+    # whole periods of two waves apart by 60 degrees
+    assert check.sample_correlation("ipc", "wind_x") == pytest.approx(0.5, abs=0.01)
+
+
+def test_spectra_are_means_over_the_winds(check):
+    frequency, first, second = check.spectra("ipc", "pitch_1")
+    assert frequency[first.argmax()] == pytest.approx(0.2)
+    assert np.trapezoid(first, frequency) == pytest.approx(0.5, rel=0.05)
+    np.testing.assert_allclose(first, second, rtol=0.05, atol=0.02)
+
+
+def test_other_agents_or_winds_are_refused():
+    with pytest.raises(ValueError, match="agents of both evaluations must be the same"):
+        Crosscheck(("a", "b"), (evaluation(FLAP), evaluation({"discon": 1.0})))
+    with pytest.raises(ValueError, match="winds of both evaluations must be the same"):
+        Crosscheck(("a", "b"), (evaluation(FLAP), evaluation(FLAP, winds=WINDS[:1])))
+
+
+def test_the_page(check, tmp_path):
+    text = tables(check)
+    assert "| 12 | ipc | −20.0 % / −15.0 % |" in text
+    assert "| 12 | a\\|b | −30.0 % / −25.0 % |" in text
+    assert "| 16 | level | −16.7 % |" in text
+    path = write_page(check, tmp_path, "wt-gym crosscheck discon ipc")
+    written = path.read_text(encoding="utf-8")
+    assert written == page(check, "wt-gym crosscheck discon ipc")
+    assert "wt-gym crosscheck discon ipc\n" in written
+    for k in range(4):
+        for what in ("signals", "spectra"):
+            assert (tmp_path / "figures" / f"{what}_{k}.png").stat().st_size > 5000
+    content = json.loads((tmp_path / "crosscheck.json").read_text())
+    (row,) = [r for r in content["metrics"] if r["metric"] == "blade_flap_del" and r["wind_speed"] is None]
+    assert row["changes"]["last"] == [pytest.approx(-0.1), pytest.approx(-0.01)]
+    assert row["rank_correlation"] == pytest.approx(1.0)
+
+
+def test_runs_that_ended_early_are_named():
+    second = evaluation(FLAP)
+    run = second.runs[1]
+    second.runs[1] = Run(run.agent, run.wind, run.data, {}, 0.0, {}, 120.0, 33.0, "failure", "OpenFAST: it broke")
+    text = page(Crosscheck(("wt_gym", "openfast"), (evaluation(FLAP), second)))
+    assert "openfast: ipc at 12 m/s, seed 1001 ended after 33 s (failure) OpenFAST: it broke" in text
