@@ -87,6 +87,7 @@ COLUMNS = (
 def check(arguments: argparse.Namespace) -> None:
     """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
     from wt_gym.envs.arguments import check_duration
+    from wt_gym.envs.simulators import simulator_maker
     from wt_gym.envs.wind_sampler import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
     from wt_gym.simulation.fidelity import fidelity
 
@@ -106,6 +107,7 @@ def check(arguments: argparse.Namespace) -> None:
     if not 0 <= arguments.seed <= LARGEST_WIND_SEED:
         raise ValueError(f"--seed must lie between 0 and {LARGEST_WIND_SEED}, got {arguments.seed}")
     fidelity(arguments.fidelity)
+    simulator_maker(arguments.simulator, arguments.turbine, pictured=False)
     names = Counter(_label(wind) for wind in _winds(arguments))
     if arguments.out and len(names) < names.total():
         raise ValueError(f"the wind {names.most_common(1)[0][0]} comes twice, and would be written to one file")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import shutil
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -133,7 +132,7 @@ class OpenFASTSimulator:
         folder: str | os.PathLike | None = None,
     ):
         self._process: OpenFASTProcess | None = None
-        self._temporary: Path | None = None
+        self._temporary: TemporaryDirectory | None = None
         if inflow is None:
             raise SimulationError("OpenFASTSimulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
         if commands not in COMMANDS:
@@ -157,8 +156,9 @@ class OpenFASTSimulator:
         self.drives = Drives(self._image)
         self._duration, self._changes, self._lasts = float(duration), dict(changes or {}), math.inf
         if folder is None:
-            self._temporary = Path(mkdtemp(prefix="wt_gym_openfast_"))
-        self._folder = Path(folder or str(self._temporary)).absolute()
+            self._temporary = TemporaryDirectory(prefix="wt_gym_openfast_", ignore_cleanup_errors=True)
+            folder = self._temporary.name
+        self._folder = Path(folder).absolute()
         self._folder.mkdir(parents=True, exist_ok=True)
         self.model = Path(model).absolute() if model is not None else write_model(self._image, self._folder / "model")
         longest = self._longest_step(step, model is not None)
@@ -345,10 +345,10 @@ class OpenFASTSimulator:
         return np.array([signals["tower_top_fore_aft"], signals["tower_top_side_side"], 0.0, 0.0])
 
     def close(self) -> None:
-        """End the process and remove the temporary folder."""
+        """End the process and remove the temporary folder: there are no files to start from any more."""
         self._stop()
         if self._temporary is not None:
-            shutil.rmtree(self._temporary, ignore_errors=True)
+            self._temporary.cleanup()
 
     def __del__(self):
         self.close()
