@@ -252,7 +252,7 @@ class OpenFASTSimulator:
         command = self.drives.command
         angles = command[PITCH].copy()
         bent = self._bent.deflections(start_speed(self.inflow), rotor_speed, float(angles.mean()))
-        fore, side = (bent.tower_top, 0.0) if tower_top is None else tower_top[:2]
+        fore, side = (bent.fore_aft, bent.side_side) if tower_top is None else tower_top[:2]
         cos, sin = math.cos(yaw), math.sin(yaw)
         start = RunStart(
             max(rotor_speed, _LEAST_SPEED), azimuth, yaw, angles, (cos * fore - sin * side, sin * fore + cos * side),

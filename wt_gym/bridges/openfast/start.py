@@ -19,11 +19,12 @@ __all__ = ["BentTurbine"]
 
 @dataclass(frozen=True)
 class Deflections:
-    """Tip deflections of the blades out of and in the rotor plane, fore-aft displacement of the tower top [m]."""
+    """Deflections of the tips out of and in the rotor plane, of the tower top fore-aft and side-side [m]."""
 
     out_of_plane: float
     in_plane: float
-    tower_top: float
+    fore_aft: float
+    side_side: float
 
 
 class BentTurbine:
@@ -52,7 +53,7 @@ class BentTurbine:
             (omega[2] ** 2 + rated**2) * float(self._mass @ edge**2) * width,
         )
         if turbine.tower.support is not None:  # its compliance is not known here
-            self._tower = 0.0
+            self._push = self._lean = 0.0
             return
         tower = tower_sections(turbine)
         shape = np.linspace(0.0, 1.0, 200)[:, None] ** POWERS @ tower.fore_aft_shapes[0]
@@ -60,7 +61,9 @@ class BentTurbine:
         top = turbine.n_blades * m0 + turbine.hub.mass + turbine.nacelle.mass + turbine.nacelle.yaw_bearing_mass
         along = np.interp(np.linspace(0.0, 1.0, 200), tower.fraction, tower.mass)
         modal = top + float(np.mean(along * shape**2)) * turbine.tower.length
-        self._tower = 1.0 / ((2.0 * np.pi * tower.frequencies[0]) ** 2 * modal)
+        self._push = 1.0 / float((2.0 * np.pi * tower.frequencies[0]) ** 2 * modal)
+        slope = float(POWERS @ tower.side_side_shapes[0]) / turbine.tower.length
+        self._lean = slope / float((2.0 * np.pi * tower.frequencies[2]) ** 2 * modal)
 
     def deflections(self, wind: float, rotor_speed: float, pitch: float) -> Deflections:
         """Deflections of a rotor that turns in a steady wind; of one that stands or barely turns none.
@@ -76,7 +79,7 @@ class BentTurbine:
         """
         turbine = self._turbine
         if rotor_speed < 0.1 * turbine.drivetrain.rated_rotor_speed or wind <= 0.0:
-            return Deflections(0.0, 0.0, 0.0)
+            return Deflections(0.0, 0.0, 0.0, 0.0)
         loads = self._elements.solve(wind, rotor_speed, pitch)
         normal, driving = loads["normal"][0], loads["driving"][0]
         # coned upwind, the centrifugal force bends the blades back
@@ -90,4 +93,7 @@ class BentTurbine:
             slope = np.cumsum(curvature[:, None] * np.stack(axis, axis=1), axis=0)
             move = (np.cumsum(slope, axis=0) - 0.5 * slope) / len(slope) ** 2  # along the blade, of one unit
             tip += float(np.sum(force * move)) * width / stiffness * move[-1]
-        return Deflections(float(tip[0]), float(tip[1]), float(loads["thrust"][0]) * self._tower)
+        moment = float(loads["power"][0]) / rotor_speed  # turns the tower top about x, to the right
+        return Deflections(
+            float(tip[0]), float(tip[1]), float(loads["thrust"][0]) * self._push, -moment * self._lean
+        )  # fmt: skip
