@@ -118,20 +118,25 @@ class TestSteady:
         assert abs(amplitude) == pytest.approx(weight, rel=0.08)
         assert amplitude > 0.0
 
-    def test_the_tower_sways_at_its_frequency(self, rows, turbine):
-        """Side-side, which the air hardly damps."""
-        top = np.array([row["tower_top_side_side"] for row in rows])
-        top = top - np.convolve(np.pad(top, 16, mode="edge"), np.full(33, 1 / 33), mode="same")[16:-16]
-        crossings = np.flatnonzero((top[:-1] < 0.0) & (top[1:] >= 0.0))
-        assert len(crossings) > 2
-        found = (len(crossings) - 1) / ((crossings[-1] - crossings[0]) * 0.1)
-        assert found == pytest.approx(tower_sections(turbine).frequencies[2], rel=0.1)
-
     def test_it_starts_near_where_it_stays(self, rows):
         flap = np.array([[row["root_flap_moment_1"]] for row in rows])[:, 0]
         settled = flap[100:]
         assert settled.min() - 0.15 * settled.mean() < flap[:20].min()
         assert flap[:20].max() < settled.max() + 0.15 * settled.mean()
+
+
+def test_a_tower_that_starts_aside_sways_at_its_frequency(turbine):
+    """Side-side, which the air hardly damps."""
+    sim = simulator(turbine)
+    rows = run(sim, 14.0, tower_top=[0.2, 0.3, 0.0, 0.0])
+    assert rows[0]["tower_top_side_side"] == pytest.approx(0.3, abs=0.02)
+    assert rows[0]["tower_top_fore_aft"] == pytest.approx(0.2, abs=0.02)
+    top = np.array([row["tower_top_side_side"] for row in rows])
+    top -= top.mean()
+    assert np.ptp(top[70:]) > 0.4  # still
+    crossings = np.flatnonzero((top[:-1] < 0.0) & (top[1:] >= 0.0))
+    found = (len(crossings) - 1) / ((crossings[-1] - crossings[0]) * 0.1)
+    assert found == pytest.approx(tower_sections(turbine).frequencies[2], rel=0.04)
 
 
 class TestSigns:
