@@ -398,10 +398,10 @@ class TestProcess:
     """A library that behaves, reports an error, aborts, or stops."""
 
     @staticmethod
-    def simulator(folder, way, turbine, **options):
+    def simulator(place, way, turbine, **options):
         source = FAKE.replace("WAY", str(way)).replace("NAMES", ", ".join(f'"{name}"' for name in NAMES))
         source = source.replace("SPEED", str(NAMES.index("RotSpeed"))).replace("PITCH", str(NAMES.index("BldPitch1")))
-        path, library = folder / "fake.c", folder / f"fake{way}.so"
+        path, library = place / "fake.c", place / f"fake{way}.so"
         path.write_text(source)
         subprocess.run([*compiler(), "-shared", "-fPIC", "-o", str(library), str(path)], check=True)
         wind = SteadyInflow(8.0, 90.0)
@@ -431,6 +431,19 @@ class TestProcess:
                 sim.advance(0.2, pitch=0.0)
             with pytest.raises(SimulationError, match="reset"):
                 sim.advance(0.2, pitch=0.0)
+
+    def test_simulators_share_no_files(self, tmp_path, turbine):
+        kept = tmp_path / "kept"
+        pair = [self.simulator(tmp_path, 0, turbine, folder=kept) for _ in range(2)]
+        for sim, speed in zip(pair, (0.5, 1.0), strict=True):
+            sim.reset(rotor_speed=speed)
+        speeds = sorted(InputFile(path).number("RotSpeed") for path in kept.glob("run_*/elastodyn.dat"))
+        assert speeds == pytest.approx([0.5 * 30 / math.pi, 30 / math.pi])
+        temporary = self.simulator(tmp_path, 0, turbine)
+        folder = temporary.model.parents[1]
+        assert folder.is_dir()
+        temporary.close()
+        assert not folder.exists()
 
     def test_a_failure_ends_the_episode(self, tmp_path, turbine):
         self.simulator(tmp_path, 2, turbine).close()

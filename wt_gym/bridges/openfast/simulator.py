@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -89,7 +89,8 @@ class OpenFASTSimulator:
         Further inputs by module ("OpenFAST", "ElastoDyn", "AeroDyn", "ServoDyn") and keyword, as ``{"AeroDyn":
         {"UA_Mod": 3}}``.
     folder : path, optional
-        Keeps the files of the model and of the last run; by default a temporary folder.
+        Keeps the files of the model and of the last start, in a folder ``run_…`` for each simulator; by default they
+        are removed.
 
     Attributes
     ----------
@@ -158,8 +159,8 @@ class OpenFASTSimulator:
         if folder is None:
             self._temporary = TemporaryDirectory(prefix="wt_gym_openfast_", ignore_cleanup_errors=True)
             folder = self._temporary.name
-        self._folder = Path(folder).absolute()
-        self._folder.mkdir(parents=True, exist_ok=True)
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        self._folder = Path(mkdtemp(prefix="run_", dir=folder)).absolute()
         self.model = Path(model).absolute() if model is not None else write_model(self._image, self._folder / "model")
         longest = self._longest_step(step, model is not None)
         self._count = max(1, math.ceil(self.time_step / longest - 1e-6))
@@ -259,15 +260,13 @@ class OpenFASTSimulator:
             (bent.out_of_plane, bent.in_plane),
         )  # fmt: skip
         felt = MirroredInflow.of(self.inflow) if self.mirrored else self.inflow
-        run = self._folder / "run"
-        run.mkdir(exist_ok=True)
         try:
             primary = prepare_run(
-                self.model, run, self._image, felt, start, self.openfast_step, self._duration, self._relay,
+                self.model, self._folder, self._image, felt, start, self.openfast_step, self._duration, self._relay,
                 self._changes,
             )  # fmt: skip
             demands = self._demands(angles[None, :], command[TORQUE], yaw, 0.0)
-            process = OpenFASTProcess(self._library, primary, self._relay, demands[0], run / "openfast.log")
+            process = OpenFASTProcess(self._library, primary, self._relay, demands[0], self._folder / "openfast.log")
         except SimulationError as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         measurement = Measurement(self._image, process.names)
