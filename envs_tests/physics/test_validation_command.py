@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import eigh
 
 from validation import case as module
-from validation.case import Case, CaseResult, Check, Curve, Figure, case, load_cases, run_case
+from validation.case import Case, CaseResult, Check, Curve, Figure, absolute, case, load_cases, run_case
 from validation.record import read_record
 from wt_gym.structure.beam import Beam
 from wt_gym.structure.coordinates import body_from_beam, circular_sections
@@ -34,7 +34,7 @@ class TestCheck:
     def test_relative_and_absolute(self):
         assert Check("a", 2.0, 2.1, 0.051).passed
         assert not Check("a", 2.0, 2.1, 0.049).passed
-        assert Check("a", -2.0, -2.1, 0.11, relative=False).error == pytest.approx(0.1)
+        assert Check("a", -2.0, -2.1, absolute(0.11)).error == pytest.approx(0.1)
         assert Check("zero", 0.0, 1e-3, 1e-2).passed
         assert not Check("zero", 0.0, 1e-3, 1e-2).is_relative
 
