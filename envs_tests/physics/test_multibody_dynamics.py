@@ -98,7 +98,9 @@ def test_equations_of_motion_follow_from_the_energies(complete):
 def test_equations_of_motion_are_those_of_lagrange(complete):
     """d/dt ∂T/∂u = ∂(T − V)/∂q at any state, coordinate by coordinate: also of the terms that do no work."""
     system = MultibodySystem()
-    tower = system.add(modal_body("tower", 3, 4, factor=4.0, complete=complete), Joint("fixed"))
+    tower = system.add(
+        modal_body("tower", 3, 4, factor=4.0, complete=complete), Joint("revolute", (0.8, 0.6, 0.0), name="lean")
+    )
     hub = FlexibleBody.rigid("hub", 2.0, (0.3, 0.1, 0.2), np.diag([0.5, 0.3, 0.4]))
     hub = system.add(hub, Joint("revolute", (0.6, 0.0, 0.8), offset=(0.1, 0.2, 0.4), name="turn"), tower, "tip")
     tilt = Rotation.from_euler("xy", [0.9, -0.3]).as_matrix()

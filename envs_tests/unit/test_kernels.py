@@ -206,7 +206,7 @@ def test_mean_wind_over_the_disc():
 def test_thrust_and_torque_of_forces_at_the_blades():
     rng = np.random.default_rng(3)
     nodes, forces = rng.standard_normal((2, 2, 4, 3))
-    center, axis = np.array([1.0, 2.0, 3.0]), np.array([0.6, 0.0, 0.8])
+    center, axis = np.array([1.0, 2.0, 3.0]), np.array([0.6, 0.48, 0.64])
     moment = np.cross(nodes - center, forces).sum(axis=(0, 1))
     assert rotor_resultant(nodes, forces, center, axis) == pytest.approx(
         (forces.sum(axis=(0, 1)) @ axis, moment @ axis)
