@@ -196,10 +196,13 @@ def test_strained_cores_spread_with_their_circulation():
     np.testing.assert_allclose(grown[4:11] - volume[3:10], LAMB * 0.01 * gamma[1:] * after[4:11] * 0.25, rtol=0.02)
 
 
-def test_cores_by_age_alone_do_not_feel_the_strain():
-    history, _ = drawn_out_wake(core_strain=False, curved_filaments=False)
+@pytest.mark.parametrize("squire", [0.0, 0.01])
+def test_cores_by_age_alone_do_not_feel_the_strain(squire):
+    """rc² = rc0² + 4 · 1.25643 · a Γ t."""
+    history, state = drawn_out_wake(core_strain=False, curved_filaments=False, squire=squire)
     core, length, _ = history[-1]
-    np.testing.assert_allclose(core[3:], (0.1 * length[3:]) ** 2, rtol=1e-6)
+    spread = LAMB * squire * np.abs(state.wake_circulation[: len(core), 0, -1]) * state.arrays.age[1 : len(core) + 1]
+    np.testing.assert_allclose(core[3:], (0.1**2 + spread[3:]) * length[3:] ** 2, rtol=1e-5)
 
 
 # ---- curved filaments ------------------------------------------------------------------------------------------------

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from wt_gym.aerodynamics.lattice.bound_kernels import geometry
 from wt_gym.aerodynamics.lattice.load_kernels import bernoulli_loads, joukowski_loads
-from wt_gym.aerodynamics.wake.wake_kernels import place_newest_row, shedding_edge
-from wt_gym.multibody.system import Joint, MultibodySystem
+from wt_gym.aerodynamics.wake.wake_kernels import age_rows, convect, place_newest_row, shedding_edge
+from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.multibody.tree.rate_kernels import position_rates, prescribe_servos
 from wt_gym.multibody.tree.rotation_kernels import quaternion_rotation, rotation_exp, tangent_bias
 from wt_gym.multibody.tree.tree_kernels import SPHERICAL
@@ -189,6 +189,105 @@ def test_points_ahead_are_exact_for_a_steady_acceleration():
     expected = np.array([4.0, 5.0, 6.0]) + dt * velocity[0] + 0.5 * dt**2 * np.array([0.5, 0.2, -1.0])
     np.testing.assert_allclose(points, [expected, [0.0, 0.0, 0.0]])
     np.testing.assert_array_equal(earlier, velocity)
+
+
+Air = namedtuple("Air", ["n_rows", "wake", "wind", "induced", "history"])
+
+
+def test_the_wake_moves_with_wind_and_induction_by_adams_and_bashforth():
+    """Exact for a velocity that is linear in time, also where the step changes; the newest row takes an Euler step."""
+    last, now, ratio = 0.2, 0.1, 0.5
+    wake, history = np.zeros((3, 1, 1, 3)), np.full((3, 1, 1, 3), 1.0)
+    wind, induced = np.full((3, 1, 1, 3), 5.0), np.full((3, 1, 1, 3), -2.0, dtype=np.float32)
+    convect(Air(np.array([2]), wake, wind, induced, history), now, ratio)
+    np.testing.assert_allclose(wake[0], now * 3.0)
+    np.testing.assert_allclose(wake[1:], now * 3.0 + 0.5 * now**2 * (3.0 - 1.0) / last)
+    np.testing.assert_allclose(history, 3.0)
+
+
+Ages = namedtuple(
+    "Ages", ["n_rows", "wake", "wake_gamma", "age", "shed", "volume", "induced", "history", "wind", "n_steps"]
+)
+Thinning = namedtuple("Thinning", ["coarse_stride", "full_rows", "sparse_stride", "sparse_from", "shed_fraction"])
+
+
+def test_a_thinned_wake_keeps_its_circulation():
+    """What was shed is ∫ Γ dt over the rings, whichever rows have left; the newest row is a quarter of a step old."""
+    dt, n = 0.5, 9
+    flow = [np.zeros((n + 1, 1, 2, 3)) for _ in range(4)]
+    a = Ages(np.array([0]), flow[0], np.zeros((n, 1, 1)), np.zeros(n + 1), np.zeros(n + 1, dtype=np.int64),
+             np.zeros((n + 1, 1, 2, 2)), *flow[1:], np.zeros(1, dtype=np.int64))  # fmt: skip
+    o = Thinning(3, 2, 1, 100, 0.25)
+    given = 0.0
+    for step in range(1, 16):
+        a.n_steps[0] = step
+        a.wake[0] = step
+        a.n_rows[0] = age_rows(a, o, dt)
+        rows = a.n_rows[0]
+        a.wake_gamma[0] = 10.0 + step**2
+        given += 10.0 + step**2
+        assert a.age[:2] == pytest.approx([0.0, 0.25 * dt])
+        np.testing.assert_allclose(a.wake[1 : rows + 1, 0, 0, 0], a.shed[1 : rows + 1])
+    assert rows < n
+    assert (a.shed[3:rows] % 3 == 0).all()  # the last row is where the wake began
+    kept = a.wake_gamma[1:rows, 0, 0] @ np.diff(a.age[1 : rows + 1])
+    assert kept == pytest.approx((given - a.wake_gamma[0, 0, 0]) * dt)
+
+
+def pendulum(tied):
+    """Two rigid links about skew axes, the second one jointed or tied by constraint equations."""
+    system = MultibodySystem()
+    first = FlexibleBody.rigid(
+        "first", 2.0, (0.1, 0.0, 0.3), np.diag([0.5, 0.4, 0.3]), {"end": np.array([0.2, 0.0, 0.7])}
+    )
+    second = FlexibleBody.rigid("second", 1.0, (0.0, 0.2, 0.4), np.diag([0.3, 0.2, 0.2]), {"root": np.zeros(3)})
+    first = system.add(first, Joint("revolute", (0.48, 0.8, 0.36), name="swing"))
+    place = {"rotation": Rotation.from_euler("xz", [0.4, 0.2]).as_matrix(), "offset": (0.05, 0.1, 0.0)}
+    if tied:
+        second = system.add(second, Joint("free", name="place"))
+        system.add_constraint(Constraint("weld", name="tie", **place), first, second, "end", "root")
+    else:
+        system.add(second, Joint("fixed", **place), first, "end")
+    return system.build()
+
+
+def test_a_tied_body_moves_as_a_jointed_one():
+    accelerations = []
+    for tied in (False, True):
+        system = pendulum(tied)
+        y, work = system.initial_state(), system.new_work()
+        y[system.index(0, "joint_q")], y[system.n_q + system.index(0, "joint_u")] = 0.7, 2.5
+        if tied:
+            system.place_free_bodies(y)
+        accelerations.append(system.rates(y, system.new_inputs(), work)[system.n_q + system.index(0, "joint_u")])
+    assert np.abs(work.residual).max() < 1e-13
+    assert np.abs(work.residual_rate).max() < 1e-12
+    assert accelerations[1] == pytest.approx(accelerations[0], rel=1e-9)
+
+
+def test_rows_of_a_constraint_are_rates_of_each_other_also_where_it_is_violated():
+    """φ̇ = B u everywhere; of the position dφ/dt = φ̇, and dφ̇/dt = γ for constant u."""
+    system = pendulum(True)
+    rng, n = np.random.default_rng(5), system.n_q
+    y = system.initial_state()
+    y[: n + system.n_u] += 0.4 * rng.standard_normal(n + system.n_u)
+    quaternion = slice(system.index(1, "joint_q") + 3, system.index(1, "joint_q") + 7)
+    y[quaternion] /= np.linalg.norm(y[quaternion])
+
+    def rows(state):
+        work = system.new_work()
+        motion = system.rates(state, system.new_inputs(), work)[:n]
+        return work, motion
+
+    work, motion = rows(y)
+    h, step = 1e-5, np.zeros_like(y)
+    step[:n] = motion
+    ahead, behind = rows(y + h * step)[0], rows(y - h * step)[0]
+    np.testing.assert_allclose(work.jacobian @ y[n : n + system.n_u], work.residual_rate, atol=1e-12)
+    rate = (ahead.residual[:3] - behind.residual[:3]) / (2.0 * h)
+    np.testing.assert_allclose(rate, work.residual_rate[:3], atol=1e-8)
+    change = (ahead.residual_rate[:3] - behind.residual_rate[:3]) / (2.0 * h)
+    np.testing.assert_allclose(change, work.gamma[:3], atol=1e-7)
 
 
 # ---- between blades, tower and signals -------------------------------------------------------------------------------
