@@ -68,11 +68,11 @@ def test_energy_is_conserved_without_loads_and_damping():
     integrator.start(y)
     start = np.array(system.energy(y))
     exchanged = 0.0
-    for _ in range(60):
+    for _ in range(15):
         integrator.advance(2000)
         now = np.array(system.energy(integrator.state))
         exchanged = max(exchanged, abs(now[2] - start[2]))
-        assert abs(now.sum() - start.sum()) < 1e-4 * start[0]
+        assert abs(now.sum() - start.sum()) < 3e-6 * start[0]
     assert exchanged > 0.05 * start[0], "the test must move energy between its forms"
 
 
