@@ -177,7 +177,7 @@ def rows(text):
 
 def copied(case):
     """Rows of numbers in the notes of a case: what is before the colon, and the numbers after it, as on the pages."""
-    notes = RECORD[case]["notes"].replace("generalised", "generalized")  # as cases of before the US spelling wrote it
+    notes = RECORD[case]["notes"].replace("generalized", "generalized")  # as cases of before the US spelling wrote it
     lines = [line.rsplit(": ", 1) for line in notes.splitlines()[1:]]
     return [(name, numbers.replace("-", "−").split(", ")) for name, numbers in lines]
 
