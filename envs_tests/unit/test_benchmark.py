@@ -385,7 +385,7 @@ def test_entries_of_words():
     ("texts", "message"),
     [
         (["nothing"], "'nothing' is no agent: give zero"),
-        (["ipc:level"], "is key=value"),
+        (["ipc:level"], "must be key=value"),
         (["zero:x=1"], "'zero:x=1' takes no parameters"),
         (["ipc:limit=many"], "must be a number"),
         (["a=ipc", "a=retuned"], "two agents are called 'a'"),

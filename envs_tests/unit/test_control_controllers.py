@@ -646,7 +646,7 @@ def test_parameters_stand_behind_the_name_too(turbine):
     with pytest.raises(ValueError, match="level of controller 'ipc' is given twice"):
         make_controller("ipc:level=0.2", turbine, level=0.1)
     for text, message in (
-        ("level", "a parameter of a controller is key=value, got 'level'"),
+        ("level", "a parameter of a controller must be key=value, got 'level'"),
         ("level='a'", "the value of 'level' .* must be a number, True, False or None"),
         ("level=0.1,level=0.2", "level stands twice"),
     ):

@@ -33,7 +33,8 @@ from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observable import DEFAULT_GROUPS, RESIDUAL_GROUPS
 from wt_gym.envs.observations import Observer
 from wt_gym.envs.readers import Situation
-from wt_gym.envs.running_start import RunningStart, Start, steady_start
+from wt_gym.envs.running_start import RunningStart
+from wt_gym.envs.start import Start, steady_start
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, TRANSIENTS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError
 from wt_gym.simulation import Simulator

@@ -51,6 +51,11 @@ _MODULE_CLASS = re.compile(rf"(?P<target>{_IDENTIFIER}:{_IDENTIFIER})(?::(?P<res
 _MODEL = re.compile(r"(?P<target>.+\.zip)(?::(?P<rest>.*))?", re.DOTALL)
 
 
+_NAME_BEHIND_PARAMETERS = re.compile(
+    rf"\+(?P<name>{'|'.join(sorted(CONTROLLERS, key=len, reverse=True))})\b(?P<rest>.*)"
+)
+
+
 @dataclass(frozen=True)
 class Name:
     """What a name means.
@@ -148,11 +153,22 @@ def _canonical(names: str) -> str:
 
 def _parameters(rest: str | None, text: str, strings: bool = False) -> dict[str, Any]:
     """Parameters of ``key=value,key=value``: numbers, True, False, None, and words where they are allowed."""
+    if not rest:
+        if text.endswith(":"):
+            raise ValueError(f"the colon of {text!r} must be followed by key=value, or left out")
+        return {}
+    if found := _NAME_BEHIND_PARAMETERS.search(rest):
+        head = text[: len(text) - len(rest)].rstrip(":")
+        pairs = [rest[: found.start()], *filter(None, [(found["rest"] or "").lstrip(":")])]
+        raise ValueError(
+            f"the names of {text!r} must all stand before the colon, the parameters of all parts behind it: "
+            f"{head}+{found['name']}:{','.join(pairs)}"
+        )
     parameters: dict[str, Any] = {}
-    for pair in filter(None, (rest or "").split(",")):
+    for pair in rest.split(","):
         key, separator, value = pair.partition("=")
         if not (separator and key):
-            raise ValueError(f"a parameter of a controller is key=value, got {pair!r} in {text!r}")
+            raise ValueError(f"a parameter of a controller must be key=value, got {pair!r} in {text!r}")
         if key in parameters:
             raise ValueError(f"{key} stands twice in {text!r}")
         try:

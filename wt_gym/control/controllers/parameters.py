@@ -46,6 +46,8 @@ class Parameter:
         Name of a class whose objects are allowed too, from Python only; "" for none.
     only_object : bool
         Whether no number is allowed, only such an object.
+    only_of : callable or None
+        Whether the controller of a turbine takes it, from the turbine; None where that of every turbine does.
     default : object
         Of the function that takes the parameter.
     """
@@ -61,7 +63,12 @@ class Parameter:
     switch: bool = False
     kind: str = ""
     only_object: bool = False
+    only_of: Callable[[Turbine], bool] | None = None
     default: Any = inspect.Parameter.empty
+
+    def taken(self, turbine: Turbine | None) -> bool:
+        """Whether the controller of a turbine takes it; without a turbine, whether that of any does."""
+        return turbine is None or self.only_of is None or self.only_of(turbine)
 
     @property
     def allowed(self) -> str:
