@@ -160,9 +160,9 @@ def own_controller(env_id: str, env_kwargs: Mapping[str, Any]) -> str:
     env_kwargs : mapping
         Arguments besides those of the id.
     """
-    import gymnasium as gym
+    from wt_gym.envs.options import registered_arguments
 
-    arguments = {**gym.spec(env_id).kwargs, **env_kwargs}
+    arguments = registered_arguments(env_id, env_kwargs)
     given = arguments.get("controller", BASELINE)
     beneath = arguments.get("action_mode") == "residual" and isinstance(given, str)
     return parse_name(given).text if beneath else BASELINE

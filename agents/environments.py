@@ -17,6 +17,7 @@ from wt_gym.agents.uniform import UniformAgent
 from wt_gym.control.controllers.names import ALIASES
 from wt_gym.control.controllers.own_class import load_class
 from wt_gym.envs.layout import layout_of
+from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
 
 if TYPE_CHECKING:
@@ -144,7 +145,7 @@ class Environments:
 
     def _other(self, choice: str) -> str | None:
         """Controller as a name, None where it is the one that the environment has anyway."""
-        here = {**gym.spec(self._id).kwargs, **self._kwargs}.get("controller", BASELINE)
+        here = registered_arguments(self._id, self._kwargs).get("controller", BASELINE)
         same = isinstance(here, str) and read_name(here) == read_name(choice)
         return None if same else choice
 

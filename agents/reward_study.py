@@ -26,6 +26,7 @@ from wt_gym.control.controllers import BaselineController, BaselineParameters, m
 from wt_gym.control.controllers.discon import BaselineState
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs import rewards
+from wt_gym.envs.options import WindOptions
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table
@@ -263,7 +264,7 @@ def study_terms() -> tuple[rewards.RewardTerm, ...]:
 
 def wind(turbine: Turbine, wind_speed: float, seed: int) -> Inflow:
     """Turbulent wind as the environment draws it, from the beginning of its box [m/s]."""
-    sampler = WindSampler(turbine, "turbulent", wind_speed, wind_seeds=(seed,))
+    sampler = WindSampler(turbine, WindOptions("turbulent", wind_speed, seeds=(seed,)))
     return sampler.sample(np.random.default_rng(0), wind_seed=seed).inflow
 
 

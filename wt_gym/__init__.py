@@ -34,12 +34,12 @@ __version__ = "0.1.0"
 
 
 def _register(env_id, arguments, **limits):
-    """Register an id; ``arguments`` go to the environment."""
+    """Register an id; ``arguments`` go to the environment, which learns of the id what of them a user may replace."""
     register(
         id=env_id,
         entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
         vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
-        kwargs=arguments,
+        kwargs={**arguments, "env_id": env_id},
         **limits,
     )
 

@@ -203,7 +203,7 @@ class Contract:
         }
         expected = next((name for name, holds in due.items() if holds), None)
         require(reason == expected, f"the episode should have ended by {expected}, and ended by {reason}")
-        last = env._max_steps is not None and self._steps >= env._max_steps
+        last = env.length.steps is not None and self._steps >= env.length.steps
         require(result.truncated == (last and reason is None), f"truncated is {result.truncated} at {info['time']} s")
 
     def _check_costs(self, info: dict[str, Any]) -> None:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.envs.options import WindOptions
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow
@@ -371,7 +372,7 @@ def inflow_of(condition: Condition, turbine: Turbine) -> Inflow:
 
 
 def _sampler(turbine: Turbine, kind: str, **options: Any) -> WindSampler:
-    return WindSampler(turbine, kind, (turbine.cut_in, turbine.cut_out), **options)
+    return WindSampler(turbine, WindOptions(kind, (turbine.cut_in, turbine.cut_out), **options))
 
 
 def digest(value: Any) -> str:

@@ -206,7 +206,7 @@ def test_a_model_of_another_task_keeps_its_own_bounds(model):
     path.write_text(before, encoding="utf-8")
     env = make_env(task, task.winds[0], entry.interface)
     assert env.unwrapped.layout.action.pitch_high == pytest.approx(np.radians([4.0]))
-    assert env.unwrapped._residual is None
+    assert env.unwrapped.operation.residual is None
 
 
 def test_another_model_is_another_run(model):

@@ -159,7 +159,7 @@ def test_reward_filters_begin_with_running_means(env):
     env.reset(seed=3, options={"wind_seed": 5001, "time_offset": 80.0})
     term = next(term for term in env.reward_terms if term.name == "tower_side_side_fatigue")
     assert term._filter.mean != env.signals["tower_base_side_side_moment"]
-    assert isinstance(env._starts, RunningStart)
+    assert isinstance(env._starts.running, RunningStart)
 
 
 def test_memory_of_another_controller_is_refused():

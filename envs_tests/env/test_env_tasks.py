@@ -521,7 +521,7 @@ def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
     env = WindTurbineEnv(inflow=SteadyInflow(15.0), relative_reward=True, episode_length=4.0, **RESIDUAL)
     env.reset(seed=0)
     env.step(np.zeros(5))
-    env._twin.overspeed_limit = 0.5
+    env._twin.limits.overspeed = 0.5
     rewards = [env.step(np.zeros(5))[1] for _ in range(4)]
     assert not env._twin._running
     assert np.abs(rewards).max() < 0.1

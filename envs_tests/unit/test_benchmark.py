@@ -41,7 +41,7 @@ from wt_gym.benchmark import (
 from wt_gym.benchmark.fingerprint import code_of, differing
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.errors import BenchmarkError
 
 TASK = load_task("load-reduction-15")

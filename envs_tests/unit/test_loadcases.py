@@ -19,7 +19,7 @@ from wt_gym.agents.sweep_record import SWEEP_FILE
 from wt_gym.agents.workers import Tally
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
 from wt_gym.commands.loadcases import main
-from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.turbines import load_turbine
 

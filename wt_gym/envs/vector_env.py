@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import gymnasium as gym
@@ -15,10 +15,13 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from wt_gym.envs.arguments import shown
+from wt_gym.envs.options.environment import options_of, plain_spec
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
+
+    from gymnasium.envs.registration import EnvSpec
 
 __all__ = ["Outcome", "WindTurbineVectorEnv"]
 
@@ -55,7 +58,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
     threads : int, optional
         That step turbines at the same time; default: one for every processor at hand, at most one a turbine.
     **kwargs
-        Arguments of `WindTurbineEnv`. A turbine and controllers given as objects are shared and copied as there.
+        Arguments of `WindTurbineEnv`, groups of options among them. A turbine and controllers given as objects are
+        shared and copied as there.
 
     Raises
     ------
@@ -75,9 +79,10 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             if number is not None and number < 1:
                 raise ValueError(f"{name} must be at least 1, got {number!r}")
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
-        kwargs = {name: tuple(v) if isinstance(v, Iterator) else v for name, v in kwargs.items()}  # for all to read
-        self.envs = [WindTurbineEnv(**kwargs)]
-        self.envs += [WindTurbineEnv(**kwargs | {"turbine": self.envs[0].turbine}) for _ in range(num_envs - 1)]
+        options = options_of(kwargs)
+        self.envs = [WindTurbineEnv.of(options)]
+        options = replace(options, turbine=self.envs[0].turbine)
+        self.envs += [WindTurbineEnv.of(options) for _ in range(num_envs - 1)]
         for env in self.envs:
             env.outer_steps = max_episode_steps
         first = self.envs[0]
@@ -98,6 +103,15 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.num_envs} of {self.envs[0]!r}>"
+
+    @property
+    def spec(self) -> EnvSpec | None:  # type: ignore[override]  # an attribute there, which Gymnasium sets
+        """What `gymnasium.make_vec` made it of, groups of options as mappings."""
+        return self.__dict__.get("_spec")
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec)
 
     @property
     def observation_names(self) -> np.ndarray:
@@ -131,7 +145,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             return self._start(k, seeds[k], options)
 
         if not self._begun:  # models are made and kernels loaded one after another
-            self.envs[0].warn_of_limit(self.spec, self._most_steps)
+            self.envs[0].length.warn(self.spec, self._most_steps)
             results = [start(k) for k in chosen]
             self._begun = all(env.simulator is not None for env in self.envs)
             return results
