@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -15,6 +15,7 @@ from wt_gym.errors import ActionError
 
 if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv
+    from wt_gym.simulation import Simulator
 
 __all__ = ["Contract", "ContractBroken", "StepResult"]
 
@@ -224,7 +225,7 @@ class Contract:
         require(turning, f"the demanded yaw rate is {demand.yaw_rate} rad/s")
 
     def _check_energy(self) -> None:
-        balance = self.env.simulator.coupling.exchange.energy
+        balance = cast("Simulator", self.env.simulator).coupling.exchange.energy
         require(balance.gained[0] <= balance.reserve, f"the structure gained {balance.gained[0]} J from nothing")
         require(balance.borrowed[0] <= balance.loan, f"the air gave {balance.borrowed[0]} J beyond Betz's limit")
         account = self._account

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -395,7 +395,8 @@ class ActionMap:
         elif self.pitch == "cyclic":
             cosine, sine = pitch
             pitch = harmonic_of_blades(cosine, sine, azimuth + rotor_speed * self.delay, self.n_blades)
-        residual, beneath = self.mode == "residual", cast(Demand, base)  # which is not asked where nothing is beneath
+        residual = self.mode == "residual"
+        beneath: Any = base  # which is not asked where no controller runs; a cast would take time
         if len(pitch) != self.n_blades:
             pitch *= self.n_blades
         if "pitch" not in self.components:

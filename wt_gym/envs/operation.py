@@ -144,7 +144,9 @@ class Operation:
         wt_gym.errors.ControllerError
             If the base controller gives a demand without meaning.
         """
-        simulator, controller, residual = cast("TurbineSimulator", self.simulator), self.controller, self.residual
+        simulator, controller, residual = self.simulator, self.controller, self.residual
+        if simulator is None:
+            raise SimulationError("the turbine does not run: it must be started first")
         before, signals, count, dt, demand_of = self.aim, self.signals, self._count, self._dt, self.action.demand
         pitch, torque, yaw_rate = before.pitch, before.generator_torque, aim.yaw_rate
         turn, rise = aim.pitch - pitch, aim.generator_torque - torque
@@ -157,11 +159,11 @@ class Operation:
             if controller is not None:
                 read = WithLidar(signals, self.ahead(signals)) if sees else signals
                 self.base = checked_demand(controller.step(read, dt), controller, n_blades)
-            wanted = pitch + part * turn
+            wanted, speed = pitch + part * turn, signals["rotor_speed"]
             if residual is not None:
-                wanted = residual.acting(wanted, self.base.pitch, signals["rotor_speed"], dt)
+                wanted = residual.acting(wanted, self.base.pitch, speed, dt)
             present = Aim(wanted, yaw_rate, torque + part * rise)
-            self.demand = demand = demand_of(present, self.base, signals["azimuth"], signals["rotor_speed"])
+            self.demand = demand = demand_of(present, self.base, signals["azimuth"], speed)
             signals = simulator.advance(dt, demand.pitch, demand.yaw_rate, demand.generator_torque, go_on=k > 1)
         if not math.isfinite(sum(signals.values.tolist())):  # a third of the time of numpy's
             raise SimulationError(f"the simulator returned values that are not finite at {signals['time']!r} s")

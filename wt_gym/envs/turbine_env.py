@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -65,8 +65,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
     __doc__ = manual()
     __signature__ = signature()
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 5}
-    make_simulator: SimulatorMaker = staticmethod(make_simulator)  # type: ignore[assignment]  # a function all the same
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 5}  # noqa: RUF012 - as its base
+    make_simulator: SimulatorMaker = staticmethod(make_simulator)
     """Makes the simulator of an episode's turbine, at the first reset; another one may take its place."""
 
     observation_space: spaces.Box
@@ -125,7 +125,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             self.reward_names = (*(term.name for term in self.reward_terms), "termination")
             self.reward_space = spaces.Box(-np.inf, np.inf, (len(self.reward_names),), np.float32)
         self.render_mode = options.render_mode
-        self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}  # type: ignore[misc]
+        self.metadata = {**self.metadata, "render_fps": max(1, round(1 / self.control_dt))}
         self._observation: np.ndarray | None = None
         self._saturated: tuple[str, ...] = ()
         self._twin = self._make_twin() if options.rewards.relative else None
@@ -199,7 +199,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         )
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override]  # an attribute there, which Gymnasium sets
+    def spec(self) -> EnvSpec | None:
         """What `gymnasium.make` made it of, groups of options as mappings: those have a form in JSON."""
         return self.__dict__.get("_spec")
 
@@ -331,9 +331,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         self._observation, self._saturated = None, ()
         rewards.reset(self.reward_terms, self.turbine, operation.signals, start.averaged(operation.signals))
 
-    def step(  # type: ignore[override]  # the reward is an array with vector_reward
-        self, action: Any
-    ) -> tuple[np.ndarray, float | np.ndarray, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[np.ndarray, Any, bool, bool, dict[str, Any]]:
         """Advance by one control step.
 
         Parameters
@@ -394,7 +392,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             info["termination"] = ending
         return observation, self._returned(reward, terms), ending is not None, truncated, info
 
-    def _fail(self, error: SimulationError) -> tuple[np.ndarray, float | np.ndarray, bool, bool, dict[str, Any]]:
+    def _fail(self, error: SimulationError) -> tuple[np.ndarray, Any, bool, bool, dict[str, Any]]:
         """Result of a step that the simulation did not survive: the last good observation and the penalty."""
         self._running, self._failed = False, True
         observation = cast(np.ndarray, self._observation).copy()
@@ -497,7 +495,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
                 self._renderer.record(self.signals)
         return cast(np.ndarray, None if self._observation is None else self._observation.copy())  # a twin has none
 
-    def render(self) -> np.ndarray | None:  # type: ignore[override]  # one picture, as of mode "rgb_array"
+    def render(self) -> np.ndarray | None:
         """Return a picture of the turbine and its wake, uint8 array of shape (height, width, 3), or None.
 
         Of a simulation that failed it shows what was drawn last.

@@ -105,7 +105,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         return f"<{type(self).__name__}: {self.num_envs} of {self.envs[0]!r}>"
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override]  # an attribute there, which Gymnasium sets
+    def spec(self) -> EnvSpec | None:
         """What `gymnasium.make_vec` made it of, groups of options as mappings."""
         return self.__dict__.get("_spec")
 

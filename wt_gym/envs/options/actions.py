@@ -17,24 +17,24 @@ class ActionOptions(OptionGroup):
 
     title = "actions"
 
-    mode: str = option("rate", '{"rate", "absolute", "residual"}', "What an action moves", flat="action_mode")
+    mode: str = option('{"rate", "absolute", "residual"}', "What an action moves", default="rate", flat="action_mode")
     pitch: str = option(
-        "collective",
         '{"collective", "individual", "fixed-frame", "cyclic"}',
         "Coordinates of the pitch",
+        default="collective",
         allowed='"cyclic" with mode "residual"; the latter two with three blades or more',
     )
     components: Sequence[str] | None = option(
-        None,
         'sequence of {"pitch", "yaw", "torque"}, optional',
         "Components of the action, by default all that the turbine has",
+        default=None,
         flat="action_components",
     )
     spans: Mapping[str, float] | None = option(
-        None,
         "mapping, optional",
         'Rates and limits other than the default ones: "pitch", "pitch_mean" [rad], "pitch_rate", "yaw_rate" [rad/s], '
         '"torque" [N m], "torque_rate" [N m/s]; see `wt_gym.control.ActionMap`',
+        default=None,
         flat="action_spans",
         allowed="positive, rates at most those of the drives",
     )

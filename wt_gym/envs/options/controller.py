@@ -20,28 +20,28 @@ class ControllerOptions(OptionGroup):
     objects = {"residual_fade": FadeParameters}  # noqa: RUF012 - of the class, as its base says
 
     base: str | Controller | Callable[..., Any] = option(
-        "discon",
         "str, Controller or callable",
         "What runs under residual actions, or decides on components left out: a name for "
         '`wt_gym.control.controllers.make_controller` (``"path/file.py:Class"`` among them), a controller, or a '
         "function that makes one for a turbine",
+        default="discon",
         flat="controller",
     )
     residual_fade: bool | float | FadeParameters = option(
-        False,
         "bool, float, FadeParameters or mapping",
         "Whether residual pitch acts only above rated wind, as additions to industrial controllers do "
         "(`wt_gym.control.controllers.fading.AboveRated`): blades at fine pitch stay where they make the most power; a "
         "number is the pitch above fine pitch from which on it acts in full, in rad, a mapping has the arguments of "
         'FadeParameters. The share that acts can be observed as "residual_share". Other modes have none to fade',
+        default=False,
         allowed="a pitch from 0.001 to 0.5 rad",
     )
     residual_washout: float | None = option(
-        None,
         "float, optional",
         "Time constant of a high-pass filter on the mean of the blades' residual pitch: lasting offsets of all blades "
         "are left to the base controller, see `wt_gym.control.residual`. What acts can be observed as "
         '"residual_mean". It has no effect on tilt and yaw alone, or in other modes',
+        default=None,
         unit="s",
         allowed="positive",
     )

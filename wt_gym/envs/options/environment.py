@@ -7,9 +7,9 @@ some options itself; what is given takes their place option by option.
 from __future__ import annotations
 
 import inspect
-import os
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Self, cast
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
 
 import gymnasium as gym
 
@@ -63,43 +63,43 @@ class EnvOptions(OptionGroup):
 
     title = "environment"
 
-    turbine: str | os.PathLike[str] | Turbine = option(
-        "nrel_5mw",
+    turbine: str | Path | Turbine = option(
         "str, path or Turbine",
         "Name in the catalogue, a windIO file, an OpenFAST model (.fst), or a turbine",
+        default="nrel_5mw",
     )
     generator: str | None = option(
-        None,
         '{"torque", "damper"}, optional',
         "A torque that is demanded, or the damper of the turbine, M = c Ω, which takes no demand; default: what the "
         "turbine has. With the damper there is no torque component, rated rotor speed is that at which it makes the "
         "rated power (`wt_gym.turbines.damper.with_damper`), and of a base controller only pitch and yaw act",
+        default=None,
     )
     site: Mapping[str, Any] | None = option(
-        None,
         "mapping, optional",
         "Numbers of the site that replace those of the turbine: ``air_density`` [kg/m^3], ``cut_in``, ``cut_out`` "
         "[m/s], ``iec_class``, ``turbulence_class``, and ``controller_air_density``, the density that the controller "
         "is designed for, by default that of the turbine (`wt_gym.turbines.site.with_site`)",
+        default=None,
     )
     fidelity: str | Fidelity = option(
-        "training",
         "str or Fidelity",
         'Of the simulator: ``"training"``, ``"engineering"``, either with ``"-torsion"`` behind it for blades that '
         'twist, ``"reference"``, another of `wt_gym.simulation.FIDELITIES` or your own',
+        default="training",
     )
     control_dt: float = option(
-        0.2, "float", "Control step", unit="s", allowed="a multiple of the aerodynamic step of the simulator"
+        "float", "Control step", default=0.2, unit="s", allowed="a multiple of the aerodynamic step of the simulator"
     )
     start: str = option(
-        "running",
         '{"running", "steady"}',
         'What an episode in turbulence begins with, see "Starting state"',
+        default="running",
     )
     render_mode: str | None = option(
-        None,
         '{"rgb_array"}, optional',
         "Picture of turbine and wake with the recent course of the key signals",
+        default=None,
     )
     wind: WindOptions = WindOptions()
     actions: ActionOptions = ActionOptions()
@@ -314,6 +314,6 @@ def documentation(indent: str = "    ") -> str:
 def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
     """Put mappings of what was given in the place of groups, in what an environment was made of; they have a JSON."""
     if spec is not None:
-        kwargs = cast("dict[str, Any]", spec.kwargs)
+        kwargs = spec.kwargs
         spec.kwargs = {name: value.given if isinstance(value, OptionGroup) else value for name, value in kwargs.items()}
     return spec

@@ -67,16 +67,16 @@ class Described(NamedTuple):
         return f"{text}{allowed} Default: ``{self.default_text}``."
 
 
-def option(default: Any, kind: str, meaning: str, *, flat: str = "", unit: str = "", allowed: str = "") -> Any:
+def option(kind: str, meaning: str, *, default: Any, flat: str = "", unit: str = "", allowed: str = "") -> Any:
     """Field of a group.
 
     Parameters
     ----------
-    default : object
     kind : str
         Type in words.
     meaning : str
         What it is, without a full stop at the end.
+    default : object
     flat : str
         Its name as an argument of the environment by itself; "" for the same.
     unit : str

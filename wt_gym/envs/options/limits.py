@@ -15,26 +15,26 @@ class LimitOptions(OptionGroup):
     title = "limits"
 
     episode_length: float | None = option(
-        120.0,
         "float or None",
         "Time after which an episode is truncated; None: never, for a time limit from outside. Tasks have such a "
         "limit: their episodes are made longer by ``max_episode_steps`` of `gymnasium.make`",
+        default=120.0,
         unit="s",
         allowed="a multiple of ``control_dt``, at least 1",
     )
     overspeed: float = option(
-        1.25,
         "float",
         "Highest rotor speed over rated rotor speed",
+        default=1.25,
         flat="overspeed_limit",
         unit="-",
         allowed="above 1",
     )
     standstill: float | None = option(
-        None,
         "float, optional",
         "Lowest rotor speed over rated rotor speed; 0 allows a stop but no turning backwards, a negative one that too. "
         "Default: 0.2; -1 with a damper, which lets the rotor turn slowly",
+        default=None,
         flat="standstill_limit",
         unit="-",
         allowed="at least -1, below 1",

@@ -23,38 +23,38 @@ class ObservationOptions(OptionGroup):
     objects = {"lidar": Lidar}  # noqa: RUF012 - of the class, as its base says
 
     channels: Sequence[str] | None = option(
-        None,
         "sequence of str, optional",
         "Groups and channels to observe, in any order; default: those of the action mode, see above",
+        default=None,
         flat="observation",
     )
     noise: float = option(
-        0.0,
         "float",
         "Level of white measurement noise: 0 none, 1 typical instruments",
+        default=0.0,
         flat="sensor_noise",
         unit="-",
         allowed="at least 0",
     )
     delay: float = option(
-        0.0,
         "float",
         "Time by which readings are late",
+        default=0.0,
         flat="sensor_delay",
         unit="s",
         allowed=f"a multiple of ``control_dt``, 0 to {MOST_READINGS} of them",
     )
     history: int = option(
-        1,
         "int",
         "Readings in an observation: the present one, then those of the steps before",
+        default=1,
         allowed=f"1 to {MOST_READINGS}",
     )
     lidar: Lidar | None = option(
-        None,
         "Lidar or mapping, optional",
         'Ranges and cone of the group "lidar", a mapping has the arguments of `wt_gym.control.Lidar`; default: the '
         "lidar that the base controller reads, if it does, else `wt_gym.control.Lidar.for_rotor`",
+        default=None,
     )
 
     def check(self) -> None:

@@ -22,28 +22,32 @@ class RewardOptions(OptionGroup):
     title = "rewards"
 
     terms: Mapping[str, float] | Part | Iterable[Part] | None = option(
-        None,
         "mapping, str, callable, RewardTerm or iterable of them, optional",
         'Weights by name; or the terms alone: names (``"power"``), functions of a transition that give a rate in 1/s, '
         "terms of your own. See `wt_gym.envs.rewards.compose`",
+        default=None,
         flat="reward",
     )
     relative: bool = option(
-        False,
         "bool",
         "Take off what the base controller alone earns in the same wind: a second turbine runs beside the first, at "
         "twice the cost",
+        default=False,
         flat="relative_reward",
     )
     vector: bool = option(
-        False,
         "bool",
         "Give the terms as an array instead of their sum, as multi-objective libraries take it; named in "
         "``reward_names``, with a ``reward_space``",
+        default=False,
         flat="vector_reward",
     )
     termination_penalty: float = option(
-        120.0, "float", "Subtracted from the reward when an episode is terminated", unit="-", allowed="at least 0"
+        "float",
+        "Subtracted from the reward when an episode is terminated",
+        default=120.0,
+        unit="-",
+        allowed="at least 0",
     )
 
     def check(self) -> None:

@@ -112,7 +112,6 @@ class WindOptions(OptionGroup):
     title = "wind"
 
     inflow: str | os.PathLike[str] | Inflow | Mapping[str, Any] | Sequence[Any] | Callable[..., Any] = option(
-        "steady",
         '{"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, mapping, sequence, callable',
         "Steady sheared wind, IEC turbulence, gusts of IEC 61400-1 (see ``gusts``), the IEC extreme wind model (EWM) "
         "steady or turbulent, for a parked turbine, or inflows of your own: one, several to draw from, or a function "
@@ -121,74 +120,81 @@ class WindOptions(OptionGroup):
         "drawn, in a record that is not periodic so that the episode is over before the record is; a series is met "
         "from its beginning. The mean speed of an own inflow must hold at the hub: another height, by more than 1 %, "
         "is a warning",
+        default="steady",
     )
     speed: float | Sequence[float] | None = option(
-        (6.0, 18.0),
         "float or (float, float)",
         "Mean wind speed at hub height, or the range from which it is drawn uniformly at each reset; extreme winds "
         "have that of the turbine's class, own inflows their own",
+        default=(6.0, 18.0),
         flat="wind_speed",
         unit="m/s",
         allowed=f"0 to {FASTEST_WIND:g}, of turbulence and gusts from {SLOWEST_TURBULENCE:g} on",
     )
     shear_exponent: float | None = option(
-        None, "float, optional",
-        f"Of the power-law profile, before gusts too; default {NORMAL_SHEAR}, and 0.11 in extreme winds", unit="-",
-    )  # fmt: skip
+        "float, optional",
+        f"Of the power-law profile, before gusts too; default {NORMAL_SHEAR}, and 0.11 in extreme winds",
+        default=None,
+        unit="-",
+    )
     turbulence_class: str | None = option(
-        None, '{"A+", "A", "B", "C"}, optional', "Turbulence class of IEC 61400-1; default: that of the turbine"
+        '{"A+", "A", "B", "C"}, optional', "Turbulence class of IEC 61400-1; default: that of the turbine", default=None
     )
     seeds: Sequence[int] = option(
-        TRAINING_WIND_SEEDS,
         "sequence of int",
         "Turbulence seeds to draw from; `EVALUATION_WIND_SEEDS` are disjoint from the default ones",
+        default=TRAINING_WIND_SEEDS,
         flat="wind_seeds",
         allowed="at least one of 0 to 2^63 - 1",
     )
     direction: float | Sequence[float] = option(
-        0.0,
         "float or (float, float)",
         "Direction of the wind at the start against the nacelle, or the range it is drawn from",
+        default=0.0,
         flat="wind_direction",
         unit="rad",
         allowed="-pi to pi",
     )
     wander: Sequence[float] | None = option(
-        None,
         "(float, float), optional",
         "Standard deviation and time constant with which the direction wanders from then on: an Ornstein-Uhlenbeck "
         "process, drawn for 1200 s, after which the direction stays",
+        default=None,
         flat="wind_wander",
         unit="rad, s",
         allowed=f"0 to pi, at least {FASTEST_WANDERING:g}",
     )
     turbulence_model: str = option(
-        "NTM", '{"NTM", "ETM"}', 'Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``'
+        '{"NTM", "ETM"}', 'Normal or extreme turbulence of IEC 61400-1, for ``inflow="turbulent"``', default="NTM"
     )
-    return_period: int = option(50, "{50, 1}", "Of extreme winds, in years")
+    return_period: int = option("{50, 1}", "Of extreme winds, in years", default=50)
     roughness_length: float | None = option(
-        None, "float, optional", "Of the ground: the profile is then logarithmic instead of a power law", unit="m",
+        "float, optional",
+        "Of the ground: the profile is then logarithmic instead of a power law",
+        default=None,
+        unit="m",
         allowed="positive",
-    )  # fmt: skip
+    )
     reference_height: float | None = option(
-        None,
         "float, optional",
         "Height at which ``speed`` holds instead of hub height, for example the gradient height of a boundary layer; "
         "the speed V = V_ref (z/z_ref)^a, or V_ref ln(z/z0)/ln(z_ref/z0), that the profile has at the hub is that of "
         "operating points, cut-in, cut-out and ``info``",
+        default=None,
         unit="m",
     )
     turbulence: str = option(
-        "kaimal", '{"kaimal", "mann"}',
+        '{"kaimal", "mann"}',
         "Spectra of turbulent winds: Kaimal's with an exponential coherence, or Mann's uniform shear model, both with "
         "the parameters of IEC 61400-1 (``docs/wind.md``)",
-    )  # fmt: skip
+        default="kaimal",
+    )
     gusts: Sequence[str] = option(
-        TRANSIENTS,
         'sequence of {"EOG", "EDC", "ECD", "EWS", "ETM"}',
         'What ``inflow="gusts"`` draws, each once: extreme operating gust, extreme direction change, coherent gust '
         "with direction change, wind shear (vertical or horizontal, together twice as often as each of the others), "
         "and turbulence of the extreme turbulence model, with seed and time as those of turbulent winds",
+        default=TRANSIENTS,
     )
 
     @property

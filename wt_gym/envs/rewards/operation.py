@@ -35,7 +35,7 @@ class ActuatorUse:
             uses.append(torque / turbine.drivetrain.max_torque_rate)
         if turbine.nacelle.max_yaw_rate > 0.0:
             uses.append(abs(after["yaw_rate"]) / turbine.nacelle.max_yaw_rate)
-        return -self.weight * sum(min(use, 1.0) for use in uses) / len(uses)
+        return -self.weight * sum([min(use, 1.0) for use in uses]) / len(uses)
 
 
 @dataclass(frozen=True)
