@@ -6,7 +6,7 @@ import copy
 import math
 from collections import deque
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -120,11 +120,11 @@ class Observer:
         self._directions = [k for k, one in enumerate(observed) if one.circular]
         self._size = len(observed)
 
-    def memory(self) -> dict:
+    def memory(self) -> dict[str, Any]:
         """Give what the sensors remember within an episode, a copy, for `recall`."""
         return copy.deepcopy({name: self.__dict__[name] for name in _MEMORY})
 
-    def recall(self, memory: dict) -> None:
+    def recall(self, memory: dict[str, Any]) -> None:
         """Continue with a memory."""
         self.__dict__.update(copy.deepcopy(memory))
 

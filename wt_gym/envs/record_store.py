@@ -134,7 +134,7 @@ def _folder() -> Path | None:
     return folder
 
 
-def _alone(folder: Path | None, key: str) -> AbstractContextManager:
+def _alone(folder: Path | None, key: str) -> AbstractContextManager[Any]:
     """Have other processes and threads wait that want the same record."""
     if folder is None or not os.access(folder, os.W_OK):
         return contextlib.nullcontext()

@@ -97,7 +97,7 @@ class Start:
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
     before: Before | None = None
 
-    def start(self, controller: Controller, readings, demand: Demand) -> None:
+    def start(self, controller: Controller, readings: Readings, demand: Demand) -> None:
         """Start a controller with the memory of what it has read before; without any, from the present demand.
 
         Parameters

@@ -73,7 +73,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
-        **kwargs,
+        **kwargs: Any,
     ):
         for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps), ("threads", threads)):
             if number is not None and number < 1:
@@ -141,7 +141,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         """Start episodes of the chosen turbines; give observation and info of each."""
         self._refuse_closed()
 
-        def start(k: int):
+        def start(k: int) -> tuple[np.ndarray, dict[str, Any]]:
             return self._start(k, seeds[k], options)
 
         if not self._begun:  # models are made and kernels loaded one after another
@@ -194,7 +194,9 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         if self.closed:
             raise ClosedEnvironmentError("the environment was closed")
 
-    def _start(self, k: int, seed: int | None = None, options: dict[str, Any] | None = None):
+    def _start(
+        self, k: int, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         self._steps[k], self._over[k] = 0, True
         result = self.envs[k].reset(seed=seed, options=options)
         self._over[k] = False
@@ -214,7 +216,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
     def _no_reward(self) -> float | np.ndarray:
         return np.zeros(self.envs[0].reward_space.shape, np.float32) if hasattr(self.envs[0], "reward_space") else 0.0
 
-    def _each(self, work: Callable[[int], Any], chosen: Iterable[int]) -> list:
+    def _each(self, work: Callable[[int], Any], chosen: Iterable[int]) -> list[Any]:
         """Do something with the chosen turbines; an error comes once none of them is at work any more."""
         if self._pool is None:
             return [work(k) for k in chosen]
@@ -247,7 +249,9 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
     # ---- Gymnasium ----
 
-    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start episodes.
 
         Parameters
@@ -276,7 +280,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             infos = self._add_info(infos, info, cast(int, k))
         return self._observations.copy(), infos
 
-    def step(self, actions):
+    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every turbine by a control step.
 
         Parameters
@@ -298,7 +302,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         gymnasium.error.ResetNeeded
             If an episode has ended that nothing resets.
         """
-        outcomes, infos = self.step_each(actions), {}
+        outcomes, infos = self.step_each(actions), cast("dict[str, Any]", {})
         for k, outcome in enumerate(outcomes):
             self._observations[k] = outcome.observation
             if outcome.final is not None:
@@ -308,24 +312,24 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         _, rewards, terminated, truncated, *_ = zip(*outcomes, strict=True)
         return self._observations.copy(), np.array(rewards), np.array(terminated), np.array(truncated), infos
 
-    def _mask(self, mask) -> np.ndarray:
+    def _mask(self, mask: Any) -> np.ndarray:
         """Turbines that a reset is for."""
         if mask is None:
             return np.ones(self.num_envs, dtype=np.bool_)
-        mask = np.asarray(mask)
-        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-            raise ValueError(f"reset_mask must be {self.num_envs} bools, one of them true at least, got {mask!r}")
-        return mask
+        chosen: np.ndarray = np.asarray(mask)
+        if chosen.shape != (self.num_envs,) or chosen.dtype != np.bool_ or not chosen.any():
+            raise ValueError(f"reset_mask must be {self.num_envs} bools, one of them true at least, got {chosen!r}")
+        return chosen
 
     def render(self) -> tuple[Any, ...]:
         """Pictures of all turbines, as of a single environment."""
         return tuple(env.render() for env in self.envs)
 
-    def call(self, name: str, *arguments, **named) -> tuple:
+    def call(self, name: str, *arguments: Any, **named: Any) -> tuple[Any, ...]:
         """Call a method of every turbine's environment, or read an attribute of it."""
         return tuple(value(*arguments, **named) if callable(value) else value for value in self.get_attr(name))
 
-    def get_attr(self, name: str) -> tuple:
+    def get_attr(self, name: str) -> tuple[Any, ...]:
         """Attribute of every turbine's environment."""
         return tuple(getattr(env, name) for env in self.envs)
 
@@ -347,7 +351,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         """Random numbers of each turbine."""
         return self.get_attr("np_random")
 
-    def close_extras(self, **_) -> None:
+    def close_extras(self, **_: Any) -> None:
         """Release simulators and threads."""
         if self._pool is not None:
             self._pool.shutdown()

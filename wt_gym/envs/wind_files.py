@@ -116,7 +116,9 @@ class WindFile:
     is_series: bool
 
     @classmethod
-    def found(cls, given: str | os.PathLike | Mapping[str, Any], hub_height: float, rotor_diameter: float) -> WindFile:
+    def found(
+        cls, given: str | os.PathLike[str] | Mapping[str, Any], hub_height: float, rotor_diameter: float
+    ) -> WindFile:
         """Look through a file, unless this process has done so and the file is as it was.
 
         Raises
@@ -184,7 +186,7 @@ def _state_of(path: str) -> tuple[int, int] | None:
 
 
 @lru_cache(maxsize=1024)
-def _found(key: str, state: tuple, size: tuple[float, float]) -> WindFile:
+def _found(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> WindFile:
     wind = _wind(key, state, size)
     of_all = key, size, wind.mean_speed, wind.hub_height, wind.description
     if isinstance(wind, SeriesInflow):
@@ -193,7 +195,7 @@ def _found(key: str, state: tuple, size: tuple[float, float]) -> WindFile:
 
 
 @lru_cache(maxsize=_WINDS_IN_MEMORY)
-def _wind(key: str, state: tuple, size: tuple[float, float]) -> TurbulentInflow | SeriesInflow:
+def _wind(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> TurbulentInflow | SeriesInflow:
     """Read a file; ``state`` has a file that was changed read again."""
     try:
         wind = wind_from(json.loads(key), *size)

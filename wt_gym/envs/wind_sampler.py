@@ -356,7 +356,7 @@ class WindSampler:
     def _own_inflow(given: Any, hub_height: float, rotor_diameter: float) -> Inflow | WindFile:
         if is_wind_file(given):
             return WindFile.found(given, hub_height, rotor_diameter)
-        inflow = given
+        inflow: Inflow = given
         if isinstance(given, Mapping):
             try:
                 inflow = wind_from(given, hub_height, rotor_diameter)

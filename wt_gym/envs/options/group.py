@@ -117,7 +117,7 @@ def option_group(cls: type[T]) -> type[T]:
         object.__setattr__(self, "_given", frozenset((*names[: len(args)], *kwargs)))
         plain(self, *args, **kwargs)
 
-    made.__init__ = init  # type: ignore[misc, method-assign]
+    made.__init__ = init  # type: ignore[method-assign]
     entries = section((one.name, one.kind, one.text) for one in described(made))
     made.__doc__ = f"{(cls.__doc__ or '').rstrip()}\n\n    Attributes\n    ----------\n{entries}\n    "
     return made
