@@ -11,7 +11,7 @@ def short_records():
 
     Processes that a test starts record it in full.
     """
-    full = running_record.LENGTHS
-    running_record.LENGTHS = running_record.Lengths(runs=1, settling=10.0, recorded=20.0)
+    full = running_record.RECORDING_PLAN
+    running_record.RECORDING_PLAN = running_record.RecordingPlan(runs=1, settling=10.0, recorded=20.0)
     yield full
-    running_record.LENGTHS = full
+    running_record.RECORDING_PLAN = full

@@ -137,7 +137,7 @@ def test_a_controller_on_top_of_an_id_is_a_name_or_a_group():
         ({"limits": LimitOptions(overspeed=1.3), "overspeed_limit": 1.3}, "overspeed_limit must be given once"),
         ({"wind": {"sped": 12.0}}, "wind has no option 'sped'; did you mean 'speed'"),
         ({"wind": {"wind_speed": 12.0}}, r"wind has no option 'wind_speed'; did you mean 'speed'\? Its options are"),
-        ({"observations": {"colour": 1}}, r"observations has no option 'colour'\. Its options are channels, noise"),
+        ({"observations": {"color": 1}}, r"observations has no option 'color'\. Its options are channels, noise"),
         ({"controller": {"name": "ipc"}}, "controller has no option 'name'"),
         ({"wind": 12.0}, "wind must be a WindOptions or a mapping of options, got 12.0"),
         ({"actions": None}, "actions must be a ActionOptions or a mapping"),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.control import Aim, Demand
+from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Simulator
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Operation", "make_simulator"]
 
-_MEMORY = ("signals", "demand", "base", "aim", "controller", "residual", "faults")
+_MEMORY = ("signals", "demand", "base", "setpoint", "controller", "residual", "faults")
 
 
 def make_simulator(turbine: Turbine, inflow: Inflow, fidelity: str | Fidelity) -> TurbineSimulator:
@@ -68,7 +68,7 @@ class Operation:
         On the drives.
     base : Demand
         Of the base controller.
-    aim : Aim
+    setpoint : AgentSetpoint
         What the agent asks for.
     faults : tuple
         What fails, and when.
@@ -77,7 +77,7 @@ class Operation:
     wind: EpisodeWind
     demand: Demand
     base: Demand
-    aim: Aim
+    setpoint: AgentSetpoint
 
     def __init__(
         self,
@@ -107,11 +107,11 @@ class Operation:
         simulator = self._enter(wind, faults)
         self.signals = simulator.reset(
             rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=yaw,
-            generator_torque=start.generator_torque, tower_top=start.tower_top, thrust_before=start.thrust_before,
+            generator_torque=start.generator_torque, tower_top=start.tower_top, wake_thrust=start.wake_thrust,
             motion=start.motion,
         )  # fmt: skip
         self.demand = self.base = Demand(start.pitch.copy(), 0.0, start.generator_torque)
-        self.aim = self.action.start(self.demand)
+        self.setpoint = self.action.start(self.demand)
         if self.controller is not None:
             start.start(self.controller, self._read_by(self.controller, self.measured(self.signals)), self.demand)
         if self.residual is not None:
@@ -134,7 +134,7 @@ class Operation:
 
     # ---- steps ----
 
-    def advance(self, aim: Aim) -> Signals:
+    def advance(self, setpoint: AgentSetpoint) -> Signals:
         """Simulate a control step, in which the demand moves to what the agent asks for at every step of the simulator.
 
         Raises
@@ -147,9 +147,9 @@ class Operation:
         simulator, controller, residual = self.simulator, self.controller, self.residual
         if simulator is None:
             raise SimulationError("the turbine does not run: it must be started first")
-        before, signals, count, dt, demand_of = self.aim, self.signals, self._count, self._dt, self.action.demand
-        pitch, torque, yaw_rate = before.pitch, before.generator_torque, aim.yaw_rate
-        turn, rise = aim.pitch - pitch, aim.generator_torque - torque
+        before, signals, count, dt, demand_of = self.setpoint, self.signals, self._count, self._dt, self.action.demand
+        pitch, torque, yaw_rate = before.pitch, before.generator_torque, setpoint.yaw_rate
+        turn, rise = setpoint.pitch - pitch, setpoint.generator_torque - torque
         sees = controller is not None and lidar_of(controller) is not None
         biased, n_blades = bool(self._sensor_faults), self.turbine.n_blades
         for k in range(1, count + 1):
@@ -162,12 +162,12 @@ class Operation:
             wanted, speed = pitch + part * turn, signals["rotor_speed"]
             if residual is not None:
                 wanted = residual.acting(wanted, self.base.pitch, speed, dt)
-            present = Aim(wanted, yaw_rate, torque + part * rise)
+            present = AgentSetpoint(wanted, yaw_rate, torque + part * rise)
             self.demand = demand = demand_of(present, self.base, signals["azimuth"], speed)
-            signals = simulator.advance(dt, demand.pitch, demand.yaw_rate, demand.generator_torque, go_on=k > 1)
+            signals = simulator.advance(dt, demand.pitch, demand.yaw_rate, demand.generator_torque, accumulate=k > 1)
         if not math.isfinite(sum(signals.values.tolist())):  # a third of the time of numpy's
             raise SimulationError(f"the simulator returned values that are not finite at {signals['time']!r} s")
-        self.signals, self.aim = signals, aim
+        self.signals, self.setpoint = signals, setpoint
         return signals
 
     # ---- what is measured ----

@@ -280,12 +280,12 @@ class Record:
         history, motion = self.history.astype(float), self._followed()
         self._spread = np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30)
         self._mean_history = history.mean(axis=0)
-        centred = history - self._mean_history
-        gram = centred.T @ centred
+        centered = history - self._mean_history
+        gram = centered.T @ centered
         gram += 1e-3 * np.trace(gram) / len(gram) * np.eye(len(gram))
         normal = (motion - motion.mean(axis=0)) / self._spread
-        self._follows = np.linalg.solve(gram, centred.T @ normal)
-        self._explained = centred @ self._follows
+        self._follows = np.linalg.solve(gram, centered.T @ normal)
+        self._explained = centered @ self._follows
 
     def _followed(self) -> np.ndarray:
         """Values of `FOLLOWS` at the instants, and the moments of tilt and yaw (n_instants, n)."""
@@ -423,7 +423,7 @@ def rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> np.
     Returns
     -------
     numpy.ndarray, shape (3,)
-        Mean, and change from the centre to the rim, upward and to the left, of the plane through the points [m/s].
+        Mean, and change from the center to the rim, upward and to the left, of the plane through the points [m/s].
     """
     disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
     ring = turbine.rotor_diameter / 2 * _RINGS

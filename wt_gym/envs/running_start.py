@@ -20,7 +20,7 @@ import numpy as np
 
 from wt_gym.control.controllers import make_controller, parts_of
 from wt_gym.envs.record_store import digest_of_controller, kept_record
-from wt_gym.envs.running_record import WINDOWS, Maker, rotor_wind
+from wt_gym.envs.running_record import WINDOWS, StartRecorder, rotor_wind
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind.protocol import PointInflow
 
@@ -73,10 +73,10 @@ class RunningStart:
         twists = isinstance(fidelity, str) and fidelity.endswith("-torsion")
         self._is_own = any(not type(part).__module__.startswith(_BUILT_IN) for part in parts_of(controller))
         recorded_controller = make_controller("discon", turbine) if self._is_own else copy.deepcopy(controller)
-        self._maker = Maker(turbine, "training-torsion" if twists else "training", recorded_controller)
-        recorded = fidelity_of(self._maker.fidelity)
+        self._recorder = StartRecorder(turbine, "training-torsion" if twists else "training", recorded_controller)
+        recorded = fidelity_of(self._recorder.fidelity)
         self._same_model = fidelity_of(fidelity) == recorded and recorded.takes_motion
-        self._identity = digest_of_controller(self._maker.controller)
+        self._identity = digest_of_controller(self._recorder.controller)
         self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
 
     def draw(self, wind: EpisodeWind, yaw: float, rng: np.random.Generator, azimuth: float | None) -> Start | None:
@@ -106,7 +106,7 @@ class RunningStart:
         # Of the speeds with records on both sides one is drawn, the nearer one as much more often as it is nearer: the
         # distribution is then interpolated linearly.
         speed = min(max(BIN * math.floor(speed / BIN + which), low), high)
-        record = kept_record(self._maker, self._identity, self._winds, speed)
+        record = kept_record(self._recorder, self._identity, self._winds, speed)
         start = None if record is None else record.start(wind.inflow, yaw, among, azimuth, self._fastest)
         if start is None:
             return None
@@ -122,7 +122,7 @@ class RunningStart:
         """
         if not isinstance(wind.inflow, PointInflow):
             return None
-        times = -self._maker.pace * np.linspace(0.0, WINDOWS[-1], 25)
+        times = -self._recorder.time_scale * np.linspace(0.0, WINDOWS[-1], 25)
         speeds = np.array([rotor_wind(wind.inflow, self._turbine, yaw, time)[0] for time in times.tolist()])
         if np.ptp(speeds) <= _STEADY * abs(speeds.mean()):
             return None

@@ -79,7 +79,7 @@ class Start:
     motion : numpy.ndarray, shape (n,), optional
         Of the structure, as `wt_gym.simulation.Simulator.reset` takes it, where fidelity and azimuth are those of the
         record.
-    thrust_before : float, optional
+    wake_thrust : float, optional
         Mean thrust of the air in the time before, to which the wake belongs [N].
     deviations : dict
         Of the running means of channels from their present values, by name.
@@ -93,7 +93,7 @@ class Start:
     azimuth: float
     tower_top: np.ndarray | None = None
     motion: np.ndarray | None = None
-    thrust_before: float | None = None
+    wake_thrust: float | None = None
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
     before: Before | None = None
 

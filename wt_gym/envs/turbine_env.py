@@ -32,7 +32,7 @@ from wt_gym.envs.options.environment import (
     plain_spec,
     signature,
 )
-from wt_gym.envs.readers import Situation
+from wt_gym.envs.readers import ObservationContext
 from wt_gym.envs.running_start import RunningStart
 from wt_gym.envs.snapshot import EnvSnapshot
 from wt_gym.envs.wind_sampler import WindSampler
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
     from gymnasium.envs.registration import EnvSpec
 
-    from wt_gym.control import Aim, Demand, Lidar
+    from wt_gym.control import AgentSetpoint, Demand, Lidar
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.rendering import Renderer
     from wt_gym.envs.wind_sampler import EpisodeWind
@@ -238,9 +238,9 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         return self.operation.base
 
     @property
-    def aim(self) -> Aim:
+    def setpoint(self) -> AgentSetpoint:
         """What the agent asks for at present."""
-        return self.operation.aim
+        return self.operation.setpoint
 
     @property
     def termination_penalty(self) -> float:
@@ -360,7 +360,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         operation, meaning, dt = self.operation, self.layout.action, self.control_dt
         values, before = meaning.validate(action), operation.signals
         try:
-            after = operation.advance(meaning.decode(values, operation.aim))
+            after = operation.advance(meaning.decode(values, operation.setpoint))
         except SimulationError as error:
             return self._fail(error)
         except ControllerError:
@@ -417,11 +417,11 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
             return reward
         return np.array([terms.get(name, 0.0) for name in self.reward_names], dtype=np.float32)
 
-    def _situation(self) -> Situation:
+    def _situation(self) -> ObservationContext:
         o = self.operation
         signals = o.measured(o.signals)
         seen = o.ahead(signals) if self._observer.sees_lidar else None
-        return Situation(signals, o.demand, o.aim, o.base, self._action, seen, o.residual)
+        return ObservationContext(signals, o.demand, o.setpoint, o.base, self._action, seen, o.residual)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)

@@ -71,12 +71,12 @@ class TurbineSimulator(Protocol):
         yaw: float = 0.0,
         generator_torque: float | None = None,
         tower_top: ArrayLike | None = None,
-        thrust_before: float | None = None,
+        wake_thrust: float | None = None,
         motion: ArrayLike | None = None,
     ) -> Signals:
         """Start at time zero near a steady state; arguments as of `wt_gym.simulation.Simulator.reset`.
 
-        A simulator may leave ``tower_top``, ``thrust_before`` and ``motion`` aside, which say how the turbine ran
+        A simulator may leave ``tower_top``, ``wake_thrust`` and ``motion`` aside, which say how the turbine ran
         before.
 
         Raises
@@ -88,7 +88,7 @@ class TurbineSimulator(Protocol):
 
     def advance(
         self, duration: float, pitch: ArrayLike, yaw_rate: float = 0.0, generator_torque: float = 0.0,
-        go_on: bool = False,
+        accumulate: bool = False,
     ) -> Signals:  # fmt: skip
         """Move on with constant demands; arguments as of `wt_gym.simulation.Simulator.advance`.
 
