@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
-from wt_gym.agents.choices import read_name
+from wt_gym.agents.names import read_name
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.rewards import DEFAULT_WEIGHTS
 from wt_gym.envs.turbine_env import WindTurbineEnv

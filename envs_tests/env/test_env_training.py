@@ -16,8 +16,8 @@ import pytest
 import torch
 
 from wt_gym.agents import evaluation
-from wt_gym.agents.choices import named_choices
 from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.names import named_choices
 from wt_gym.agents.train import TrainingConfig, resume, train
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.agents.training import callbacks, held_back

@@ -2,7 +2,7 @@
 
 import pytest
 
-from wt_gym.agents.choices import (
+from wt_gym.agents.names import (
     BASELINE,
     controller_of,
     fingerprint,

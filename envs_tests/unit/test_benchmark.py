@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from wt_gym.agents import benchmark_runs
-from wt_gym.agents.benchmark_runs import definition_of, jobs_of
-from wt_gym.agents.choices import controller_of
-from wt_gym.agents.entries import LEVELS, entries_of, entry_of
+from wt_gym.agents.benchmark_runs import definition_of, entries_of, entry_of, jobs_of
 from wt_gym.agents.front import (
     FAMILIES,
     distance_table,
@@ -21,6 +19,7 @@ from wt_gym.agents.front import (
     front_rows,
     write_csv,
 )
+from wt_gym.agents.names import LEVELS, controller_of
 from wt_gym.benchmark import (
     INTERFACE,
     BenchmarkTask,

@@ -151,7 +151,7 @@ def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
         return recorder
 
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
-    monkeypatch.setattr("wt_gym.agents.closed_loop.run_baseline", run)
+    monkeypatch.setattr("wt_gym.runs.play.run_baseline", run)
     out = tmp_path / "new" / "run.nc"
     assert ended(simulate.main, ["--wind-speed", "8", "12", "15", "--out", str(out)]) == 128 + number
     assert sorted(file.name for file in out.parent.iterdir()) == ["run_12.nc", "run_8.nc"]
@@ -338,7 +338,7 @@ def test_a_full_disk_ends_in_one_line_and_what_was_written_stays(monkeypatch, tm
         return recorder
 
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
-    monkeypatch.setattr("wt_gym.agents.closed_loop.run_baseline", run)
+    monkeypatch.setattr("wt_gym.runs.play.run_baseline", run)
     out = tmp_path / "run.nc"
     with files_of_at_most(400_000):
         error = ended(simulate.main, ["--wind-speed", "8", "12", "--out", str(out)])

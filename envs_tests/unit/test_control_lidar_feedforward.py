@@ -8,7 +8,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.agents.closed_loop import run_controller
 from wt_gym.agents.controller_agent import ControllerAgent
 from wt_gym.agents.reward_study import simulate
 from wt_gym.control import Demand, Lidar
@@ -23,6 +22,7 @@ from wt_gym.control.controllers import (
     readings_of,
 )
 from wt_gym.control.operating_point import operating_point
+from wt_gym.runs.play import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.damper import with_damper

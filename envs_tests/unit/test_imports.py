@@ -23,11 +23,14 @@ KNOWS = {
     "control": {"turbines", "wind", "simulation"},
     "analysis": {"turbines", "wind", "simulation", "control"},
     "envs": {"turbines", "wind", "simulation", "control", "analysis"},
-    "benchmark": {"turbines", "wind", "simulation", "control", "analysis", "envs"},
-    "agents": {"turbines", "wind", "simulation", "control", "analysis", "envs", "benchmark"},
-    "commands": {"turbines", "wind", "multibody", "simulation", "control", "analysis", "envs", "benchmark", "agents"},
+    "runs": {"turbines", "wind", "simulation", "control", "analysis", "envs"},
+    "benchmark": {"turbines", "wind", "simulation", "control", "analysis", "envs", "runs"},
+    "agents": {"turbines", "wind", "simulation", "control", "analysis", "envs", "runs", "benchmark"},
+    "commands": {
+        "turbines", "wind", "multibody", "simulation", "control", "analysis", "envs", "runs", "benchmark", "agents",
+    },
     "__main__": {"commands"},
-}
+}  # fmt: skip
 """Rooms that each room may use, beside `BASE` and the version in ``wt_gym`` itself."""
 
 TWO_WAYS_TO_COMPILE = {"wt_gym.compiled", "wt_gym.kernel_linking", "wt_gym.kernel_self_test"}

@@ -9,8 +9,9 @@ import numpy as np
 
 from wt_gym.benchmark.reference import reference_of
 from wt_gym.benchmark.scoring import score
-from wt_gym.benchmark.tasks import digest, load_task, task_names
+from wt_gym.benchmark.tasks import load_task, task_names
 from wt_gym.errors import BenchmarkError
+from wt_gym.runs.definition import digest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

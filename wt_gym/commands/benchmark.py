@@ -111,9 +111,8 @@ def warnings_of_scores(tasks: list) -> list[str]:
 
 def run(arguments: argparse.Namespace) -> dict:
     """Run agents."""
-    from wt_gym.agents.benchmark_runs import jobs_of, run_jobs
-    from wt_gym.agents.choices import with_model_options
-    from wt_gym.agents.entries import entries_of
+    from wt_gym.agents.benchmark_runs import entries_of, jobs_of, run_jobs
+    from wt_gym.agents.names import with_model_options
     from wt_gym.benchmark import ResultFolder
 
     tasks = chosen(arguments.task)
@@ -165,7 +164,8 @@ def results(arguments: argparse.Namespace, asked: list[tuple]) -> list[dict[str,
 
 def reference(arguments: argparse.Namespace) -> dict:
     """Renew reference numbers."""
-    from wt_gym.agents.entries import BASELINE, entries_of
+    from wt_gym.agents.benchmark_runs import entries_of
+    from wt_gym.agents.names import BASELINE
     from wt_gym.benchmark import make_reference, write_reference
     from wt_gym.errors import BenchmarkError
 
@@ -187,7 +187,8 @@ def reference(arguments: argparse.Namespace) -> dict:
 
 def confirmed(arguments: argparse.Namespace) -> dict:
     """Reference numbers that a change of the sources has left as they are."""
-    from wt_gym.agents.entries import BASELINE, entries_of
+    from wt_gym.agents.benchmark_runs import entries_of
+    from wt_gym.agents.names import BASELINE
     from wt_gym.benchmark import confirm_reference, reference_of, write_reference
 
     kept, asked = {}, []
@@ -208,8 +209,8 @@ def confirmed(arguments: argparse.Namespace) -> dict:
 def front(arguments: argparse.Namespace) -> list:
     """Make the front of load against travel."""
     from wt_gym.agents import front as fronts
-    from wt_gym.agents.choices import with_model_options
-    from wt_gym.agents.entries import entries_of
+    from wt_gym.agents.benchmark_runs import entries_of
+    from wt_gym.agents.names import with_model_options
 
     entries, rows, distances = fronts.front_entries(), [], []
     agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)

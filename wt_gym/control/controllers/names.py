@@ -5,7 +5,7 @@
 ``path/file.py:Class:key=value,...``    a class of one's own, or a function, in a file
 ``module:Class:key=value,...``          the same in a module
 ``FOLDER``, ``FILE.zip:key=value,...``  a trained model
-another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.agents.choices`
+another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.agents.names`
 ======================================  ===========================================================================
 """
 

@@ -16,8 +16,8 @@ from ray.exceptions import (
     WorkerCrashedError,
 )
 
-from wt_gym.agents.distributed.connection import connected, processors, warm_nodes
-from wt_gym.agents.workers import Tally
+from wt_gym.runs.ray_cluster import connected, processors, warm_nodes
+from wt_gym.runs.tally import Tally
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -29,7 +29,7 @@ _GONE = (LocalRayletDiedError, NodeDiedError, ObjectLostError, OutOfMemoryError,
 
 
 class RayExecutor:
-    """Jobs as tasks of a Ray cluster, a processor each; see `wt_gym.agents.executors.Executor`.
+    """Jobs as tasks of a Ray cluster, a processor each; see `wt_gym.runs.executors.Executor`.
 
     Ray's own retries are off: what is begun again is counted here. Results come back to this process, which alone
     writes them: the machines need no common file system, but trained models must lie at the same path on all of them.
@@ -37,7 +37,7 @@ class RayExecutor:
     Parameters
     ----------
     address : str, optional
-        As of `wt_gym.agents.executors.executor_for`.
+        As of `wt_gym.runs.executors.executor_for`.
     workers : int, optional
         Jobs at a time; default: as many as the cluster has processors, also while machines come and go.
     """
@@ -56,7 +56,7 @@ class RayExecutor:
         self._stack.close()
 
     def results(self, work, jobs, *, begin=None, given=(), warm=None) -> Iterator[tuple[Any, Any]]:
-        """As `wt_gym.agents.executors.Executor.results`."""
+        """As `wt_gym.runs.executors.Executor.results`."""
         if not jobs:
             return
         if warm is not None:

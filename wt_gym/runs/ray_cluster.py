@@ -12,7 +12,7 @@ import ray
 from ray.exceptions import RayTaskError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from wt_gym.agents.workers import ONE_THREAD
+from wt_gym.runs.tally import ONE_THREAD
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -29,7 +29,7 @@ def connected(address: str | None = None, num_cpus: int | None = None) -> Iterat
     Parameters
     ----------
     address : str, optional
-        As of `wt_gym.agents.executors.executor_for`. A connection that exists already is used and left as it is.
+        As of `wt_gym.runs.executors.executor_for`. A connection that exists already is used and left as it is.
     num_cpus : int, optional
         Processors of a Ray of this machine alone; default: all.
 

@@ -15,17 +15,22 @@ from wt_gym.control.controllers.names import (
     parse_name,
 )
 from wt_gym.control.controllers.own_class import load_class, source_digest
+from wt_gym.control.controllers.parameters import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
 __all__ = [
     "BASELINE",
+    "BENEATH",
+    "GROUPS",
+    "LEVELS",
     "PREFIX",
     "WORDS",
     "checked_choices",
     "controller_of",
     "default_name",
+    "each_named",
     "each_seed",
     "env_choices_of",
     "fingerprint",
@@ -41,6 +46,16 @@ __all__ = [
 WORDS = ("zero", "random", "planner")
 """Agents by word: zero actions, which leave everything to the controller beneath; even draws; planning on a copy of the
 simulator. A controller, a class of one's own and a path are read by `wt_gym.control.controllers.names.parse_name`."""
+LEVELS = (0.03, 0.06, 0.1, 0.15, 0.2)
+"""Bands of constrained individual pitch in the word "baselines", in `reference_flap_moment`."""
+GROUPS = {
+    "baselines": (
+        "zero", "random", BASELINE, "retuned", "tuned", "ipc", *(f"constrained_ipc:level={x:g}" for x in LEVELS)
+    ),
+}  # fmt: skip
+"""Words of the benchmark that stand for several agents."""
+BENEATH: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
+"""Arguments of an environment in which a controller runs beneath actions that rest."""
 _WORD_ALIASES = {"constant": "zero", "Constant action": "zero"}
 _MODEL_PARAMETERS = ("algo", "env", "trust")
 
@@ -221,15 +236,43 @@ def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]
         If two agents get the same label, or a choice is none.
     """
     named: dict[str, str] = {}
-    for given in choices:
-        label, choice = split_name(given)
-        name = read_name(own if choice in ALIASES else choice)
-        for suffix, single in each_seed(name):
-            shown = (label or default_name(name)) + suffix
-            if shown in named:
-                raise ValueError(f"two agents are called {shown!r}; give them names as NAME={single}")
-            named[shown] = single
+    for shown, single in each_named(choices, own):
+        if shown in named:
+            raise ValueError(f"two agents are called {shown!r}; give them names as NAME={single}")
+        named[shown] = single
     return named
+
+
+def each_named(
+    choices: Iterable[str],
+    own: str = BASELINE,
+    default: Callable[[Name], str] | None = None,
+    groups: Mapping[str, Iterable[str]] | None = None,
+) -> Iterator[tuple[str, str]]:
+    """Label and name of each agent of a command line, aliases resolved.
+
+    Parameters
+    ----------
+    choices, own
+        As of `named_choices`.
+    default : callable, optional
+        Gives the label of a name without one, by default `default_name`.
+    groups : mapping, optional
+        Words that stand for several choices.
+
+    Raises
+    ------
+    ValueError
+        If a choice is none.
+    """
+    for given in (single for word in choices for single in (groups or {}).get(word, (word,))):
+        label, choice = split_name(given)
+        try:
+            name = read_name(own if choice in ALIASES else choice)
+        except ValueError as error:
+            raise ValueError(f"{error}{did_you_mean(choice, groups or ())}") from error
+        for suffix, single in each_seed(name):
+            yield (label or (default or default_name)(name)) + suffix, single
 
 
 def each_seed(name: Name) -> list[tuple[str, str]]:

@@ -9,17 +9,37 @@ The numbers are the same with every executor, bit for bit, on processors of one 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+import multiprocessing
+import multiprocessing.connection
+import os
+import signal
+import threading
+from collections import deque
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import ExitStack, contextmanager
+from multiprocessing.process import BaseProcess
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from wt_gym.agents.workers import Tally, check_workers, in_processes
+from wt_gym.runs.tally import ATTEMPTS, ONE_THREAD, Tally
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-__all__ = ["ENGINES", "Executor", "ProcessExecutor", "SerialExecutor", "executor_for"]
+__all__ = ["ATTEMPTS", "ENGINES", "ONE_THREAD", "Executor", "ProcessExecutor", "SerialExecutor", "Tally", "executor_for"]
 
 ENGINES = ("local", "ray")
 """Where jobs are done."""
+
+
+def _check_workers(workers: int) -> None:
+    """Refuse a number of processes that can do nothing.
+
+    Raises
+    ------
+    ValueError
+    """
+    if workers < 1:
+        raise ValueError(f"at least 1 job must run at a time, got {workers}")
 
 
 class Executor(Protocol):
@@ -48,7 +68,7 @@ class Executor(Protocol):
         """Do jobs; give each with its result as soon as it is done.
 
         An error that a job raises ends all. Where the process or the machine of a job is gone, the job is begun again,
-        `wt_gym.agents.workers.ATTEMPTS` times at most, and counted.
+        `ATTEMPTS` times at most, and counted.
 
         Parameters
         ----------
@@ -102,6 +122,8 @@ class SerialExecutor:
 class ProcessExecutor:
     """Jobs beside each other, in processes of this machine.
 
+    Where a job raises an error, or the caller goes no further, jobs under way are ended and no other begins.
+
     Parameters
     ----------
     workers : int
@@ -115,14 +137,55 @@ class ProcessExecutor:
     beside = True
 
     def __init__(self, workers: int):
-        check_workers(workers)
+        _check_workers(workers)
         self.workers, self.tally = workers, Tally()
 
     def results(self, work, jobs, *, begin=None, given=(), warm=None) -> Iterator[tuple[Any, Any]]:
         """As `Executor.results`."""
-        if jobs and warm is not None:
+        if not jobs:
+            return
+        if warm is not None:
             warm()
-        return in_processes(work, jobs, min(self.workers, max(len(jobs), 1)), begin, given, self.tally)
+        spawn = multiprocessing.get_context("spawn")  # compiled kernels do not survive a fork
+        reader, writer = spawn.Pipe(duplex=False)
+        left = deque((job, 1) for job in jobs)
+        running: dict[Future, tuple[ProcessPoolExecutor, Any, int]] = {}
+
+        def pool() -> ProcessPoolExecutor:
+            """Give a pool of one process: where that ends, no other job is lost."""
+            return pools.enter_context(ProcessPoolExecutor(1, spawn, _begin, (reader,)))
+
+        with ExitStack() as pools:
+            pools.callback(reader.close)
+            pools.callback(writer.close)
+            pools.enter_context(_one_thread())
+            free = [pool() for _ in range(min(self.workers, len(jobs)))]
+            try:
+                while left or running:
+                    while free and left:
+                        job, attempt = left.popleft()
+                        try:
+                            future = free[-1].submit(_work, work, job, begin, given)
+                        except BrokenExecutor:  # ended while it had nothing to do
+                            free[-1] = pool()
+                            future = free[-1].submit(_work, work, job, begin, given)
+                        running[future] = free.pop(), job, attempt
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        its_pool, job, attempt = running.pop(future)
+                        try:
+                            result = future.result()
+                        except BrokenExecutor:
+                            free.append(pool())
+                            if self.tally.again(job, attempt):
+                                left.appendleft((job, attempt + 1))
+                            continue
+                        free.append(its_pool)
+                        self.tally.done += 1
+                        yield job, result
+            except BaseException:
+                writer.close()  # ends the processes
+                raise
+        self.tally.raise_lost()
 
     def __enter__(self) -> ProcessExecutor:
         return self
@@ -155,11 +218,48 @@ def executor_for(engine: str = "local", workers: int | None = None, address: str
     if engine not in ENGINES:
         raise ValueError(f"the engine must be one of {', '.join(ENGINES)}, got {engine!r}")
     if workers is not None:
-        check_workers(workers)
+        _check_workers(workers)
     if engine == "ray":
-        from wt_gym.agents.distributed.ray_executor import RayExecutor  # in the extra "ray"
+        from wt_gym.runs.ray_executor import RayExecutor  # in the extra "ray"
 
         return RayExecutor(address, workers)
     if address is not None:
         raise ValueError(f"an address is that of a Ray cluster: ask for the engine ray, got {address!r} without")
     return SerialExecutor() if workers in (None, 1) else ProcessExecutor(workers)
+
+
+_begun = False
+"""Whether this worker process has begun."""
+
+
+def _work(work: Callable[[Any], Any], job: Any, begin: Callable[..., None] | None, given: tuple) -> Any:
+    """Do a job in a worker process."""
+    global _begun
+    if not _begun and begin is not None:
+        begin(*given)
+    _begun = True
+    return work(job)
+
+
+def _begin(told: multiprocessing.connection.Connection) -> None:
+    """Begin as a worker process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the one that gives work decides
+    threading.Thread(target=_end_when, args=(told,), daemon=True).start()
+
+
+def _end_when(told: multiprocessing.connection.Connection) -> None:
+    """End this process when it is told to, or the one that gives it work has gone, however that went."""
+    multiprocessing.connection.wait([told, cast(BaseProcess, multiprocessing.parent_process()).sentinel])
+    os._exit(1)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Have processes that start meanwhile compute in one thread."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
