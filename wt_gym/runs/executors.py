@@ -25,7 +25,16 @@ from wt_gym.runs.tally import ATTEMPTS, ONE_THREAD, Tally
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-__all__ = ["ATTEMPTS", "ENGINES", "ONE_THREAD", "Executor", "ProcessExecutor", "SerialExecutor", "Tally", "executor_for"]
+__all__ = [
+    "ATTEMPTS",
+    "ENGINES",
+    "ONE_THREAD",
+    "Executor",
+    "ProcessExecutor",
+    "SerialExecutor",
+    "Tally",
+    "executor_for",
+]
 
 ENGINES = ("local", "ray")
 """Where jobs are done."""

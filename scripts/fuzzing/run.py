@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from wt_gym.agents.fuzzing.cases import FuzzCase, draw_case
-from wt_gym.agents.fuzzing.contract import Contract, ContractBroken
-from wt_gym.agents.fuzzing.policies import make_policy
+from fuzzing.cases import FuzzCase, draw_case
+from fuzzing.contract import Contract, ContractBroken
+from fuzzing.policies import make_policy
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from gymnasium.error import ResetNeeded
 
-from wt_gym.agents.fuzzing.energy import EnergyAccount
+from fuzzing.energy import EnergyAccount
 from wt_gym.envs.costs import COST_NAMES
 from wt_gym.errors import ActionError
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["POLICY_NAMES", "WINDS", "FuzzCase", "draw_case"]
 
 POLICY_NAMES = ("random", "constant", "corner", "component", "bang-bang", "walk", "mixed", "controller")
-"""See `wt_gym.agents.fuzzing.policies`."""
+"""See `fuzzing.policies`."""
 
 _SEEDS = (1, 2)  # of turbulence: few boxes to make, which differ enough
 _STEPS_OF_AN_EPISODE = 300

@@ -104,7 +104,7 @@ def make_policy(kind: str, env: WindTurbineEnv, rng: np.random.Generator) -> Cal
     Parameters
     ----------
     kind : str
-        One of `wt_gym.agents.fuzzing.cases.POLICY_NAMES`.
+        One of `fuzzing.cases.POLICY_NAMES`.
     env : WindTurbineEnv
     rng : numpy.random.Generator
     """
