@@ -17,7 +17,7 @@ from wt_gym.control.controllers import Name, make_controller
 from wt_gym.envs.arguments import check_duration
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
-from wt_gym.runs.play import play, run_controller
+from wt_gym.runs.playing import play, run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
@@ -154,7 +154,7 @@ def run_cases(
         That get the metrics, by default new ones. Whoever gives them has what was done where the series is stopped.
     make_simulator : callable, optional
         Gives what simulates controllers from turbine, inflow and fidelity, by default `wt_gym.simulation.Simulator`;
-        see `wt_gym.runs.play.run_controller`.
+        see `wt_gym.runs.playing.run_controller`.
 
     Raises
     ------
@@ -183,7 +183,8 @@ def run_cases(
                     data = run_agent(turbine, agent, inflow, skip + duration, fidelity, control_dt)
                 else:
                     controller = make_controller(choice, turbine, **parameters)
-                    data = run_controller(simulator, controller, skip + duration, control_dt).to_dataset()
+                    recorder = run_controller(simulator, controller, skip + duration, control_dt, name=run.name)
+                    data = recorder.to_dataset()
                 run.metrics[case] = benchmark_metrics(data, turbine, skip)
             except SimulationError as error:
                 run.failures[case] = str(error)

@@ -25,7 +25,7 @@ from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.runs.executors import SerialExecutor
-from wt_gym.runs.play import play
+from wt_gym.runs.playing import play
 from wt_gym.runs.progress import ProgressLine, clock
 from wt_gym.runs.table import make_runs
 from wt_gym.wind.iec import REFERENCE_SPEED

@@ -1,9 +1,10 @@
+#!/usr/bin/env python3
 """Drawn policies, winds, turbines and arguments against the environment's contract and the balance of energy.
 
-    wt-gym fuzz                                    # 10 000 steps
-    wt-gym fuzz --steps 1000000 --out runs/fuzz.txt
-    wt-gym fuzz --case 17                          # one case again, as a finding names it
-    wt-gym fuzz --memory --steps 100000            # growth of the resident memory over steps and resets
+    scripts/fuzz.py                                    # 10 000 steps
+    scripts/fuzz.py --steps 1000000 --out runs/fuzz.txt
+    scripts/fuzz.py --case 17                          # one case again, as a finding names it
+    scripts/fuzz.py --memory --steps 100000            # growth of the resident memory over steps and resets
 
 Findings are written as they come, one line each, with the command that shows it again: "contract" and "exception" are
 faults of the environment and end the command with status 1; "failure" is a simulation that ended with a message, as
@@ -21,7 +22,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, as_called, stoppable, user_errors
+import use_venv  # noqa: F401 - finds packages and interpreter
+
+from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
 from wt_gym.files import require_writable
 
 if TYPE_CHECKING:
@@ -32,7 +35,7 @@ TURBINES = ["nrel_5mw", "iea_15mw", "gebhardt_45m", "nada_small", "nrel_5mw_mono
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
-    parser = OneLineParser("fuzz", description=__doc__)
+    parser = OneLineParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=10_000, help="control steps altogether (default: %(default)s)")
     parser.add_argument("--first", type=int, default=0, metavar="N", help="first case (default: %(default)s)")
     parser.add_argument("--case", type=int, metavar="N", help="this case only")
@@ -53,7 +56,7 @@ def line_of(finding: Finding, arguments: argparse.Namespace) -> str:
     """What was found, with the command that shows it again."""
     turbines = "" if arguments.turbine == TURBINES else f" --turbine {' '.join(arguments.turbine)}"
     fidelity = "" if arguments.fidelity == "training" else f" --fidelity {arguments.fidelity}"
-    again = as_called(f"wt-gym fuzz --case {finding.case.number}{turbines}{fidelity}")
+    again = f"scripts/fuzz.py --case {finding.case.number}{turbines}{fidelity}"
     return f"{finding.kind} at step {finding.step} of {finding.case}: {finding.message} | {again}"
 
 
@@ -129,3 +132,7 @@ def main(words: list[str] | None = None) -> None:
         print(json.dumps(dict(total) | {"endings": dict(endings)}))
     if total["contract"] + total["exception"]:
         sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -12,7 +12,7 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control import Demand
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import SimulationError
-from wt_gym.runs.play import play, run_controller
+from wt_gym.runs.playing import play, run_controller
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.drivetrain.faults import FEATHER
 from wt_gym.turbines.clearance import unloaded_clearance

@@ -23,7 +23,7 @@ from wt_gym.envs import rewards
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
-from wt_gym.runs.play import run_baseline
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.tasks import TASKS

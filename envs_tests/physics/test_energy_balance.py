@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wt_gym.errors import SimulationError
-from wt_gym.runs.play import run_baseline
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow
 

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from wt_gym.constants import GRAVITY
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody.tree.tree_kernels import OK
-from wt_gym.runs.play import run_baseline
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.model.blade_lattice import blade_planform

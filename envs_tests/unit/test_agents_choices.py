@@ -1,5 +1,8 @@
 """What the words for agents on a command line mean."""
 
+import sys
+from importlib import import_module
+
 import pytest
 
 from wt_gym.agents.names import (
@@ -138,3 +141,14 @@ def test_a_model_is_known_by_what_its_files_hold(tmp_path):
     model.write_bytes(b"two")
     assert fingerprint(str(tmp_path))["sha256"]["model.zip"] != second["sha256"]["model.zip"]
     assert fingerprint("ipc:limit=0.05") == {"choice": "ipc:limit=0.05"}
+
+
+def test_modules_that_have_moved_are_found_under_their_names_of_before():
+    for before, present in (("choices", "wt_gym.agents.names"), ("closed_loop", "wt_gym.runs.playing")):
+        sys.modules.pop(f"wt_gym.agents.{before}", None)
+        with pytest.warns(DeprecationWarning, match=f"{before} is now {present}"):
+            old = import_module(f"wt_gym.agents.{before}")
+        for name in import_module(present).__all__:
+            assert getattr(old, name) is getattr(import_module(present), name)
+    with pytest.raises(ImportError, match="nothing"):
+        from wt_gym.agents.choices import nothing  # noqa: F401

@@ -19,7 +19,7 @@ from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import BenchmarkError
 from wt_gym.runs.definition import RunDefinition
-from wt_gym.runs.play import play as play_episode
+from wt_gym.runs.playing import play as play_episode
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:

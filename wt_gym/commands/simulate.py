@@ -194,7 +194,7 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
 
 def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Recorder:
     """Run one wind; what was simulated is written where a file is wanted, of a stopped run too."""
-    from wt_gym.runs.play import run_baseline
+    from wt_gym.runs.playing import run_baseline
     from wt_gym.runs.progress import ProgressLine
     from wt_gym.simulation import Recorder, Simulator
 

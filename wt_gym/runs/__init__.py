@@ -1,7 +1,7 @@
 """Runs: what one is, how it is played, who does many of them, and where their results are kept.
 
     definition   what decides on the numbers of a run: plain data with a digest
-    play         an agent in an environment, or a controller on a simulator, from the reset to the end
+    playing      an agent in an environment, or a controller on a simulator, from the reset to the end
     executors    this process, several of this machine, or a Ray cluster
     store        a file a run, found by its digest
     table        a list of runs: those that are kept as they are, the others made and kept
@@ -11,7 +11,7 @@ agent by name; `wt_gym.agents.names` reads names and `wt_gym.agents.pool` makes 
 """
 
 from wt_gym.runs.definition import RunDefinition, digest
-from wt_gym.runs.play import Episode, play, run_baseline, run_controller
+from wt_gym.runs.playing import Episode, play, run_baseline, run_controller
 from wt_gym.runs.store import RunStore
 from wt_gym.runs.table import make_runs
 
