@@ -15,7 +15,7 @@ import numpy as np
 import wt_gym
 from wt_gym.agents.evaluation_config import FIRST_SEED, LEAST_MEASURED, EvaluationConfig
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
-from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS, met_wind
+from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS, actual_wind
 from wt_gym.agents.oscillation_notes import oscillation_notes
 from wt_gym.agents.pool import AgentPool
 from wt_gym.agents.training_notes import training_notes
@@ -182,7 +182,7 @@ def _run(pool: AgentPool, job: tuple[str, Wind], config: EvaluationConfig, line:
     options = _options(turbine_env, asked, config)
     replay = config.replay_in(asked)
     found = play(env, agent, seed=config.seed_in(asked), options=options, replay=replay, on_step=shown)
-    wind = met_wind(turbine_env, asked, config.winds)
+    wind = actual_wind(turbine_env, asked, config.winds)
     seed = int(turbine_env.episode_wind.wind_seed)
     return Run(
         agent=name,
@@ -207,7 +207,7 @@ def _options(env: WindTurbineEnv, asked: Wind, config: EvaluationConfig) -> dict
         options["wind_speed"] = asked.speed
     if asked.seed is not None and "wind_seed" in allowed:
         options["wind_seed"] = asked.seed
-    if asked.draw is not None and (pieces := env.wind.pieces(config.duration)):
+    if asked.draw is not None and (pieces := env.wind.windows(config.duration)):
         file, start = pieces[(asked.draw - 1) % len(pieces)]  # drawn ones would overlap, or be the same
         options["inflow"] = file.inflow(start)
     return options

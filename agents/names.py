@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BASELINE",
-    "BENEATH",
     "GROUPS",
     "LEVELS",
     "PREFIX",
+    "RESIDUAL_INTERFACE",
     "WORDS",
     "checked_choices",
     "controller_of",
@@ -34,11 +34,11 @@ __all__ = [
     "each_seed",
     "env_choices_of",
     "fingerprint",
+    "is_base_controller",
     "is_controller_name",
     "named_choices",
     "own_controller",
     "read_name",
-    "runs_beneath",
     "split_name",
     "with_model_options",
 ]
@@ -54,7 +54,7 @@ GROUPS = {
     ),
 }  # fmt: skip
 """Words of the benchmark that stand for several agents."""
-BENEATH: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
+RESIDUAL_INTERFACE: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
 """Arguments of an environment in which a controller runs beneath actions that rest."""
 _WORD_ALIASES = {"constant": "zero", "Constant action": "zero"}
 _MODEL_PARAMETERS = ("algo", "env", "trust")
@@ -109,7 +109,7 @@ def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
     return name_and_parameters(choice.removeprefix(PREFIX))
 
 
-def runs_beneath(choice: str) -> bool:
+def is_base_controller(choice: str) -> bool:
     """Whether a choice is a controller, of the library or of one's own; loads the class in the latter case."""
     name = read_name(choice)
     return name.kind == "controller" or (name.kind == "class" and not is_agent_class(load_class(name.target)))

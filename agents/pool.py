@@ -14,7 +14,7 @@ import gymnasium as gym
 from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.names import BASELINE, PREFIX, Name, env_choices_of, fingerprint, read_name, runs_beneath
+from wt_gym.agents.names import BASELINE, PREFIX, Name, env_choices_of, fingerprint, is_base_controller, read_name
 from wt_gym.agents.planning import ShootingPlanner
 from wt_gym.agents.trained_environment import check_environment, controller_of_training, interface_of_training
 from wt_gym.agents.uniform import UniformAgent
@@ -66,7 +66,7 @@ def load_agent(choice: str, layout: EnvLayout, env: gym.Env | None = None) -> Ag
         return _by_word(name, layout, env)
     if name.kind == "trained":
         return load_model(name)
-    if not runs_beneath(choice):
+    if not is_base_controller(choice):
         return _of_own_class(name, layout)
     if layout.action.mode == "residual":
         return ConstantAgent(layout)
@@ -144,7 +144,7 @@ class Environments:
         own = None if as_given else controller_of_training(record, self.plain)
         chosen = env_choices_of(given) if isinstance(given, str) else {}
         choice = own
-        if layout_of(self.plain).action.mode == "residual" and isinstance(given, str) and runs_beneath(given):
+        if layout_of(self.plain).action.mode == "residual" and isinstance(given, str) and is_base_controller(given):
             choice = None if given in ALIASES else self._other(given)
         return self._make(choice, interface_of_training(record, self.plain, meaning=not as_given) | chosen)
 
@@ -212,7 +212,7 @@ class AgentPool:
             refused.callback(self._environments.close)
             self.env = self._environments.plain
             self.agents: dict[str, Agent] = {}
-            self._beneath = {name: self._place(name) for name in agents}
+            self._environment_of_agent = {name: self._place(name) for name in agents}
             refused.pop_all()  # nothing is: the context closes them
 
     def _place(self, name: str) -> gym.Env:
@@ -220,7 +220,7 @@ class AgentPool:
         given = self._given[name]
         found = load_model(read_name(given)) if isinstance(given, str) and read_name(given).kind == "trained" else given
         record = getattr(found, "record", None) or {}
-        env = self._environments.beneath(given, record, self._as_given)
+        env = self._environments.environment_of(given, record, self._as_given)
         self.agents[name] = agent = load_agent(found, layout_of(env), env) if isinstance(found, str) else found
         try:
             enter = getattr(agent, "enter", None) or getattr(agent, "check_fits", None)
@@ -234,7 +234,7 @@ class AgentPool:
 
     def __getitem__(self, name: str) -> tuple[gym.Env, Agent]:
         """Environment and agent of a name."""
-        return self._beneath[name], self.agents[name]
+        return self._environment_of_agent[name], self.agents[name]
 
     def results(
         self,

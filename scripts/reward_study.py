@@ -95,14 +95,14 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 def measured(arguments: argparse.Namespace) -> list[dict]:
     """Run controllers in every wind; a row a run."""
     from wt_gym.agents.evaluation import EvaluationConfig, evaluate
-    from wt_gym.agents.names import BENEATH
+    from wt_gym.agents.names import RESIDUAL_INTERFACE
     from wt_gym.analysis.results import Wind
     from wt_gym.turbines import load_turbine
 
     most = load_turbine("nrel_5mw").drivetrain.max_torque_rate
     config = EvaluationConfig(
         "wt_gym/NREL5MW-Turbulent-v1",
-        {**BENEATH, "reward": dict.fromkeys(rewards.DEFAULT_WEIGHTS, 1.0)},
+        {**RESIDUAL_INTERFACE, "reward": dict.fromkeys(rewards.DEFAULT_WEIGHTS, 1.0)},
         tuple(Wind(wind, seed) for seed in arguments.seeds for wind in arguments.winds),
         duration=arguments.duration, skip=arguments.skip, replay=0.0,
     )  # fmt: skip
@@ -188,7 +188,7 @@ def lifetime(rows: Iterable[Mapping], mean_wind: float = 10.0) -> list[dict]:
     """What each controller amounts to over the winds of a site, as differences to the baseline.
 
     Wind speeds follow the Rayleigh distribution of IEC 61400-1; each one simulated stands for the speeds nearer to it
-    than to its neighbours, from 3 to 25 m/s. Means are weighted with that probability p, damage-equivalent loads by
+    than to its neighbors, from 3 to 25 m/s. Means are weighted with that probability p, damage-equivalent loads by
     their damage: ``(sum p DEL^m)^(1/m)``.
 
     Parameters

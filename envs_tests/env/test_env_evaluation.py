@@ -178,9 +178,9 @@ def test_residual_actions_of_a_model_mean_what_they_meant(count_runs):
     layout = gym.make(STEADY, **config.env_kwargs).unwrapped.layout
     mine = Trained(layout, STEADY, action_mode="residual", **meant)
     environments = Environments(STEADY, config.env_kwargs)
-    env = environments.beneath(mine, mine.record)
+    env = environments.environment_of(mine, mine.record)
     assert {name: env.spec.kwargs[name] for name in meant} == meant
-    assert environments.beneath(mine, mine.record, as_given=True) is environments.plain
+    assert environments.environment_of(mine, mine.record, as_given=True) is environments.plain
     environments.close()
     evaluate({"mine": mine}, config, progress=False)
     assert count_runs[0] == [("mine", 9.0)]
@@ -417,7 +417,7 @@ def drawn_inflow(rng):
         ({"inflow": "extreme", "standstill_limit": -0.5}, r"70 m/s, draw [12]"),
     ],
 )
-def test_runs_are_labelled_by_the_wind_that_they_had(kwargs, labels, monkeypatch, tmp_path):
+def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch, tmp_path):
     """Asked for two seeds at 15 m/s, whatever the wind of the environment is."""
     use(monkeypatch, RecordedSimulator)
     monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})

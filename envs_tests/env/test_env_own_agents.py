@@ -91,11 +91,11 @@ def test_a_controller_of_ones_own_runs_beneath(mine):
     assert turbine_env_of(env).controller.gain == 2
     env.close()
     agents = {"a": "baseline", "b": f"{mine}:Hold:gain=3", "c": "discon"}
-    with AgentPool(agents, RESIDUAL, {}) as contenders:
-        assert turbine_env_of(contenders["b"][0]).controller.gain == 3
-        assert contenders["a"][0] is contenders["c"][0]  # one name for one thing, in one environment
-    with AgentPool(agents, STEADY, {}) as contenders:
-        assert contenders.agents["b"].controller.gain == 3
+    with AgentPool(agents, RESIDUAL, {}) as pool:
+        assert turbine_env_of(pool["b"][0]).controller.gain == 3
+        assert pool["a"][0] is pool["c"][0]  # one name for one thing, in one environment
+    with AgentPool(agents, STEADY, {}) as pool:
+        assert pool.agents["b"].controller.gain == 3
 
 
 @pytest.mark.parametrize("name", ["baseline", "Baseline PI"])
@@ -106,8 +106,8 @@ def test_environments_know_the_baseline_by_all_its_names(name):
 
 
 def test_a_class_with_predict_runs_in_the_environment_that_it_chooses(mine):
-    with AgentPool({"a": "baseline", "b": f"{mine}:Rests:offset=0.5"}, RESIDUAL, {}) as contenders:
-        env, agent = contenders["b"]
+    with AgentPool({"a": "baseline", "b": f"{mine}:Rests:offset=0.5"}, RESIDUAL, {}) as pool:
+        env, agent = pool["b"]
         layout = layout_of(env)
         assert layout.action.mode == "absolute"
         assert agent.predict(np.zeros(len(layout.observation)))[0].tolist() == [0.5] * layout.action.size
@@ -134,8 +134,8 @@ def test_any_model_of_stable_baselines_enters(tmp_path, name):
     path = saved(tmp_path / "model.zip", cls, pitch="collective")
     (tmp_path / "model.json").write_text(json.dumps({"env_kwargs": {"pitch": "collective", "action_mode": "rate"}}))
     for text in (str(path), f"{path}:algo={name}"):
-        with AgentPool(named_choices(["baseline", f"m={text}"]), STEADY, {}) as contenders:
-            env, agent = contenders["m"]
+        with AgentPool(named_choices(["baseline", f"m={text}"]), STEADY, {}) as pool:
+            env, agent = pool["m"]
             observation, _ = env.reset(seed=1)
             action, _ = agent.predict(observation)
             plain = cls.load(path, device="cpu").predict(observation, deterministic=True)[0]
