@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = [
     "COLUMNS",
     "LEAST_MEASURED",
+    "RESIDUAL_INTERFACE",
     "Case",
     "ControllerRuns",
     "change",

@@ -12,6 +12,7 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.agents import evaluation as module
+from wt_gym.agents.agent_pool import AgentPool
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
