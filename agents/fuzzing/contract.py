@@ -226,7 +226,8 @@ class Contract:
     def _check_energy(self) -> None:
         balance = self.env.simulator.coupling.exchange.energy
         require(balance.gained[0] <= balance.reserve, f"the structure gained {balance.gained[0]} J from nothing")
-        require(balance.borrowed[0] <= balance.loan, f"the air gave {balance.borrowed[0]} J beyond Betz's limit")
+        excess = balance.excess_energy[0]
+        require(excess <= balance.loan, f"the air gave {excess} J beyond Betz's limit")
         account = self._account
         account.take(self.env.signals, self.env.control_dt)
         require(

@@ -20,7 +20,6 @@ from wt_gym.simulation.start import Starter
 from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.measurement import Measurement
-from wt_gym.simulation.step.observer_coupling import ObserverCoupling
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
 from wt_gym.turbines.mirror import clockwise_image
@@ -87,11 +86,10 @@ class Simulator:
         self.mirrored = image is not self.turbine
         self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
         self.drives = Drives(image, generator)
-        kind = ObserverCoupling if self.fidelity.formulation == "observer" else Coupling
-        compile_once(kind, image, self.fidelity, partial(compile_ahead, Simulator))
+        compile_once(Coupling, image, self.fidelity, partial(compile_ahead, Simulator))
         models = assemble(image, self.fidelity, threads, self.drives.generator.damping)
         self.time_step, self.structure, self.lattice = models.time_step, models.structure, models.lattice
-        self.coupling = kind(models)
+        self.coupling, self._azimuth_u = Coupling(models), models.structure.azimuth_u
         self._starter = Starter(self.coupling, self.drives)
         self._measurement = Measurement(image, self.structure, self.coupling.gauges)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
@@ -267,7 +265,7 @@ class Simulator:
             raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
         if not go_on:
             coupling.extremes.restart()
-        inputs, azimuth_u, step = coupling.integrator.inputs, self.structure.azimuth_u, self.time_step
+        inputs, azimuth_u, step = coupling.integrator.inputs, self._azimuth_u, self.time_step
         inflow, yaw_rate = self._felt, -yaw_rate if self.mirrored else yaw_rate
         for _ in range(n):
             drives.follow(pitch, yaw_rate, generator_torque, step, coupling.generator_speed)

@@ -11,7 +11,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.model.turbine_bodies import place_nacelle
 from wt_gym.simulation.step import coupling_kernels
-from wt_gym.simulation.step.coupling import TowerAir
+from wt_gym.simulation.step.coupling_data import TowerAir
 from wt_gym.simulation.step.measurement import Instant, Measurement
 
 __all__ = ["AERODYNAMICS", "FrozenPlant", "Wake"]
