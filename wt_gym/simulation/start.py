@@ -137,7 +137,7 @@ class Starter:
         inputs, work = c.integrator.inputs, c.integrator.work
         c.move_lattice(y)
         axis = work.rot[s.hub, :, 0].copy()
-        wind = c.wind.now(inflow, 0.0)
+        wind = c.take_wind(inflow, 0.0)
         induced = lattice.initialise_helix(
             c.aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, c.models.time_step,
             passes=4 if induced is None else 1, induced=induced, accept=last, thrust_before=thrust_before,

@@ -93,7 +93,7 @@ class Coupling:
             models.time_step, i.step, models.n_substeps, fidelity.corrections, fidelity.coupling_iterations,
             fidelity.coupling_tolerance, LOOSEST,
         )  # fmt: skip
-        self.wind = StepWind(models, self.aero, self.exchange, i.work, self.gauges.hub_wind, self._place_bodies)
+        self.wind = StepWind(models, self.aero, self.exchange, i.work, self.gauges.hub_wind)
         first = self._monitor.first_pitch
         self._pitches = slice(first, first + models.turbine.n_blades)
         self._bundles: _Bundle | None = None  # arguments of the step
@@ -202,6 +202,12 @@ class Coupling:
             return
         place_nacelle(self.models.lattice.bodies, work.rot[nacelle], work.omega[nacelle])
 
+    def take_wind(self, inflow: Inflow, time: float) -> NDArray[np.float64]:
+        """Wind at the lattice nodes (n_blades, n_chord + 1, n_span + 1, 3) where they are now [m/s]; see `StepWind`."""
+        if self.models.lattice.bodies:
+            self._place_bodies()
+        return self.wind.now(inflow, time)
+
     # ---- the step ----------------------------------------------------------------------------------------------------
 
     def step(self, inflow: Inflow, time: float) -> None:
@@ -218,8 +224,11 @@ class Coupling:
             self._renew_basis()
         elif self.moving is not None:  # bodies are placed by the same kinematics as after a snapshot
             self.move_lattice(self._state)
+        bodies = self.models.lattice.bodies
+        if bodies:
+            self._place_bodies()
         blade_wind = self.wind.of_step(inflow, time)
-        if self._bundles is None or self.models.lattice.bodies:  # bodies are placed anew now and then
+        if self._bundles is None or bodies:  # the arrays of bodies are others now and then
             self._bundles = self.bundle()
         code = self._advance(*self._bundles, blade_wind)
         if code != tree_kernels.OK:

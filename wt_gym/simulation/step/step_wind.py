@@ -28,7 +28,7 @@ __all__ = ["StepWind"]
 
 
 class StepWind:
-    """Wind at the parts of one turbine.
+    """Wind at the parts of one turbine, whose closed bodies, if there are any, stand where the structure is.
 
     Parameters
     ----------
@@ -39,8 +39,6 @@ class StepWind:
         With the kinematics of the structure.
     hub_wind : array (3,)
         Receives the undisturbed wind at the hub [m/s].
-    place_bodies : callable
-        Puts the closed bodies of the lattice where the structure is.
 
     Attributes
     ----------
@@ -57,10 +55,9 @@ class StepWind:
         exchange: CouplingData,
         work: Work,
         hub_wind: NDArray[np.float64],
-        place_bodies: Callable[[], None],
     ) -> None:
         self._models, self._aero, self._exchange, self._work = models, aero, exchange, work
-        self._hub_wind, self._place_bodies, self._dt = hub_wind, place_bodies, models.time_step
+        self._hub_wind, self._dt = hub_wind, models.time_step
         self.blades = np.zeros(models.lattice.nodes_shape)
         self.earlier_velocities = np.zeros(models.lattice.nodes_shape)
         # the nodes of the lattice, the points of the tower, which stay, and the hub
@@ -138,10 +135,9 @@ class StepWind:
         )  # fmt: skip
 
     def _check(self, finite: bool, inflow: Inflow, time: float) -> None:
-        """Bodies and their wind, if there are any; refuse a wind that is not finite."""
+        """Wind at the closed bodies, if there are any; refuse a wind that is not finite."""
         lattice = self._models.lattice
         if lattice.bodies:
-            self._place_bodies()
             lattice.body_wind[:] = inflow.velocity(lattice.bodies.control_points, time)
             finite = finite and math.isfinite(lattice.body_wind.sum())
         if not finite:
