@@ -6,10 +6,7 @@ the kernel for this value alone, beside the one that Python calls.
 
 from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solve
 from wt_gym.compiled import kernel
-from wt_gym.multibody.integrators.implicit_kernels import implicit_advance
-from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.integrators.structural_newton_kernels import structural_advance, tree_rates
-from wt_gym.multibody.tree.rate_kernels import rates
+from wt_gym.multibody.integrators.advance_kernels import advance, end_rates
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.step.coupling_kernels import rotor_loads, rotor_motion, tower_drag
 from wt_gym.simulation.step.energy_kernels import check_energy
@@ -128,40 +125,15 @@ def move_structure(motion, scheme, n_corrections):
 
     No correction: an explicit scheme predicts only, an implicit one ends its iteration early.
     """
-    return advance_structure(motion.implicit, motion, scheme, n_corrections, motion.constrained)
-
-
-@kernel
-def advance_structure(implicit, motion, scheme, n_corrections, constrained):
-    """As `move_structure`, by the scheme that the types of its first and last argument choose."""
     m = motion
-    if implicit is None:
-        return hamming_advance(m.history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, n_corrections, constrained,
-                               bool(False))  # fmt: skip
-    tolerance = implicit.tolerance if n_corrections > 0 else implicit.rough_tolerance
-    if constrained is None:
-        return structural_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
-                                  scheme.n_sub, tolerance, implicit.max_iterations)  # fmt: skip
-    return implicit_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
-                            scheme.n_sub, tolerance, implicit.max_iterations, implicit.difference,
-                            constrained)  # fmt: skip
+    return advance(m.method, m.history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, n_corrections, m.constrained)
 
 
 @kernel(separate=True)
 def final_rates(motion):
     """Rates that belong to the stored state and the inputs at the end of the step; the kinematics too."""
-    return rates_by(motion.implicit, motion, motion.constrained)
-
-
-@kernel
-def rates_by(implicit, motion, constrained):
-    """As `final_rates`, by the scheme that the type of the first argument chooses."""
     m = motion
-    if implicit is None:
-        return hamming_advance(m.history, m.inputs, m.tree, m.work, 1.0, int(0), int(0), constrained, bool(True))
-    if constrained is None:
-        return tree_rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate)
-    return rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate, constrained)
+    return end_rates(m.method, m.history, m.inputs, m.tree, m.work, m.state, m.rate, m.constrained)
 
 
 @kernel(separate=True)
@@ -172,7 +144,7 @@ def predict_step(air, motion, x, scheme):
     extrapolate_loads(motion.inputs, x.previous_loads)
     # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
     few = scheme.n_sub <= MOST_UNCORRECTED and motion.constrained is None
-    rough = scheme.iterations > 1 and (few or motion.implicit is not None)
+    rough = scheme.iterations > 1 and (few or motion.method.implicit is not None)
     code = move_structure(motion, scheme, 0 if rough else scheme.n_corrections)
     if code == OK:
         move_lattice(motion.state, motion.tree, motion.work, x)

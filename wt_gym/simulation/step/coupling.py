@@ -11,8 +11,7 @@ from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.integrators.hamming import new_history
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.integrators.schemes import GeneralizedAlphaIntegrator, NewmarkIntegrator
-from wt_gym.multibody.system import HammingIntegrator
+from wt_gym.multibody.integrators.schemes import coupled_integrator, method_of
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.model.deformed_basis import DeformedBasis
 from wt_gym.simulation.model.turbine_bodies import place_nacelle
@@ -31,8 +30,6 @@ MAX_DEFLECTION = 0.4
 """Elastic tip displacement, in blade lengths, beyond which a linear elastic blade has lost its meaning."""
 MAX_OVERSPEED = 3.0
 """Rotor speed, in rated speeds, at which a simulation is given up."""
-ROUGH = 100.0
-"""Tolerance of an implicit step that is not the last of an aerodynamic one, over that of the last."""
 NEWTON_TOLERANCE = 2e-8
 """Change of the position increments, in blade lengths, at which the iteration of an implicit step ends, far below what
 the passes of structure and loads leave."""
@@ -51,17 +48,6 @@ class Air(NamedTuple):
     body_work: tuple | None  # BodyWork
 
 
-class Implicit(NamedTuple):
-    """How an implicit scheme integrates the structure."""
-
-    scratch: tuple  # ImplicitScratch
-    scheme: np.ndarray  # (4,) β, γ, αm, αf
-    tolerance: float  # change of the position increments at which Newton's iteration ends
-    rough_tolerance: float  # the same where the motion only has to tell where the blades will be
-    max_iterations: int
-    difference: float  # change of the increments from which the matrix of a system with constraint equations is made
-
-
 class Motion(NamedTuple):
     """The structure, as the compiled step takes it."""
 
@@ -69,7 +55,7 @@ class Motion(NamedTuple):
     saved: tuple  # the same, room for a copy
     state: np.ndarray  # (n_state,) newest state, a view
     rate: np.ndarray  # (n_state,) its rate, a view
-    implicit: tuple | None  # Implicit; None: the Hamming scheme
+    method: tuple  # Method: how the scheme moves it on
     inputs: tuple  # Inputs
     tree: tuple  # Tree
     work: tuple  # Work
@@ -156,14 +142,9 @@ class Exchange(NamedTuple):
 
 def _integrator(system, h, fidelity, n_substeps, length):
     """Integrator of a structure in steps of h [s] with blades of a length [m]."""
-    if fidelity.integrator == "hamming" or fidelity.formulation == "observer":  # whose frames bring their own scheme
-        return HammingIntegrator(system, h, fidelity.corrections, fidelity.starter, n_substeps)
-    options = {"tolerance": NEWTON_TOLERANCE * length, "trail": n_substeps}
-    if not system.constraints:
-        options["tangent"] = "structure"
-    if fidelity.integrator == "newmark":
-        return NewmarkIntegrator(system, h, **options)
-    return GeneralizedAlphaIntegrator(system, h, fidelity.scheme_radius, **options)
+    name = "hamming" if fidelity.formulation == "observer" else fidelity.integrator  # frames bring their own scheme
+    settings = fidelity.scheme_settings._replace(tolerance=NEWTON_TOLERANCE * length, trail=n_substeps)
+    return coupled_integrator(name, system, h, settings)
 
 
 class Coupling:
@@ -416,10 +397,7 @@ class Coupling:
         """Arguments of the compiled step."""
         lattice, i, system = self.models.lattice, self.integrator, self.models.structure.system
         air = Air(lattice.arrays, lattice.constants, self.aero.arrays, lattice.work, *lattice.body_arrays)
-        implicit = None
-        if not isinstance(i, HammingIntegrator):
-            implicit = Implicit(i.scratch, i.scheme, i.tolerance, ROUGH * i.tolerance, i.max_iterations, i.difference)
-        motion = Motion(i.history, self._saved, i.state, i.state_rate, implicit, i.inputs, system.tree, i.work,
+        motion = Motion(i.history, self._saved, i.state, i.state_rate, method_of(i), i.inputs, system.tree, i.work,
                         system.constrained)  # fmt: skip
         return air, motion, self.exchange, self._scheme, self.gauges, self._monitor
 

@@ -2,7 +2,7 @@
 
 Bodies, joints and drives are those of the turbine's multibody system, with second-order displacements and the geometric
 stiffness that comes with them, or, as published, without (`Fidelity.frame_displacement`). The observer frames are
-integrated by Newmark's or the generalised-α scheme; the multibody system is the language in which the rest of the
+integrated by Newmark's or the generalized-α scheme; the multibody system is the language in which the rest of the
 simulation reads the motion: its coordinates are angles of hinges and elastic coordinates, which frames that are clamped
 to their bodies share.
 
@@ -18,7 +18,7 @@ from scipy.linalg import expm
 
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
-from wt_gym.multibody.integrators.schemes import generalised_alpha
+from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.multibody.observer_frame.frame import ObserverFrameError
 from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import TORQUE
 from wt_gym.multibody.observer_frame.observer_frame_from_system import FRAME, Translation
@@ -87,8 +87,7 @@ class ObserverCoupling(Coupling):
             model, state, work = self.translation.observed.pack()
         except ObserverFrameError as error:
             raise SimulationError(f"the turbine has no form in local observer frames: {error}") from error
-        if fidelity.integrator == "generalised_alpha":
-            model.rule[:] = generalised_alpha(fidelity.scheme_radius)
+        model.rule[:] = INTEGRATORS[fidelity.integrator].rule(fidelity.scheme_settings)
         markers = self.translation.observed._markers
         for i in range(len(model.n)):
             model.load_section[i] = markers.index((i, FRAME))
