@@ -43,7 +43,7 @@ STEADY, SETTLED = 60.0, 30.0
 LOWEST = 8
 """Lowest parked frequencies that are compared: two of the tower, the drivetrain's, three flapwise, two edgewise."""
 TRAINING = FIDELITIES["training"]
-IMPLICIT = {"integrator": "generalised_alpha"}
+IMPLICIT = {"integrator": "generalized_alpha"}
 LINEAR = {"formulation": "observer", "frame_displacement": "linear"}
 """Observer frames as published."""
 TORSION = {"blade_modes": (2, 1, 1)}
@@ -90,29 +90,29 @@ def _of(turbine, name, like=True, **changes):
 COMBINATIONS = (
     _of("NREL5MW", "embedded, Hamming, modal"),
     _of("NREL5MW", "embedded, Newmark, modal", integrator="newmark"),
-    _of("NREL5MW", "embedded, generalised-α, modal", **IMPLICIT),
-    _of("NREL5MW", "embedded, generalised-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
-    _of("NREL5MW", "embedded, generalised-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
+    _of("NREL5MW", "embedded, generalized-α, modal", **IMPLICIT),
+    _of("NREL5MW", "embedded, generalized-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
+    _of("NREL5MW", "embedded, generalized-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
         blade_coordinates="nodal", **IMPLICIT, **TORSION),
-    _of("NREL5MW", "embedded, generalised-α, nodal tower", tower_coordinates="nodal", tower_elements=6, **IMPLICIT),
+    _of("NREL5MW", "embedded, generalized-α, nodal tower", tower_coordinates="nodal", tower_elements=6, **IMPLICIT),
     _of("NREL5MW", "constrained, Hamming, modal", formulation="constrained"),
-    _of("NREL5MW", "constrained, generalised-α, modal", formulation="constrained", **IMPLICIT),
-    _of("NREL5MW", "constrained, generalised-α, 4 modal bodies", False, formulation="constrained", blade_bodies=4,
+    _of("NREL5MW", "constrained, generalized-α, modal", formulation="constrained", **IMPLICIT),
+    _of("NREL5MW", "constrained, generalized-α, 4 modal bodies", False, formulation="constrained", blade_bodies=4,
         **IMPLICIT),
     _of("NREL5MW", "observer, clamped", False, **LINEAR),
-    _of("NREL5MW", "observer, clamped, generalised-α", False, **LINEAR, **IMPLICIT),
+    _of("NREL5MW", "observer, clamped, generalized-α", False, **LINEAR, **IMPLICIT),
     _of("NREL5MW", "observer, simply supported", False, **LINEAR, reference_condition="simply_supported"),
     _of("NREL5MW", "observer, supported at 3/4", False, **LINEAR, reference_condition="three_quarter"),
     _of("IEA15MW", "embedded, Hamming, modal"),
-    _of("IEA15MW", "embedded, generalised-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
-    _of("IEA15MW", "embedded, generalised-α, 8 modal bodies, torsion", False, blade_bodies=8, **IMPLICIT, **TORSION),
-    _of("IEA15MW", "embedded, generalised-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
+    _of("IEA15MW", "embedded, generalized-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
+    _of("IEA15MW", "embedded, generalized-α, 8 modal bodies, torsion", False, blade_bodies=8, **IMPLICIT, **TORSION),
+    _of("IEA15MW", "embedded, generalized-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
         blade_coordinates="nodal", **IMPLICIT, **TORSION),
     _of("IEA15MW", "constrained, Hamming, modal", formulation="constrained"),
-    _of("IEA15MW", "embedded, generalised-α, 4 modal bodies", False, blade_bodies=4, **IMPLICIT),
+    _of("IEA15MW", "embedded, generalized-α, 4 modal bodies", False, blade_bodies=4, **IMPLICIT),
     _of("IEA15MW", "observer, clamped", False, **LINEAR),
     _of("Gebhardt45m", "embedded, Hamming, modal"),
-    _of("Gebhardt45m", "embedded, generalised-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT,
+    _of("Gebhardt45m", "embedded, generalized-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT,
         **TORSION),
     Combination("Gebhardt45m", "fidelity gebhardt (constrained)", FIDELITIES["gebhardt"], False),
     Combination("Gebhardt45m", "fidelity gebhardt-full (constrained)", FIDELITIES["gebhardt-full"], False),
@@ -123,7 +123,7 @@ COMBINATIONS = (
     Combination("NadaSmall", "observer, clamped", replace(TRAINING, **LINEAR), False, "tower_strike"),
 )  # fmt: skip
 
-_TWISTING = "embedded, generalised-α, {} bodies, torsion"
+_TWISTING = "embedded, generalized-α, {} bodies, torsion"
 NODAL_AND_MODAL = (
     ("NREL5MW", _TWISTING.format("12 nodal"), _TWISTING.format("4 modal")),
     ("IEA15MW", _TWISTING.format("12 nodal"), _TWISTING.format("8 modal")),

@@ -216,7 +216,7 @@ WATCHED = ("rotor_speed", "azimuth", "yaw", "tip_out_of_plane", "tip_in_plane", 
            "tower_top_fore_aft", "tower_base_fore_aft_moment", "tip_clearance_min", "tip_out_of_plane_max")  # fmt: skip
 
 
-DAMPED = {"integrator": "generalised_alpha", "spectral_radius": 0.5}
+DAMPED = {"integrator": "generalized_alpha", "spectral_radius": 0.5}
 
 
 @pytest.mark.slow

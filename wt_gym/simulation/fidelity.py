@@ -8,7 +8,7 @@ from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOp
 from wt_gym.errors import SimulationError
 from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
-from wt_gym.multibody.integrators.stability import undamped_limit
+from wt_gym.multibody.integrators.schemes import INTEGRATORS, SchemeSettings, integrator_name
 from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
 
 __all__ = ["ELASTODYN_NREL_5MW_TOWER", "FIDELITIES", "Fidelity", "fidelity"]
@@ -19,7 +19,6 @@ RESERVE = 0.75
 
 
 COORDINATES = ("modal", "nodal", "rigid")
-INTEGRATORS = ("hamming", "newmark", "generalised_alpha")
 ELASTODYN_NREL_5MW_TOWER = (
     ((0.7004, 2.1963, -5.6202, 6.2275, -2.504), (-70.5319, -63.7623, 289.737, -176.513, 22.0706)),
     ((1.385, -1.7684, 3.0871, -2.2395, 0.5357), (-121.21, 184.415, -224.904, 298.536, -135.838)),
@@ -82,10 +81,10 @@ class Fidelity:
         ``integrator``.
     integrator : str
         "hamming", explicit: the structural steps are as short as the highest frequency wants them. "newmark" (¼, ½) or
-        "generalised_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
+        "generalized_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
         nodal coordinates, torsion and blades of several bodies.
     spectral_radius : float, optional
-        Of the generalised-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
+        Of the generalized-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
         default 0.3 where blades twist (``blade_modes`` counts a torsion mode), else 0.8, see `scheme_radius`: the
         period of the twist is about the aerodynamic step, and with 0.8 it begins to shake in turbulence after minutes,
         which the balance of energy ends.
@@ -105,7 +104,7 @@ class Fidelity:
         "embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
         constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
         embedded form is several times faster. "observer": all bodies in local observer frames, held together by
-        constraint equations (Holm-Jørgensen, Nielsen & Rubak); the scheme is "generalised_alpha" where ``integrator``
+        constraint equations (Holm-Jørgensen, Nielsen & Rubak); the scheme is "generalized_alpha" where ``integrator``
         says so, else "newmark", with steps of at most ``max_substep``.
     stabilisation : float
         Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
@@ -162,7 +161,8 @@ class Fidelity:
     frame_displacement: str = later_field("second_order")
 
     def __post_init__(self):
-        """Refuse values without meaning."""
+        """Refuse values without meaning; an earlier spelling of the integrator becomes the present one."""
+        object.__setattr__(self, "integrator", integrator_name(self.integrator))
         if self.time_step is not None and not 0.0 < self.time_step < 10.0:
             raise SimulationError(f"Fidelity.time_step is {self.time_step}; allowed: None or 0 … 10 s")
         for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
@@ -178,7 +178,7 @@ class Fidelity:
             ("tower_coordinates", COORDINATES),
             ("blade_coordinates", COORDINATES),
             ("yaw_drive", ("stiff", "spring")),
-            ("integrator", INTEGRATORS),
+            ("integrator", tuple(INTEGRATORS)),
             ("starter", tuple(STARTERS)),
             ("blade_basis", ("fixed", "deformed")),
         ):
@@ -192,11 +192,12 @@ class Fidelity:
             raise SimulationError(
                 f"Fidelity.blade_bodies is {self.blade_bodies!r}; a whole number of at least 1 is needed"
             )
-        if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self.integrator == "hamming"):
+        if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self._explicit):
+            implicit = " or ".join(repr(name) for name, entry in INTEGRATORS.items() if not entry.explicit)
             raise SimulationError(
                 f"Fidelity.blade_bodies is {self.blade_bodies} with blade_coordinates = {self.blade_coordinates!r} and "
                 f"integrator = {self.integrator!r}: several bodies want 'modal' or 'nodal' coordinates, and an "
-                "implicit integrator ('newmark' or 'generalised_alpha') for their high frequencies"
+                f"implicit integrator ({implicit}) for their high frequencies"
             )
         for name, low in (("tower_body", 3), ("nacelle_body", 5)):
             value = getattr(self, name)
@@ -229,6 +230,10 @@ class Fidelity:
                     raise SimulationError(
                         f"Fidelity.blade_basis 'deformed' needs {name} {needed!r}, not {getattr(self, name)!r}"
                     )
+
+    @property
+    def _explicit(self):
+        return INTEGRATORS[self.integrator].explicit
 
     def _check_observer(self):
         """Options of observer frames have a meaning, and stand beside that formulation only."""
@@ -271,7 +276,7 @@ class Fidelity:
 
     @property
     def scheme_radius(self):
-        """Spectral radius of the generalised-α scheme: the one given, or that of blades that twist or only bend.
+        """Spectral radius of the generalized-α scheme: the one given, or that of blades that twist or only bend.
 
         A radius of 0.3 takes out of the twist what the aerodynamic step, as long as its period, cannot couple: with 0.8
         blades of the NREL 5-MW begin to shake in gusts. Against 0.8 with structural steps of 8 ms and a coupling
@@ -281,6 +286,11 @@ class Fidelity:
         if self.spectral_radius is not None:
             return self.spectral_radius
         return 0.3 if self.blade_modes[2] > 0 else 0.8
+
+    @property
+    def scheme_settings(self):
+        """What the integrator of the structure takes from here (`SchemeSettings`)."""
+        return SchemeSettings(corrections=self.corrections, starter=self.starter, spectral_radius=self.scheme_radius)
 
     @property
     def takes_motion(self):
@@ -307,7 +317,7 @@ class Fidelity:
         """
         if highest is None:
             return math.ceil(time_step / self.max_substep - 1e-9)
-        phase = RESERVE * undamped_limit(self.corrections)
+        phase = RESERVE * INTEGRATORS[self.integrator].phase_limit(self.scheme_settings)
         return math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
 
 
@@ -344,7 +354,7 @@ def _with_torsion(rung):
         rung,
         name=f"{rung.name}-torsion",
         blade_modes=(flap, edge, 1),
-        integrator="generalised_alpha",
+        integrator="generalized_alpha",
     )
 
 

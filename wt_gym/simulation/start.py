@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.simulation.model.equilibrium import elastic_equilibrium
 from wt_gym.simulation.step import coupling_kernels
 from wt_gym.simulation.step.coupling import Coupling
@@ -155,4 +156,4 @@ class Starter:
 def _balances_forces(fidelity):
     """Whether forces are balanced, not accelerations: those of light nodes would dominate the residual."""
     nodal = "nodal" in (fidelity.blade_coordinates, fidelity.tower_coordinates)
-    return nodal or fidelity.integrator != "hamming"
+    return nodal or not INTEGRATORS[fidelity.integrator].explicit

@@ -111,7 +111,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                         c[i] -= e[i]
                     if not abs(c[i]) < 1e12:
                         return DIVERGED
-                normalise_quaternions(c, tree.kind, tree.joint_q, work.drift)
+                normalize_quaternions(c, tree.kind, tree.joint_q, work.drift)
         prescribe_servos(c, tau, inputs, tree.n_q + tree.n_u)
         for i in range(n):
             y[0, i], y[1, i], y[2, i], y[3, i] = y[1, i], y[2, i], y[3, i], c[i]
@@ -126,7 +126,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
 
 
 @kernel
-def normalise_quaternions(y, kinds, joint_q, drift):
+def normalize_quaternions(y, kinds, joint_q, drift):
     """Scale the quaternions of spherical and free joints to unit length; drift[0] keeps the largest | |q| − 1 |."""
     for b in range(kinds.shape[0]):
         if kinds[b] == SPHERICAL or kinds[b] == FREE:

@@ -6,6 +6,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wt_gym.aerodynamics import TowerFlow, VortexLattice
+from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.simulation.model.blade_lattice import blade_planform
 from wt_gym.simulation.model.equilibrium import highest_frequency
@@ -76,7 +77,7 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     tower, base = turbine.tower, np.array([0.0, 0.0, turbine.tower.base_height])
     time_step, embedded = fidelity.step_for(rated_speed), None
     if fidelity.formulation == "embedded":
-        explicit = fidelity.integrator == "hamming"
+        explicit = INTEGRATORS[fidelity.integrator].explicit
         n_substeps = fidelity.substeps_for(time_step, highest_frequency(structure.system) if explicit else None)
     elif fidelity.formulation == "observer":
         n_substeps = fidelity.substeps_for(time_step, None)  # implicit schemes are stable with any step

@@ -8,7 +8,7 @@ import numpy as np
 
 from wt_gym.aerodynamics.bodies.body_set import BodyArrays, BodyWork
 from wt_gym.aerodynamics.state import AeroArrays, AeroConstants, AeroWork, PlanformArrays
-from wt_gym.multibody.system import Points
+from wt_gym.multibody.arrays import Points
 from wt_gym.simulation.model.turbine_structure import TurbineStructure, drag_heights
 from wt_gym.simulation.step.energy import EnergyBalance
 

@@ -55,7 +55,7 @@ class EnergyBalance(NamedTuple):
         radius, density = 0.5 * turbine.rotor_diameter, turbine.air_density
         area, n_b = math.pi * radius**2, len(system.bodies)
         inertia = rotor_axial_inertia(turbine, structure.blade_inertia)
-        tree: Any = system.tree  # built
+        tree = system.tree
         driven = tree.constraint_servo >= 0
         turned = [b for b, joint in enumerate(system.joints) if joint.kind == "servo"]
         axes = [system.joints[b].axis for b in turned]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from wt_gym.multibody.system import Points, Work
+    from wt_gym.multibody.arrays import Points, Work
     from wt_gym.simulation.model.turbine_structure import TurbineStructure
     from wt_gym.simulation.step.monitor import Extremes
     from wt_gym.turbines import Turbine

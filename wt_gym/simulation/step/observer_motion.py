@@ -20,7 +20,7 @@ from scipy.linalg import expm
 
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import failure_of_a_step
-from wt_gym.multibody.integrators.schemes import generalised_alpha
+from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.multibody.observer_frame import observer_frame_kernels
 from wt_gym.multibody.observer_frame.frame import ObserverFrameError
 from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import TORQUE
@@ -32,7 +32,7 @@ from wt_gym.simulation.step.structure_motion import Numbers, Observed, Structure
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from wt_gym.multibody.observer_frame import frame
+    from wt_gym.multibody.observer_frame import observer_frame_arrays as frame
     from wt_gym.simulation.model.assembly import TurbineModels
     from wt_gym.simulation.step.coupling_data import Scheme
 
@@ -72,8 +72,7 @@ class ObserverMotion(TreeMotion):
             model, state, work = self.translation.observed.pack()
         except ObserverFrameError as error:
             raise SimulationError(f"the turbine has no form in local observer frames: {error}") from error
-        if fidelity.integrator == "generalised_alpha":
-            model.rule[:] = generalised_alpha(fidelity.scheme_radius)
+        model.rule[:] = INTEGRATORS[fidelity.integrator].rule(fidelity.scheme_settings)
         markers = self.translation.observed._markers
         for i in range(len(model.n)):
             model.load_section[i] = markers.index((i, FRAME))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.aerodynamics import AeroState
-    from wt_gym.multibody.system import Work
+    from wt_gym.multibody.arrays import Work
     from wt_gym.simulation.model.assembly import TurbineModels
     from wt_gym.simulation.step.coupling_data import CouplingData
     from wt_gym.wind.protocol import Inflow

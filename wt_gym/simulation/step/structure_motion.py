@@ -15,11 +15,11 @@ import numpy as np
 
 from wt_gym.compiled import compiled_for
 from wt_gym.errors import SimulationError
+from wt_gym.multibody.arrays import Inputs, Tree, Work
 from wt_gym.multibody.errors import failure_of_a_step
 from wt_gym.multibody.integrators.hamming import History, new_history
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.integrators.schemes import GeneralizedAlphaIntegrator, ImplicitScratch, NewmarkIntegrator
-from wt_gym.multibody.system import HammingIntegrator, Inputs, Tree, Work
+from wt_gym.multibody.integrators.schemes import Integrator, Method, coupled_integrator, method_of
 from wt_gym.multibody.tree import tree_kernels
 
 if TYPE_CHECKING:
@@ -27,14 +27,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from wt_gym.multibody.observer_frame import frame
+    from wt_gym.multibody.observer_frame import observer_frame_arrays as frame
     from wt_gym.simulation.model.assembly import TurbineModels
     from wt_gym.simulation.step.coupling_data import Scheme
 
-__all__ = ["Implicit", "Motion", "Observed", "Structure", "StructureMotion", "TreeMotion"]
+__all__ = ["Motion", "Observed", "Structure", "StructureMotion", "TreeMotion"]
 
-ROUGH = 100.0
-"""Tolerance of an implicit step that is not the last of an aerodynamic one, over that of the last."""
 NEWTON_TOLERANCE = 2e-8
 """Change of the position increments, in blade lengths, at which the iteration of an implicit step ends, far below what
 the passes of structure and loads leave."""
@@ -48,17 +46,6 @@ class Motion(NamedTuple):
     inputs: Inputs  # loads and commands at the start and at the end of the aerodynamic step
     tree: Tree  # the multibody system
     work: Work  # kinematics of the newest state; states and rates of the structural steps (trail, trail_rate)
-
-
-class Implicit(NamedTuple):
-    """How an implicit scheme integrates the structure."""
-
-    scratch: ImplicitScratch
-    scheme: np.ndarray  # (4,) β, γ, αm, αf
-    tolerance: float  # change of the position increments at which Newton's iteration ends [m or rad]
-    rough_tolerance: float  # the same where the motion only has to tell where the blades will be
-    max_iterations: int  # of Newton
-    difference: float  # change of the increments from which the matrix of a system with constraint equations is made
 
 
 class Numbers(NamedTuple):
@@ -93,7 +80,7 @@ class Structure(NamedTuple):
     history: History  # what the integration of the multibody system goes on from
     saved: History  # as it was at the start of the aerodynamic step
     constrained: int | None  # see MultibodySystem.constrained; None: no constraint equations
-    implicit: Implicit | None  # None: the Hamming scheme
+    method: Method  # how its scheme moves it on
     observed: Observed | None  # None: the multibody system moves itself
 
 
@@ -102,13 +89,13 @@ class StructureMotion(Protocol):
 
     Attributes
     ----------
-    integrator : HammingIntegrator, NewmarkIntegrator or GeneralizedAlphaIntegrator
+    integrator : Integrator
         With the state of the turbine's multibody system, its rates and its inputs.
     structure : Structure
         For the compiled step; the same arrays throughout.
     """
 
-    integrator: Any
+    integrator: Integrator
     structure: Structure
 
     def begin(self, y: NDArray[np.float64], scheme: Scheme) -> None:
@@ -136,13 +123,10 @@ class TreeMotion:
         self.models = models
         self.integrator = i = _integrator(models)
         system = models.structure.system
-        implicit = None
-        if not isinstance(i, HammingIntegrator):
-            implicit = Implicit(i.scratch, i.scheme, i.tolerance, ROUGH * i.tolerance, i.max_iterations, i.difference)
-        saved = History(*(np.zeros_like(array) for array in i.history))
-        tree: Any = system.tree  # built
-        motion = Motion(i.state, i.state_rate, i.inputs, tree, i.work)
-        self.structure = Structure(motion, i.history, saved, system.constrained, implicit, observed=None)
+        empty: dict[str, Any] = {name: np.zeros_like(array) for name, array in i.history._asdict().items()}
+        saved = i.history._replace(**empty)
+        motion = Motion(i.state, i.state_rate, i.inputs, system.tree, i.work)
+        self.structure = Structure(motion, i.history, saved, system.constrained, method_of(i), observed=None)
         self._rate: Callable[..., int] | None = None  # compiled once multipliers are asked for
 
     def begin(self, y: NDArray[np.float64], scheme: Scheme) -> None:
@@ -182,15 +166,9 @@ class TreeMotion:
         return np.array([i.work.multipliers[system.multiplier_rows(k)] for k in range(len(system.constraints))])
 
 
-def _integrator(models: TurbineModels) -> HammingIntegrator | NewmarkIntegrator | GeneralizedAlphaIntegrator:
+def _integrator(models: TurbineModels) -> Integrator:
     """Integrator of the structure of a turbine, at rest."""
-    system, fidelity, n_substeps = models.structure.system, models.fidelity, models.n_substeps
-    h = models.time_step / n_substeps
-    if fidelity.integrator == "hamming" or fidelity.formulation == "observer":  # whose frames bring their own scheme
-        return HammingIntegrator(system, h, fidelity.corrections, fidelity.starter, n_substeps)
-    options: dict[str, Any] = {"tolerance": NEWTON_TOLERANCE * models.turbine.blade.length, "trail": n_substeps}
-    if not system.constraints:
-        options["tangent"] = "structure"
-    if fidelity.integrator == "newmark":
-        return NewmarkIntegrator(system, h, **options)
-    return GeneralizedAlphaIntegrator(system, h, fidelity.scheme_radius, **options)
+    system, fidelity, length = models.structure.system, models.fidelity, models.turbine.blade.length
+    name = "hamming" if fidelity.formulation == "observer" else fidelity.integrator  # frames bring their own scheme
+    settings = fidelity.scheme_settings._replace(tolerance=NEWTON_TOLERANCE * length, trail=models.n_substeps)
+    return coupled_integrator(name, system, models.time_step / models.n_substeps, settings)

@@ -15,10 +15,7 @@ apply.
 """
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.integrators.implicit_kernels import implicit_advance
-from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.integrators.structural_newton_kernels import structural_advance, tree_rates
-from wt_gym.multibody.tree.rate_kernels import rates
+from wt_gym.multibody.integrators.advance_kernels import advance, end_rates
 from wt_gym.multibody.tree.tree_kernels import OK, kinematics
 from wt_gym.simulation.step.coupling_kernels import rotor_motion
 from wt_gym.simulation.step.observer_motion_kernels import end_frames, move_frames, restore_frames, save_frames
@@ -87,47 +84,35 @@ def move_structure(structure, scheme, rough):
     int
         A code of the multibody kernels.
     """
-    return move_by(structure.observed, structure.implicit, structure.constrained, structure, scheme, rough)
+    return move_by(structure.observed, structure, scheme, rough)
 
 
 @kernel
-def move_by(observed, implicit, constrained, structure, scheme, rough):
-    """As `move_structure`, of the form and by the scheme that the types of the first three arguments tell."""
-    history, m = structure.history, structure.motion
+def move_by(observed, structure, scheme, rough):
+    """As `move_structure`, of the form that the type of the first argument tells."""
+    s, m = structure, structure.motion
     if observed is not None:
         return move_frames(m, observed, scheme)
-    if implicit is None:
-        # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-        predicted = rough and scheme.n_sub <= MOST_UNCORRECTED and constrained is None
-        n_corrections = 0 if predicted else scheme.n_corrections
-        return hamming_advance(history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, n_corrections, constrained,
-                               bool(False))  # fmt: skip
-    tolerance = implicit.rough_tolerance if rough else implicit.tolerance
-    if constrained is None:
-        return structural_advance(history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
-                                  scheme.n_sub, tolerance, implicit.max_iterations)  # fmt: skip
-    return implicit_advance(history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
-                            scheme.n_sub, tolerance, implicit.max_iterations, implicit.difference,
-                            constrained)  # fmt: skip
+    # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
+    few = scheme.n_sub <= MOST_UNCORRECTED and s.constrained is None
+    predicted = rough and (few or s.method.implicit is not None)
+    n_corrections = 0 if predicted else scheme.n_corrections
+    return advance(s.method, s.history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, n_corrections, s.constrained)
 
 
 @kernel(separate=True)
 def end_motion(structure):
     """Rates that belong to the newest state and the loads at the end of the step, and the kinematics; a code."""
-    return end_by(structure.observed, structure.implicit, structure.constrained, structure)
+    return end_by(structure.observed, structure)
 
 
 @kernel
-def end_by(observed, implicit, constrained, structure):
-    """As `end_motion`, of the form and by the scheme that the types of the first three arguments tell."""
-    history, m = structure.history, structure.motion
+def end_by(observed, structure):
+    """As `end_motion`, of the form that the type of the first argument tells."""
+    s, m = structure, structure.motion
     if observed is not None:
         return end_frames(m, observed)
-    if implicit is None:
-        return hamming_advance(history, m.inputs, m.tree, m.work, 1.0, int(0), int(0), constrained, bool(True))
-    if constrained is None:
-        return tree_rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate)
-    return rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate, constrained)
+    return end_rates(s.method, s.history, m.inputs, m.tree, m.work, m.state, m.rate, s.constrained)
 
 
 @kernel(separate=True, distinct=True)

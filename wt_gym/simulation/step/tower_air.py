@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from wt_gym.aerodynamics.bodies.body_set import BodySurface
     from wt_gym.aerodynamics.state import AeroArrays
-    from wt_gym.multibody.system import Points, Work
+    from wt_gym.multibody.arrays import Points, Work
     from wt_gym.simulation.model.assembly import TurbineModels
     from wt_gym.turbines.model import Tower
 
