@@ -106,7 +106,7 @@ def correct_step(air, structure, x, scheme, blade_wind):
         copy_loads(loads, x.passes[0])
         solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
               bool(False))  # fmt: skip
-        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
+        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.lattice_bodies, x.sub_bodies, loads)
         tower_drag(motion.state, motion.tree, motion.work, x.tower, loads[x.tower.body])
         if iteration > 0:  # the prediction was not corrected yet: one pass at least
             share = secant_share(loads, x.passes, share, x.relaxation)
@@ -138,7 +138,7 @@ def end_step(structure, x, scheme, gauges, monitor, forces, blade_wind):
     shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
     fill_channels(motion.state, x.nodes.reshape(shape), forces.reshape(shape), motion.tree, motion.work, gauges)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
-    code = check_range(motion.state, x, monitor, x.pieces, gauges)
+    code = check_range(motion.state, x, monitor, x.sub_bodies, gauges)
     if code == OK:
         code = check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt)
     pass_on(motion.inputs)
@@ -231,14 +231,14 @@ def pass_on(inputs):
 
 
 @kernel
-def check_range(y, x, monitor, pieces, gauges):
+def check_range(y, x, monitor, sub_bodies, gauges):
     """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor.
 
-    The tips of blades of several bodies (pieces: `PieceNodes`) are where the gauges have seen them.
+    The tips of blades of several bodies (pieces: `SubBodyNodes`) are where the gauges have seen them.
     """
     if not (abs(y[monitor.generator_u]) < x.max_speed and abs(rotor_speed(y, monitor)) < x.max_speed):
         return OVERSPEED
-    if pieces is not None:
+    if sub_bodies is not None:
         for i in range(gauges.deflection.shape[0]):
             d = gauges.deflection[i]
             if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 < x.max_deflection**2:

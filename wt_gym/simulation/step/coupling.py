@@ -21,7 +21,7 @@ from wt_gym.simulation.model.turbine_bodies import place_nacelle
 from wt_gym.simulation.step import coupled_step_kernels, energy_kernels, monitor_kernels, structure_motion_kernels
 from wt_gym.simulation.step.coupled_step_kernels import coupled_step, end_step, predict_step
 from wt_gym.simulation.step.coupling_data import Air, CouplingData, Scheme
-from wt_gym.simulation.step.measurement import Gauges, Instant
+from wt_gym.simulation.step.measurement import Gauges, MeasuredState
 from wt_gym.simulation.step.monitor import Extremes, Monitor
 from wt_gym.simulation.step.observer_motion import ObserverMotion
 from wt_gym.simulation.step.step_wind import StepWind
@@ -123,10 +123,10 @@ class Coupling:
         return self._state[self._pitches]
 
     @cached_property
-    def instant(self) -> Instant:
+    def instant(self) -> MeasuredState:
         """What can be measured now: views of the present state, whenever they are read."""
         i = self.integrator
-        return Instant(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
+        return MeasuredState(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
 
     def root_multipliers(self) -> NDArray[np.float64]:
         """Lagrange multipliers of the blades' constraints, see `wt_gym.simulation.Simulator.root_multipliers`."""
@@ -277,7 +277,7 @@ class Coupling:
             return f"rotor speed {speed:.2f} rad/s (generator {generator:.2f}) is beyond {x.max_speed:.2f} rad/s"
         if code == coupled_step_kernels.DEFLECTION:
             largest = np.linalg.norm(self.gauges.deflection, axis=1).max()
-            if x.pieces is None:
+            if x.sub_bodies is None:
                 largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
         if code == coupled_step_kernels.UNSETTLED:
@@ -290,7 +290,7 @@ class Coupling:
         if code == energy_kernels.AIR_GIVES:
             return (
                 f"energy balance violated: the air gave {x.energy.excess_energy[0] / 1e6:.3g} MJ more than Betz's "
-                f"limit, and the {x.energy.loan / 1e6:.3g} MJ that move round the rotor do not cover them"
+                f"limit, and the {x.energy.excess_limit / 1e6:.3g} MJ that move round the rotor do not cover them"
             )
         failure: str = failure_of_a_step(code, self._scheme.h)
         return failure

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.simulation.model.assembly import TurbineModels
-    from wt_gym.simulation.model.blade_pieces import PieceNodes
+    from wt_gym.simulation.model.blade_sub_bodies import SubBodyNodes
     from wt_gym.turbines import Turbine
 
 __all__ = ["Air", "CouplingData", "Scheme", "TowerAir"]
@@ -81,12 +81,14 @@ class CouplingData(NamedTuple):
     nodes: np.ndarray  # (n_blades, n_chord + 1, n_span + 1, 3) lattice nodes [m]
     velocities: np.ndarray  # same shape, of the nodes [m/s]
     points: Points  # of the lattice on a blade, or on its pieces
-    carriers: np.ndarray  # int64 (n_carriers,) bodies that carry them: the blades, or their pieces blade by blade
-    pieces: PieceNodes | None  # None: a blade is one body
-    elastic_q: np.ndarray  # int64 (n_carriers, n_f) where the coordinates of a carrier are in the state
-    elastic_u: np.ndarray  # int64 (n_carriers, n_f) and their rates
-    elastic: np.ndarray  # (n_carriers, n_f) coordinates of the carriers [m, rad, 1]
-    elastic_rate: np.ndarray  # (n_carriers, n_f) and their rates [1/s of these]
+    lattice_bodies: (
+        np.ndarray
+    )  # int64 (n_lattice_bodies,) bodies that carry them: the blades, or their pieces blade by blade
+    sub_bodies: SubBodyNodes | None  # None: a blade is one body
+    elastic_q: np.ndarray  # int64 (n_lattice_bodies, n_f) where the coordinates of a carrier are in the state
+    elastic_u: np.ndarray  # int64 (n_lattice_bodies, n_f) and their rates
+    elastic: np.ndarray  # (n_lattice_bodies, n_f) coordinates of the carriers [m, rad, 1]
+    elastic_rate: np.ndarray  # (n_lattice_bodies, n_f) and their rates [1/s of these]
     previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago [N, N m, generalized]
     passes: np.ndarray  # (2, n_b, 6 + n_f) loads under which the blades moved, and their last change [the same]
     relaxation: np.ndarray  # (3,) share taken of a change of the loads, and sums of its secants [the squares]
@@ -101,12 +103,12 @@ class CouplingData(NamedTuple):
         """Arrays for a turbine whose bodies bear loads of the shape of ``body_loads`` (2, n_b, 6 + n_f)."""
         structure, shape = models.structure, models.lattice.nodes_shape
         system, points = structure.system, structure.lattice_points
-        carriers, each = structure.carriers, np.arange(points.linear.shape[-1])
-        q = np.add.outer([system.index(body, "elastic_q") for body in carriers], each)
-        u = np.add.outer([system.index(body, "elastic_u") for body in carriers], each) + system.n_q
+        lattice_bodies, each = structure.lattice_bodies, np.arange(points.linear.shape[-1])
+        q = np.add.outer([system.index(body, "elastic_q") for body in lattice_bodies], each)
+        u = np.add.outer([system.index(body, "elastic_u") for body in lattice_bodies], each) + system.n_q
         return cls(
-            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, carriers=carriers,
-            pieces=structure.piece_nodes,
+            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, lattice_bodies=lattice_bodies,
+            sub_bodies=structure.sub_body_nodes,
             elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
             previous_loads=np.zeros_like(body_loads[0]), passes=np.zeros_like(body_loads),
             relaxation=np.array([1.0, 0.0, 0.0]), energy=EnergyBalance.of(models),

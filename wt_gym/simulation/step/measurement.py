@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind.protocol import Inflow
 
-__all__ = ["Gauges", "Instant", "Measurement"]
+__all__ = ["Gauges", "MeasuredState", "Measurement"]
 
 
-class Places(NamedTuple):
+class StateIndices(NamedTuple):
     """Where in the state what is measured stands, and constants of the drive train."""
 
     azimuth_q: int  # of the generator
@@ -39,7 +39,7 @@ class Places(NamedTuple):
     generator_efficiency: float  # [-]
 
     @classmethod
-    def of(cls, turbine: Turbine, structure: TurbineStructure) -> Places:
+    def of(cls, turbine: Turbine, structure: TurbineStructure) -> StateIndices:
         """Places of a turbine."""
         s, n_q, drive = structure, structure.system.n_q, turbine.drivetrain
 
@@ -74,7 +74,7 @@ class Gauges(NamedTuple):
     clearance: np.ndarray  # (n_blades,) signed distance of the tips from the tower [m]
     nacelle_acceleration: np.ndarray  # (3,) nacelle axes [m/s²]
     hub_wind: np.ndarray  # (3,) undisturbed wind at the hub [m/s]
-    places: Places
+    indices: StateIndices
     values: np.ndarray  # (n_channels,) in the order of `wt_gym.simulation.channels.channel_table`
     at: np.ndarray  # int64 (n,) where the channels of `measurement_kernels` stand among them
 
@@ -94,12 +94,12 @@ class Gauges(NamedTuple):
             tower_radius=structure.tower_radius, wrench=np.zeros((len(structure.system.bodies), 6)),
             tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)),
             tower_view=np.zeros((n, 4)), clearance=np.zeros(n), nacelle_acceleration=np.zeros(3),
-            hub_wind=np.zeros(3), places=Places.of(turbine, structure), values=values,
+            hub_wind=np.zeros(3), indices=StateIndices.of(turbine, structure), values=values,
             at=np.array(single + [at[name].start for name in measurement_kernels.PER_BLADE]),
         )  # fmt: skip
 
 
-class Instant(NamedTuple):
+class MeasuredState(NamedTuple):
     """What is measured: structure and air at one time."""
 
     y: np.ndarray  # (n_state,) state of the structure
@@ -132,18 +132,20 @@ class Measurement:
         self._structure = structure
         self.gauges = Gauges.of(turbine, structure) if gauges is None else gauges
         self.values = self.gauges.values
-        self._efficiency = float(self.gauges.places.generator_efficiency)
+        self._efficiency = float(self.gauges.indices.generator_efficiency)
         self._measure: Callable[..., None] | None = None  # compiled for the types of this turbine
         self._complete: tuple[Callable[..., None], Callable[..., None]] | None = None
 
-    def take(self, time: float, instant: Instant, torque: float, command: NDArray[np.float64], inflow: Inflow) -> None:
+    def take(
+        self, time: float, instant: MeasuredState, torque: float, command: NDArray[np.float64], inflow: Inflow
+    ) -> None:
         """Fill ``values`` from a state to which the kinematics belong. Extremes are the present values, travel is none.
 
         Parameters
         ----------
         time : float
             [s].
-        instant : Instant
+        instant : MeasuredState
         torque : float
             Of the generator [N m, high-speed shaft].
         command : array (2 + n_blades,)

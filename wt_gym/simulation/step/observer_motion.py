@@ -27,7 +27,7 @@ from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import TO
 from wt_gym.multibody.observer_frame.observer_frame_from_system import FRAME, Translation
 from wt_gym.multibody.tree import rotation_kernels, tree_kernels
 from wt_gym.simulation.step import observer_motion_kernels
-from wt_gym.simulation.step.structure_motion import Numbers, Observed, Structure, TreeMotion
+from wt_gym.simulation.step.structure_motion import Observed, StateArrays, Structure, TreeMotion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,7 +79,7 @@ class ObserverMotion(TreeMotion):
         state, now = _flat(state)
         update = fidelity.frame_update
         self.observed = Observed(
-            model=model, state=state, work=work, now=now, saved=Numbers(*(np.zeros_like(a) for a in now)),
+            model=model, state=state, work=work, now=now, saved=StateArrays(*(np.zeros_like(a) for a in now)),
             tree_state=np.zeros(structure.system.n_state), bodies=np.array(self.translation.tree_bodies),
             drives=np.array(self.translation.servos, dtype=np.int64), hinges=self._hinges(model),
             servo=self._servo_steps(), loads=np.zeros((0, 6)), n_iterations=ITERATIONS,
@@ -116,7 +116,7 @@ class ObserverMotion(TreeMotion):
         """
         system, work, s = self.models.structure.system, self.integrator.work, self.observed.state
         history = self.integrator.history
-        for array in (history.y, history.f, history.memory, history.marks):
+        for array in (history.y, history.f, history.memory, history.counters):
             array[:] = 0
         history.y[3] = y
         tree_kernels.kinematics(y, system.tree, work)
@@ -148,12 +148,12 @@ class ObserverMotion(TreeMotion):
         return super().arrays() | {"observer_numbers": now.numbers, "frame_updates": now.counts}
 
 
-def _flat(state: frame.State) -> tuple[frame.State, Numbers]:
-    """The same state with all arrays of numbers as views of one array, and both as `Numbers`."""
+def _flat(state: frame.State) -> tuple[frame.State, StateArrays]:
+    """The same state with all arrays of numbers as views of one array, and both as `StateArrays`."""
     arrays = {key: a for key, a in state._asdict().items() if key != "n_updates"}
     numbers = np.concatenate([a.ravel() for a in arrays.values()])
     views, start = {}, 0
     for key, a in arrays.items():
         views[key] = numbers[start : start + a.size].reshape(a.shape)
         start += a.size
-    return type(state)(**views, n_updates=state.n_updates), Numbers(numbers, state.n_updates)
+    return type(state)(**views, n_updates=state.n_updates), StateArrays(numbers, state.n_updates)

@@ -48,7 +48,7 @@ class Motion(NamedTuple):
     work: Work  # kinematics of the newest state; states and rates of the structural steps (trail, trail_rate)
 
 
-class Numbers(NamedTuple):
+class StateArrays(NamedTuple):
     """A state in observer frames, as flat arrays."""
 
     numbers: np.ndarray  # (n,) all of `State` but the counts [m, rad, m/s, …]
@@ -61,8 +61,8 @@ class Observed(NamedTuple):
     model: frame.Model
     state: frame.State  # views of ``now``
     work: frame.Work
-    now: Numbers
-    saved: Numbers  # as it was at the start of the aerodynamic step
+    now: StateArrays
+    saved: StateArrays  # as it was at the start of the aerodynamic step
     tree_state: np.ndarray  # (n_state,) the same of the multibody system
     bodies: np.ndarray  # int64 (n_b,) bodies of the multibody system
     drives: np.ndarray  # int64 (n_drives,) servos that they follow

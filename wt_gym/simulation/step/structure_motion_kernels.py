@@ -63,8 +63,8 @@ def copy_history(source, target):
             target.f[k, i] = source.f[k, i]
     for i in range(source.memory.shape[0]):
         target.memory[i] = source.memory[i]
-    for i in range(source.marks.shape[0]):
-        target.marks[i] = source.marks[i]
+    for i in range(source.counters.shape[0]):
+        target.counters[i] = source.counters[i]
 
 
 @kernel(separate=True)
@@ -124,5 +124,5 @@ def move_lattice(y, tree, work, x):
             x.elastic[i, k] = y[x.elastic_q[i, k]]
             x.elastic_rate[i, k] = y[x.elastic_u[i, k]]
     shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
-    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.carriers, x.pieces,
+    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.lattice_bodies, x.sub_bodies,
                  x.nodes.reshape(shape), x.velocities.reshape(shape))  # fmt: skip
