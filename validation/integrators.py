@@ -1,4 +1,4 @@
-"""Time integrators: stability limits, order of accuracy and energy behaviour against exact values."""
+"""Time integrators: stability limits, order of accuracy and energy behavior against exact values."""
 
 from __future__ import annotations
 
@@ -68,9 +68,9 @@ def amplification(integrator, step):
         for array, part in zip(carried, np.split(unit, cuts), strict=True):
             array[...] = part.reshape(array.shape)
         if hamming:
-            history.marks[0] = 3
+            history.counters[0] = 3
         else:
-            history.marks[:] = 0
+            history.counters[:] = 0
         integrator.advance()
         columns.append(np.concatenate([a.ravel() for a in carried]))
     return np.array(columns).T
@@ -177,7 +177,7 @@ def pendulum_error(name, n_steps, exact_history=False, duration=2.0, **options):
         for k in range(4):
             integrator.history.y[k] = pendulum_state(begin + k * h)
             integrator.history.f[k] = system.rates(integrator.history.y[k])
-        integrator.history.marks[0], first = 3, 3
+        integrator.history.counters[0], first = 3, 3
     integrator.advance(n_steps - first)
     return float(np.linalg.norm((integrator.state - pendulum_state(begin + duration)) / [1.0, np.sqrt(GRAVITY)]))
 

@@ -81,7 +81,7 @@ class Tree(NamedTuple):
     constraint_axis: Array  # (n_con, 3) of a hinge or servo, first frame
     constraint_turn: Array  # (n_con, 3, 3) axes about which the second frame must not turn, first frame; rows
     constraint_servo: Integers  # (n_con,) servo that turns the first frame; −1: none
-    stabilisation: float  # Baumgarte's α [1/s]
+    stabilization: float  # Baumgarte's α [1/s]
     projection: int  # 1: the state is put back onto the constraint equations after every step
 
 
@@ -118,7 +118,7 @@ class Work(NamedTuple):
     joint_rot: Array  # (3, 3) frame that the marker carries to axes of p
     child_rot: Array  # (3, 3) body behind the joint to axes of p
     marker_shape: Array  # (3, n_f) S + H q of the marker
-    first_moment: Array  # (n_b, 3) mc, mass times centre of mass, body axes [kg m]
+    first_moment: Array  # (n_b, 3) mc, mass times center of mass, body axes [kg m]
     inertia: Array  # (n_b, 3, 3) J about the origin, body axes [kg m²]
     inertia_rate: Array  # (3, 3) J̇ of one body [kg m²/s]
     coupling_lin: Array  # (n_b, 3, n_f) C, of forces and elastic accelerations [kg]
@@ -197,7 +197,7 @@ class System(Protocol):
     n_q: int
     n_u: int
     n_servo: int
-    stabilisation: float
+    stabilization: float
     quaternions: list[tuple[int, str]]
 
     @property

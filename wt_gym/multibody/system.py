@@ -40,12 +40,12 @@ class MultibodySystem:
     ----------
     gravity : array (3,)
         [m/s²], by default straight down with :data:`wt_gym.constants.GRAVITY`.
-    stabilisation : float
+    stabilization : float
         Baumgarte's α = β [1/s]: constraint errors decay like exp(−α t). Explicit schemes need α h < 1.29 (0.87 with one
         corrector pass, 0.72 with two).
     projection : bool
         Put the state back onto the constraint equations after each step of the Hamming scheme; without it the
-        stabilisation alone holds what steps drift by.
+        stabilization alone holds what steps drift by.
 
     Examples
     --------
@@ -58,11 +58,11 @@ class MultibodySystem:
     """
 
     def __init__(
-        self, gravity: ArrayLike = (0.0, 0.0, -GRAVITY), stabilisation: float = 10.0, projection: bool = True
+        self, gravity: ArrayLike = (0.0, 0.0, -GRAVITY), stabilization: float = 10.0, projection: bool = True
     ) -> None:
         check_vector("multibody system", "gravity", gravity)
-        check_number("multibody system", "stabilisation", stabilisation)
-        self.gravity, self.stabilisation = np.asarray(gravity, dtype=float), float(stabilisation)
+        check_number("multibody system", "stabilization", stabilization)
+        self.gravity, self.stabilization = np.asarray(gravity, dtype=float), float(stabilization)
         self.projection = bool(projection)
         self.bodies: list[FlexibleBody] = []
         self.joints: list[Joint] = []
@@ -341,7 +341,7 @@ class MultibodySystem:
             "constraint_axis": np.array([c.axis for c in self.constraints], dtype=float).reshape(-1, 3),
             "constraint_turn": turn,
             "constraint_servo": np.array(self._constraint_servo, dtype=np.int64),
-            "stabilisation": self.stabilisation,
+            "stabilization": self.stabilization,
             "projection": int(self.projection),
         }
 

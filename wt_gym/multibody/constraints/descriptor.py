@@ -102,7 +102,7 @@ def descriptor_form(system: MultibodySystem, y: ArrayLike, inputs: Inputs | None
     force += tree.dof_stiffness * (inputs.reference[0] - position)
     force += tree.dof_damping * (inputs.reference_rate[0] - y[n_q : n_q + n_u])
     transform, norms = _velocity_transform(system, y)
-    alpha = system.stabilisation
+    alpha = system.stabilization
     rows = -work.gamma - 2.0 * alpha * work.residual_rate - alpha**2 * work.residual
     norm_rows, norm_right = [], []
     rates = np.linalg.pinv(transform) @ y[n_q : n_q + n_u]

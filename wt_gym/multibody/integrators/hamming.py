@@ -118,7 +118,7 @@ class HammingIntegrator:
         y : array (n_state,)
         check : bool
             Refuse states off the constraint equations and steps beyond the stability limit. Without it Baumgarte's
-            stabilisation pulls in what is inconsistent.
+            stabilization pulls in what is inconsistent.
 
         Raises
         ------
@@ -133,7 +133,7 @@ class HammingIntegrator:
             check_hamming_step(system, state, self.step, self.n_corrections, self.inputs, self.work)
         history.y[3] = check_state(system, y)
         history.memory[:] = 0.0
-        history.marks[0] = STARTERS[self.starter]
+        history.counters[0] = STARTERS[self.starter]
         history.f[3] = system.rates(y, self.inputs, self.work)
 
     @property

@@ -202,7 +202,7 @@ def imbalance(h, scheme, history, x, tau, inputs, tree, work, scratch, out, diff
     x − u̇, for Newton's matrix from differences; M x − f for that of the structure (``difference`` None).
     """
     step_end(h, scheme, history, x, tree, scratch, constrained)
-    history.marks[EVALUATIONS] += 1
+    history.counters[EVALUATIONS] += 1
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
     if difference is None:
         balance_terms(scratch.trial, tau, inputs, tree, work, scratch.rate)
@@ -227,8 +227,8 @@ def newton_matrix(h, scheme, history, x, tau, inputs, tree, work, scratch, reach
     By forward differences ∂(x − u̇)/∂x, or S of the structure (``difference`` None).
     """
     matrix = history.matrix
-    history.marks[TANGENTS] += 1
-    history.marks[FRESH] = 1
+    history.counters[TANGENTS] += 1
+    history.counters[FRESH] = 1
     if difference is None:
         structure_matrix(h, scheme, tree, work.mass, matrix)
         return OK if factorize_tree(matrix, tree.dof_parent) else SINGULAR_MASS
@@ -242,7 +242,7 @@ def newton_matrix(h, scheme, history, x, tau, inputs, tree, work, scratch, reach
             )
             x[j] = origin
             if code != OK:
-                history.marks[FRESH] = 0
+                history.counters[FRESH] = 0
                 return code
             for i in range(x.shape[0]):
                 matrix[i, j] = (scratch.shifted[i] - scratch.residual[i]) / change
@@ -306,7 +306,7 @@ def complete_step(h, scheme, history, x, tau, inputs, tree, work, scratch, diffe
                 project(scratch.trial, tree, work, scratch.shifted, scratch.rate)
                 normalize_quaternions(scratch.trial, tree.kind, tree.joint_q, work.drift)
                 code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
-                history.marks[EVALUATIONS] += 1
+                history.counters[EVALUATIONS] += 1
         return code
 
 
@@ -348,7 +348,7 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
     # what a change of an acceleration does to the position at the end, by itself and by the velocity over a step
     reach = h * h * ((1.0 - scheme[3]) / (1.0 - scheme[2])) * (scheme[0] + scheme[1])
     if difference is None:  # costs little more than the mass matrix: one of a call before is not worth keeping
-        history.marks[FRESH] = 0
+        history.counters[FRESH] = 0
     for step in range(n_steps):
         tau = (step + 1.0) / n_steps
         for i in range(n_u + n_s):
@@ -356,7 +356,7 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
         before, converged = 0.0, False
         for iteration in range(max_iterations):
             code = imbalance(h, scheme, history, x, tau, inputs, tree, work, scratch, r, difference, constrained)
-            if code == OK and history.marks[FRESH] == 0:
+            if code == OK and history.counters[FRESH] == 0:
                 code = newton_matrix(
                     h, scheme, history, x, tau, inputs, tree, work, scratch, reach, difference, constrained
                 )
@@ -374,7 +374,7 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
                 converged = True
                 break
             if iteration > 0 and change > SLOW * before:
-                history.marks[FRESH] = 0
+                history.counters[FRESH] = 0
             before = change
         if not converged:
             return NOT_CONVERGED

@@ -52,7 +52,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
     n = p.shape[0]
     for step in range(max(n_steps, 1)):
         tau = (step + 1.0) / n_steps if n_steps else h
-        filled = history.marks[0]
+        filled = history.counters[0]
         n_passes = n_corrections if filled >= 0 else 3
         for i in range(n):
             if n_steps == 0:
@@ -121,7 +121,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                 work.trail[step, i] = c[i]
                 work.trail_rate[step, i] = fn[i]
         if filled < 3:
-            history.marks[0] = filled + 1 if filled != -1 else 3
+            history.counters[0] = filled + 1 if filled != -1 else 3
     return OK
 
 

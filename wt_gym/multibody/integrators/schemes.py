@@ -13,7 +13,7 @@ A further one is an entry of `INTEGRATORS`; where it is another kernel than thos
 in :mod:`wt_gym.multibody.integrators.advance_kernels` come with a field of `Method`.
 
 All take systems with constraint equations too: these are solved for the accelerations at every evaluation, with
-Baumgarte's stabilisation, so that the schemes see a plain differential equation and keep their order.
+Baumgarte's stabilization, so that the schemes see a plain differential equation and keep their order.
 """
 
 from __future__ import annotations
@@ -180,7 +180,7 @@ class ImplicitIntegrator:
         history.y[0] = check_state(system, y)
         history.f[0] = self._rates(history.y[0])
         implicit_kernels.begin_memory(history, system.tree, system.constrained)
-        history.marks[:] = 0
+        history.counters[:] = 0
 
     def _rates(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """dy/dt (n_state,) under the inputs at their start."""
@@ -214,7 +214,7 @@ class ImplicitIntegrator:
     @property
     def n_evaluations(self) -> int:
         """Right-hand sides evaluated since the start."""
-        return int(self.history.marks[implicit_kernels.EVALUATIONS])
+        return int(self.history.counters[implicit_kernels.EVALUATIONS])
 
     def advance(self, n_steps: int = 1) -> None:
         """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.
@@ -230,7 +230,7 @@ class ImplicitIntegrator:
         )  # fmt: skip
         if code == tree_kernels.OK:
             return
-        self.history.marks[implicit_kernels.FRESH] = 0
+        self.history.counters[implicit_kernels.FRESH] = 0
         if code == tree_kernels.NOT_CONVERGED:
             raise MultibodyError(
                 f"Newton's iteration did not converge in {self.max_iterations} iterations; the step {self.step} s may "

@@ -61,7 +61,7 @@ Constraints
 -----------
 Point constraints hold d·(x_a − x_b) = 0 along fixed directions d (eqs 13, 15). Rotation constraints are written with
 section-fixed vectors, (S_a p)·(S_b r) = 0, S = R exp(φ̃): the linear form (14) follows for small φ, but finite rotations
-of the frames against each other accumulate no error. Each is linearised about the last known q, so that a step stays
+of the frames against each other accumulate no error. Each is linearized about the last known q, so that a step stays
 linear in the unknowns. Bearings hold points in the fixed frame, which coincides with (15) when the frame of the shaft
 turns about its axis only.
 

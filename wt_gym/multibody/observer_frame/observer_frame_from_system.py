@@ -125,21 +125,21 @@ def observer_frame_from_system(
 
 
 def mass_points(inertia: BodyInertia) -> tuple[Array, Array]:
-    """Masses (6,) and positions (6, 3) of points with the mass, mass centre and inertia tensor of a rigid body.
+    """Masses (6,) and positions (6, 3) of points with the mass, mass center and inertia tensor of a rigid body.
 
-    Two points on each principal axis, at ± √(3 e/m) from the mass centre for the second moment e = ∫ x² dm.
+    Two points on each principal axis, at ± √(3 e/m) from the mass center for the second moment e = ∫ x² dm.
     """
-    centre = inertia.c0 / inertia.mass
-    second = 0.5 * np.trace(inertia.j0) * np.eye(3) - inertia.j0 - inertia.mass * np.outer(centre, centre)
+    center = inertia.c0 / inertia.mass
+    second = 0.5 * np.trace(inertia.j0) * np.eye(3) - inertia.j0 - inertia.mass * np.outer(center, center)
     value, axis = np.linalg.eigh(second)
     if value[0] < -1e-9 * max(np.abs(value).max(), 1e-300):
         raise ObserverFrameError(f"no mass distribution has the inertia tensor {inertia.j0.tolist()}")
     reach = np.sqrt(3.0 * np.maximum(value, 0.0) / inertia.mass) * axis
-    return np.full(6, inertia.mass / 6.0), centre + np.concatenate([reach.T, -reach.T])
+    return np.full(6, inertia.mass / 6.0), center + np.concatenate([reach.T, -reach.T])
 
 
 def _massless_points(tensor: Array) -> tuple[Array, Array]:
-    """The same for an inertia tensor (3, 3) without mass: points one metre out on its axes, one that makes up for them.
+    """The same for an inertia tensor (3, 3) without mass: points one meter out on its axes, one that makes up for them.
 
     Some of their masses are negative; in the sums over mass points that does not matter.
     """
@@ -153,7 +153,7 @@ def substructure_from_body(
     beam: Beam | None = None,
     basis: Array | None = None,
     reference: str = "clamped",
-    lent: Sequence[tuple[float, Array]] = (),
+    lumped_masses: Sequence[tuple[float, Array]] = (),
     displacement: str = "linear",
 ) -> Substructure:
     """A substructure with the elastic coordinates, markers and mass of a body.
@@ -166,7 +166,7 @@ def substructure_from_body(
         What :meth:`FlexibleBody.from_beam` was given; not needed for a rigid body.
     reference : str
         Reference condition: the shapes of the body without the rigid-body motion that does not comply with it.
-    lent : sequence of (float, array (3,))
+    lumped_masses : sequence of (float, array (3,))
         Further mass points of a rigid body, of any sign [kg, m].
     displacement : str
         "linear" or "second_order".
@@ -183,9 +183,9 @@ def substructure_from_body(
         whole = body.inertia.mass > 0.0
         mass, position = mass_points(body.inertia) if whole else _massless_points(body.inertia.j0)
         ends = position[:2]
-        if lent:
-            mass = np.concatenate([mass, [m for m, _ in lent]])
-            position = np.concatenate([position, [x for _, x in lent]])
+        if lumped_masses:
+            mass = np.concatenate([mass, [m for m, _ in lumped_masses]])
+            position = np.concatenate([position, [x for _, x in lumped_masses]])
         points = mass, position, np.zeros((len(mass), 3, 0))
     else:
         if beam is None or basis is None:
@@ -208,7 +208,7 @@ def substructure_from_body(
     places[FRAME] = Place(np.zeros(3), rigid, lambda: none)
     return Substructure.from_points(
         body.name, points, body.stiffness, body.damping, places, ends, reference=reference if n else "given",
-        definite=not lent, second=second,
+        definite=not lumped_masses, second=second,
     )  # fmt: skip
 
 
@@ -286,9 +286,9 @@ class Translation:
         self.servos: list[int] = []
         self._is_carrier = [self._carries_only(b) for b in range(len(system.bodies))]
         self.tree_bodies = [b for b, carrier in enumerate(self._is_carrier) if not carrier]
-        lent = self._lend()
+        lumped_masses = self._lend()
         self.bodies = {  # by the body of the multibody system
-            b: substructure_from_body(system.bodies[b], beam, basis, reference, lent[b], displacement)
+            b: substructure_from_body(system.bodies[b], beam, basis, reference, lumped_masses[b], displacement)
             for b in self.tree_bodies
             for beam, basis in [beams.get(system.bodies[b].name, (None, None))]
         }
@@ -320,7 +320,7 @@ class Translation:
         Bodies without mass borrow on their hinge; rotors geared to hinges have axial inertia in both bodies.
         """
         system = self.system
-        lent: list[list[tuple[float, Array]]] = [[] for _ in system.bodies]
+        lumped_masses: list[list[tuple[float, Array]]] = [[] for _ in system.bodies]
         for b, body in enumerate(system.bodies):
             if body.inertia.mass > 0.0 or self._is_carrier[b]:
                 continue
@@ -339,9 +339,9 @@ class Translation:
             there = self._marker_of(b).position + offset
             reach = np.sqrt(least / mass)
             for side in (-reach, reach):
-                lent[b].append((0.5 * LENT * mass, side * axis))
-                lent[p].append((-0.5 * LENT * mass, there + side * turn @ axis))
-        for body, points, tensor in zip(system.bodies, lent, system.rotor_tensors, strict=True):
+                lumped_masses[b].append((0.5 * LENT * mass, side * axis))
+                lumped_masses[p].append((-0.5 * LENT * mass, there + side * turn @ axis))
+        for body, points, tensor in zip(system.bodies, lumped_masses, system.rotor_tensors, strict=True):
             if not np.any(tensor):
                 continue
             if body.n_elastic:
@@ -350,7 +350,7 @@ class Translation:
                     "rigid body only"
                 )
             points.extend(zip(*_massless_points(tensor), strict=True))
-        return lent
+        return lumped_masses
 
     def _marker_of(self, b: int) -> Marker:
         """Marker of the parent that carries the joint of a body."""
