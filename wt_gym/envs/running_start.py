@@ -644,7 +644,7 @@ def _width(name: str, n_blades: int) -> int:
 @cache
 def _table(n_blades: int) -> Signals:
     """Places of the channels, as signals."""
-    return Signals(np.arange(len(channel_table(n_blades))), n_blades)
+    return Signals(np.arange(len(channel_table(n_blades))), n_blades)  # type: ignore[arg-type]  # places, not values
 
 
 _RINGS = np.sqrt([0.25, 0.75])

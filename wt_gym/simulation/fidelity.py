@@ -1,8 +1,11 @@
 """Fidelities: how finely air and structure are resolved, and at what price."""
 
+from __future__ import annotations
+
 import math
 import numbers
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.errors import SimulationError
@@ -138,19 +141,19 @@ class Fidelity:
     starter: str = "adams"
     coupling_iterations: int = 2
     coupling_tolerance: float = 1e-3
-    tower_modes: tuple = (2, 2, 1)
-    blade_modes: tuple = (2, 1, 0)
+    tower_modes: tuple[int, int, int] = (2, 2, 1)
+    blade_modes: tuple[int, int, int] = (2, 1, 0)
     tower_elements: int = 12
     blade_elements: int = 24
     tower_coordinates: str = "modal"
     blade_coordinates: str = "modal"
-    tower_shapes: tuple | None = None
+    tower_shapes: tuple[tuple[tuple[float, ...], ...], ...] | None = None
     yaw_drive: str = "stiff"
     blade_bodies: int = 1
     integrator: str = "hamming"
     tower_shadow: bool = True
-    tower_body: tuple | None = None
-    nacelle_body: tuple | None = None
+    tower_body: tuple[int, int] | None = None
+    nacelle_body: tuple[int, int] | None = None
     formulation: str = "embedded"
     spectral_radius: float | None = later_field(None)
     stabilisation: float = later_field(10.0)
@@ -161,7 +164,7 @@ class Fidelity:
     frame_update: str | float = later_field("step")
     frame_displacement: str = later_field("second_order")
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Refuse values without meaning."""
         if self.time_step is not None and not 0.0 < self.time_step < 10.0:
             raise SimulationError(f"Fidelity.time_step is {self.time_step}; allowed: None or 0 … 10 s")
@@ -188,7 +191,7 @@ class Fidelity:
                 )
         if self.spectral_radius is not None and not 0.0 <= self.spectral_radius <= 1.0:
             raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; allowed: None or 0 … 1")
-        if not isinstance(self.blade_bodies, numbers.Integral) or self.blade_bodies < 1:
+        if not isinstance(cast(object, self.blade_bodies), numbers.Integral) or self.blade_bodies < 1:
             raise SimulationError(
                 f"Fidelity.blade_bodies is {self.blade_bodies!r}; a whole number of at least 1 is needed"
             )
@@ -202,12 +205,12 @@ class Fidelity:
             value = getattr(self, name)
             counts = value if isinstance(value, (tuple, list)) else ()
             if value is not None and not (
-                len(counts) == 2 and all(isinstance(count, numbers.Integral) and count >= low for count in counts)
+                len(counts) == 2 and all(isinstance(count, numbers.Integral) and int(count) >= low for count in counts)
             ):
                 raise SimulationError(f"Fidelity.{name} is {value}; allowed: None or two counts of at least {low}")
         for name in ("tower_modes", "blade_modes"):
             modes = getattr(self, name)
-            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and count >= 0 for count in modes)
+            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and int(count) >= 0 for count in modes)
             if not whole or sum(modes) < 1:
                 raise SimulationError(
                     f"Fidelity.{name} is {modes}; three whole counts with at least one mode are needed"
@@ -217,9 +220,9 @@ class Fidelity:
         self._check_bodies_and_basis()
         self._check_observer()
 
-    def _check_bodies_and_basis(self):
+    def _check_bodies_and_basis(self) -> None:
         """Stabilisation, moving bodies and the basis of the blades have a meaning."""
-        if not (isinstance(self.stabilisation, numbers.Real) and 0.0 <= self.stabilisation < math.inf):
+        if not (isinstance(cast(object, self.stabilisation), numbers.Real) and 0.0 <= self.stabilisation < math.inf):
             raise SimulationError(f"Fidelity.stabilisation is {self.stabilisation!r}; a finite number >= 0 is needed")
         if self.moving_bodies and self.tower_body is None and self.nacelle_body is None:
             raise SimulationError("Fidelity.moving_bodies needs a tower_body or a nacelle_body to move")
@@ -230,10 +233,14 @@ class Fidelity:
                         f"Fidelity.blade_basis 'deformed' needs {name} {needed!r}, not {getattr(self, name)!r}"
                     )
 
-    def _check_observer(self):
+    def _check_observer(self) -> None:
         """Options of observer frames have a meaning, and stand beside that formulation only."""
         update = self.frame_update
-        positive = isinstance(update, numbers.Real) and not isinstance(update, bool) and 0.0 < update < math.inf
+        positive = (
+            not isinstance(update, str | bool)
+            and isinstance(cast(object, update), numbers.Real)
+            and 0.0 < update < math.inf
+        )
         if update != "step" and not positive:
             raise SimulationError(
                 f"Fidelity.frame_update is {update!r}; allowed: 'step' or a positive displacement in metres"
@@ -256,7 +263,7 @@ class Fidelity:
                     "belongs to 'observer'"
                 )
 
-    def _check_shapes(self):
+    def _check_shapes(self) -> None:
         """Prescribed shapes of the tower, if any, fit the counted modes."""
         if self.tower_shapes is None:
             return
@@ -270,7 +277,7 @@ class Fidelity:
             )
 
     @property
-    def scheme_radius(self):
+    def scheme_radius(self) -> float:
         """Spectral radius of the generalised-α scheme: the one given, or that of blades that twist or only bend.
 
         A radius of 0.3 takes out of the twist what the aerodynamic step, as long as its period, cannot couple: with 0.8
@@ -283,23 +290,24 @@ class Fidelity:
         return 0.3 if self.blade_modes[2] > 0 else 0.8
 
     @property
-    def takes_motion(self):
+    def takes_motion(self) -> bool:
         """Whether `Simulator.reset` can begin amid a motion: modal coordinates, embedded form, Hamming integrator."""
         modal = (self.blade_coordinates, self.tower_coordinates) == ("modal", "modal") and self.blade_bodies == 1
         return modal and self.formulation == "embedded" and self.integrator == "hamming"
 
-    def step_for(self, rated_speed):
+    def step_for(self, rated_speed: float) -> float:
         """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
         if self.time_step is not None:
             return self.time_step
         longest = math.radians(self.aero.azimuth_step_deg) / rated_speed
         return STEP_BASE / math.ceil(STEP_BASE / longest - 1e-9)
 
-    def aero_for(self, rated_speed):
+    def aero_for(self, rated_speed: float) -> AeroOptions:
         """Lattice and wake for a rotor with this rated speed [rad/s], see :meth:`AeroOptions.for_step`."""
-        return self.aero.for_step(math.degrees(self.step_for(rated_speed) * rated_speed))
+        out: AeroOptions = self.aero.for_step(math.degrees(self.step_for(rated_speed) * rated_speed))
+        return out
 
-    def substeps_for(self, time_step, highest):
+    def substeps_for(self, time_step: float, highest: float | None) -> int:
         """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: no limit.
 
         One, two and three corrector passes are stable up to ω h = 0.276, 0.78 and 1.08 without damping; a quarter is
@@ -307,7 +315,7 @@ class Fidelity:
         """
         if highest is None:
             return math.ceil(time_step / self.max_substep - 1e-9)
-        phase = RESERVE * undamped_limit(self.corrections)
+        phase: float = RESERVE * undamped_limit(self.corrections)
         return math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
 
 
@@ -337,7 +345,7 @@ _TRAINING = Fidelity("training", TRAINING)
 _ENGINEERING = Fidelity("engineering", ENGINEERING, max_substep=0.025, coupling_iterations=3, blade_modes=(3, 2, 0))
 
 
-def _with_torsion(rung):
+def _with_torsion(rung: Fidelity) -> Fidelity:
     """A rung whose blades twist, by an implicit scheme that need not resolve the frequency of the twist."""
     flap, edge, _ = rung.blade_modes
     return replace(
@@ -391,7 +399,7 @@ FIDELITIES = {
 }
 
 
-def fidelity(choice):
+def fidelity(choice: str | Fidelity) -> Fidelity:
     """Fidelity from a name or a :class:`Fidelity`.
 
     Raises

@@ -124,14 +124,17 @@ class RotationalAugmentation:
             The given one where nothing changes: outboard, and for a section without lift.
         """
         line = attached_lift(polar.alpha, polar.cl)
-        g = 0.0 if line is None else self.factor(chord, radius, line[1])
+        if line is None:
+            return polar
+        alpha0, slope = line
+        g = self.factor(chord, radius, slope)
         if g == 0.0:
             return polar
         alpha = np.union1d(polar.alpha, FINE)
         alpha = alpha[np.concatenate(([True], np.diff(alpha) > 1e-9))]
         cl, cd, cm = polar.coefficients(alpha)
-        share = np.where(alpha > line[0], np.clip((NONE - alpha) / (NONE - FULL), 0.0, 1.0), 0.0)
-        extra = g * share * (line[1] * (alpha - line[0]) - cl)
+        share = np.where(alpha > alpha0, np.clip((NONE - alpha) / (NONE - FULL), 0.0, 1.0), 0.0)
+        extra = g * share * (slope * (alpha - alpha0) - cl)
         _, drag = MODELS[self.model]
         if drag is not None:
             cd = np.maximum(cd + drag(alpha, extra), cd.min())

@@ -30,7 +30,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from wt_gym.errors import InflowError
 from wt_gym.wind.mann_files import read_hawc2, read_hipersim
@@ -68,17 +68,17 @@ _FORMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 _KINDS = ("steady", "step", "ramp")
 
 
-def is_wind_path(value: Any) -> bool:
+def is_wind_path(value: object) -> bool:
     """Whether a value is the path of a file of wind, by its suffix."""
     return isinstance(value, str | os.PathLike) and os.path.splitext(os.fspath(value))[1].lower() in SUFFIXES
 
 
-def is_described(value: Any) -> bool:
+def is_described(value: object) -> TypeGuard[str | os.PathLike[str] | Mapping[str, Any]]:
     """Whether a value is a path or a mapping that describes a wind."""
     return isinstance(value, Mapping) or is_wind_path(value)
 
 
-def whole_description(description: str | os.PathLike | Mapping[str, Any]) -> dict[str, Any]:
+def whole_description(description: str | os.PathLike[str] | Mapping[str, Any]) -> dict[str, Any]:
     """A description as a mapping with whole paths: it means the same in other folders and processes.
 
     Parameters
@@ -92,8 +92,8 @@ def whole_description(description: str | os.PathLike | Mapping[str, Any]) -> dic
         If it is neither, a ``.json`` file cannot be read, or a path has no suffix of `SUFFIXES`.
     """
     folder, given = ".", description
-    if is_wind_path(description):
-        path = os.path.abspath(os.fspath(description))  # type: ignore[arg-type]
+    if not isinstance(description, Mapping) and is_wind_path(description):
+        path = os.path.abspath(os.fspath(description))
         if not path.lower().endswith(".json"):
             return {"file": path}
         folder, given = os.path.dirname(path), _json(path)
@@ -124,7 +124,7 @@ def files_of(description: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def wind_from(
-    description: str | os.PathLike | Mapping[str, Any], hub_height: float = 90.0, rotor_diameter: float = 126.0
+    description: str | os.PathLike[str] | Mapping[str, Any], hub_height: float = 90.0, rotor_diameter: float = 126.0
 ) -> Inflow:
     """Make the wind of a description.
 
