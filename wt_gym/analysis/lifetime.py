@@ -46,7 +46,7 @@ class WindClimate:
     cut_in: float = 3.0
     cut_out: float = 25.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("mean_speed", "shape"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
@@ -63,7 +63,9 @@ class WindClimate:
             )
 
     @classmethod
-    def of_class(cls, turbine_class: str, shape: float = 2.0, cut_in: float = 3.0, cut_out: float = 25.0):
+    def of_class(
+        cls, turbine_class: str, shape: float = 2.0, cut_in: float = 3.0, cut_out: float = 25.0
+    ) -> WindClimate:
         """Climate of class "I", "II" or "III" of IEC 61400-1: 10, 8.5 or 7.5 m/s on average."""
         return cls(AVERAGE_OVER_REFERENCE_SPEED * reference_speed(turbine_class), shape, cut_in, cut_out)
 

@@ -15,6 +15,8 @@ from wt_gym.analysis.statistics import LEAST_PER_STRATUM, bootstrap_interval, in
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from wt_gym.analysis.results import Evaluation
 
 __all__ = ["LIFETIME_EXPONENTS", "Estimate", "level_of", "lifetime", "lifetime_change", "paired_change", "shared_winds"]
@@ -158,7 +160,7 @@ def lifetime_change(evaluation: Evaluation, agent: str, key: str) -> Estimate | 
         return None
     exponent = LIFETIME_EXPONENTS[key]
 
-    def ratio(k) -> np.ndarray:
+    def ratio(k: NDArray[np.int64]) -> NDArray[np.float64]:
         return lifetime_load(mine[k], weights, exponent) / lifetime_load(base[k], weights, exponent) - 1.0
 
     return _estimate(tuple(wind.speed for wind in evaluation.winds), ratio, True)

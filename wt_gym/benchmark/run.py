@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind
+    from wt_gym.control.controllers.controller import Controller
     from wt_gym.turbines import Turbine
 
 __all__ = ["INTERFACE", "benchmark_metrics", "delivered_power", "make_env", "play", "run_definition"]
@@ -102,7 +103,7 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     return env
 
 
-def _make_controller(name: str, parameters: dict[str, Any], turbine: Turbine):
+def _make_controller(name: str, parameters: dict[str, Any], turbine: Turbine) -> Controller:
     return make_controller(name, turbine, **parameters)
 
 

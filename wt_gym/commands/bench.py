@@ -12,6 +12,8 @@ baseline controller). Structural steps and induction are measured in a clone onl
 installed package.
 """
 
+from __future__ import annotations
+
 import argparse
 import itertools
 import json
@@ -25,10 +27,18 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser, stoppable, user_errors
 from wt_gym.process_memory import peak_memory
+
+if TYPE_CHECKING:
+    from argparse import ArgumentParser, Namespace
+    from collections.abc import Callable
+
+    import gymnasium as gym
+
+    from wt_gym.simulation.channels import Signals
 
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
@@ -57,7 +67,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     return arguments
 
 
-def check(parser, arguments) -> None:
+def check(parser: ArgumentParser, arguments: Namespace) -> None:
     """Refuse what cannot be measured before anything is."""
     from wt_gym.simulation import FIDELITIES
 
@@ -90,7 +100,7 @@ def measure_simulator(fidelity: str, wall: float) -> dict:
     controller.start(signals.generator_speed, signals.pitch, signals.generator_torque)
     dt = 0.2
 
-    def run(seconds):
+    def run(seconds: float) -> float:
         nonlocal signals
         steps, start = 0, time.perf_counter()
         while time.perf_counter() - start < seconds:
@@ -162,15 +172,17 @@ def measure_outside(fidelity: str, wall: float) -> dict:
     }
 
 
-def share_outside(env, turbines: list, wall: float) -> float:
+def share_outside(
+    env: gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any], turbines: list[Any], wall: float
+) -> float:
     """Median share of hundred steps without an action that is not spent in the simulators of an environment."""
     import numpy as np
 
     env.reset(seed=0)
     within = 0.0
 
-    def timed(advance):
-        def call(*arguments, **named):
+    def timed(advance: Callable[..., Signals]) -> Callable[..., Signals]:
+        def call(*arguments: Any, **named: Any) -> Signals:
             nonlocal within
             start = time.perf_counter()
             signals = advance(*arguments, **named)
@@ -182,7 +194,7 @@ def share_outside(env, turbines: list, wall: float) -> float:
     for turbine in turbines:
         turbine.simulator.advance = timed(turbine.simulator.advance)
     shares: list[float] = []
-    action = np.zeros(env.action_space.shape, dtype=np.float32)
+    action = np.zeros_like(env.action_space.sample())
     end = time.perf_counter() + wall
     while time.perf_counter() < end or not shares:
         within, start = 0.0, time.perf_counter()
@@ -329,7 +341,7 @@ def measure_structures(fidelity: str, wall: float) -> dict:
     return {"structural": figures}
 
 
-def structural_cost(integrator, wall: float, n: int = 20) -> dict:
+def structural_cost(integrator: Any, wall: float, n: int = 20) -> dict:
     """Unknowns of a system and the cost of a step, from calls of a few milliseconds that are seldom interrupted."""
     system = integrator.system
     step = best_of(lambda: integrator.advance(n), wall, most=500) / n * 1e6
@@ -343,7 +355,7 @@ def structural_cost(integrator, wall: float, n: int = 20) -> dict:
     }
 
 
-def best_of(call, wall: float, most: float = float("inf")) -> float:
+def best_of(call: Callable[[], object], wall: float, most: float = float("inf")) -> float:
     """Shortest time of a call within a wall time [s] and a number of calls."""
     call()
     best, calls, start = float("inf"), 0, time.perf_counter()
@@ -371,7 +383,7 @@ WORKERS = {
 # ---- the parent ----
 
 
-def in_process(what: str, fidelity: str, wall: float, **environment) -> dict:
+def in_process(what: str, fidelity: str, wall: float, **environment: str) -> dict:
     """Run one measurement in a fresh interpreter."""
     command = [sys.executable, "-m", "wt_gym", "bench", "--worker", what, fidelity, "--seconds", str(wall)]
     own = {"PYTHONPATH": package_path(), "PYTHONSAFEPATH": "1"}

@@ -141,7 +141,7 @@ def stoppable(hint: str) -> Iterator[None]:
         What is there, and how to go on.
     """
 
-    def terminate(*_):
+    def terminate(*_: object) -> NoReturn:
         raise _Terminated
 
     former = signal.signal(signal.SIGTERM, terminate)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from wt_gym.simulation import Recorder
+    from wt_gym.simulation.channels import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow, SteadyInflow
 
@@ -174,7 +175,7 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
     """Row of the table: means over the last part of a run, those of blades over all of them."""
     last = data.sel(time=slice(float(data.time[-1]) - average, None))
 
-    def blades(name):
+    def blades(name: str) -> float:
         return sum(float(last[f"{name}_{i + 1}"].mean()) for i in range(n_blades)) / n_blades
 
     return {
@@ -203,7 +204,7 @@ def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str
 
     line = ProgressLine()
 
-    def progress(signals):
+    def progress(signals: Signals) -> None:
         line.show(f"{_label(speed)}: {signals.time:5.0f} of {arguments.duration:g} s")
 
     try:

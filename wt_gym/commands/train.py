@@ -30,6 +30,7 @@ from wt_gym.commands.training_options import add_training_options, config_from
 
 if TYPE_CHECKING:
     from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.agents.training.learners import Learner
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -87,7 +88,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     return arguments
 
 
-def learner_of(arguments: argparse.Namespace):
+def learner_of(arguments: argparse.Namespace) -> Learner | None:
     """Who learns; None for stable-baselines3 in this process."""
     if arguments.engine == "ray":
         from wt_gym.agents.distributed.rllib_learner import RllibLearner

@@ -15,6 +15,8 @@ from wt_gym.errors import ActionError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from numpy.typing import ArrayLike
+
     from wt_gym.turbines import Turbine
 
 __all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "ActionMap", "Aim", "Demand"]
@@ -208,7 +210,7 @@ class ActionMap:
         """Of how many pitch coordinates, the first ones, the mean is that of the blades: none of tilt and yaw."""
         return {"fixed-frame": 1, "cyclic": 0}.get(self.pitch, self.n_pitch)
 
-    def _chosen(self, components, turbine) -> tuple[str, ...]:
+    def _chosen(self, components: Sequence[str] | None, turbine: Turbine) -> tuple[str, ...]:
         if components is None:
             components = COMPONENTS if self.takes_torque else ("pitch", "yaw")
         components = components if isinstance(components, str) else tuple(components)
@@ -227,7 +229,7 @@ class ActionMap:
             raise ValueError("action_components is ('yaw',), but this turbine has no yaw drive (greatest rate 0)")
         return tuple(name for name in chosen if name != "yaw")
 
-    def _chosen_spans(self, spans, turbine) -> dict[str, float]:
+    def _chosen_spans(self, spans: Mapping[str, float] | None, turbine: Turbine) -> dict[str, float]:
         """Spans of this mode, with those that the user wants otherwise."""
         curve = torque_curve(turbine)
         rated_torque = curve.rated_power / curve.rated_generator_speed
@@ -263,7 +265,7 @@ class ActionMap:
             low[:own], high[:own] = self.pitch_limits
         return low, high
 
-    def _rows(self, turbine, wind_speeds) -> list[tuple[str, str, float, float]]:
+    def _rows(self, turbine: Turbine, wind_speeds: tuple[float, float] | None) -> list[tuple[str, str, float, float]]:
         """Name, unit, and value at -1 and +1 of each component."""
         spans, rows = self._spans, []
         suffix = "_offset_rate" if self.mode == "residual" else "_rate"
@@ -283,7 +285,7 @@ class ActionMap:
             rows.append(torque)
         return rows
 
-    def _operating_range(self, turbine, wind_speeds) -> tuple[float, float, float]:
+    def _operating_range(self, turbine: Turbine, wind_speeds: tuple[float, float] | None) -> tuple[float, float, float]:
         """Lowest and highest absolute pitch [rad], highest torque [N m]."""
         low, high = wind_speeds or (turbine.cut_in, turbine.cut_out)
         least_wind = max(turbine.cut_in, 0.1)  # below cut-in the turbine stands ready as at cut-in
@@ -296,7 +298,7 @@ class ActionMap:
 
     # ---- from actions to demands ----
 
-    def validate(self, action) -> np.ndarray:
+    def validate(self, action: ArrayLike) -> np.ndarray:
         """Return an action as float64, or refuse it.
 
         Parameters

@@ -214,7 +214,18 @@ class BladeElements:
         cl, cd = self.coefficients(alpha)
         return self._forces(phi, alpha, cl, cd, steady["axial"], steady["tangential"], along, across, rotor_speed)
 
-    def _forces(self, phi, alpha, cl, cd, axial, tangential, along, across, rotor_speed) -> dict[str, Any]:
+    def _forces(
+        self,
+        phi: NDArray[np.float64],
+        alpha: NDArray[np.float64],
+        cl: NDArray[np.float64],
+        cd: NDArray[np.float64],
+        axial: NDArray[np.float64],
+        tangential: NDArray[np.float64],
+        along: NDArray[np.float64],
+        across: NDArray[np.float64],
+        rotor_speed: NDArray[np.float64] | float,
+    ) -> dict[str, NDArray[np.float64]]:
         """Forces of the sections and of the rotor from the inflow."""
         rotor, cos_cone = self.rotor, np.cos(self.rotor.cone)
         speed = np.hypot(along * (1.0 - axial), across * (1.0 + tangential))
@@ -272,7 +283,9 @@ class BladeElements:
             return cl, cd, axial, k_turn / (1.0 - k_turn)
 
 
-def blade_element(rotor: BladeElementRotor, wind: float, rotor_speed: float, pitch: float = 0.0, n_span: int = 60):
+def blade_element(
+    rotor: BladeElementRotor, wind: float, rotor_speed: float, pitch: float = 0.0, n_span: int = 60
+) -> BladeElementResult:
     """Solve one point of a rotor without tilt, tower and deflection.
 
     Parameters

@@ -67,7 +67,7 @@ class RotorTable:
     thrust: np.ndarray
     made_by: str
 
-    def __deepcopy__(self, memo) -> RotorTable:
+    def __deepcopy__(self, memo: dict[int, object]) -> RotorTable:
         """A table never changes: copies of controllers share it."""
         return self
 

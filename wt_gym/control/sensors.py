@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.angles import wrapped
 from wt_gym.wind.protocol import velocity_ahead
+
+if TYPE_CHECKING:
+    from wt_gym.wind import Inflow
 
 __all__ = ["AngleLowPass", "Channel", "Lidar", "LowPass", "NacelleAnemometer", "Notch"]
 
@@ -43,7 +47,7 @@ class Channel:
     description: str
     parity: int = 1
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.parity not in (1, -1):
             raise ValueError(f"channel {self.name!r} needs a parity of 1 or -1, got {self.parity!r}")
         if not (self.scale > 0 and self.low < self.high and self.noise >= 0):
@@ -212,7 +216,7 @@ class Lidar:
     n_beams: int = 4
     frozen: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", tuple(map(float, self.ranges)))
         if not len(self.ranges) or not all(0.0 < r < math.inf for r in self.ranges):
             raise ValueError(f"a lidar needs positive ranges [m], got {self.ranges!r}")
@@ -246,7 +250,7 @@ class Lidar:
         points.setflags(write=False)
         return points, (beams / -self.n_beams).ravel()
 
-    def read(self, inflow, time: float, yaw: float, height: float) -> np.ndarray:
+    def read(self, inflow: Inflow, time: float, yaw: float, height: float) -> np.ndarray:
         """Measure.
 
         Parameters

@@ -31,12 +31,14 @@ from wt_gym.wind.iec import length_scale
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+
     from wt_gym.wind.turbulence_box import TurbulenceBox
 
 __all__ = ["coherence_along", "evolved_boxes"]
 
 
-def coherence_along(distance, wavenumber, intensity: float, hub_height: float) -> np.ndarray:
+def coherence_along(distance: ArrayLike, wavenumber: ArrayLike, intensity: float, hub_height: float) -> np.ndarray:
     """Coherence of the wind at two points along its direction, gamma (the root of the magnitude-squared one).
 
     Parameters

@@ -31,10 +31,12 @@ of k₁ = 0 have no place in the box, so every point has zero mean. Amplitudes a
 from seed to seed and from point to point, σ is that of many of them. ``scaling`` as in `kaimal`.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from typing import ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 import scipy.fft
@@ -45,6 +47,11 @@ from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.interpolation import sample_gain, variance_read
 from wt_gym.wind.kaimal import KaimalParameters
 from wt_gym.wind.protocol import require_number
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["MannParameters", "distortion", "life_time", "one_point_spectra", "spectral_tensor", "synthesise_mann"]
 
@@ -86,7 +93,7 @@ class MannParameters:
     shear: float
 
     @classmethod
-    def resolve(cls, length: float | None, shear: float, **arguments) -> "MannParameters":
+    def resolve(cls, length: float | None, shear: float, **arguments: Any) -> MannParameters:
         """Check the arguments and fill in the defaults; those besides L and Γ are `KaimalParameters.resolve`'s."""
         shared = asdict(KaimalParameters.resolve(**arguments, lateral_coherence=True))
         del shared["lateral_coherence"]
@@ -179,7 +186,9 @@ def _life_time(wave_number: np.ndarray, shear: float) -> np.ndarray:
     return np.exp(np.interp(np.log(wave_number), *_life_time_table(shear)))
 
 
-def distortion(k1, k2, k3, beta) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def distortion(
+    k1: NDArray[np.float64], k2: NDArray[np.float64], k3: NDArray[np.float64], beta: NDArray[np.float64]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What shearing has done to a wave: k₃ before it, ζ₁, ζ₂ and the factor k₀²/k² (Mann 1994, equations 3.12 to 3.18).
 
     Parameters
@@ -198,7 +207,7 @@ def distortion(k1, k2, k3, beta) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
     return k30, c1 - k2 / k1 * c2, k2 / k1 * c1 + c2, k0_squared / k_squared
 
 
-def spectral_tensor(k1, k2, k3, shear: float) -> np.ndarray:
+def spectral_tensor(k1: ArrayLike, k2: ArrayLike, k3: ArrayLike, shear: float) -> np.ndarray:
     """Spectral tensor Φ of the model in units of L and αε^(2/3) L^(2/3): Φ_ij(kL) has the unit L³.
 
     Parameters

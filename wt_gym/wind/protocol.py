@@ -12,6 +12,8 @@ from wt_gym.errors import InflowError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+
 __all__ = [
     "Inflow",
     "PointInflow",
@@ -247,7 +249,7 @@ def start_speed(inflow: Inflow) -> float:
     return float(getattr(inflow, "start_speed", inflow.mean_speed))
 
 
-def _checked(points, time) -> tuple[np.ndarray, float]:
+def _checked(points: ArrayLike, time: float) -> tuple[np.ndarray, float]:
     """Points as an array of numbers and a finite time."""
     try:
         positions = np.ascontiguousarray(points, dtype=np.float64)

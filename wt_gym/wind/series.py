@@ -15,6 +15,7 @@ from wt_gym.wind.protocol import PointInflow, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from typing import Any
 
 __all__ = ["COLUMNS", "SeriesInflow"]
 
@@ -117,7 +118,7 @@ class SeriesInflow(PointInflow):
             raise InflowError(f"travels must be True or False; got {self.travels!r}")
 
     @classmethod
-    def of(cls, columns: Mapping[str, np.ndarray | list[float]], **more) -> SeriesInflow:
+    def of(cls, columns: Mapping[str, np.ndarray | list[float]], **more: Any) -> SeriesInflow:
         """Of columns by name.
 
         Parameters
@@ -152,7 +153,9 @@ class SeriesInflow(PointInflow):
         return cls(arrays["time"], table, **more)
 
     @classmethod
-    def step(cls, before: float, after: float, time: float, *, shear_exponent: float = 0.0, **more) -> SeriesInflow:
+    def step(
+        cls, before: float, after: float, time: float, *, shear_exponent: float = 0.0, **more: Any
+    ) -> SeriesInflow:
         """A step of the wind speed.
 
         Parameters
@@ -169,7 +172,7 @@ class SeriesInflow(PointInflow):
 
     @classmethod
     def ramp(
-        cls, before: float, after: float, time: float, duration: float, *, shear_exponent: float = 0.0, **more
+        cls, before: float, after: float, time: float, duration: float, *, shear_exponent: float = 0.0, **more: Any
     ) -> SeriesInflow:
         """A wind speed that changes in a straight line.
 

@@ -1,13 +1,22 @@
 """A wind that turns: any inflow with a direction that changes with time."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.errors import InflowError
 from wt_gym.wind.protocol import Inflow, PointInflow, require_cover, start_speed, velocity_ahead
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.random import Generator
+    from numpy.typing import NDArray
 
 __all__ = ["TurningInflow"]
 
@@ -49,12 +58,14 @@ class TurningInflow(PointInflow):
             object.__setattr__(self, name, array)
 
     @classmethod
-    def by(cls, inner, angle) -> "TurningInflow":
+    def by(cls, inner: Inflow, angle: float) -> TurningInflow:
         """Another inflow turned by an angle that stays [rad]."""
         return cls(inner, np.zeros(1), np.array([angle]))
 
     @classmethod
-    def wandering(cls, inner, start, deviation, time_constant, duration, rng) -> "TurningInflow":
+    def wandering(
+        cls, inner: Inflow, start: float, deviation: float, time_constant: float, duration: float, rng: Generator
+    ) -> TurningInflow:
         """Direction that wanders about its start as an Ornstein-Uhlenbeck process.
 
         Parameters
@@ -114,7 +125,13 @@ class TurningInflow(PointInflow):
     def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
         return self._fill_turned(gates, time, partial(velocity_ahead, self.inner, distances=distances), out)
 
-    def _fill_turned(self, points: np.ndarray, time: float, velocity, out: np.ndarray) -> int:
+    def _fill_turned(
+        self,
+        points: np.ndarray,
+        time: float,
+        velocity: Callable[[NDArray[np.float64], float], NDArray[np.float64]],
+        out: np.ndarray,
+    ) -> int:
         angle = self.direction(time)
         cos, sin = math.cos(angle), math.sin(angle)
         turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])  # R^T on columns, R on rows

@@ -32,6 +32,8 @@ from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
@@ -250,7 +252,7 @@ class BaselineController:
         damping = self.parameters.filter_damping
         self._filter = SecondOrderLowPass(self.parameters.corner_frequency, damping) if damping > 0.0 else None
 
-    def start(self, generator_speed: float, pitch, torque: float = math.nan) -> None:
+    def start(self, generator_speed: float, pitch: ArrayLike, torque: float = math.nan) -> None:
         """Start bumplessly: the first command continues from the present pitch.
 
         Parameters

@@ -202,7 +202,7 @@ def is_agent_class(maker: Any) -> bool:
 
 
 def make_controller(
-    choice: str | Controller | Callable[[Turbine], Controller], turbine: Turbine, **parameters
+    choice: str | Controller | Callable[[Turbine], Controller], turbine: Turbine, **parameters: Any
 ) -> Controller:
     """Make a controller for a turbine.
 
@@ -301,7 +301,7 @@ def _of_own_class(target: str, turbine: Turbine, parameters: dict[str, Any]) -> 
     return made
 
 
-def _what(given) -> str:
+def _what(given: object) -> str:
     """Name a thing that is no controller."""
     if is_addition(given):
         return f"the addition {given!r}, which changes the demand of a controller: use Combined(controller, addition)"

@@ -221,7 +221,7 @@ def own_controller(
     region_2_gain: float | None = None,
     tip_speed_ratio: float | None = None,
     thrust_limit: float | None = None,
-    **parameters,
+    **parameters: Any,
 ) -> Controller:
     """Make the turbine's own controller and look at its speed loop (`wt_gym.control.speed_loop.check_speed_loop`).
 

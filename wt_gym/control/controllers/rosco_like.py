@@ -32,6 +32,8 @@ from wt_gym.control.rotor_table import RotorTable, blade_element_table, rotor_ta
 from wt_gym.control.sensors import LowPass, Notch
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
@@ -175,7 +177,7 @@ class RoscoLikeParameters:
     constant_power_pitch: float = 0.0
 
     @classmethod
-    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters) -> RoscoLikeParameters:
+    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters: Any) -> RoscoLikeParameters:
         """Numbers of the turbine's own controller, by rule where its data say nothing.
 
         Parameters
@@ -315,7 +317,7 @@ class RoscoLikeController:
 
     @classmethod
     def of_turbine(
-        cls, turbine: Turbine, estimator_bandwidth: float | None = None, **parameters
+        cls, turbine: Turbine, estimator_bandwidth: float | None = None, **parameters: Any
     ) -> RoscoLikeController:
         """By rule; parameters as those of `RoscoLikeParameters.from_turbine`.
 
@@ -326,7 +328,7 @@ class RoscoLikeController:
 
     @classmethod
     def published(
-        cls, turbine: Turbine, baseline: BaselineParameters, estimator_bandwidth: float | None = None, **parameters
+        cls, turbine: Turbine, baseline: BaselineParameters, estimator_bandwidth: float | None = None, **parameters: Any
     ) -> RoscoLikeController:
         """With the turbine's own numbers, see `RoscoLikeParameters.published`."""
         made = RoscoLikeParameters.published(turbine, baseline, **parameters)
