@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import xarray as xr
+    from numpy.typing import NDArray
 
     from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind
     from wt_gym.control.controllers.controller import Controller
@@ -190,7 +191,7 @@ def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[s
     return metrics
 
 
-def delivered_power(power: np.ndarray, time: np.ndarray, rated: float) -> float:
+def delivered_power(power: NDArray[np.float64], time: NDArray[np.float64], rated: float) -> float:
     """Mean of a power of which every ten seconds count at most as rated.
 
     Parameters

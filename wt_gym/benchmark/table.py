@@ -85,7 +85,7 @@ def _row(task: BenchmarkTask, results: list[Mapping[str, Any]]) -> dict[str, Any
     return row
 
 
-def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping], reference: Reference) -> dict[str, Any]:
+def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping[str, Any]], reference: Reference) -> dict[str, Any]:
     """Mean changes over the winds; none where a run ended early."""
     winds = [wind for wind in task.winds if by_wind[wind.label]["metrics"]]
     if len(winds) < len(task.winds):

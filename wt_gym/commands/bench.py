@@ -85,7 +85,7 @@ def check(parser: ArgumentParser, arguments: Namespace) -> None:
 # ---- measurements, each in its own process ----
 
 
-def measure_simulator(fidelity: str, wall: float) -> dict:
+def measure_simulator(fidelity: str, wall: float) -> dict[str, Any]:
     """Real-time factor and memory of the simulator under the baseline controller."""
     import numpy as np
 
@@ -119,7 +119,7 @@ def measure_simulator(fidelity: str, wall: float) -> dict:
     }
 
 
-def measure_environment(fidelity: str, wall: float) -> dict:
+def measure_environment(fidelity: str, wall: float) -> dict[str, Any]:
     """Steps of the environment per second with random actions, and the time of a reset."""
     import gymnasium
 
@@ -150,7 +150,7 @@ def measure_environment(fidelity: str, wall: float) -> dict:
     }
 
 
-def measure_outside(fidelity: str, wall: float) -> dict:
+def measure_outside(fidelity: str, wall: float) -> dict[str, Any]:
     """Share of a step of LoadReduction that passes outside the simulator: actions, controller, observation, reward.
 
     Of a single turbine, of one on the best controller with its lidar, and of four in a vector environment on one
@@ -206,7 +206,7 @@ def share_outside(
     return float(np.median(shares))
 
 
-def measure_vector(fidelity: str, wall: float) -> dict:
+def measure_vector(fidelity: str, wall: float) -> dict[str, Any]:
     """Steps of turbines per second: one alone, several by threads of one process, and by a process each.
 
     Taken in turns, so that a machine that changes its pace changes the ratios little.
@@ -225,10 +225,10 @@ def measure_vector(fidelity: str, wall: float) -> dict:
     rates: dict[str, list[float]] = {way: [] for way in made}
     for env in made.values():
         env.reset(seed=0)
-        env.step(np.zeros(cast(tuple, env.action_space.shape), dtype=np.float32))
+        env.step(np.zeros(cast(tuple[int, ...], env.action_space.shape), dtype=np.float32))
     for _ in range(5):
         for way, env in made.items():
-            actions, steps = np.zeros(cast(tuple, env.action_space.shape), dtype=np.float32), 0
+            actions, steps = np.zeros(cast(tuple[int, ...], env.action_space.shape), dtype=np.float32), 0
             start = time.perf_counter()
             while (elapsed := time.perf_counter() - start) < wall / 15:
                 env.step(actions)
@@ -247,7 +247,7 @@ def measure_vector(fidelity: str, wall: float) -> dict:
     }
 
 
-def measure_learning(fidelity: str, steps: float) -> dict:
+def measure_learning(fidelity: str, steps: float) -> dict[str, Any]:
     """Wall time of so many steps of PPO: turbines by threads of one process, and by a process each.
 
     A tenth of the steps in turn, so that a machine that changes its pace changes the ratio little.
@@ -279,13 +279,13 @@ def measure_learning(fidelity: str, steps: float) -> dict:
     }
 
 
-def measure_import(fidelity: str, wall: float) -> dict:
+def measure_import(fidelity: str, wall: float) -> dict[str, Any]:
     """Time to import the package, in an interpreter that has imported nothing yet."""
     program = "import time; start = time.perf_counter(); import wt_gym; print(time.perf_counter() - start)"
     return {"import_s": min(float(output_of([sys.executable, "-c", program])[-1]) for _ in range(3))}
 
 
-def measure_start(fidelity: str, wall: float) -> dict:
+def measure_start(fidelity: str, wall: float) -> dict[str, Any]:
     """Time to build the simulator and to take the first step, imports included."""
     start = time.perf_counter()
     from wt_gym.simulation import Simulator
@@ -297,7 +297,7 @@ def measure_start(fidelity: str, wall: float) -> dict:
     return {"first_step_s": time.perf_counter() - start}
 
 
-def measure_threads(fidelity: str, wall: float) -> dict:
+def measure_threads(fidelity: str, wall: float) -> dict[str, Any]:
     """Wall time of an aerodynamic step on one and on two threads, ten steps in turn."""
     from wt_gym.simulation import Simulator
     from wt_gym.wind import SteadyInflow
@@ -315,7 +315,7 @@ def measure_threads(fidelity: str, wall: float) -> dict:
     return {"step_s_one_thread": best[0], "step_s_two_threads": best[1]}
 
 
-def measure_structures(fidelity: str, wall: float) -> dict:
+def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
     """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
     from validation import mixed_coordinates, observer_frame
     from wt_gym.multibody.system import HammingIntegrator
@@ -341,7 +341,7 @@ def measure_structures(fidelity: str, wall: float) -> dict:
     return {"structural": figures}
 
 
-def structural_cost(integrator: Any, wall: float, n: int = 20) -> dict:
+def structural_cost(integrator: Any, wall: float, n: int = 20) -> dict[str, Any]:
     """Unknowns of a system and the cost of a step, from calls of a few milliseconds that are seldom interrupted."""
     system = integrator.system
     step = best_of(lambda: integrator.advance(n), wall, most=500) / n * 1e6
@@ -383,11 +383,12 @@ WORKERS = {
 # ---- the parent ----
 
 
-def in_process(what: str, fidelity: str, wall: float, **environment: str) -> dict:
+def in_process(what: str, fidelity: str, wall: float, **environment: str) -> dict[str, Any]:
     """Run one measurement in a fresh interpreter."""
     command = [sys.executable, "-m", "wt_gym", "bench", "--worker", what, fidelity, "--seconds", str(wall)]
     own = {"PYTHONPATH": package_path(), "PYTHONSAFEPATH": "1"}
-    return json.loads(output_of(command, own | environment)[-1])
+    out: dict[str, Any] = json.loads(output_of(command, own | environment)[-1])
+    return out
 
 
 def output_of(command: list[str], environment: dict[str, str] | None = None) -> list[str]:
@@ -412,7 +413,7 @@ def output_of(command: list[str], environment: dict[str, str] | None = None) -> 
     return lines
 
 
-def _end(process: subprocess.Popen) -> None:
+def _end(process: subprocess.Popen[str]) -> None:
     """End a program with all it has begun; on Windows the program alone, whose own programs end by themselves."""
     if hasattr(os, "killpg"):
         with suppress(ProcessLookupError):  # all have ended meanwhile
@@ -426,12 +427,13 @@ def package_path() -> str:
     return os.pathsep.join([str(CLONE), *filter(None, [os.environ.get("PYTHONPATH")])])
 
 
-def beside(script: str, *options: str) -> dict:
+def beside(script: str, *options: str) -> dict[str, Any]:
     """Run another benchmark script, show what it prints and return its figures."""
     command = [sys.executable, str(CLONE / "scripts" / script), *options, "--json"]
     *lines, figures = output_of(command)
     print("\n".join(lines))
-    return json.loads(figures)
+    out: dict[str, Any] = json.loads(figures)
+    return out
 
 
 def processor() -> str:

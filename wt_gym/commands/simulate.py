@@ -117,7 +117,8 @@ def check(arguments: argparse.Namespace) -> None:
 
 def _winds(arguments: argparse.Namespace) -> list[Any]:
     """Winds of the options: speeds [m/s], or descriptions."""
-    return arguments.wind or arguments.wind_speed
+    out: list[Any] = arguments.wind or arguments.wind_speed
+    return out
 
 
 def _label(wind: float | str | dict[str, Any]) -> str:
@@ -132,7 +133,7 @@ def _label(wind: float | str | dict[str, Any]) -> str:
 
 def file_of(arguments: argparse.Namespace, wind: float | str | dict[str, Any]) -> Path:
     """Where the signals of a wind go."""
-    out = arguments.out
+    out: Path = arguments.out
     return out.with_stem(f"{out.stem}_{_label(wind)}") if len(_winds(arguments)) > 1 else out
 
 

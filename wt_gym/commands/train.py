@@ -109,7 +109,7 @@ def configuration(arguments: argparse.Namespace) -> TrainingConfig:
     return config_from(arguments, **{field: given[name] for name, field in names.items() if name in given})
 
 
-def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
+def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Train; give the folder and the record, or the summary of several seeds."""
     from wt_gym.agents.train import train  # torch takes seconds to import: not for --help
     from wt_gym.agents.training.again import train_or_go_on
@@ -125,7 +125,7 @@ def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
     return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner)
 
 
-def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
+def go_on(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Resume; as `start`."""
     from wt_gym.agents.train import resume
     from wt_gym.agents.training.run_folder import SEEDS_FILE
@@ -139,7 +139,7 @@ def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
     return folder, go(folder, **limits, learner=learner_of(arguments))
 
 
-def report(folder: Path, record: dict) -> None:
+def report(folder: Path, record: dict[str, Any]) -> None:
     """Say what has come out."""
     from wt_gym.agents.training.held_back import FIGURES
     from wt_gym.agents.training.seeds import seeds_table

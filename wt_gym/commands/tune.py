@@ -27,7 +27,7 @@ def weight(text: str) -> tuple[str, float]:
     return name, float(value)
 
 
-def interval(text: str) -> tuple[str, tuple]:
+def interval(text: str) -> tuple[str, tuple[float, float, bool]]:
     """Parameter and interval from ``parameter=low:high`` or ``parameter=low:high:log``."""
     name, _, limits = text.partition("=")
     low, high, *log = limits.split(":")

@@ -14,8 +14,9 @@ from wt_gym.errors import ActionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from typing import Any
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.turbines import Turbine
 
@@ -55,7 +56,7 @@ class Demand:
         Torque on the high-speed shaft [N m].
     """
 
-    pitch: np.ndarray
+    pitch: NDArray[np.float64]
     yaw_rate: float
     generator_torque: float
 
@@ -74,7 +75,7 @@ class Aim:
         [N m]
     """
 
-    pitch: np.ndarray
+    pitch: NDArray[np.float64]
     yaw_rate: float
     generator_torque: float
 
@@ -254,7 +255,7 @@ class ActionMap:
             chosen[name] = float(value)
         return {"pitch_mean": chosen["pitch"]} | chosen
 
-    def _pitch_range(self) -> tuple[np.ndarray, np.ndarray]:
+    def _pitch_range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Limits of the pitch coordinates (n_pitch,) [rad]."""
         around = np.full(self.n_pitch, self._spans["pitch"])
         if self.pitch in ("collective", "fixed-frame"):
@@ -298,7 +299,7 @@ class ActionMap:
 
     # ---- from actions to demands ----
 
-    def validate(self, action: ArrayLike) -> np.ndarray:
+    def validate(self, action: ArrayLike) -> NDArray[np.float64]:
         """Return an action as float64, or refuse it.
 
         Parameters
@@ -341,7 +342,7 @@ class ActionMap:
             pitch = np.array([mean, 0.0, 0.0])
         return Aim(pitch.copy(), 0.0, demand.generator_torque)
 
-    def decode(self, action: np.ndarray, previous: Aim) -> Aim:
+    def decode(self, action: NDArray[np.float64], previous: Aim) -> Aim:
         """Aim at the end of the next control step.
 
         Parameters
@@ -425,7 +426,7 @@ class ActionMap:
             return base + offset
         return min(base + offset, max(base, self._most_shaft_power / rotor_speed))
 
-    def encode(self, demand: Demand, previous: Demand | Aim) -> np.ndarray:
+    def encode(self, demand: Demand, previous: Demand | Aim) -> NDArray[np.float64]:
         """Give the action whose demand is the wanted one, or the nearest one that the spans allow.
 
         Parameters
@@ -456,9 +457,10 @@ class ActionMap:
             pitch = pitch.mean(keepdims=True)
         parts = {"pitch": pitch, "yaw": [demand.yaw_rate], "torque": [torque]}
         physical = np.concatenate([parts[name] for name in self.components])
-        return np.clip(2.0 * (physical - self.low) / (self.high - self.low) - 1.0, -1.0, 1.0)
+        out: NDArray[np.float64] = np.clip(2.0 * (physical - self.low) / (self.high - self.low) - 1.0, -1.0, 1.0)
+        return out
 
-    def table(self) -> list[dict]:
+    def table(self) -> list[dict[str, Any]]:
         """Rows (name, unit, value at -1, value at +1) of the action vector, for documentation and reports."""
         rows = zip(self.names, self.units, self.low, self.high, strict=True)
         return [{"name": n, "unit": u, "min": float(low), "max": float(high)} for n, u, low, high in rows]

@@ -30,17 +30,20 @@ __all__ = [
 FIXED_FRAME = ("mean", "tilt", "yaw")
 
 
-def _directions(azimuth: float, n_blades: int) -> np.ndarray:
+def _directions(azimuth: float, n_blades: int) -> NDArray[np.float64]:
     """One, cosine and sine of the azimuth of every blade, shape (3, n_blades), blade 1 at ``azimuth`` [rad]."""
     psi = [azimuth + 2.0 * math.pi / n_blades * b for b in range(n_blades)]
     return np.array([[1.0] * n_blades, [math.cos(p) for p in psi], [math.sin(p) for p in psi]])
 
 
-def to_fixed_frame(values: ArrayLike, azimuth: float) -> np.ndarray:
+def to_fixed_frame(values: ArrayLike, azimuth: float) -> NDArray[np.float64]:
     """Mean, tilt and yaw (..., 3) of a value of every blade (..., n_blades), blade 1 at ``azimuth`` [rad]."""
     values = np.asarray(values, dtype=np.float64)
     n_blades = values.shape[-1]
-    return (values[..., None, :] * _directions(azimuth, n_blades)).sum(axis=-1) * (np.array([1.0, 2.0, 2.0]) / n_blades)
+    out: NDArray[np.float64] = (values[..., None, :] * _directions(azimuth, n_blades)).sum(axis=-1) * (
+        np.array([1.0, 2.0, 2.0]) / n_blades
+    )
+    return out
 
 
 def to_blades(coordinates: Sequence[float] | NDArray[np.float64], azimuth: float, n_blades: int) -> list[float]:
@@ -73,7 +76,7 @@ def to_harmonic(
     return 2.0 / n_blades * cosine, 2.0 / n_blades * sine
 
 
-def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> np.ndarray:
+def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> NDArray[np.float64]:
     """Values of the blades ``tilt cos(n psi_b) + yaw sin(n psi_b)``, shape (n_blades,); see `to_harmonic`."""
     return np.array(harmonic_of_blades(tilt, yaw, azimuth, n_blades, harmonic))
 

@@ -13,6 +13,8 @@ from wt_gym.angles import wrapped
 from wt_gym.wind.protocol import velocity_ahead
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.wind import Inflow
 
 __all__ = ["AngleLowPass", "Channel", "Lidar", "LowPass", "NacelleAnemometer", "Notch"]
@@ -234,13 +236,13 @@ class Lidar:
         return cls((0.5 * diameter, diameter, 1.5 * diameter))
 
     @cached_property
-    def _side(self) -> np.ndarray:
+    def _side(self) -> NDArray[np.float64]:
         """Way of the beams off the axis, level and upward, per way along it, shape (2, n_beams)."""
         angle = 2.0 * math.pi * np.arange(self.n_beams) / self.n_beams
         return math.tan(self.half_angle) * np.array([np.sin(angle), np.cos(angle)])
 
     @lru_cache(maxsize=4)  # noqa: B019 - a lidar is small, and the nacelle seldom yaws
-    def _beams(self, yaw: float, height: float) -> tuple[np.ndarray, np.ndarray]:
+    def _beams(self, yaw: float, height: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Points that are measured [m], shape (n_ranges, n_beams, 3), and minus the beams over all of them."""
         side = self._side
         ahead = np.array([-math.cos(yaw), -math.sin(yaw), 0.0])
@@ -250,7 +252,7 @@ class Lidar:
         points.setflags(write=False)
         return points, (beams / -self.n_beams).ravel()
 
-    def read(self, inflow: Inflow, time: float, yaw: float, height: float) -> np.ndarray:
+    def read(self, inflow: Inflow, time: float, yaw: float, height: float) -> NDArray[np.float64]:
         """Measure.
 
         Parameters

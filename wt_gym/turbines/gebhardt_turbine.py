@@ -39,7 +39,8 @@ ROOT_RAMP = 1.0
 def gebhardt_data() -> dict[str, Any]:
     """Contents of ``data/gebhardt45.json``."""
     text = resources.files(__package__).joinpath("data", "gebhardt45.json").read_text(encoding="utf-8")
-    return json.loads(text)
+    out: dict[str, Any] = json.loads(text)
+    return out
 
 
 GENERATOR_DAMPER = gebhardt_data()["inferred"]["generator_damper_Nms"]

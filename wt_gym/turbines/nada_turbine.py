@@ -38,13 +38,14 @@ HELD = 1e10
 def nada_data() -> dict[str, Any]:
     """Contents of ``data/nada_small.json``."""
     text = resources.files(__package__).joinpath("data", "nada_small.json").read_text(encoding="utf-8")
-    return json.loads(text)
+    out: dict[str, Any] = json.loads(text)
+    return out
 
 
 def nada_speed() -> float:
     """Rotor speed of the rig in the test wind [rad/s]: that of the stand-in tip-speed ratio."""
     data = nada_data()
-    return (
+    return float(
         data["stand_in"]["tip_speed_ratio"]
         * data["published"]["test_wind_speed_m_s"]
         / data["stand_in"]["blade"]["tip_radius_m"]

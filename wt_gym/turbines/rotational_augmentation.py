@@ -55,7 +55,7 @@ def du_selig(chord_ratio: float, radius_ratio: float, tip_speed_ratio: float, sl
     """
     exponent = np.sqrt(1.0 + tip_speed_ratio**2) / (tip_speed_ratio * radius_ratio)
     power = chord_ratio**exponent
-    return (1.6 * chord_ratio / 0.1267 * (1.0 - power) / (1.0 + power) - 1.0) / slope
+    return float((1.6 * chord_ratio / 0.1267 * (1.0 - power) / (1.0 + power) - 1.0) / slope)
 
 
 def eggers_drag(alpha: NDArray[np.float64], extra_lift: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -48,11 +48,13 @@ class _Axis:
 
     def z(self, grid: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance from the root along z [m]."""
-        return PchipInterpolator(self.grid, self.points[:, 2])(grid)
+        out: NDArray[np.float64] = PchipInterpolator(self.grid, self.points[:, 2])(grid)
+        return out
 
     def s(self, grid: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance from the root along the axis [m]."""
-        return PchipInterpolator(self.grid, self.station)(grid)
+        out: NDArray[np.float64] = PchipInterpolator(self.grid, self.station)(grid)
+        return out
 
 
 def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float, notes: list[str]) -> Blade:

@@ -34,7 +34,7 @@ _DIMS = ("uvw", "x", "y", "z")
 
 
 def read_hawc2(
-    files: Sequence[str | os.PathLike],
+    files: Sequence[str | os.PathLike[str]],
     shape: tuple[int, int, int],
     spacing: tuple[float, float, float],
     mean_speed: float,
@@ -89,7 +89,7 @@ def read_hawc2(
 
 
 def read_hipersim(
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     mean_speed: float,
     hub_height: float,
     *,
@@ -138,7 +138,7 @@ def read_hipersim(
     return _box(samples, spacing, mean_speed, hub_height, factors, y_center, z_center, Path(path).name)
 
 
-def write_hawc2(box: TurbulenceBox, files: Sequence[str | os.PathLike]) -> tuple[float, float, float]:
+def write_hawc2(box: TurbulenceBox, files: Sequence[str | os.PathLike[str]]) -> tuple[float, float, float]:
     """Write the fluctuations of a box as HAWC2's three files.
 
     Parameters

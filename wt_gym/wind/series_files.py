@@ -37,7 +37,7 @@ _UNIFORM = (
 )  # fmt: skip
 
 
-def read_csv(path: str | os.PathLike, **more: Any) -> SeriesInflow:
+def read_csv(path: str | os.PathLike[str], **more: Any) -> SeriesInflow:
     """Read a CSV file.
 
     Parameters
@@ -67,7 +67,7 @@ def read_csv(path: str | os.PathLike, **more: Any) -> SeriesInflow:
     return _series(path, names, body, 1.0, more)
 
 
-def read_uniform(path: str | os.PathLike, **more: Any) -> SeriesInflow:
+def read_uniform(path: str | os.PathLike[str], **more: Any) -> SeriesInflow:
     """Read a uniform wind file of InflowWind.
 
     Parameters
@@ -92,7 +92,7 @@ def read_uniform(path: str | os.PathLike, **more: Any) -> SeriesInflow:
     return _series(path, _UNIFORM[:width], body, -1.0, more)
 
 
-def _lines(path: str | os.PathLike) -> list[tuple[int, str]]:
+def _lines(path: str | os.PathLike[str]) -> list[tuple[int, str]]:
     """Lines that hold something, with their numbers from 1."""
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
@@ -106,7 +106,7 @@ def _lines(path: str | os.PathLike) -> list[tuple[int, str]]:
     return [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
 
 
-def _check_names(path: str | os.PathLike, names: list[str]) -> None:
+def _check_names(path: str | os.PathLike[str], names: list[str]) -> None:
     allowed = ("time", *COLUMNS)
     for name in names:
         if name not in allowed:

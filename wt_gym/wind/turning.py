@@ -44,8 +44,8 @@ class TurningInflow(PointInflow):
     """
 
     inner: Inflow
-    times: np.ndarray
-    directions: np.ndarray
+    times: NDArray[np.float64]
+    directions: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         times, directions = (np.array(a, dtype=np.float64) for a in (self.times, self.directions))
@@ -87,7 +87,8 @@ class TurningInflow(PointInflow):
         kicks = deviation * math.sqrt(1.0 - keep * keep) * rng.standard_normal(times.size)
         for k in range(1, times.size):
             directions[k] = keep * directions[k - 1] + kicks[k]
-        return cls(inner, times, start + directions)
+        turned: NDArray[np.float64] = start + directions
+        return cls(inner, np.asarray(times, dtype=np.float64), turned)
 
     def direction(self, time: float) -> float:
         """Direction at a time [rad]."""
@@ -119,18 +120,20 @@ class TurningInflow(PointInflow):
         """Refuse a rotor for which the inner inflow has no wind."""
         require_cover(self.inner, hub_height, rotor_diameter)
 
-    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         return self._fill_turned(rows, time, self.inner.velocity, out)
 
-    def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
+    def _fill_ahead(
+        self, gates: NDArray[np.float64], time: float, distances: tuple[float, ...], out: NDArray[np.float64]
+    ) -> int:
         return self._fill_turned(gates, time, partial(velocity_ahead, self.inner, distances=distances), out)
 
     def _fill_turned(
         self,
-        points: np.ndarray,
+        points: NDArray[np.float64],
         time: float,
         velocity: Callable[[NDArray[np.float64], float], NDArray[np.float64]],
-        out: np.ndarray,
+        out: NDArray[np.float64],
     ) -> int:
         angle = self.direction(time)
         cos, sin = math.cos(angle), math.sin(angle)

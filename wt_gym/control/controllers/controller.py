@@ -22,6 +22,7 @@ from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from typing import Any
 
     from numpy.typing import NDArray
 
@@ -183,7 +184,7 @@ def _keeps(candidate: object, contract: type, **counts: int) -> bool:
     return all(_takes(getattr(candidate, name), count) for name, count in counts.items())
 
 
-def _takes(method: Callable, count: int) -> bool:
+def _takes(method: Callable[..., Any], count: int) -> bool:
     try:
         inspect.signature(method).bind(*range(count))
     except TypeError:

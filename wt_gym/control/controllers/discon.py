@@ -32,7 +32,7 @@ from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
@@ -221,7 +221,7 @@ class BaselineState:
 
     filtered_speed: float
     speed_integral: float
-    pitch: np.ndarray
+    pitch: NDArray[np.float64]
     torque: float
 
 
@@ -281,7 +281,7 @@ class BaselineController:
             self._filter.reset(speed)
         self.state = BaselineState(float(generator_speed), float(integral), pitch, float(torque))
 
-    def step(self, generator_speed: float, dt: float) -> tuple[np.ndarray, float]:
+    def step(self, generator_speed: float, dt: float) -> tuple[NDArray[np.float64], float]:
         """Advance by one call.
 
         Parameters

@@ -128,12 +128,12 @@ class HarmonicPitch:
         self._pitch = self._moment = self._integral = (0.0, 0.0)
 
     @property
-    def pitch(self) -> np.ndarray:
+    def pitch(self) -> NDArray[np.float64]:
         """Tilt and yaw component after the last step [rad], shape (2,)."""
         return np.array(self._pitch)
 
     @property
-    def moment(self) -> np.ndarray:
+    def moment(self) -> NDArray[np.float64]:
         """Tilt and yaw component measured last [N m], shape (2,)."""
         return np.array(self._moment)
 
@@ -144,7 +144,7 @@ class HarmonicPitch:
         dt: float,
         lead: float = 0.0,
         share: float = 1.0,
-    ) -> np.ndarray:
+    ) -> NDArray[np.float64]:
         """Pitch to be added to each blade [rad], shape (n_blades,).
 
         Parameters

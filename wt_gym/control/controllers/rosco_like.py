@@ -34,6 +34,8 @@ from wt_gym.control.sensors import LowPass, Notch
 if TYPE_CHECKING:
     from typing import Any
 
+    from numpy.typing import NDArray
+
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
@@ -87,7 +89,7 @@ PARAMETERS = (
 
 def pitch_schedule(
     table: RotorTable, turbine: Turbine, tip_speed_ratio: float, thrust_limit: float = 1.0
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Least pitch over the wind: the best one below rated, and what keeps the thrust below a limit.
 
     Parameters
@@ -171,8 +173,8 @@ class RoscoLikeParameters:
     pitch_to_speed: float
     torque_to_speed: float
     smoothing_time_constant: float
-    schedule_wind: np.ndarray
-    schedule_pitch: np.ndarray
+    schedule_wind: NDArray[np.float64]
+    schedule_pitch: NDArray[np.float64]
     table: RotorTable
     constant_power_pitch: float = 0.0
 
