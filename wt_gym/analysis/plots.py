@@ -259,6 +259,6 @@ def _rotor_frequencies(evaluation: Evaluation) -> list[tuple[str, float]]:
     return [("1P", rotation), ("3P", 3 * rotation)]
 
 
-def compact(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def compact(values: NDArray[np.float64]) -> NDArray[np.float32]:
     """float32 copy: half the size in the page, more digits than a screen shows."""
     return np.asarray(values, dtype=np.float32)

@@ -138,7 +138,7 @@ def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
     return {name: np.array(values, dtype=np.float32) for name, values in shapes.items()}
 
 
-def _padded(values: NDArray[np.float64], n_rows: int) -> NDArray[np.float64]:
+def _padded(values: NDArray[np.float32], n_rows: int) -> NDArray[np.float32]:
     """Array with rows of NaN behind it."""
     missing = np.full((n_rows - len(values), *values.shape[1:]), np.nan, dtype=values.dtype)
     return np.concatenate([values, missing])

@@ -224,7 +224,7 @@ class BladeElements:
         cd: NDArray[np.float64],
         axial: NDArray[np.float64],
         tangential: NDArray[np.float64],
-        along: NDArray[np.float64],
+        along: NDArray[np.float64] | float,
         across: NDArray[np.float64],
         rotor_speed: NDArray[np.float64] | float,
     ) -> dict[str, NDArray[np.float64]]:

@@ -165,10 +165,10 @@ class Starter:
         rotor_speed: float,
         generator_torque: float | None,
         inflow: Inflow,
-        induced: NDArray[np.float64] | None,
+        induced: float | None,
         last: bool,
         thrust_before: float | None,
-    ) -> NDArray[np.float64]:
+    ) -> float:
         """Wake and loads for a state of the structure, and the generator under them; returns what the wake induces."""
         c = self._balanced
         s, lattice, x = c.models.structure, c.models.lattice, c.exchange

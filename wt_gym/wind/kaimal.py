@@ -47,7 +47,7 @@ from wt_gym.wind.interpolation import SPECTRUM_OF, sample_gain, variance_read
 from wt_gym.wind.protocol import require_number
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["SCALINGS", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesise"]
 
@@ -229,9 +229,7 @@ def _checked_grid(grid: tuple[int, int]) -> tuple[int, int]:
     return n_y, n_z
 
 
-def kaimal_spectrum(
-    frequency: NDArray[np.float64], mean_speed: float, hub_height: float, sigma_u: float
-) -> NDArray[np.float64]:
+def kaimal_spectrum(frequency: ArrayLike, mean_speed: float, hub_height: float, sigma_u: float) -> NDArray[np.float64]:
     """One-sided Kaimal spectra S_k(f) of u, v and w [m²/s²/Hz].
 
     f S_k/σ_k² = 4 (f L_k/V) / (1 + 6 f L_k/V)^(5/3) with L = (8.1, 2.7, 0.66) Λ₁ and σ = (1, 0.8, 0.5) σ_u
@@ -254,14 +252,14 @@ def kaimal_spectrum(
     return (SIGMA_RATIO * sigma_u) ** 2 * 4.0 * time_scale / (1.0 + 6.0 * reduced) ** (5.0 / 3.0)
 
 
-def coherence_decay(frequency: NDArray[np.float64], mean_speed: float, hub_height: float) -> NDArray[np.float64]:
+def coherence_decay(frequency: ArrayLike, mean_speed: float, hub_height: float) -> NDArray[np.float64]:
     """Decay rate κ(f) [1/m] of the coherence exp(−κ r) between points a distance r apart across the wind.
 
     κ = 12 √((f/V)² + (0.12/L_c)²), L_c = 8.1 Λ₁ (IEC 61400-1, equation C.16, with r taken out of the root).
     """
     scale = LENGTH_RATIO[0] * length_scale(hub_height)
     out: NDArray[np.float64] = COHERENCE_DECREMENT * np.hypot(
-        np.asarray(frequency) / mean_speed, COHERENCE_OFFSET / scale
+        np.asarray(frequency, dtype=np.float64) / mean_speed, COHERENCE_OFFSET / scale
     )
     return out
 
@@ -361,10 +359,10 @@ def _mirrored_coherence(
     return np.array(gathered)
 
 
-def _index_steps(n: int) -> NDArray[np.float64]:
+def _index_steps(n: int) -> NDArray[np.int64]:
     """Index distances (2, h, h) between the points of one half and of the other or its mirror image."""
     half = np.arange(n // 2 + 1)
-    out: NDArray[np.float64] = np.abs(np.array([half[:, None] - half, half[:, None] - (n - 1 - half)]))
+    out: NDArray[np.int64] = np.abs(np.array([half[:, None] - half, half[:, None] - (n - 1 - half)]))
     return out
 
 

@@ -65,7 +65,7 @@ class PointInflow:
 
         def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int: ...
 
-    def velocity(self, points: NDArray[np.float64], time: float) -> NDArray[np.float64]:
+    def velocity(self, points: ArrayLike, time: float) -> NDArray[np.float64]:
         """Undisturbed wind velocity at points and a time.
 
         Parameters
@@ -169,9 +169,7 @@ class PointInflow:
         """Wind speed at hub height at time zero [m/s], turbulence left out: a turbine starts at its operating point."""
         return self.mean_speed
 
-    def rotor_effective_speed(
-        self, time: float | NDArray[np.float64], rotor_diameter: float
-    ) -> float | NDArray[np.float64]:
+    def rotor_effective_speed(self, time: ArrayLike, rotor_diameter: float) -> float | NDArray[np.float64]:
         """Mean over the rotor disc of the wind component along x.
 
         The disc stands upright at x = 0 with its centre at hub height and faces −x. The mean is taken over 192

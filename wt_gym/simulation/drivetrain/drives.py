@@ -407,9 +407,7 @@ class Drives:
         chosen = self.generator.balance(moment, speed) if generator_torque is None else generator_torque
         self.command[TORQUE] = self.generator.first(chosen, speed)
 
-    def follow(
-        self, pitch: NDArray[np.float64], yaw_rate: float, generator_torque: float, dt: float, speed: float
-    ) -> None:
+    def follow(self, pitch: ArrayLike, yaw_rate: float, generator_torque: float, dt: float, speed: float) -> None:
         """Move all commands towards the demands through one step of dt [s]."""
         pitch_command = self.command[PITCH]
         self.generator.follow(self.command[TORQUE], generator_torque, dt, speed)
