@@ -191,6 +191,6 @@ class Starter:
 
 
 def _balances_forces(fidelity: Fidelity) -> bool:
-    """Whether forces are balanced and not accelerations, in which those of small nodes outshout a bent beam."""
+    """Whether forces are balanced: accelerations of light nodes would dominate the residual of a bent beam."""
     nodal = "nodal" in (fidelity.blade_coordinates, fidelity.tower_coordinates)
     return nodal or fidelity.integrator != "hamming"
