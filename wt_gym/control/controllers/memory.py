@@ -51,7 +51,7 @@ def memory_of(controller: Controller) -> Memory:
     return Memory(np.concatenate([np.zeros(0), *parts]), np.array([part.size for part in parts], dtype=int))
 
 
-def changing_parts(memories: Sequence[Memory]) -> NDArray[np.float64]:
+def changing_parts(memories: Sequence[Memory]) -> NDArray[np.bool_]:
     """Which parts differ between memories of one controller, shape (n_parts,), bool: the others are its parameters."""
     first = _split(memories[0])
     changing = np.zeros(len(first), dtype=bool)
