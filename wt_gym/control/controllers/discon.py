@@ -140,7 +140,8 @@ class BaselineParameters:
                 given["gain_doubling_pitch"] = own.gain_doubling_pitch
             else:
                 given["gain_table"] = GainTable(*(tuple(row.tolist()) for row in (own.gain_pitch, kp, ki)))
-        return replace(rule, **{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
+        known = {name: value for name, value in given.items() if value is not None}
+        return replace(rule, **known)  # type: ignore[arg-type]  # each by its own field
 
     @classmethod
     def by_rule(cls, turbine: Turbine, design: DesignPoint | None = None) -> BaselineParameters:

@@ -203,7 +203,7 @@ class RoscoLikeParameters:
         if own.min_pitch_wind is not None and "thrust_limit" not in parameters:
             given["schedule_wind"] = own.min_pitch_wind
             given["schedule_pitch"] = np.array([least_pitch(turbine, wind) for wind in own.min_pitch_wind.tolist()])
-        return replace(made, **given)  # type: ignore[arg-type]
+        return replace(made, **given)  # type: ignore[arg-type]  # each by its own field
 
     @classmethod
     def from_turbine(
