@@ -45,8 +45,8 @@ from wt_gym.control.controllers import (
 from wt_gym.control.controllers.drive_mode import drive_mode
 from wt_gym.control.controllers.filters import BandLimitedIntegrator
 from wt_gym.control.controllers.retuned import found_factor, gain_of_table
-from wt_gym.control.controllers.rosco_like import pitch_schedule
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
+from wt_gym.control.controllers.tsr_tracking import pitch_schedule
 from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.errors import ControllerError
@@ -723,14 +723,14 @@ def test_an_addition_alone_is_no_controller(turbine):
 @pytest.mark.parametrize(
     ("made", "message"),
     [
-        ((0.1, 0.0, 4e4), r"RoscoLikeController \+ YawByDeadBand gave \(0\.1"),
+        ((0.1, 0.0, 4e4), r"TsrTrackingController \+ YawByDeadBand gave \(0\.1"),
         (Demand(np.zeros(2), 0.0, 4e4), r"pitch of shape \(2,\); the turbine has 3 blades"),
         (Demand(0.1, 0.0, 4e4), r"pitch of shape \(\); the turbine has 3 blades"),
         (Demand(np.array([0.1, math.nan, 0.1]), 0.0, 4e4), "not finite"),
         (Demand(np.zeros(3), math.nan, 4e4), "not finite"),
         (Demand(np.zeros(3), 0.0, math.inf), "not finite"),
-        (Demand(np.zeros(3), 0.0, None), "RoscoLikeController"),
-        (Demand(["a", "b", "c"], 0.0, 4e4), "RoscoLikeController"),
+        (Demand(np.zeros(3), 0.0, None), "TsrTrackingController"),
+        (Demand(["a", "b", "c"], 0.0, 4e4), "TsrTrackingController"),
     ],
 )
 def test_demands_without_meaning_name_the_controller(made, message, turbine):

@@ -7,7 +7,7 @@ import numpy as np
 from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, ellipsoid_body
 from wt_gym.aerodynamics.bodies.body_set import BodySet
 from wt_gym.aerodynamics.induction.tree_induction import make_block, make_tree
-from wt_gym.simulation.model.blade_pieces import PieceNodes, piece_points
+from wt_gym.simulation.model.blade_sub_bodies import SubBodyNodes, sub_body_points
 from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.substructure import cut_beam
 
@@ -30,7 +30,7 @@ def lattice():
 def blade_nodes():
     sections = BeamSections.uniform(30.0, EA=1e9, EIx=1e8, EIy=1e8, GJ=1e7, mass=100.0)
     pieces = cut_beam("blade", sections, np.linspace(0.0, 30.0, 7), 2, "modal", dofs=(0, 4))
-    return piece_points(pieces, np.column_stack([np.zeros(5), np.zeros(5), np.linspace(1.0, 29.0, 5)]))[1]
+    return sub_body_points(pieces, np.column_stack([np.zeros(5), np.zeros(5), np.linspace(1.0, 29.0, 5)]))[1]
 
 
 def tuples():
@@ -64,7 +64,7 @@ def _annotations(one):
 def test_arrays_of_kernels_have_the_declared_types():
     found = tuples()
     assert {type(one).__name__ for one in found} >= {
-        "AeroArrays", "AeroWork", "Block", "BodyArrays", "BodyWork", "PieceNodes", "PlanformArrays", "RingWork", "Tree",
+        "AeroArrays", "AeroWork", "Block", "BodyArrays", "BodyWork", "SubBodyNodes", "PlanformArrays", "RingWork", "Tree",
     }  # fmt: skip
     assert {type(one).__name__: wrong for one in found if (wrong := wrong_fields(one))} == {}
 
@@ -73,4 +73,4 @@ def test_another_type_is_found():
     nodes = blade_nodes()
     assert wrong_fields(nodes) == {}
     assert list(wrong_fields(nodes._replace(node=nodes.node.astype(np.int32)))) == ["node"]
-    assert list(wrong_fields(PieceNodes(nodes.count, nodes.node, nodes.position, None))) == ["velocity"]
+    assert list(wrong_fields(SubBodyNodes(nodes.count, nodes.node, nodes.position, None))) == ["velocity"]

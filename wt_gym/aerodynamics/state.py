@@ -46,7 +46,7 @@ class PlanformArrays(NamedTuple):
     n_segments: NDArray[np.int64]  # (2,)
     sparse_nodes: NDArray[np.int64]  # (n_sparse,) nodes of the edge that carry the sparse part of the wake
     sparse_weight: NDArray[np.float64]  # (n_edge,) share of each ring in its merged ring, see sparse_span
-    sparse_place: NDArray[np.float64]  # (n_edge + 1,) place of a node between its carrying neighbours, 0 … 1
+    sparse_place: NDArray[np.float64]  # (n_edge + 1,) place of a node between its carrying neighbors, 0 … 1
 
     @classmethod
     def of(cls, planform: LatticePlanform, options: AeroOptions, cylinder_table: NDArray[np.float32]) -> PlanformArrays:
@@ -86,7 +86,7 @@ def carrying_nodes(n_edge: int, stride: int) -> NDArray[np.int64]:
 def sparse_span(
     planform: LatticePlanform, edge_nodes: NDArray[np.int64], stride: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbours.
+    """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbors.
 
     The shares are those of the areas that the rings sweep behind a rotor: the merged ring has the impulse of its parts,
     circulation times area, with which the wake carries the thrust. With shares of the widths, as behind a wing, the
@@ -247,7 +247,7 @@ class AeroArrays(NamedTuple):
     shed: NDArray[np.int64]  # (n_max + 1,) step at which the row was shed
     free_edge: NDArray[np.float64]  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
     frame: NDArray[np.float64]  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
-    # (12,) whether cylinders continue the wake, centre and axis of its last rows, share of each cell
+    # (12,) whether cylinders continue the wake, center and axis of its last rows, share of each cell
     far: NDArray[np.float64]
     # (5, n_sparse) start, radius and what is measured of the cylinder at each carrying node
     far_tube: NDArray[np.float64]

@@ -41,7 +41,7 @@ def trailing_strength(circulation: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Replay:
-    """Shapes over time, global frame, metres.
+    """Shapes over time, global frame, meters.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ class Starter:
         generator_torque: float | None,
         inflow: Inflow,
         tower_top: NDArray[np.float64] | None = None,
-        thrust_before: float | None = None,
+        wake_thrust: float | None = None,
         motion: NDArray[np.float64] | None = None,
     ) -> None:
         """Balance turbine, wake and air, and begin to move; pitch and yaw are those that the drives have started with.
@@ -61,7 +61,7 @@ class Starter:
         tower_top : array (4,), optional
             Displacement of the tower top along and across the heading of the nacelle [m] and its rates [m/s]; by
             default the balance, at rest.
-        thrust_before : float, optional
+        wake_thrust : float, optional
             Mean thrust in the time before, to which the wake belongs [N]; by default that of the balance.
         motion : array (n,), optional
             Of the structure (`TurbineStructure.motion`): it goes on with its velocities and accelerations, deformed as
@@ -81,9 +81,9 @@ class Starter:
         y = self._rigid_state(rotor_speed, azimuth)
         if motion is not None:
             wanted = balanced.models.structure.move(y, motion, self.drives.command[1])
-            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, thrust_before, wanted)
+            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, wake_thrust, wanted)
         else:
-            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, thrust_before)
+            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, wake_thrust)
             self._turn_loads(y, rotor_speed, azimuth)
             if tower_top is not None:
                 self._sway(y, tower_top)
@@ -144,7 +144,7 @@ class Starter:
         rotor_speed: float,
         generator_torque: float | None,
         inflow: Inflow,
-        thrust_before: float | None,
+        wake_thrust: float | None,
         accelerations: float | NDArray[np.float64] = 0.0,
     ) -> None:
         """Wake, loads and elastic state (y, in place) in balance with each other and the generator.
@@ -155,7 +155,7 @@ class Starter:
         s, induced = c.models.structure, None
         for k in range(PASSES):
             last = k == PASSES - 1
-            induced = self._balance_air(y, rotor_speed, generator_torque, inflow, induced, last, thrust_before)
+            induced = self._balance_air(y, rotor_speed, generator_torque, inflow, induced, last, wake_thrust)
             elastic_equilibrium(s.system, y, c.integrator.inputs, c.integrator.work, s.azimuth_q, s.azimuth_u,
                                 _balances_forces(c.models.fidelity), accelerations=accelerations)  # fmt: skip
 
@@ -167,7 +167,7 @@ class Starter:
         inflow: Inflow,
         induced: float | None,
         last: bool,
-        thrust_before: float | None,
+        wake_thrust: float | None,
     ) -> float:
         """Wake and loads for a state of the structure, and the generator under them; returns what the wake induces."""
         c = self._balanced
@@ -176,12 +176,14 @@ class Starter:
         c.move_lattice(y)
         axis = work.rot[s.hub, :, 0].copy()
         wind = c.take_wind(inflow, 0.0)
-        induced = lattice.initialise_helix(
+        induced = lattice.initialize_helix(
             c.aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, c.models.time_step,
-            passes=4 if induced is None else 1, induced=induced, accept=last, thrust_before=thrust_before,
+            passes=4 if induced is None else 1, induced=induced, accept=last, wake_thrust=wake_thrust,
         )  # fmt: skip
         loads = inputs.body_loads[1]
-        coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
+        coupling_kernels.rotor_loads(
+            c.blade_forces, work.rot, x.elastic, x.points, x.lattice_bodies, x.sub_bodies, loads
+        )
         coupling_kernels.tower_drag(y, s.system.tree, work, x.tower, loads[s.tower])
         inputs.body_loads[0] = loads
         _, moment = coupling_kernels.rotor_resultant(c.blade_nodes, c.blade_forces, work.r[s.hub], axis)

@@ -1,4 +1,4 @@
-"""Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and the synthesis of one realisation.
+"""Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and the synthesis of one realization.
 
 The three components are stationary processes with the one-sided Kaimal spectra of IEC 61400-1 (edition 4, annex C.2)
 and, between two points a distance r apart at frequency f, the coherence exp(−κ(f) r). Following Veers
@@ -49,7 +49,7 @@ from wt_gym.wind.protocol import require_number
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["SCALINGS", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesise"]
+__all__ = ["SCALINGS", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesize"]
 
 SIGMA_RATIO = np.array([1.0, 0.8, 0.5])
 LENGTH_RATIO = np.array([8.1, 2.7, 0.66])
@@ -264,8 +264,8 @@ def coherence_decay(frequency: ArrayLike, mean_speed: float, hub_height: float) 
     return out
 
 
-def synthesise(parameters: KaimalParameters) -> NDArray[np.float32]:
-    """Fluctuations of one realisation [m/s], float32, shape (n_times, n_z, n_y, 3).
+def synthesize(parameters: KaimalParameters) -> NDArray[np.float32]:
+    """Fluctuations of one realization [m/s], float32, shape (n_times, n_z, n_y, 3).
 
     Every point has zero mean over the period. The Nyquist frequency carries nothing.
     """

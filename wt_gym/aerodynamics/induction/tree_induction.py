@@ -44,7 +44,7 @@ __all__ = ["Block", "Tree", "TreeInduction", "make_block", "make_tree", "run_bes
 class Tree(NamedTuple):
     """Arrays of the clusters of a sheet and of the order of the targets."""
 
-    centres: NDArray[np.float32]  # (3, n_tile) middle nodes of the tiles [m]
+    centers: NDArray[np.float32]  # (3, n_tile) middle nodes of the tiles [m]
     keys: NDArray[np.int32]  # (n_key,) of the sort, n_key the larger of tiles and targets
     spare_keys: NDArray[np.int32]  # (n_key,)
     spare_order: NDArray[np.int32]  # (n_key,)
@@ -65,7 +65,7 @@ class Block(NamedTuple):
     targets: NDArray[np.float32]  # (3, TARGETS) [m]
     velocity: NDArray[np.float32]  # (3, TARGETS) [m/s]
     segments: NDArray[np.float32]  # (2 TILE², 8) of one tile
-    spheres: NDArray[np.float32]  # (1 + TARGETS / WIDTH, 4) centre and radius of the block and of its vectors [m]
+    spheres: NDArray[np.float32]  # (1 + TARGETS / WIDTH, 4) center and radius of the block and of its vectors [m]
     far: NDArray[np.int32]  # (LIST,) gathered clusters
     near: NDArray[np.int32]  # (LIST,) gathered tiles
     group_far: NDArray[np.int32]  # (2 LIST,) clusters as one vector of targets sees them
@@ -103,7 +103,7 @@ def make_tree(n_row: int, n_sheet: int, n_node: int, n_target: int) -> Tree:
         "root": 1,
     }
     reals = {
-        "centres": (3, n_tile),
+        "centers": (3, n_tile),
         "records": (n_cluster, RECORD),
         "measures": (n_cluster, MEASURES),
         "reach": n_cluster,

@@ -81,9 +81,9 @@ def _table(
     return np.column_stack([attached, separated, point, share * (cd - np.interp(alpha0, alpha, cd))])
 
 
-def _connected(within: NDArray[np.bool_], centre: int) -> NDArray[np.bool_]:
-    """Entries of ``within`` (n,) that hold from index ``centre`` outwards without a gap."""
-    below, above = within[:centre][::-1], within[centre:]
+def _connected(within: NDArray[np.bool_], center: int) -> NDArray[np.bool_]:
+    """Entries of ``within`` (n,) that hold from index ``center`` outwards without a gap."""
+    below, above = within[:center][::-1], within[center:]
     return np.concatenate([np.logical_and.accumulate(below)[::-1], np.logical_and.accumulate(above)])
 
 

@@ -37,8 +37,8 @@ from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.names import Name, make_controller, name_and_parameters, parse_name
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.retuned import retuned_parameters
-from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.controllers.yaw import YawByDeadBand
 from wt_gym.control.rotor_table import RotorTable, rotor_table
@@ -65,10 +65,10 @@ __all__ = [
     "Name",
     "Parameter",
     "Readings",
-    "RoscoLikeController",
-    "RoscoLikeParameters",
     "RotorTable",
     "SideSideDamper",
+    "TsrTrackingController",
+    "TsrTrackingParameters",
     "WindEstimator",
     "WithLidar",
     "YawByDeadBand",

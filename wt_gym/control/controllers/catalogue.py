@@ -16,8 +16,8 @@ from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import own_controller, own_parameters
 from wt_gym.control.controllers.parameters import Parameter, did_you_mean, with_defaults
 from wt_gym.control.controllers.retuned import retuned_controller
-from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
 from wt_gym.control.controllers.yaw import YawByDeadBand
 
@@ -48,7 +48,7 @@ def _retuned(turbine: Turbine, gain_factor: float | None = None) -> Controller:
 
 def _rosco(turbine: Turbine, **parameters: Any) -> Controller:
     """Tip-speed-ratio tracking with a wind estimate, set-point smoothing, peak shaving (`rosco_like`)."""
-    return RoscoLikeController.of_turbine(turbine, **parameters)
+    return TsrTrackingController.of_turbine(turbine, **parameters)
 
 
 def _ipc(turbine: Turbine, **parameters: Any) -> Addition:
@@ -107,7 +107,7 @@ CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
 _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]]] = {
     "discon": (own.PARAMETERS, (own_controller, own_parameters)),
     "retuned": (retuned.PARAMETERS, (_retuned,)),
-    "rosco": (rosco_like.PARAMETERS, (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine)),
+    "rosco": (rosco_like.PARAMETERS, (TsrTrackingController.of_turbine, TsrTrackingParameters.from_turbine)),
     "lidar": (lidar_feedforward.PARAMETERS, (LidarFeedforward.of_turbine,)),
     "ipc": (individual_pitch.PARAMETERS, (IndividualPitch.of_turbine,)),
     "ipc_2p": (individual_pitch.PARAMETERS, (_ipc_2p, IndividualPitch.of_turbine)),

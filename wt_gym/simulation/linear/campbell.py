@@ -215,7 +215,7 @@ def _whirl_names(modes: Iterable[Mode]) -> dict[str, Mode]:
 def _branches(tables: Sequence[Mapping[str, Mode]]) -> dict[str, list[Mode | None]]:
     """Continue each mode of the last point towards the first; returns {branch name: [mode or None per point]}.
 
-    Two modes of neighbouring points belong together when each has no part in the other modes of its neighbour,
+    Two modes of neighboring points belong together when each has no part in the other modes of its neighbor,
     |w₁·v₂| |w₂·v₁| = 1 with the dual vectors w; an equal name counts too, for a rotor at standstill mixes the modes.
     """
     branches: dict[str, list[Mode | None]] = {name: [mode] for name, mode in tables[-1].items()}
