@@ -9,6 +9,10 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.control.bladed import controller as bladed
+from wt_gym.control.bladed import rosco
+from wt_gym.control.bladed.controller import BladedController
+from wt_gym.control.bladed.rosco import RoscoController
 from wt_gym.control.controllers import individual_pitch, lidar_feedforward, own, retuned, rosco_like, tower_dampers, yaw
 from wt_gym.control.controllers.controller import Addition, Combined, Controller
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
@@ -86,7 +90,25 @@ def _lidar(turbine: Turbine, base: Controller, **parameters) -> Controller:
     return LidarFeedforward.of_turbine(turbine, base, **parameters)  # type: ignore[arg-type]  # checked by the class
 
 
-BASES: dict[str, Callable[..., Controller]] = {"discon": _discon, "retuned": _retuned, "rosco": _rosco}
+def _bladed(turbine: Turbine, library: str | None = None, **parameters) -> Controller:
+    """A compiled controller with the Bladed interface (`wt_gym.control.bladed`)."""
+    if library is None:
+        raise ValueError("the controller 'bladed' must be given a library: bladed:path/of/the/library.so")
+    return BladedController.of_turbine(turbine, library, **parameters)
+
+
+def _real_rosco(turbine: Turbine, **parameters) -> Controller:
+    """NREL's reference open-source controller itself, from the package rosco (`wt_gym.control.bladed`)."""
+    return RoscoController.of_turbine(turbine, **parameters)
+
+
+BASES: dict[str, Callable[..., Controller]] = {
+    "discon": _discon,
+    "retuned": _retuned,
+    "tsr_tracking": _rosco,
+    "rosco": _real_rosco,
+    "bladed": _bladed,
+}
 """Controllers that decide on pitch and torque."""
 ADDITIONS: dict[str, Callable[..., Addition]] = {
     "ipc": _ipc,
@@ -107,7 +129,9 @@ CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
 _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]]] = {
     "discon": (own.PARAMETERS, (own_controller, own_parameters)),
     "retuned": (retuned.PARAMETERS, (_retuned,)),
-    "rosco": (rosco_like.PARAMETERS, (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine)),
+    "tsr_tracking": (rosco_like.PARAMETERS, (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine)),
+    "rosco": (rosco.PARAMETERS, (RoscoController.of_turbine,)),
+    "bladed": (bladed.PARAMETERS, (_bladed, BladedController)),
     "lidar": (lidar_feedforward.PARAMETERS, (LidarFeedforward.of_turbine,)),
     "ipc": (individual_pitch.PARAMETERS, (IndividualPitch.of_turbine,)),
     "ipc_2p": (individual_pitch.PARAMETERS, (_ipc_2p, IndividualPitch.of_turbine)),

@@ -2,6 +2,7 @@
 
 ======================================  ===========================================================================
 ``NAME+NAME:key=value,...``             controllers of the catalogue; ``controller:`` may stand in front
+``bladed:LIBRARY:key=value,...``        a compiled controller with the Bladed interface
 ``path/file.py:Class:key=value,...``    a class of one's own, or a function, in a file
 ``module:Class:key=value,...``          the same in a module
 ``FOLDER``, ``FILE.zip:key=value,...``  a trained model
@@ -19,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.controllers.catalogue import CONTROLLERS, catalogue_controller
+from wt_gym.control.controllers.catalogue import CONTROLLERS, catalogue_controller, declared_parameters
 from wt_gym.control.controllers.controller import Combined, Controller, is_addition, is_controller
 from wt_gym.control.controllers.own_class import classes_in, load_class
 from wt_gym.control.controllers.parameters import did_you_mean
@@ -45,6 +46,8 @@ ALIASES = {"baseline": BASELINE, "Baseline PI": BASELINE}
 PREFIX = "controller:"
 """In front of a controller whose name could be something else's."""
 
+_LIBRARY = "bladed"
+"""Controller whose first parameter stands without its name."""
 _IDENTIFIER = r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*"
 _FILE_CLASS = re.compile(rf"(?P<target>.+\.py:{_IDENTIFIER})(?::(?P<rest>.*))?", re.DOTALL)
 _MODULE_CLASS = re.compile(rf"(?P<target>{_IDENTIFIER}:{_IDENTIFIER})(?::(?P<rest>.*))?")
@@ -146,8 +149,8 @@ def _canonical(names: str) -> str:
     return "+".join(ALIASES.get(name, name) for name in names.split("+"))
 
 
-def _parameters(rest: str | None, text: str, strings: bool = False) -> dict[str, Any]:
-    """Parameters of ``key=value,key=value``: numbers, True, False, None, and words where they are allowed."""
+def _parameters(rest: str | None, text: str, strings: bool | Collection[str] = False) -> dict[str, Any]:
+    """Parameters of ``key=value,key=value``: numbers, True, False, None, and words, for all keys or for some."""
     parameters: dict[str, Any] = {}
     for pair in filter(None, (rest or "").split(",")):
         key, separator, value = pair.partition("=")
@@ -159,8 +162,11 @@ def _parameters(rest: str | None, text: str, strings: bool = False) -> dict[str,
             parameters[key] = ast.literal_eval(value)
         except (ValueError, SyntaxError):
             parameters[key] = value
-        if not isinstance(parameters[key], int | float | None) and not (strings and isinstance(parameters[key], str)):
-            words = ", a word" if strings else ""
+        worded = strings if isinstance(strings, bool) else key in strings
+        if worded and not isinstance(strings, bool):
+            parameters[key] = value
+        if not isinstance(parameters[key], int | float | None) and not (worded and isinstance(parameters[key], str)):
+            words = ", a word" if worded else ""
             raise ValueError(
                 f"the value of {key!r} in {text!r} must be a number{words}, True, False or None, got {value!r}"
             )
@@ -187,13 +193,33 @@ def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
     ('constrained_ipc+yaw', {'level': 0.1, 'dead_band': 0.05})
     >>> name_and_parameters("baseline")
     ('discon', {})
+    >>> name_and_parameters("bladed:lib/mine.so:interval=0.0125,input_file=mine.in")
+    ('bladed', {'library': 'lib/mine.so', 'interval': 0.0125, 'input_file': 'mine.in'})
     """
     if found := _FILE_CLASS.fullmatch(choice) or _MODULE_CLASS.fullmatch(choice):
         head = choice.partition(":")[0]
         if not _all_known(_canonical(head)):
             return found["target"], _parameters(found["rest"], choice, strings=True)
     name, _, rest = choice.partition(":")
-    return _canonical(name), _parameters(rest, choice)
+    name = _canonical(name)
+    known = [part for part in name.split("+") if part in CONTROLLERS]
+    words = {
+        key for part in known for p in declared_parameters(part) if p.word for key in (p.name, f"{part}__{p.name}")
+    }
+    library, rest = _library(rest) if _LIBRARY in known else ("", rest)
+    return name, ({"library": library} if library else {}) | _parameters(rest, choice, words)
+
+
+def _library(rest: str) -> tuple[str, str]:
+    """Path of a library, "" where a parameter names it, and the text of the parameters behind it.
+
+    The path may have colons and equality signs of its own.
+    """
+    path, separator, pairs = rest.rpartition(":")
+    if separator and "=" in pairs and "\\" not in pairs and "/" not in pairs.partition("=")[0]:
+        return path, pairs
+    first = rest.partition("=")[0]
+    return ("", rest) if first in {p.name for p in declared_parameters(_LIBRARY)} and "=" in rest else (rest, "")
 
 
 def is_agent_class(maker: Any) -> bool:
