@@ -179,7 +179,8 @@ class BladedController:
         loaded, self._loaded = self._loaded, None
         self._swap[0] = LAST_CALL
         try:
-            loaded.call(self._swap, self.input_file)
+            if loaded.alive and self._calls:
+                loaded.call(self._swap, self.input_file)
         finally:
             loaded.close()
 

@@ -93,6 +93,8 @@ class Library:
         """Where the library may write files: in a folder that goes with it."""
         self._prints = Path(self._folder.name) / "prints.txt"
         self._called = False
+        self.alive = True
+        """Whether it can be called: not after its process has ended."""
         self._end: weakref.finalize[Any, Any]
         self._process: subprocess.Popen[bytes] | None = None
         if isolated:
@@ -181,6 +183,7 @@ class Library:
             requests.flush()
             flag, message, records = (_part(answers) for _ in range(3))
         except (BrokenPipeError, EOFError) as error:
+            self.alive = False
             code = process.wait()
             how = f"by signal {-code}" if code < 0 else f"with exit status {code}"
             last = self._prints.read_text(errors="replace").strip().rpartition("\n")[2]

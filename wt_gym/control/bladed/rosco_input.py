@@ -69,7 +69,7 @@ def performance_table(table: RotorTable) -> str:
     """Text of a performance table: coefficients of power, thrust and torque over pitch and tip-speed ratio."""
     torque = table.power / table.tip_speed_ratio[:, np.newaxis]
     text = [
-        f"# Rotor performance tables for {table.turbine}", "",
+        f"# Rotor performance tables for {table.turbine}", "# by blade elements", "",
         f"# Pitch angle vector, {table.pitch.size} entries - x axis (matrix columns) (deg)",
         _row(np.degrees(table.pitch), 3),
         f"# TSR vector, {table.tip_speed_ratio.size} entries - y axis (matrix rows) (-)",

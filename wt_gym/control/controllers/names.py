@@ -202,24 +202,27 @@ def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
             return found["target"], _parameters(found["rest"], choice, strings=True)
     name, _, rest = choice.partition(":")
     name = _canonical(name)
-    known = [part for part in name.split("+") if part in CONTROLLERS]
-    words = {
-        key for part in known for p in declared_parameters(part) if p.word for key in (p.name, f"{part}__{p.name}")
-    }
-    library, rest = _library(rest) if _LIBRARY in known else ("", rest)
+    declared = [
+        (f"{prefix}{parameter.name}", parameter)
+        for part in name.split("+")
+        if part in CONTROLLERS
+        for parameter in declared_parameters(part)
+        for prefix in ("", f"{part}__")
+    ]
+    words = {key for key, parameter in declared if parameter.word}
+    library, rest = _library(rest, {key for key, _ in declared}) if _LIBRARY in name.split("+") else ("", rest)
     return name, ({"library": library} if library else {}) | _parameters(rest, choice, words)
 
 
-def _library(rest: str) -> tuple[str, str]:
+def _library(rest: str, keys: Collection[str]) -> tuple[str, str]:
     """Path of a library, "" where a parameter names it, and the text of the parameters behind it.
 
     The path may have colons and equality signs of its own.
     """
     path, separator, pairs = rest.rpartition(":")
-    if separator and "=" in pairs and "\\" not in pairs and "/" not in pairs.partition("=")[0]:
+    if separator and pairs.partition("=")[0] in keys:
         return path, pairs
-    first = rest.partition("=")[0]
-    return ("", rest) if first in {p.name for p in declared_parameters(_LIBRARY)} and "=" in rest else (rest, "")
+    return ("", rest) if rest.partition("=")[0] in keys else (rest, "")
 
 
 def is_agent_class(maker: Any) -> bool:
