@@ -29,11 +29,11 @@ __all__ = [
     "each_seed",
     "env_choices_of",
     "fingerprint",
+    "is_base_controller",
     "is_controller_name",
     "named_choices",
     "own_controller",
     "read_name",
-    "runs_beneath",
     "split_name",
     "with_model_options",
 ]
@@ -94,7 +94,7 @@ def controller_of(choice: str) -> tuple[str, dict[str, Any]]:
     return name_and_parameters(choice.removeprefix(PREFIX))
 
 
-def runs_beneath(choice: str) -> bool:
+def is_base_controller(choice: str) -> bool:
     """Whether a choice is a controller, of the library or of one's own; loads the class in the latter case."""
     name = read_name(choice)
     return name.kind == "controller" or (name.kind == "class" and not is_agent_class(load_class(name.target)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import stdtrit
 
-from wt_gym.agents.choices import env_choices_of, read_name, runs_beneath
+from wt_gym.agents.choices import env_choices_of, is_base_controller, read_name
 from wt_gym.agents.closed_loop import run_controller
 from wt_gym.agents.environments import load_agent, load_model
 from wt_gym.agents.trained_environment import environment_of_training
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from wt_gym.wind import Inflow
 
 __all__ = [
-    "BENEATH",
     "COLUMNS",
     "LEAST_MEASURED",
+    "RESIDUAL_INTERFACE",
     "Case",
     "ControllerRuns",
     "change",
@@ -44,7 +44,7 @@ __all__ = [
     "table",
 ]
 
-BENEATH: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
+RESIDUAL_INTERFACE: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
 """Arguments of an environment in which a controller runs beneath actions that rest."""
 
 COLUMNS = (
@@ -166,7 +166,7 @@ def run_cases(
     check_times(duration, skip, control_dt)
     for case in cases:
         _steady(turbine, case, 0.0)
-    in_environment = not all(runs_beneath(choice) for choice, _ in controllers.values())
+    in_environment = not all(is_base_controller(choice) for choice, _ in controllers.values())
     runs = [] if runs is None else runs
     runs += [ControllerRuns(label, {}, {}) for label in controllers]
     simulator = None
@@ -225,9 +225,9 @@ def run_agent(
     found = load_model(name) if name.kind == "trained" else None
     record = (found.record if found is not None else None) or {}
     interface = environment_of_training(record, INTERFACE) | env_choices_of(name.text)
-    if name.kind == "word" or runs_beneath(name.text):
-        interface |= BENEATH
-    if runs_beneath(name.text):
+    if name.kind == "word" or is_base_controller(name.text):
+        interface |= RESIDUAL_INTERFACE
+    if is_base_controller(name.text):
         interface["controller"] = partial(make_controller, name.text)
     step = control_dt or record.get("control_dt")
     if step is not None:

@@ -12,11 +12,11 @@ from wt_gym.agents.choices import (
     each_seed,
     env_choices_of,
     fingerprint,
+    is_base_controller,
     read_name,
-    runs_beneath,
     split_name,
 )
-from wt_gym.agents.comparison import BENEATH
+from wt_gym.agents.comparison import RESIDUAL_INTERFACE
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.environments import load_agent, load_model
 from wt_gym.agents.planning import check_settings
@@ -122,12 +122,12 @@ def _entry(label: str, name: Name) -> Entry:
     if name.kind == "class":
         known = fingerprint(text)
         source = {"class": known["class"], "parameters": name.parameters, "sha256": [*known["sha256"].values()]}
-        if not runs_beneath(text):
+        if not is_base_controller(text):
             return Entry(label, text, {"kind": "class", **source}, env_choices_of(text))
-        beneath = {**BENEATH, "controller": [name.target, name.parameters]}
+        beneath = {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]}
         return Entry(label, text, {"kind": "controller", **source}, beneath)
     definition = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
-    return Entry(label, text, definition, {**BENEATH, "controller": [name.target, name.parameters]})
+    return Entry(label, text, definition, {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]})
 
 
 def entries_of(texts: Iterable[str]) -> list[Entry]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
-from wt_gym.agents.choices import BASELINE, PREFIX, Name, env_choices_of, read_name, runs_beneath
+from wt_gym.agents.choices import BASELINE, PREFIX, Name, env_choices_of, is_base_controller, read_name
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
 from wt_gym.agents.planning import ShootingPlanner
@@ -60,7 +60,7 @@ def load_agent(choice: str, layout: EnvLayout, env: gym.Env | None = None) -> Ag
         return _by_word(name, layout, env)
     if name.kind == "trained":
         return load_model(name)
-    if not runs_beneath(choice):
+    if not is_base_controller(choice):
         return _of_own_class(name, layout)
     if layout.action.mode == "residual":
         return ConstantAgent(layout)
@@ -118,7 +118,7 @@ class Environments:
         self._made: dict[tuple[str | None, str], gym.Env] = {}
         self.plain = self._make(None, {})
 
-    def beneath(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
+    def environment_of(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
         """Environment for an agent: the plain one, except for a controller that has to run beneath the actions.
 
         A trained model sees what it saw in its training, and its residual actions mean what they meant. An agent of
@@ -138,7 +138,7 @@ class Environments:
         own = None if as_given else controller_of_training(record, self.plain)
         chosen = env_choices_of(given) if isinstance(given, str) else {}
         choice = own
-        if layout_of(self.plain).action.mode == "residual" and isinstance(given, str) and runs_beneath(given):
+        if layout_of(self.plain).action.mode == "residual" and isinstance(given, str) and is_base_controller(given):
             choice = None if given in ALIASES else self._other(given)
         return self._make(choice, interface_of_training(record, self.plain, meaning=not as_given) | chosen)
 

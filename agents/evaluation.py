@@ -13,10 +13,10 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.contenders import Contenders
+from wt_gym.agents.agent_pool import AgentPool
 from wt_gym.agents.evaluation_config import FIRST_SEED, LEAST_MEASURED, EvaluationConfig
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
-from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS, met_wind
+from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS, actual_wind
 from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.oscillation_notes import oscillation_notes
 from wt_gym.agents.progress import ProgressLine, clock
@@ -95,10 +95,10 @@ def evaluate(
         raise ValueError(f"agents by word or path can run in other processes; {', '.join(objects)} came as objects")
     store = None if folder is None else EvaluationFolder(folder, agents, config)
     where = config.env_id, config.env_kwargs, config.duration
-    with store or nullcontext(), Contenders(agents, *where, allow_other_environment) as contenders:
-        env = contenders.env
+    with store or nullcontext(), AgentPool(agents, *where, allow_other_environment) as pool:
+        env = pool.env
         layout = layout_of(env)
-        notes = training_notes(contenders.agents, config.winds)
+        notes = training_notes(pool.agents, config.winds)
         for note in notes.values():
             _log.warning(note)
         climate = _climate(layout.turbine, config)
@@ -109,7 +109,7 @@ def evaluate(
         line, left = ProgressLine(progress), [job for job in jobs if job not in runs]
         play = partial(_run, config=config, line=ProgressLine(progress and not executor.beside))
         with store.session(executor.tally, len(runs)) if store else nullcontext():
-            for job, run in contenders.results(play, left, executor, code_fingerprint):
+            for job, run in pool.results(play, left, executor, code_fingerprint):
                 runs[job] = run
                 if store:
                     name, asked = job
@@ -132,7 +132,7 @@ def evaluate(
                 "rated_rotor_speed": turbine.drivetrain.rated_rotor_speed,
             },
             training={
-                name: record for name, agent in contenders.agents.items() if (record := getattr(agent, "record", None))
+                name: record for name, agent in pool.agents.items() if (record := getattr(agent, "record", None))
             },
             climate=climate
             if all(turbine.cut_in <= run.wind.speed <= turbine.cut_out for run in runs.values())
@@ -165,21 +165,21 @@ def _require_common_winds(runs: Mapping[tuple[str, Wind], Run], agents: Iterable
             )
 
 
-def _run(contenders: Contenders, job: tuple[str, Wind], config: EvaluationConfig, line: ProgressLine) -> Run:
+def _run(pool: AgentPool, job: tuple[str, Wind], config: EvaluationConfig, line: ProgressLine) -> Run:
     """One agent in one wind."""
-    (name, asked), (env, agent) = job, contenders[job[0]]
+    (name, asked), (env, agent) = job, pool[job[0]]
     allowed = turbine_env_of(env).wind.options
     options: dict[str, Any] = {"azimuth": 0.0}
     if "wind_speed" in allowed:
         options["wind_speed"] = asked.speed
     if asked.seed is not None and "wind_seed" in allowed:
         options["wind_seed"] = asked.seed
-    if asked.draw is not None and (pieces := turbine_env_of(env).wind.pieces(config.duration)):
+    if asked.draw is not None and (pieces := turbine_env_of(env).wind.windows(config.duration)):
         file, start = pieces[(asked.draw - 1) % len(pieces)]  # drawn ones would overlap, or be the same
         options["inflow"] = file.inflow(start)
     observation, info = env.reset(seed=config.seed_in(asked), options=options)
     turbine_env, started = turbine_env_of(env), time.monotonic()
-    wind = met_wind(turbine_env, asked, config.winds)
+    wind = actual_wind(turbine_env, asked, config.winds)
     recorder = Recorder(turbine_env.simulator, agent=name, wind_speed=wind.speed, wind_seed=info["wind_seed"])
     recorder.append(turbine_env.signals)
     kept = config.replay_in(asked)

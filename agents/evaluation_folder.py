@@ -32,7 +32,7 @@ __all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder", "code_finger
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
 _AGENTS, _ENVS = Path(wt_gym.agents.__file__).parent, Path(wt_gym.__file__).parent / "envs"
 _SOURCES = (
-    "constant.py", "contenders.py", "controller_agent.py", "environments.py", "evaluation.py", "evaluation_config.py",
+    "constant.py", "agent_pool.py", "controller_agent.py", "environments.py", "evaluation.py", "evaluation_config.py",
     "evaluation_winds.py", "trained_agent.py",
 )  # fmt: skip
 # These weigh what the runs gave, and change no run.

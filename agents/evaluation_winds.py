@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import WindSampler
 
-__all__ = ["DEFAULT_WIND_SEEDS", "USUAL_SPEED", "met_wind", "winds_for", "winds_of"]
+__all__ = ["DEFAULT_WIND_SEEDS", "USUAL_SPEED", "actual_wind", "winds_for", "winds_of"]
 
 DEFAULT_WIND_SEEDS = EVALUATION_WIND_SEEDS[:6]
 """Turbulence seeds that no training saw; six is what IEC 61400-1 asks for at each mean speed."""
@@ -86,7 +86,7 @@ def winds_of(
         raise ValueError(f"of the wind of this environment nothing is drawn beside its speed and seed: {instead}")
     if draws is not None and draws < 1:
         raise ValueError(f"at least 1 draw is needed, got {draws!r}")
-    if drawn and length is not None and (pieces := wind.pieces(length)):
+    if drawn and length is not None and (pieces := wind.windows(length)):
         if draws is not None and draws > len(pieces):
             raise ValueError(
                 f"the files hold {len(pieces)} pieces of {length:g} s, got {draws} draws: make runs shorter"
@@ -100,7 +100,7 @@ def winds_of(
     )
 
 
-def met_wind(env: WindTurbineEnv, asked: Wind, winds: Sequence[Wind]) -> Wind:
+def actual_wind(env: WindTurbineEnv, asked: Wind, winds: Sequence[Wind]) -> Wind:
     """Wind that an episode has: its speed and seed, and in words what these do not tell.
 
     Parameters

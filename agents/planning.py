@@ -159,10 +159,10 @@ class ShootingPlanner:
         """Best plan found, shape (n_actions, n_act)."""
         here = self._env.snapshot()
         best, best_value = None, -np.inf
-        centre, spread = guess, np.full(self._shape, self._spread)
+        center, spread = guess, np.full(self._shape, self._spread)
         try:
             for turn in range(self._rounds):
-                drawn = centre + spread * self._rng.standard_normal((self._samples, *self._shape))
+                drawn = center + spread * self._rng.standard_normal((self._samples, *self._shape))
                 plans = np.clip(drawn, -1.0, 1.0)
                 if turn == 0:
                     plans = np.concatenate([np.zeros((1, *self._shape)), guess[None], plans])
@@ -171,7 +171,7 @@ class ShootingPlanner:
                 if values[order[0]] > best_value:
                     best, best_value = plans[order[0]], values[order[0]]
                 elites = plans[order[: self._elites]]
-                centre, spread = elites.mean(axis=0), np.maximum(elites.std(axis=0), _LEAST_SPREAD)
+                center, spread = elites.mean(axis=0), np.maximum(elites.std(axis=0), _LEAST_SPREAD)
         finally:
             self._env.restore(here)
         return cast(np.ndarray, best)

@@ -20,7 +20,7 @@ from scipy.stats import spearmanr
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.control import Demand
-from wt_gym.control.closed_loop import advance_under
+from wt_gym.control.closed_loop import advance_controlled
 from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers import BaselineController, BaselineParameters, make_controller, readings_of
 from wt_gym.control.controllers.discon import BaselineState
@@ -314,7 +314,7 @@ def simulate(
         return loop.step(cast(Signals, read), simulator.time_step)
 
     for _ in range(round(duration / control_dt)):
-        signals = advance_under(demand_at, simulator, signals, simulator.time_step, count)
+        signals = advance_controlled(demand_at, simulator, signals, simulator.time_step, count)
         rows.append(signals.values)
     return np.array(rows)
 
@@ -419,7 +419,7 @@ def lifetime(rows: Iterable[Mapping], mean_wind: float = 10.0) -> list[dict]:
     """What each controller amounts to over the winds of a site, as differences to the baseline.
 
     Wind speeds follow the Rayleigh distribution of IEC 61400-1; each one simulated stands for the speeds nearer to it
-    than to its neighbours, from 3 to 25 m/s. Means are weighted with that probability p, damage-equivalent loads by
+    than to its neighbors, from 3 to 25 m/s. Means are weighted with that probability p, damage-equivalent loads by
     their damage: ``(sum p DEL^m)^(1/m)``.
 
     Parameters

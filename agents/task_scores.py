@@ -196,13 +196,13 @@ def contender_label(contender: str, beneath: bool = False) -> str:
     return f"`{contender.removeprefix(_TRAINED)}`" + (", trained" if contender.startswith(_TRAINED) else "")
 
 
-def measure(study: Study, told: Callable[[str], None] = lambda text: None) -> list[dict[str, Any]]:
+def measure(study: Study, on_progress: Callable[[str], None] = lambda text: None) -> list[dict[str, Any]]:
     """Run every agent of a study in each of its winds.
 
     Parameters
     ----------
     study : Study
-    told : callable
+    on_progress : callable
         Gets a line after each agent.
 
     Returns
@@ -211,11 +211,14 @@ def measure(study: Study, told: Callable[[str], None] = lambda text: None) -> li
         A run each, JSON values: the contender, part and wind, how it ended, its return, and metrics in SI units.
     """
     return [
-        run for part in study.parts for contender in study.contenders for run in _runs_of(study, part, contender, told)
+        run
+        for part in study.parts
+        for contender in study.contenders
+        for run in _runs_of(study, part, contender, on_progress)
     ]
 
 
-def _runs_of(study: Study, part: Part, contender: str, told: Callable[[str], None]) -> list[dict[str, Any]]:
+def _runs_of(study: Study, part: Part, contender: str, on_progress: Callable[[str], None]) -> list[dict[str, Any]]:
     kwargs = part.arguments | study.arguments.get(contender, {})
     config = EvaluationConfig(study.env_id, kwargs, part.winds, duration=study.duration, skip=study.skip, replay=0.0)
     agent: Any = contender
@@ -226,7 +229,7 @@ def _runs_of(study: Study, part: Part, contender: str, told: Callable[[str], Non
         agent = UniformAgent(layout_of(plain.plain))
         plain.close()
     runs = evaluate({contender: agent}, config, progress=False).runs
-    told(f"{study.env_id}{part.name and ', ' + part.name}: {contender}")
+    on_progress(f"{study.env_id}{part.name and ', ' + part.name}: {contender}")
     return [_kept(run, part, study) for run in runs]
 
 

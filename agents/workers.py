@@ -57,7 +57,7 @@ class Tally:
     retried: int = 0
     lost: list[Any] = field(default_factory=list)
 
-    def again(self, job: Any, attempt: int) -> bool:
+    def may_retry(self, job: Any, attempt: int) -> bool:
         """Whether a job whose process is gone is to be begun once more; counts it."""
         if attempt < ATTEMPTS:
             self.retried += 1
@@ -144,7 +144,7 @@ def in_processes(
                         result = future.result()
                     except BrokenExecutor:
                         free.append(pool())
-                        if tally.again(job, attempt):
+                        if tally.may_retry(job, attempt):
                             again.append((job, attempt + 1))
                         continue
                     free.append(its_pool)

@@ -11,7 +11,7 @@ def short_records():
 
     Processes that a test starts record it in full.
     """
-    full = running_start.LENGTHS
-    running_start.LENGTHS = running_start.Lengths(runs=1, settling=10.0, recorded=20.0)
+    full = running_start.RECORDING_PLAN
+    running_start.RECORDING_PLAN = running_start.RecordingPlan(runs=1, settling=10.0, recorded=20.0)
     yield full
-    running_start.LENGTHS = full
+    running_start.RECORDING_PLAN = full

@@ -290,12 +290,12 @@ def linear_lift_slope(n: int, chords: float):
     n : int
         Panels along the chord.
     chords : float
-        Way travelled in chords.
+        Way traveled in chords.
 
     Returns
     -------
     way, slope : ndarray, shape (n_steps + 1,)
-        Way travelled in chords and dCL / dalpha [1/rad].
+        Way traveled in chords and dCL / dalpha [1/rad].
     """
     import numpy as np
 

@@ -85,7 +85,7 @@ def read(path: Path) -> list[dict]:
         return [{key: kinds.get(key, float)(value) for key, value in row.items()} for row in csv.DictReader(file)]
 
 
-def analyse(rows: list[dict], weights: dict[str, float]) -> dict:
+def analyze(rows: list[dict], weights: dict[str, float]) -> dict:
     """Correlations of the terms with the loads and of the total with the lifetime cost."""
     from wt_gym.agents import reward_study as study
 
@@ -240,7 +240,7 @@ def draw(result: dict, folder: Path) -> Path:
 
 
 def main() -> int:
-    """Simulate if asked to, then analyse."""
+    """Simulate if asked to, then analyze."""
     arguments = parse_arguments()
     from wt_gym.envs import rewards
 
@@ -256,7 +256,7 @@ def main() -> int:
     if not arguments.csv.exists():
         print(f"{arguments.csv} does not exist; simulate it with --runs FOLDER", file=sys.stderr)
         return 2
-    result = analyse(read(arguments.csv), weights)
+    result = analyze(read(arguments.csv), weights)
     show(result, weights)
     if arguments.out is not None:
         print(f"\nfigure: {draw(result, arguments.out)}")

@@ -265,14 +265,14 @@ class _Uniform:
         return np.broadcast_to(self.stream, np.shape(points))
 
 
-def _rotor(planform, centre, azimuth, speed):
+def _rotor(planform, center, azimuth, speed):
     """Nodes of three rigid blades and their velocities for a rotor that turns about x."""
     nodes = []
     for k in range(3):
         c, s = np.cos(azimuth + 2.0 * np.pi * k / 3.0), np.sin(azimuth + 2.0 * np.pi * k / 3.0)
         nodes.append(planform.nodes @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]).T)
     nodes = np.array(nodes)
-    return nodes + centre, np.cross([speed, 0.0, 0.0], nodes)
+    return nodes + center, np.cross([speed, 0.0, 0.0], nodes)
 
 
 @case("body-tower-passage", "NREL 5-MW blade passing its tower: closed body against the flow past a cylinder", KATZ)
@@ -296,19 +296,19 @@ def tower_passage():
     options = AeroOptions(n_chord=2, n_span=12, wake_rows=60, full_rows=60, fresh_rows=3, refresh_stride=6)
     planform = blade_planform(turbine, options)
     # without tilt, cone and prebend, so that both models are compared at equal distances
-    centre = np.array([-turbine.nacelle.overhang, 0.0, turbine.hub_height])
+    center = np.array([-turbine.nacelle.overhang, 0.0, turbine.hub_height])
     azimuth = np.radians(135.0) + step * np.arange(31)
     found = {}
     for name, disturb in models.items():
         solver = VortexLattice(planform, 3, options, turbine.air_density)
         state, inflow, dt = solver.new_state(), _Uniform(stream), step / rotor_speed
-        nodes, velocities = _rotor(planform, centre, azimuth[0], rotor_speed)
+        nodes, velocities = _rotor(planform, center, azimuth[0], rotor_speed)
         wind = disturb(nodes, np.tile(stream, (*nodes.shape[:3], 1)))
-        solver.initialise_helix(state, nodes, velocities, wind, centre, [1.0, 0.0, 0.0], rotor_speed, dt)
+        solver.initialize_helix(state, nodes, velocities, wind, center, [1.0, 0.0, 0.0], rotor_speed, dt)
         found[name] = [state.circulation[0].copy()]
         for k, angle in enumerate(azimuth[1:]):
             solver.convect_wake(state, inflow, k * dt, dt)
-            nodes, velocities = _rotor(planform, centre, angle, rotor_speed)
+            nodes, velocities = _rotor(planform, center, angle, rotor_speed)
             solver.solve(state, nodes, velocities, disturb(nodes, np.tile(stream, (*nodes.shape[:3], 1))), dt)
             solver.accept(state)
             found[name].append(state.circulation[0].copy())

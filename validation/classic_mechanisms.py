@@ -73,9 +73,9 @@ def simple_pendulum():
 
 def top_system(mass, length, axial, transverse):
     """Symmetric top with axis z on a ball joint at the origin; inertias about the fixed point."""
-    centre = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
+    center = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
     system = MultibodySystem((0.0, 0.0, -GRAVITY))
-    system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), centre), Joint("spherical"))
+    system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), center), Joint("spherical"))
     return system.build()
 
 
@@ -165,7 +165,7 @@ def heavy_top_precession():
     "Géradin & Cardona 2001; Brüls & Cardona 2010, J. Comput. Nonlinear Dyn. 5; exact by Lagrange's integrals",
 )
 def heavy_top_spherical():
-    """Mass 15 kg, centre at 1 m, J = diag(0.234375, 0.46875, 0.234375) about it, Ω₀ = (0, 150, −4.61538) rad/s.
+    """Mass 15 kg, center at 1 m, J = diag(0.234375, 0.46875, 0.234375) about it, Ω₀ = (0, 150, −4.61538) rad/s.
 
     The published top lies along the global y axis; here it starts along x, with the same spin of 150 rad/s about its
     axis and the same −4.61538 rad/s about the vertical. Its vertical angular momentum is the negative of its spin
@@ -185,17 +185,17 @@ def heavy_top_spherical():
     source = "Lagrange's integrals, DOP853 with tolerance 1e-12"
     checks = [
         Check(
-            "largest error of the mass centre in 2 s", 0.0, float(np.abs(axes - exact).max()), 1e-5, "m", False, source
+            "largest error of the mass center in 2 s", 0.0, float(np.abs(axes - exact).max()), 1e-5, "m", False, source
         ),
         Check(
-            "lowest height of the mass centre", float(height.min()), float(axes[:, 2].min()), 1e-4, "m", True, source
+            "lowest height of the mass center", float(height.min()), float(axes[:, 2].min()), 1e-4, "m", True, source
         ),
         Check("relative energy drift in 2 s", 0.0, float(abs(energy[1] / energy[0] - 1.0)), 1e-6, "", False, "energy"),
         Check("error of the quaternion norm", 0.0, float(norm), 1e-12, "", False, "unit quaternion"),
     ]
     curves = tuple(Curve(times, axes[:, i], "xyz"[i]) for i in range(3))
     curves += tuple(Curve(times[::20], exact[::20, i], "", "o") for i in range(3))
-    return CaseResult(checks, {"mass centre of the heavy top (dots: exact)": Figure(curves, "t [s]", "m")})
+    return CaseResult(checks, {"mass center of the heavy top (dots: exact)": Figure(curves, "t [s]", "m")})
 
 
 # ---- spatial slider-crank --------------------------------------------------------------------------------------------
@@ -251,7 +251,7 @@ def exact_slider_crank(times, speed):
 
 def slider_crank_system():
     """Crank on a hinge, rod on the slider by a universal joint, and a ball constraint at the pin to close the loop."""
-    system = MultibodySystem((0.0, 0.0, -GRAVITY), stabilisation=100.0)
+    system = MultibodySystem((0.0, 0.0, -GRAVITY), stabilization=100.0)
     ends = {"origin": np.zeros(3), "pin": (0.0, 0.0, CRANK)}
     crank = FlexibleBody.rigid("crank", 0.12, np.zeros(3), np.diag([CRANK_INERTIA, 1e-5, 1e-4]), ends)
     crank = system.add(crank, Joint("revolute", (1.0, 0.0, 0.0), offset=tuple(PIVOT), name="crank"))

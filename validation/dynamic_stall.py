@@ -1,6 +1,6 @@
-"""Dynamic stall of the S809 aerofoil that pitches far: Øye's model alone, with a shed wake, and in the lattice.
+"""Dynamic stall of the S809 airfoil that pitches far: Øye's model alone, with a shed wake, and in the lattice.
 
-Chord and speed are 1, so that the reduced frequency is k = ω / 2. The aerofoil pitches about its quarter chord.
+Chord and speed are 1, so that the reduced frequency is k = ω / 2. The airfoil pitches about its quarter chord.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from validation.case import CaseResult, Check, Curve, Figure, case
 from validation.lifting_tools import UniformStream, WingFlow, two_dimensional_planform
 from validation.phase_vi import PhaseSixBlade
-from validation.unsteady_aerofoil import exact_lift
+from validation.unsteady_airfoil import exact_lift
 from wt_gym.aerodynamics.lattice.separation import separation_tables
 
 SOURCE = "Øye 1991; Hansen, Gaunaa & Madsen 2004, Risø-R-1354; polar: Ramsay et al. 1995, NREL/TP-442-7817"
@@ -180,7 +180,7 @@ def attached_response(k=0.1, n_chord=4):
     return obtained / exact_lift("pitch", k), (obtained - apparent_mass) / (2.0 * np.pi * (1.0 + 0.5 * rate))
 
 
-@case("dynamic-stall", "Dynamic stall of the S809 aerofoil in pitch", SOURCE)
+@case("dynamic-stall", "Dynamic stall of the S809 airfoil in pitch", SOURCE)
 def dynamic_stall():
     """Loops of the lift: the model alone, the lattice against the model with its own shed wake, attached flow."""
     polar = s809_polar()
@@ -229,7 +229,7 @@ def dynamic_stall():
         "small angles differ from the equations as much: it is not the large angle."
     )
     lines.append(
-        "Measured loops of this aerofoil (Ohio State) were reported with largest lift coefficients of 1.4 to 1.8 at "
+        "Measured loops of this airfoil (Ohio State) were reported with largest lift coefficients of 1.4 to 1.8 at "
         "± 10° and the highest frequency: a leading-edge vortex lifts too, which this model does not have."
     )
     return CaseResult(checks, figures, "\n".join(lines))

@@ -8,7 +8,7 @@ reading of the modes find the flutter of a clamped wing (case ``goland-flutter``
 
 Beside it stands an independent calculation for one clamped, untwisted blade in still air: four flapwise and two
 torsional modes with the section tables of the same files, strips with Jones's two-lag lift of slope 2 pi, centrifugal,
-propeller and centre-of-mass terms; it gives Goland's wing its published 137 m/s. A lattice should come out later, since
+propeller and center-of-mass terms; it gives Goland's wing its published 137 m/s. A lattice should come out later, since
 the lift of its tips falls off. The critical speeds that are quoted for the NREL 5-MW, 24 to 25 rpm, could not be
 traced to printed tables.
 """

@@ -235,8 +235,8 @@ def drift():
 
 @case("formulations-gain", "Constrained form: drift over Baumgarte's gain, without projection", SOURCE, slow=True)
 def gain():
-    """30 s in the wind with moving pitch and yaw; stabilisation alone, weak, as shipped and strong, and none."""
-    found = {gain: coupled_drift(30.0, projection=False, stabilisation=gain)[1] for gain in GAINS}
+    """30 s in the wind with moving pitch and yaw; stabilization alone, weak, as shipped and strong, and none."""
+    found = {gain: coupled_drift(30.0, projection=False, stabilization=gain)[1] for gain in GAINS}
     projected = coupled_drift(30.0)[1]
     own = found[10.0].position
     checks = [

@@ -111,7 +111,7 @@ def make_simulator(
     fidelity : str
         "gebhardt", or "gebhardt-full" with tower and nacelle as bodies that move.
     forward : float, optional
-        Distance of the nacelle's centre of mass upwind of the tower [m].
+        Distance of the nacelle's center of mass upwind of the tower [m].
     """
     fidelity = replace(
         FIDELITIES[fidelity],

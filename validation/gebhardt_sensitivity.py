@@ -40,7 +40,7 @@ FORWARD = {
     5.0: (0.43, 0.45),
     8.6: (0.43, 0.45),
 }
-"""Side-side frequencies of the towers of the joint study [Hz] by the distance of the nacelle's centre of mass before
+"""Side-side frequencies of the towers of the joint study [Hz] by the distance of the nacelle's center of mass before
 the tower [m]: the inferred one, and more weight forward. The blades pass at 0.37 and 0.575 Hz."""
 
 
@@ -122,7 +122,7 @@ def statements_together():
     for forward, frequencies in FORWARD.items():
         studied = tower_study(forward, frequencies)
         failing = [[c.quantity for c in statements if not c.passed] for statements in studied]
-        lines.append(f"Nacelle's centre of mass {forward} m before the tower:")
+        lines.append(f"Nacelle's center of mass {forward} m before the tower:")
         for own, statements, failed in zip(frequencies, studied, failing, strict=True):
             lean, back, growth = (obtained(statements, name) for name in STUDIED)
             lines.append(

@@ -1,4 +1,4 @@
-"""A thin aerofoil that flies through gusts: Küssner's sharp edge and Sears' waves, with the vortex lattice.
+"""A thin airfoil that flies through gusts: Küssner's sharp edge and Sears' waves, with the vortex lattice.
 
 The gust is at rest in the air and carried over the chord by the stream: every collocation point meets it at its own
 time. (A gust that the whole chord feels at once is a plunging motion, with Wagner's and Theodorsen's functions.)
@@ -138,7 +138,7 @@ def sears_case():
             Check(f"k = {k:g}: amplitude of S", amplitude, abs(lift), 0.02, source=SEARS_SOURCE),
             Check(f"k = {k:g}: phase of S", phase, float(np.degrees(np.angle(lift))), 2.0, "deg", relative=False,
                   source=SEARS_SOURCE),
-            Check(f"k = {k:g}: centre of pressure before the quarter chord, in chords", 0.0, abs(moment / lift), 0.01,
+            Check(f"k = {k:g}: center of pressure before the quarter chord, in chords", 0.0, abs(moment / lift), 0.01,
                   source="Sears 1941: the lift of the gust acts at the quarter chord"),
         ]  # fmt: skip
     k, marks = np.geomspace(0.04, 1.2, 60), np.array(SEARS)[:, 0]

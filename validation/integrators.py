@@ -1,4 +1,4 @@
-"""Time integrators: stability limits, order of accuracy and energy behaviour against exact values."""
+"""Time integrators: stability limits, order of accuracy and energy behavior against exact values."""
 
 from __future__ import annotations
 
@@ -68,9 +68,9 @@ def amplification(integrator, step):
         for array, part in zip(carried, np.split(unit, cuts), strict=True):
             array[...] = part.reshape(array.shape)
         if hamming:
-            history.marks[0] = 3
+            history.counters[0] = 3
         else:
-            history.marks[:] = 0
+            history.counters[:] = 0
         integrator.advance()
         columns.append(np.concatenate([a.ravel() for a in carried]))
     return np.array(columns).T
@@ -128,14 +128,14 @@ def stability():
     for rho in (0.0, 0.5, 0.8, 1.0):
         integrator = make_integrator("generalized-alpha", oscillator(), 1.0, rho_inf=rho, tolerance=1e-6)
         obtained = spectral_radius(amplification(integrator, 1e4))
-        checks.append(Check(f"generalised-α at ωh = 10⁴, ρ∞ = {rho}", rho, obtained, 5e-3, relative=False))
+        checks.append(Check(f"generalized-α at ωh = 10⁴, ρ∞ = {rho}", rho, obtained, 5e-3, relative=False))
     central = make_integrator("newmark", oscillator(), 1.0, beta=0.0)
     limit = stability_limit(lambda h: spectral_radius(amplification(central, h)))
     checks.append(Check("central differences (β = 0): undamped ωh", 2.0, limit, 1e-3))
     h = np.linspace(0.02, 3.0, 150)
     schemes = (("modified Hamming", "hamming", {}), ("Newmark ¼, ½", "newmark", {}),
-               ("generalised-α, ρ∞ = 0.8", "generalized-alpha", {"rho_inf": 0.8}),
-               ("generalised-α, ρ∞ = 0", "generalized-alpha", {"rho_inf": 0.0}))  # fmt: skip
+               ("generalized-α, ρ∞ = 0.8", "generalized-alpha", {"rho_inf": 0.8}),
+               ("generalized-α, ρ∞ = 0", "generalized-alpha", {"rho_inf": 0.0}))  # fmt: skip
     curves = []
     for label, name, options in schemes:
         integrator = make_integrator(name, oscillator(), 1.0, **options)
@@ -177,7 +177,7 @@ def pendulum_error(name, n_steps, exact_history=False, duration=2.0, **options):
         for k in range(4):
             integrator.history.y[k] = pendulum_state(begin + k * h)
             integrator.history.f[k] = system.rates(integrator.history.y[k])
-        integrator.history.marks[0], first = 3, 3
+        integrator.history.counters[0], first = 3, 3
     integrator.advance(n_steps - first)
     return float(np.linalg.norm((integrator.state - pendulum_state(begin + duration)) / [1.0, np.sqrt(GRAVITY)]))
 
@@ -198,8 +198,8 @@ def order():
         ("modified Hamming, Runge–Kutta start", "hamming", {"starter": "runge-kutta"}, 5.0, (200, 400, 800)),
         ("modified Hamming with its starters", "hamming", {}, 3.0, (800, 1600, 3200)),
         ("Newmark ¼, ½", "newmark", {}, 2.0, (200, 400, 800)),
-        ("generalised-α, ρ∞ = 0.8", "generalized-alpha", {"rho_inf": 0.8}, 2.0, (200, 400, 800)),
-        ("generalised-α, ρ∞ = 0", "generalized-alpha", {"rho_inf": 0.0}, 2.0, (200, 400, 800)),
+        ("generalized-α, ρ∞ = 0.8", "generalized-alpha", {"rho_inf": 0.8}, 2.0, (200, 400, 800)),
+        ("generalized-α, ρ∞ = 0", "generalized-alpha", {"rho_inf": 0.0}, 2.0, (200, 400, 800)),
     )
     checks, curves = [], []
     for label, name, options, expected, counts in rows:
@@ -229,7 +229,7 @@ def energy():
     checks = []
     for label, name, options, tolerance in (
         ("Newmark ¼, ½", "newmark", {}, 1e-6),
-        ("generalised-α, ρ∞ = 1", "generalized-alpha", {"rho_inf": 1.0}, 1e-6),
+        ("generalized-α, ρ∞ = 1", "generalized-alpha", {"rho_inf": 1.0}, 1e-6),
     ):
         integrator = make_integrator(name, oscillator(), h, tolerance=1e-12, **options)
         integrator.start(np.array([1.0, 0.0]))

@@ -111,7 +111,7 @@ def rigid_helix(turns, steps_per_turn=36, closure=False):
     edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
     drift = np.array([WIND * (1.0 - BETZ_INDUCTION), 0.0, 0.0])
     wake = np.array([edge @ turn("x", -ROTOR_SPEED * age).T + drift * age for age in ages])
-    lattice.initialise_wake(state, nodes, velocities, inflow.velocity(nodes, 0.0), wake, ages, far_wake=closure)
+    lattice.initialize_wake(state, nodes, velocities, inflow.velocity(nodes, 0.0), wake, ages, far_wake=closure)
     power = (state.nodal_forces * velocities).sum()
     return float(power / (0.5 * rotor.air_density * np.pi * rotor.radius**2 * WIND**3))
 

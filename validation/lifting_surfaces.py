@@ -18,7 +18,7 @@ from validation.lifting_tools import (
     steady_wing,
     two_dimensional_planform,
 )
-from validation.unsteady_aerofoil import WAGNER, WAGNER_SOURCE
+from validation.unsteady_airfoil import WAGNER, WAGNER_SOURCE
 
 RECTANGULAR = {4.0: (3.6120, 0.3152), 6.0: (4.2146, 0.3678), 8.0: (4.5861, 0.4002), 12.0: (5.0217, 0.4382),
                20.0: (5.4335, 0.4742)}  # fmt: skip

@@ -46,16 +46,16 @@ class LoadedBlade:
     """
 
     def __init__(self, sections, n_bodies, elements=16, dofs=(0, 1, 3, 4, 5), n_modes=0, damping=0.0):
-        self.pieces = cut_beam("blade", sections, elements, n_bodies, "modal", n_modes, dofs, damping)
+        self.sub_bodies = cut_beam("blade", sections, elements, n_bodies, "modal", n_modes, dofs, damping)
         self.system = MultibodySystem((0.0, 0.0, 0.0))
-        self.bodies = add_chain(self.system, self.pieces, Joint("fixed"))
+        self.bodies = add_chain(self.system, self.sub_bodies, Joint("fixed"))
         self.system.build()
         length = sections.station[-1] - sections.station[0]
         edges = np.linspace(0.0, length, N_STATIONS + 1)
         middle = 0.5 * (edges[1:] + edges[:-1])
         self.force = np.array([load_at(s, length) for s in middle]) * np.diff(edges)[:, None]
-        self.loaded = ChainPoints(self.system, self.pieces, self.bodies, middle)
-        self.shown = ChainPoints(self.system, self.pieces, self.bodies, np.linspace(0.0, length, 33))
+        self.loaded = ChainPoints(self.system, self.sub_bodies, self.bodies, middle)
+        self.shown = ChainPoints(self.system, self.sub_bodies, self.bodies, np.linspace(0.0, length, 33))
 
     def deflect(self, factor=1.0, steps=4):
         """State in static balance under a multiple of the load."""

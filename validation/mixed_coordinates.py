@@ -115,7 +115,7 @@ def small_turbine(tower="modal", blades="nodal", reference="cartesian", speed=0.
     hub_body = FlexibleBody.rigid("hub", hub_data["mass_kg"], np.zeros(3), hub_inertia * np.diag([1.0, 0.5, 0.5]))
     overhang = (-hub_data["overhang_m"], 0.0, 0.0)
 
-    system = MultibodySystem(stabilisation=200.0)
+    system = MultibodySystem(stabilization=200.0)
     foot = system.add(tower_body, Joint("fixed"))
     if reference == "cartesian":
         nacelle = system.add(nacelle_body, Joint("free", name="nacelle"))
@@ -224,9 +224,9 @@ def oscillation(times, signal, frequency, start):
 
 def crossing_frequency(times, signal):
     """Mean frequency [Hz] of a signal from its upward crossings of its mean."""
-    centred = signal - signal.mean()
-    up = np.flatnonzero((centred[:-1] < 0.0) & (centred[1:] >= 0.0))
-    crossing = times[up] + centred[up] / (centred[up] - centred[up + 1]) * (times[1] - times[0])
+    centered = signal - signal.mean()
+    up = np.flatnonzero((centered[:-1] < 0.0) & (centered[1:] >= 0.0))
+    crossing = times[up] + centered[up] / (centered[up] - centered[up + 1]) * (times[1] - times[0])
     return float((len(crossing) - 1) / (crossing[-1] - crossing[0]))
 
 
@@ -338,7 +338,7 @@ def nodal_geometric_stiffness():
     disc, beam = Disc(), blade_beam(6)
     hub = rig()["stand_in"]["hub"]["radius_m"]
     still = clamped_modes(beam, 1, node_dofs=(0, 4)).frequency[0]
-    spinning = clamped_modes(beam, 1, spin=disc.speed, centre=(0.0, 0.0, -hub), node_dofs=(0, 4)).frequency[0]
+    spinning = clamped_modes(beam, 1, spin=disc.speed, center=(0.0, 0.0, -hub), node_dofs=(0, 4)).frequency[0]
     per_turn = disc.speed / (2.0 * np.pi)
     notes = f"at rest {still:.2f} Hz, at {per_turn:.1f} turns/s {spinning:.2f} Hz"
     return CaseResult(

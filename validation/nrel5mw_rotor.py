@@ -139,7 +139,7 @@ def _line(text, cp, ct, run, element):
 
 
 def vertex(x, y):
-    """Place of the maximum of the parabola through the largest value and its neighbours."""
+    """Place of the maximum of the parabola through the largest value and its neighbors."""
     k = int(np.clip(np.argmax(y), 1, len(y) - 2))
     a, b, _ = np.polyfit(x[k - 1 : k + 2], y[k - 1 : k + 2], 2)
     return float(-b / (2.0 * a))

@@ -2,7 +2,7 @@
 
 A 46-m, 10-t blade on a 4-m shaft in two bearings, 20 + 4 elements, loaded at its tip. The section tables of the paper's
 blade are not public: a stand-in of the same length and mass is used, with straight axes (no twist, no offset of the
-mass centre), so that flap, edge and torsion are uncoupled as in the paper's figures. Load amplitudes are not published
+mass center), so that flap, edge and torsion are uncoupled as in the paper's figures. Load amplitudes are not published
 either: they follow from the published results (speed of 1.6 rad/s, u/L = 0.15).
 """
 
@@ -47,7 +47,7 @@ def blade_sections():
         stiffness.append(np.diag([np.inf, np.inf, value["EA_N"][i], edge, flap, value["GJ_Nm2"][i]]))
         rotary = value["i_edge_kgm"][i], value["i_flap_kgm"][i]
         inertia.append(inertia_matrix(value["mass_kg_m"][i], 0.0, 0.0, *rotary, 0.0))
-    # each element has its own pair of stations; the jump lies within a micrometre
+    # each element has its own pair of stations; the jump lies within a micrometer
     station = np.sort(np.concatenate([span[:-1], span[1:] - 1e-6]))
     station[-1] = span[-1]
     axis = np.column_stack([0.0 * station, 0.0 * station, station])

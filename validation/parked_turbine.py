@@ -38,7 +38,7 @@ AS_ADAMS = Fidelity("as ADAMS", tower_modes=(4, 4, 2), blade_modes=(4, 3, 1), ya
 
 @dataclass(frozen=True)
 class PublishedMode:
-    """A row of the published table with the coordinates that recognise it.
+    """A row of the published table with the coordinates that recognize it.
 
     ``shape`` weighs coordinates by name; the mode whose mass-weighted motion fits it best carries the name.
     """
@@ -84,7 +84,7 @@ PUBLISHED = (
 def parked_modes(fidelity, gravity=True):
     """Each published mode by the user's own call, ``Simulator.linearize`` of a parked rotor.
 
-    A mode is recognised by the modal assurance criterion with the mass matrix, (pᵀ M φ)² / (pᵀ M p)(φᵀ M φ) with the
+    A mode is recognized by the modal assurance criterion with the mass matrix, (pᵀ M φ)² / (pᵀ M p)(φᵀ M φ) with the
     pattern p: a coordinate counts with all that it carries along. Each mode is used once.
 
     Parameters

@@ -96,7 +96,7 @@ class PhaseSixBlade:
         return np.interp(z, self._station, self._blade["axis_xc"])
 
     def polar_at(self, z):
-        """Polar, blended linearly between the stations; in rotation, if that is modelled."""
+        """Polar, blended linearly between the stations; in rotation, if that is modeled."""
         radius = z + self.root_radius
         k = int(np.clip(np.searchsorted(self._polar_station, radius), 1, len(self._polars) - 1))
         low, high = self._polar_station[k - 1 : k + 1]
@@ -219,7 +219,7 @@ def uae_phase_vi():
             "  normal   " + "".join(f"{x:8.3f}" for x in at[0]),
             "  chordwise" + "".join(f"{x:8.3f}" for x in at[1]),
         ]
-    lines.append(f"Air density {AIR_DENSITY} kg/m³. Hub and shaft friction are not modelled.")
+    lines.append(f"Air density {AIR_DENSITY} kg/m³. Hub and shaft friction are not modeled.")
     figures = {
         "normal force coefficient": Figure(tuple(normal), "radius [m]", "c_n"),
         "chordwise force coefficient": Figure(tuple(along), "radius [m]", "c_t"),

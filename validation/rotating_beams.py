@@ -1,4 +1,4 @@
-"""Rotating cantilevers: frequencies over the speed of rotation, Southwell coefficients, and the spin-up manoeuvre.
+"""Rotating cantilevers: frequencies over the speed of rotation, Southwell coefficients, and the spin-up maneuver.
 
 A beam clamped to a hub that turns at constant speed about x: flap is motion along x (along the spin axis), lag along y
 (in the plane of rotation). Frequencies are made dimensionless with √(m L⁴/EI) and the speed η = Ω √(m L⁴/EI).
@@ -215,8 +215,8 @@ def southwell():
 # ---- spin-up ---------------------------------------------------------------------------------------------------------
 
 SPIN_SPEED, SPIN_TIME = 6.0, 15.0
-"""Final speed [rad/s] and duration of the manoeuvre [s]."""
-SPIN_SOURCE = "Simo & Vu-Quoc 1986 type manoeuvre; inextensible beam computed independently to −0.574 m"
+"""Final speed [rad/s] and duration of the maneuver [s]."""
+SPIN_SOURCE = "Simo & Vu-Quoc 1986 type maneuver; inextensible beam computed independently to −0.574 m"
 
 
 def spin_angle(t):

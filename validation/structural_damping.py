@@ -23,7 +23,7 @@ BLADES = {"nrel_5mw": 0.00477465, "iea_15mw": 0.0048}
 TOWERS = {"nrel_5mw": 0.01, "iea_15mw": 0.01}
 DRIVETRAINS = {"nrel_5mw": (2.22, 0.050), "iea_15mw": (31.1, 0.069)}
 OPENFAST_FORE_AFT = 0.00352
-"""Damping ratio of the 5-MW's first fore-aft mode in an independent linearisation by ElastoDyn's equations."""
+"""Damping ratio of the 5-MW's first fore-aft mode in an independent linearization by ElastoDyn's equations."""
 
 
 def parked_model(turbine, fidelity, generator="locked"):
@@ -65,7 +65,7 @@ def structural_damping():
     fore_aft = parked_modes(AS_FAST)["tower fore-aft 1"]
     checks.append(
         Check("nrel_5mw, as FAST: tower fore-aft 1", 100.0 * OPENFAST_FORE_AFT, 100.0 * fore_aft.damping, 0.02, "%",
-              source="independent linearisation, ElastoDyn's equations")
+              source="independent linearization, ElastoDyn's equations")
     )  # fmt: skip
     for name in ("nrel_5mw", "iea_15mw"):
         turbine = load_turbine(name)

@@ -75,16 +75,16 @@ def build(form="embedded", geometric=True, push=PUSH):
     shaft = system.add(
         flexible("shaft", geometric), Joint("revolute", (0.0, 0.0, 1.0), rotation=Z_TO_X, name="azimuth")
     )
-    hub = FlexibleBody.rigid("hub", 10.0, np.zeros(3), np.diag([2.0, 1.5, 1.5]), {"centre": np.zeros(3)})
+    hub = FlexibleBody.rigid("hub", 10.0, np.zeros(3), np.diag([2.0, 1.5, 1.5]), {"center": np.zeros(3)})
     hub = system.add(hub, Joint("fixed", rotation=Z_TO_X.T), shaft, "tip")
     for k in range(3):
         body, turn = flexible(f"blade {k + 1}", geometric), Rotation.from_rotvec([2.0 * np.pi * k / 3.0, 0.0, 0.0])
         if form == "embedded":
-            system.add(body, Joint("fixed", rotation=turn.as_matrix()), hub, "centre")
+            system.add(body, Joint("fixed", rotation=turn.as_matrix()), hub, "center")
         else:
             blade = system.add(body, Joint("free", name=f"place of {body.name}"))
             weld = Constraint("weld", rotation=turn.as_matrix(), name=f"root of {body.name}")
-            system.add_constraint(weld, hub, blade, "centre", "root")
+            system.add_constraint(weld, hub, blade, "center", "root")
     return system.build()
 
 

@@ -76,7 +76,7 @@ class RayExecutor:
                     try:
                         result = ray.get(task)
                     except _GONE:
-                        if self.tally.again(job, attempt):
+                        if self.tally.may_retry(job, attempt):
                             left.append((job, attempt + 1))
                         continue
                     except RayTaskError as error:

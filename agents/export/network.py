@@ -169,7 +169,7 @@ def network_of(agent: TrainedAgent, layout: EnvLayout) -> Network:
 
 
 def _normalization(agent: TrainedAgent) -> Normalization | None:
-    made = agent.normalisation
+    made = agent.normalization
     if made is None or not made.norm_obs or not isinstance(made.obs_rms, RunningMeanStd):
         return None
     deviation = np.sqrt(made.obs_rms.var + made.epsilon)

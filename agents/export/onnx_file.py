@@ -50,7 +50,7 @@ def write_onnx(network: Network, path: Path, metadata: dict[str, Any]) -> None:
         return node("Min", [above, constant(f"{name}_high", high)], name)
 
     x = clip(INPUT, network.low, network.high, "measured")
-    x = node("Sub", [x, constant("offset", network.offset)], "centred")
+    x = node("Sub", [x, constant("offset", network.offset)], "centered")
     x = node("Div", [x, constant("scale", network.scale)], "scaled")
     x = node("Cast", [x], "observation", to=TensorProto.FLOAT)
     if network.normalization is not None:

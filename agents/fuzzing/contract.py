@@ -226,10 +226,12 @@ class Contract:
     def _check_energy(self) -> None:
         balance = self.env.simulator.coupling.exchange.energy
         require(balance.gained[0] <= balance.reserve, f"the structure gained {balance.gained[0]} J from nothing")
-        require(balance.borrowed[0] <= balance.loan, f"the air gave {balance.borrowed[0]} J beyond Betz's limit")
+        require(
+            balance.borrowed[0] <= balance.excess_limit, f"the air gave {balance.borrowed[0]} J beyond Betz's limit"
+        )
         account = self._account
         account.take(self.env.signals, self.env.control_dt)
         require(
-            not account.overdrawn,
-            f"{account.owed / 1e6:.4g} MJ came beyond Betz's share, the air lends {account.loan / 1e6:.4g} MJ",
+            not account.exceeded,
+            f"{account.excess / 1e6:.4g} MJ came beyond Betz's share, the air lends {account.excess_limit / 1e6:.4g} MJ",
         )

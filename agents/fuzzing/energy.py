@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["EnergyAccount"]
 
 _BETZ = 16.0 / 27.0
-_LOANS = 2.0
+_EXCESS_FACTOR = 2.0
 """Loans that a sum may reach before it counts as a finding: the wind is sampled once a control step only."""
 _SWING = 5
 """Control steps through which a debt lasts: the slowest swing of blades in the plane, 1 s, is over."""
@@ -45,7 +45,7 @@ class EnergyAccount:
 
     Attributes
     ----------
-    owed : float
+    excess : float
         Energy taken beyond Betz's share; sums below zero are forgotten [J].
     loan : float
         What the air round the rotor may have lent [J].
@@ -61,23 +61,23 @@ class EnergyAccount:
         disc[..., 2] = turbine.hub_height + radius * np.outer(_RINGS, np.sin(_AZIMUTHS))
         self._disc = disc.reshape(-1, 3)
         self._before, self._carried = signals, self._power_of_wind(signals)
-        self.owed, self.loan = 0.0, self._loan(signals)
-        self._debts: deque[float] = deque(maxlen=_SWING)
+        self.excess, self.excess_limit = 0.0, self._excess_limit(signals)
+        self._excesses: deque[float] = deque(maxlen=_SWING)
 
     def take(self, signals: Signals, dt: float) -> None:
         """Book a step of length dt [s]."""
         before, carried = self._before, self._power_of_wind(signals)
         delivered = 0.5 * dt * (before["generator_power"] + signals["generator_power"])
         stored = self._half_inertia * (signals["rotor_speed"] ** 2 - before["rotor_speed"] ** 2)
-        self.owed = max(self.owed + delivered + stored - 0.5 * dt * (carried + self._carried), 0.0)
-        self._debts.append(self.owed)
-        self.loan = max(self.loan, self._loan(signals))
+        self.excess = max(self.excess + delivered + stored - 0.5 * dt * (carried + self._carried), 0.0)
+        self._excesses.append(self.excess)
+        self.excess_limit = max(self.excess_limit, self._excess_limit(signals))
         self._before, self._carried = signals, carried
 
     @property
-    def overdrawn(self) -> bool:
+    def exceeded(self) -> bool:
         """Whether more was delivered than the air had, in all of the last steps."""
-        broken = [not debt <= _LOANS * self.loan for debt in self._debts]
+        broken = [not debt <= _EXCESS_FACTOR * self.excess_limit for debt in self._excesses]
         return len(broken) == _SWING and all(broken)
 
     def _power_of_wind(self, signals: Signals) -> float:
@@ -87,6 +87,6 @@ class EnergyAccount:
         self._square = float(squares.mean())
         return _BETZ * 0.5 * self._density * self._area * float((squares**1.5).mean())
 
-    def _loan(self, signals: Signals) -> float:
+    def _excess_limit(self, signals: Signals) -> float:
         induced = abs(signals["aero_thrust"]) / (2.0 * self._density * self._area)
         return self._sphere * (self._square + induced)

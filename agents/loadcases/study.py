@@ -12,8 +12,8 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
+from wt_gym.agents.agent_pool import AgentPool
 from wt_gym.agents.choices import fingerprint
-from wt_gym.agents.contenders import Contenders
 from wt_gym.agents.evaluation_folder import code_fingerprint
 from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.folder_lock import FolderLock
@@ -190,9 +190,9 @@ def run_load_cases(
     where = config.env_id, config.env_kwargs
     with (
         _LoadCaseFolder(folder) as store,
-        Contenders(agents, *where, as_given=allow_other_environment) as contenders,
+        AgentPool(agents, *where, as_given=allow_other_environment) as pool,
     ):
-        plain = contenders.env
+        plain = pool.env
         turbine = turbine_env_of(plain).turbine
         climate = _climate(turbine, config)  # which is refused before any run, if at all
         plan = config.plan or plan_of(turbine, config.quick)
@@ -210,7 +210,7 @@ def run_load_cases(
         left = {jobs[key][0]: key for key, result in results.items() if result is None}
         shown = _Progress(len(jobs), len(left), progress)
         with sweep_recorded(store.path, executor.tally, len(jobs) - len(left), _label):
-            for job, result in contenders.results(_play, list(left), executor, _code):
+            for job, result in pool.results(_play, list(left), executor, _code):
                 store.keep(jobs[left[job]][1], result)
                 results[left[job]] = json.loads(json.dumps(result))  # as it would be read
                 shown.done(job, result)
@@ -261,13 +261,13 @@ def _definitions(agents: Mapping[str, str], config: LoadCaseConfig, env: gym.Env
     return definition
 
 
-def _play(contenders: Contenders, job: tuple[str, Condition]) -> dict[str, Any]:
+def _play(pool: AgentPool, job: tuple[str, Condition]) -> dict[str, Any]:
     """Make a run."""
     name, condition = job
     if name == PARKED:
-        env = turbine_env_of(contenders.env)
+        env = turbine_env_of(pool.env)
         return run_parked(env.turbine, env.fidelity, condition)
-    return run_agent(*contenders[name], condition)
+    return run_agent(*pool[name], condition)
 
 
 def _label(job: tuple[str, Condition]) -> str:

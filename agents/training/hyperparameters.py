@@ -93,8 +93,8 @@ _SHARED = {
     "activation_fn": _Word(("tanh", "relu", "elu")),
     "use_sde": _FLAG,
     "sde_sample_freq": _Number(-1, 1_000_000, whole=True),
-    "normalise_observations": _FLAG,
-    "normalise_rewards": _FLAG,
+    "normalize_observations": _FLAG,
+    "normalize_rewards": _FLAG,
 }
 _OFF_POLICY = _SHARED | {
     "buffer_size": _Number(1, 10_000_000, whole=True),
@@ -126,7 +126,7 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
     },
 }
 """Algorithms with the hyperparameters that they take; named as in stable-baselines3, but for the flags
-``normalise_observations`` and ``normalise_rewards``."""
+``normalize_observations`` and ``normalize_rewards``."""
 
 
 def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparameters") -> dict[str, Any]:

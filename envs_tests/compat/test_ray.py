@@ -205,7 +205,7 @@ def test_rllib_trains_and_goes_on_from_its_checkpoint(algorithm, hyper, tmp_path
     assert [s["from_step"] for s in second["sessions"]] == [0, first["steps"]]
     assert second["steps"] >= 400
     check_policy(tmp_path, second)
-    statistics = TrainedAgent.load(tmp_path).normalisation.ret_rms
+    statistics = TrainedAgent.load(tmp_path).normalization.ret_rms
     assert statistics.count == pytest.approx(second["steps"], rel=0.01)
     assert statistics.var > 0.0
 

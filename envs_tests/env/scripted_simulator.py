@@ -58,7 +58,7 @@ class ScriptedSimulator:
         self._seen = dict(self._values)
         return scripted_signals(self._values, self.turbine.n_blades)
 
-    def advance(self, duration, pitch, yaw_rate, generator_torque, go_on=False):
+    def advance(self, duration, pitch, yaw_rate, generator_torque, accumulate=False):
         """Take over the demands and the scripted values; extremes and ways go on where that is asked for."""
         self.time = round(self.time + duration, 9)
         if self.break_at is not None and self.time >= self.break_at:
@@ -73,7 +73,7 @@ class ScriptedSimulator:
         self._set_speed(self._values["rotor_speed"])
         if "rotor_speed_max" in scripted:
             self._values["rotor_speed_max"] = scripted["rotor_speed_max"]
-        self._seen = self._combined() if go_on else dict(self._values)
+        self._seen = self._combined() if accumulate else dict(self._values)
         return scripted_signals(self._seen, self.turbine.n_blades)
 
     def _combined(self) -> dict[str, float]:

@@ -26,7 +26,7 @@ from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
-from wt_gym.analysis.summary import summarise
+from wt_gym.analysis.summary import summarize
 from wt_gym.commands import main
 from wt_gym.control.controllers import BaselineController
 from wt_gym.errors import ActionError, SimulationError
@@ -131,7 +131,7 @@ def trained(tmp_path_factory):
     config = TrainingConfig(
         env_id=STEADY,
         env_kwargs={"wind_speed": (10.0, 14.0), "episode_length": 10.0},
-        hyperparameters={"n_steps": 64, "batch_size": 32, "n_epochs": 2, "normalise_observations": True},
+        hyperparameters={"n_steps": 64, "batch_size": 32, "n_epochs": 2, "normalize_observations": True},
         total_steps=256,
         checkpoint_steps=128,
         eval_every=0,
@@ -149,20 +149,20 @@ def test_training_leaves_model_statistics_record_and_checkpoints(trained):
     assert {"ppo_128_steps.zip", "ppo_vecnormalize_128_steps.pkl"} <= names
     agent = TrainedAgent.load(folder)
     assert agent.record["algorithm"] == "PPO"
-    assert agent.normalisation.obs_rms.count > 250
+    assert agent.normalization.obs_rms.count > 250
 
 
 def test_a_checkpoint_comes_with_its_own_statistics(trained, tmp_path):
     folder, record = trained
     agent = TrainedAgent.load(folder / "checkpoints" / "ppo_128_steps.zip")
-    assert agent.normalisation.obs_rms.count == pytest.approx(129.0, abs=1.0)
+    assert agent.normalization.obs_rms.count == pytest.approx(129.0, abs=1.0)
     assert agent.record["algorithm"] == record["algorithm"]
     assert agent.record["checkpoint"] == agent.model.num_timesteps == 128
     (tmp_path / "checkpoints").mkdir()
     lone = tmp_path / "checkpoints" / "ppo_128_steps.zip"
     shutil.copy(folder / "checkpoints" / "ppo_128_steps.zip", lone)
     shutil.copy(folder / "training.json", tmp_path)
-    with pytest.raises(FileNotFoundError, match="normalised observations"):
+    with pytest.raises(FileNotFoundError, match="normalized observations"):
         TrainedAgent.load(lone)
 
 
@@ -170,12 +170,12 @@ def test_steady_training_used_no_turbulence_seed(trained):
     assert trained[1]["wind_seeds"] == []
 
 
-def test_trained_agent_normalises_the_observation(trained):
+def test_trained_agent_normalizes_the_observation(trained):
     folder, _ = trained
     agent = TrainedAgent.load(folder / "model.zip")
     env = gym.make(STEADY, wind_speed=12.0)
     observation, _ = env.reset(seed=0)
-    statistics = agent.normalisation.obs_rms
+    statistics = agent.normalization.obs_rms
     scaled = np.clip((observation - statistics.mean) / np.sqrt(statistics.var + 1e-8), -10, 10)
     expected, _ = agent.model.predict(scaled.astype(np.float32), deterministic=True)
     np.testing.assert_allclose(agent.predict(observation)[0], expected, atol=1e-6)
@@ -275,7 +275,7 @@ def test_a_run_that_fails_in_its_first_step_can_be_reported(monkeypatch, tmp_pat
     config = EvaluationConfig(env_id=STEADY, winds=(Wind(12.0),), duration=8.0, skip=4.0)
     result = evaluate({BASELINE: "baseline", "Constant": "constant"}, config, progress=False)
     assert result.runs[0].data["time"].values.tolist() == [0.0]
-    assert "nan" not in " ".join(summarise(result))
+    assert "nan" not in " ".join(summarize(result))
     write_report(result, tmp_path / "report.html")
 
 
@@ -366,7 +366,7 @@ def test_scripts_explain_themselves(script):
         (["evaluate", "--env", "CartPole-v1"], "must be one of wt_gym/"),
         (["evaluate", "--env", "NoSuchEnv-v0"], "NoSuchEnv"),
         (["evaluate", "--env-kwargs", '{"episode_length": 50}'], "episode_length"),
-        (["evaluate", "--env-kwargs", '{"colour": 1}'], "no argument 'colour'"),
+        (["evaluate", "--env-kwargs", '{"color": 1}'], "no argument 'color'"),
         (["evaluate", "--duration", "20", "--skip", "30"], "nothing is left"),
         (["train", "--env", "CartPole-v1"], "must be one of wt_gym/"),
         (["train", "--wind-speed", "60"], "between 0.5 and 50 m/s"),

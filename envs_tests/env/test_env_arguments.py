@@ -132,8 +132,8 @@ def test_an_unknown_argument_is_told_with_the_one_it_resembles():
     for make in (gym.make, gym.make_vec):
         with pytest.raises(TypeError, match=r"no argument 'wind_sped'; did you mean 'wind_speed'\? Its arguments are"):
             make("wt_gym/NREL5MW-Steady-v1", wind_sped=8.0)
-    with pytest.raises(TypeError, match=r"no argument 'colour'\. Its arguments are turbine, .*, start was raised"):
-        gym.make("wt_gym/NREL5MW-Steady-v1", colour=8.0)
+    with pytest.raises(TypeError, match=r"no argument 'color'\. Its arguments are turbine, .*, start was raised"):
+        gym.make("wt_gym/NREL5MW-Steady-v1", color=8.0)
 
 
 def test_names_and_units_are_arrays():

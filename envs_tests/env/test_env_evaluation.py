@@ -12,8 +12,8 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.agents import evaluation as module
+from wt_gym.agents.agent_pool import AgentPool
 from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.contenders import Contenders
 from wt_gym.agents.environments import Environments
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
@@ -179,9 +179,9 @@ def test_residual_actions_of_a_model_mean_what_they_meant(count_runs):
     layout = gym.make(STEADY, **config.env_kwargs).unwrapped.layout
     mine = Trained(layout, STEADY, action_mode="residual", **meant)
     environments = Environments(STEADY, config.env_kwargs)
-    env = environments.beneath(mine, mine.record)
+    env = environments.environment_of(mine, mine.record)
     assert {name: env.spec.kwargs[name] for name in meant} == meant
-    assert environments.beneath(mine, mine.record, as_given=True) is environments.plain
+    assert environments.environment_of(mine, mine.record, as_given=True) is environments.plain
     environments.close()
     evaluate({"mine": mine}, config, progress=False)
     assert count_runs[0] == [("mine", 9.0)]
@@ -311,7 +311,7 @@ class OfRecord(ConstantAgent):
 )
 def test_what_a_training_has_met_is_said(record, note, monkeypatch, caplog):
     played = []
-    monkeypatch.setattr(Contenders, "results", lambda self, play, jobs, *_: played.append(len(caplog.records)) or ())
+    monkeypatch.setattr(AgentPool, "results", lambda self, play, jobs, *_: played.append(len(caplog.records)) or ())
     env = gym.make(STEADY)
     agents = {"Baseline": "baseline", "Model": OfRecord(layout_of(env), record)}
     env.close()
@@ -418,7 +418,7 @@ def drawn_inflow(rng):
         ({"inflow": "extreme", "standstill_limit": -0.5}, r"70 m/s, draw [12]"),
     ],
 )
-def test_runs_are_labelled_by_the_wind_that_they_had(kwargs, labels, monkeypatch, tmp_path):
+def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch, tmp_path):
     """Asked for two seeds at 15 m/s, whatever the wind of the environment is."""
     use(monkeypatch, RecordedSimulator)
     monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
@@ -469,5 +469,5 @@ def test_refused_agents_leave_no_environment_open(monkeypatch):
     closed = []
     monkeypatch.setattr(WindTurbineEnv, "close", lambda self: closed.append(self))
     with pytest.raises(FileNotFoundError, match=r"no trained model at \./nobody"):
-        Contenders({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v1", {})
+        AgentPool({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v1", {})
     assert len(closed) == 1

@@ -52,7 +52,7 @@ def test_every_algorithm_gives_its_own_actions(algorithm, tmp_path):
     rng = np.random.default_rng(0)
     values = network.offset + network.scale * rng.normal(size=(50, network.offset.size))
     for row in values:
-        observation, _ = env.layout.observation.normalise(row)
+        observation, _ = env.layout.observation.normalize(row)
         expected, _ = model.predict(observation, deterministic=True)
         assert network.action(row) == pytest.approx(expected, abs=2e-6)
         assert np.ptp(network.action(values), axis=0).min() > 1e-4  # it does depend on what is measured
@@ -69,7 +69,7 @@ def test_statistics_of_the_training_are_inside(tmp_path):
     agent = TrainedAgent(PPO("MlpPolicy", venv, seed=2), venv)
     network = network_of(agent, env.layout)
     for row in network.offset + network.scale * rng.normal(0.3, 0.3, size=(20, network.offset.size)):
-        observation, _ = env.layout.observation.normalise(row)
+        observation, _ = env.layout.observation.normalize(row)
         assert network.action(row) == pytest.approx(agent.predict(observation)[0], abs=2e-6)
 
 

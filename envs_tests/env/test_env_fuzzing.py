@@ -135,21 +135,21 @@ def test_energy_beyond_what_the_wind_carries_is_noticed():
     fair = account(share)
     for second in range(1, 500):
         fair.take(signals(float(second), share), 1.0)
-    assert fair.owed == pytest.approx(0.0, abs=1e-6 * lent)
+    assert fair.excess == pytest.approx(0.0, abs=1e-6 * lent)
     fair.take(signals(500.0, share, rotor_speed=1.1), 1.0)
-    assert fair.owed == pytest.approx(0.5 * rotor_inertia(turbine) * (1.1**2 - 1.0), rel=1e-6)
+    assert fair.excess == pytest.approx(0.5 * rotor_inertia(turbine) * (1.1**2 - 1.0), rel=1e-6)
     greedy, second = account(3.0 * share), 0
-    while not greedy.overdrawn:
+    while not greedy.exceeded:
         second += 1
         greedy.take(signals(float(second), 3.0 * share), 1.0)
     assert second == int(2.0 * lent / (2.0 * share)) + 5  # a debt that lasts
     swinging, faster = account(0.0), math.sqrt(1.0 + 20.0 * lent / rotor_inertia(turbine))
     for second in range(1, 20):  # blades that swing lend to the hub, and take back
         swinging.take(signals(float(second), 0.0, rotor_speed=faster if second % 2 else 1.0), 1.0)
-        assert not swinging.overdrawn
+        assert not swinging.exceeded
     for second in range(20, 40):
         swinging.take(signals(float(second), share, rotor_speed=faster), 1.0)
-    assert swinging.overdrawn
+    assert swinging.exceeded
 
 
 def test_what_a_case_raises_is_a_finding_with_its_command(monkeypatch, capsys, tmp_path):

@@ -10,7 +10,7 @@ from wt_gym.control import Demand
 from wt_gym.control.controllers import DisconController, make_controller
 from wt_gym.control.controllers.memory import Memory, memory_of, remember
 from wt_gym.envs import running_start
-from wt_gym.envs.running_start import Lengths, Maker, Record, RunningStart
+from wt_gym.envs.running_start import Record, RecordingPlan, RunningStart, StartRecorder
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
@@ -89,7 +89,7 @@ def test_start_is_the_instant_of_the_record_after_the_same_wind():
     controller = make_controller("discon", turbine)
     box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
     inflow = TurbulentInflow(box, SteadyInflow(15.0, turbine.hub_height, shear_exponent=0.2))
-    maker = Maker(turbine, "training", controller)
+    maker = StartRecorder(turbine, "training", controller)
     run = maker.run(inflow)
     record = Record.of_runs(maker, [run])
     chosen = len(record.now) // 2
@@ -107,7 +107,7 @@ def test_controller_continues_as_the_one_that_was_recorded(name):
     """Integrals, filters and what a lidar has seen are put back."""
     turbine = load_turbine("nrel_5mw")
     box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
-    maker = Maker(turbine, "training", make_controller(name, turbine))
+    maker = StartRecorder(turbine, "training", make_controller(name, turbine))
     run = maker.run(TurbulentInflow(box))
     record = Record.of_runs(maker, [run])
     running = make_controller(name, turbine)
@@ -127,10 +127,10 @@ def test_a_wind_in_which_the_turbine_cannot_run_starts_at_rest(caplog, monkeypat
         def step(self, signals, dt):
             return Demand(np.zeros(3), 0.0, 0.0)
 
-    monkeypatch.setattr(running_start, "LENGTHS", Lengths(1, 60.0, 25.0))
+    monkeypatch.setattr(running_start, "RECORDING_PLAN", RecordingPlan(1, 60.0, 25.0))
     box = TurbulenceBox.kaimal(25.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
     with caplog.at_level(logging.WARNING):
-        assert Maker(turbine, "training", Runaway()).record([TurbulentInflow(box)]) is None
+        assert StartRecorder(turbine, "training", Runaway()).record([TurbulentInflow(box)]) is None
     assert "does not run in" in caplog.text
 
 

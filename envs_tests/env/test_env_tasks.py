@@ -196,8 +196,8 @@ def test_faded_residual_pitch_acts_above_rated_wind_only(wind_speed, share):
         observation, *_ = env.step(np.array([1.0, 0.0, 0.0]))
     assert env.layout.observation.value(observation, "residual_share") == pytest.approx(share, abs=1e-6)
     offset = np.mean(env.demand.pitch - env.base.pitch)
-    assert offset == pytest.approx(share * env.aim.pitch[0], abs=1e-12)
-    assert env.aim.pitch[0] == pytest.approx(np.radians(1.5))
+    assert offset == pytest.approx(share * env.setpoint.pitch[0], abs=1e-12)
+    assert env.setpoint.pitch[0] == pytest.approx(np.radians(1.5))
 
 
 def test_a_lasting_mean_offset_is_washed_out_tilt_is_not():
@@ -280,7 +280,7 @@ def test_components_left_out_are_the_controllers():
     for _ in range(10):
         env.step(np.zeros(1))
     np.testing.assert_array_equal(env.demand.pitch, env.base.pitch)
-    assert env.demand.generator_torque == env.aim.generator_torque
+    assert env.demand.generator_torque == env.setpoint.generator_torque
 
 
 def test_a_constant_residual_against_the_controller_alone():

@@ -18,7 +18,7 @@ from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder
 from wt_gym.agents.evaluation_winds import winds_of
 from wt_gym.agents.training.config import TrainingConfig
-from wt_gym.agents.training.held_back import HeldBackEvaluation
+from wt_gym.agents.training.selection import SelectionEvaluation
 from wt_gym.analysis.results import Wind
 from wt_gym.commands.evaluate import configuration, parse_arguments
 from wt_gym.envs.wind_sampler import TRANSIENTS, WindSampler
@@ -182,11 +182,11 @@ def test_paths_outlast_the_working_directory(files, monkeypatch):
 
 def test_evaluations_take_pieces_of_files_that_have_nothing_in_common(files):
     sampler = WindSampler(TURBINE, [files / "a.bts", files / "once.bts"], None)
-    names = [(Path(file.path).name, start) for file, start in sampler.pieces(20.0)]
+    names = [(Path(file.path).name, start) for file, start in sampler.windows(20.0)]
     assert names == [("a.bts", 0.0), ("once.bts", 0.0), ("a.bts", 20.0), ("once.bts", 20.0)]
-    assert [start for _, start in sampler.pieces(60.0)] == [0.0, 0.0]
-    assert WindSampler(TURBINE, [files / "a.bts", SteadyInflow(9.0, 90.0)], None).pieces(20.0) == ()
-    assert WindSampler(TURBINE, files / "a.bts", None, direction=(-0.1, 0.1)).pieces(20.0) == ()
+    assert [start for _, start in sampler.windows(60.0)] == [0.0, 0.0]
+    assert WindSampler(TURBINE, [files / "a.bts", SteadyInflow(9.0, 90.0)], None).windows(20.0) == ()
+    assert WindSampler(TURBINE, files / "a.bts", None, direction=(-0.1, 0.1)).windows(20.0) == ()
     assert [wind.draw for wind in winds_of(sampler, length=20.0)] == [1, 2, 3, 4]
     assert [wind.draw for wind in winds_of(sampler, draws=3, length=20.0)] == [1, 2, 3]
     with pytest.raises(ValueError, match="the files hold 4 pieces of 20 s, got 5 draws"):
@@ -230,5 +230,5 @@ def test_an_evaluation_is_another_one_where_a_file_has_changed(files, tmp_path):
 
 def test_training_is_watched_in_several_pieces_of_a_file(files):
     config = TrainingConfig(env_id=STEADY, env_kwargs={"inflow": str(files / "a.bts")}, eval_winds=2)
-    winds = HeldBackEvaluation(config, WindSampler(TURBINE, files / "a.bts", None)).winds
+    winds = SelectionEvaluation(config, WindSampler(TURBINE, files / "a.bts", None)).winds
     assert [wind.draw for wind in winds] == [1, 2]

@@ -143,7 +143,7 @@ def test_evaluations_take_the_pieces_of_a_series(files):
     env = gym.make(STEADY, inflow=files[".csv"])
     winds = winds_of(env.unwrapped.wind, length=10.0)
     assert [wind.draw for wind in winds] == [1, 2]
-    starts = [start for _, start in env.unwrapped.wind.pieces(10.0)]
+    starts = [start for _, start in env.unwrapped.wind.windows(10.0)]
     assert starts == [0.0, 10.0]
 
 

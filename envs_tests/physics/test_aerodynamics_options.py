@@ -18,7 +18,7 @@ from validation.lifting_tools import (
     steady_coefficients,
     steady_wing,
 )
-from validation.unsteady_aerofoil import exact_lift, oscillating_lift
+from validation.unsteady_airfoil import exact_lift, oscillating_lift
 from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
@@ -206,7 +206,7 @@ def test_cores_by_age_alone_do_not_feel_the_strain():
 
 
 def polygon_velocity(n, pitch, curved):
-    """Velocity at the centre of one turn of a filament of unit circulation and radius, in n straight segments.
+    """Velocity at the center of one turn of a filament of unit circulation and radius, in n straight segments.
 
     One strip whose outer node row is the filament, with three turns around; the inner one is far away.
     """
@@ -229,7 +229,7 @@ def polygon_velocity(n, pitch, curved):
 
 
 def exact_velocity(pitch, start, end):
-    """Biot-Savart integral along the filament between two angles, at the centre."""
+    """Biot-Savart integral along the filament between two angles, at the center."""
     t, weight = np.polynomial.legendre.leggauss(60)
     t, weight = 0.5 * (start + end) + 0.5 * (end - start) * t, 0.5 * (end - start) * weight
     x = np.column_stack([np.cos(t), np.sin(t), pitch * t / (2.0 * np.pi)])
@@ -239,7 +239,7 @@ def exact_velocity(pitch, start, end):
 
 @pytest.mark.parametrize("pitch", [0.0, 0.5])
 def test_curved_filaments_converge_faster(pitch):
-    """Error at the centre of a ring and of a turn of a helix: second order with straight chords, fourth displaced."""
+    """Error at the center of a ring and of a turn of a helix: second order with straight chords, fourth displaced."""
     error = {}
     for curved in (False, True):
         for n in (8, 16, 32):
@@ -538,9 +538,9 @@ def test_refused_panels_without_area_in_motion():
     with pytest.raises(AerodynamicsError, match=message):
         lattice.reset(state, thin, still, wind)
     with pytest.raises(AerodynamicsError, match=message):
-        lattice.initialise_wake(state, thin, still, wind, row, [1.0])
+        lattice.initialize_wake(state, thin, still, wind, row, [1.0])
     with pytest.raises(AerodynamicsError, match=message):
-        lattice.initialise_helix(state, thin, still, wind, [0.0] * 3, [0.0, 1.0, 0.0], 1.0, 0.1)
+        lattice.initialize_helix(state, thin, still, wind, [0.0] * 3, [0.0, 1.0, 0.0], 1.0, 0.1)
     with pytest.raises(AerodynamicsError, match=r"\[0, 1, 3\]\]; every panel"):
         lattice.reset(state, 0.0 * nodes, still, wind)
 
@@ -549,7 +549,7 @@ def test_refused_wakes():
     lattice, state, nodes, still, wind = small_lattice()
     rows = np.array([nodes[:, -1] + [0.0, 0.5 * k, 0.0] for k in (1, 2, 3)])
     ages = np.array([0.5, 1.0, 1.5])
-    lattice.initialise_wake(state, nodes, still, wind, rows, ages)
+    lattice.initialize_wake(state, nodes, still, wind, rows, ages)
     before = state.copy()
     broken = rows.copy()
     broken[1, 0, 2, 0] = np.nan
@@ -568,25 +568,25 @@ def test_refused_wakes():
     ]  # fmt: skip
     for given, times, message in cases:
         with pytest.raises(AerodynamicsError, match=message):
-            lattice.initialise_wake(state, nodes, still, wind, given, times)
+            lattice.initialize_wake(state, nodes, still, wind, given, times)
     assert state == before
 
 
 def test_refused_helices():
     lattice, state, nodes, still, wind = small_lattice()
-    good = {"centre": [0.0, 0.0, -1.0], "axis": [0.0, 1.0, 0.0], "rotor_speed": 1.0, "dt": 0.1}
+    good = {"center": [0.0, 0.0, -1.0], "axis": [0.0, 1.0, 0.0], "rotor_speed": 1.0, "dt": 0.1}
     for name, values in {
         "axis": ([0.0, 0.0, 0.0], [0.0, np.nan, 0.0], [1.0, 0.0], None),
-        "centre": ([np.inf, 0.0, 0.0], 0.0),
+        "center": ([np.inf, 0.0, 0.0], 0.0),
         "dt": (0.0, -0.1, np.nan, np.inf),
         "rotor_speed": (np.nan, np.inf),
         "passes": (0, 1.5),
     }.items():
         for value in values:
             with pytest.raises(AerodynamicsError, match=name):
-                lattice.initialise_helix(state, nodes, still, wind, **(good | {name: value}))
+                lattice.initialize_helix(state, nodes, still, wind, **(good | {name: value}))
     with pytest.raises(AerodynamicsError, match="wind have shape"):
-        lattice.initialise_helix(state, nodes, still, wind[0], **good)
+        lattice.initialize_helix(state, nodes, still, wind[0], **good)
 
 
 def test_refused_flows():

@@ -37,7 +37,7 @@ class Watched:
 
     def look(self):
         self.gained = max(self.gained, self.energy.gained[0] / self.energy.reserve)
-        self.borrowed = max(self.borrowed, self.energy.borrowed[0] / self.energy.loan)
+        self.borrowed = max(self.borrowed, self.energy.borrowed[0] / self.energy.excess_limit)
         self.powers.append(self.energy.of_air[0])
 
     def power(self, duration=10.0):

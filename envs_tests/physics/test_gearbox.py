@@ -62,12 +62,12 @@ def momenta(system, y, along, ratio, inertia):
     p, h, energy = np.zeros(3), np.zeros(3), 0.0
     for b, body in enumerate(system.bodies):
         m, c = body.inertia.mass, body.inertia.c0 / body.inertia.mass
-        about_centre = body.inertia.j0 - m * (c @ c * np.eye(3) - np.outer(c, c))
+        about_center = body.inertia.j0 - m * (c @ c * np.eye(3) - np.outer(c, c))
         rot, w = work.rot[b], work.omega[b]
         velocity = rot @ (work.v[b] + np.cross(w, c))
         p += m * velocity
-        h += np.cross(work.r[b] + rot @ c, m * velocity) + rot @ about_centre @ w
-        energy += 0.5 * m * velocity @ velocity + 0.5 * w @ about_centre @ w
+        h += np.cross(work.r[b] + rot @ c, m * velocity) + rot @ about_center @ w
+        energy += 0.5 * m * velocity @ velocity + 0.5 * w @ about_center @ w
     spin = along @ work.omega[0] + ratio * y[system.n_q + 6]
     h += inertia * spin * (work.rot[0] @ along)
     return np.concatenate([p, h, [energy + 0.5 * inertia * spin**2]])
@@ -164,7 +164,7 @@ def nacelle_moment(structure, speed, yaw_rate, torque, rigidly):
     rates = system.rates(y, inputs, work)[system.n_q : system.n_q + system.n_u]
     if rigidly:
         rates = rates.copy()
-        for b in structure.carriers:
+        for b in structure.lattice_bodies:
             first = system.index(b, "joint_u")
             if system.joints[b].kind == "free":
                 carry_frame(structure, work, b, rates[first : first + 6])
@@ -217,7 +217,7 @@ def axial_inertia(structure):
     system.place_free_bodies(y)
     output_kernels.energies(y, system.tree, work)
     along, total = work.rot[structure.hub][:, 0], 0.0
-    for b in (structure.hub, *structure.carriers):
+    for b in (structure.hub, *structure.lattice_bodies):
         inertia = system.bodies[b].inertia
         lever, first = work.r[b] - work.r[structure.hub], work.rot[b] @ inertia.c0
         across = lever - along * (along @ lever)

@@ -95,7 +95,7 @@ def test_equations_of_motion_follow_from_the_energies(complete):
 
 
 def test_free_body_keeps_momentum_and_falls():
-    """A free flexible body gains momentum from gravity only and keeps its angular momentum about the mass centre."""
+    """A free flexible body gains momentum from gravity only and keeps its angular momentum about the mass center."""
     system = MultibodySystem()
     system.add(modal_body("beam", 4, complete=True), Joint("free", name="float"))
     system.build()
@@ -183,9 +183,9 @@ def test_steady_precession_of_a_heavy_top():
     spin, theta = 40.0, 0.4
     coefficients = [(transverse - axial) * np.cos(theta), -axial * spin, mass * GRAVITY * length]
     precession = np.roots(coefficients).min()
-    about_centre = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
+    about_center = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
     system = MultibodySystem()
-    system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), about_centre), Joint("spherical"))
+    system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), about_center), Joint("spherical"))
     system.build()
     y = system.initial_state()
     orientation = Rotation.from_euler("y", theta)
@@ -210,7 +210,7 @@ ROTATING = [  # η = Ω √(m L⁴/EI): flap 1, flap 2, lag 1 as ω √(m L⁴/E
 @pytest.mark.parametrize(("eta", "flap_1", "flap_2", "lag_1"), ROTATING)
 @pytest.mark.parametrize("coordinates", ["modal", "nodal"])
 def test_rotating_cantilever_frequencies(eta, flap_1, flap_2, lag_1, coordinates):
-    """Eigenvalues of the linearised equations of motion of a beam on a driven hub."""
+    """Eigenvalues of the linearized equations of motion of a beam on a driven hub."""
     sections = BeamSections.uniform(LENGTH, EA=1e8, EIx=EI, EIy=EI, GJ=1e6, mass=MASS, Ix=1e-7, Iy=1e-7)
     beam = Beam(sections, 8 if coordinates == "nodal" else 12)
     if coordinates == "modal":

@@ -134,9 +134,9 @@ def spinning_top(theta=0.4, spin=40.0):
     """Heavy top in steady precession: system, state, precession rate (root of A Ω² cos θ − C s Ω + m g l = 0)."""
     mass, length, axial, transverse = 2.0, 0.5, 0.3, 0.8
     precession = np.roots([(transverse - axial) * np.cos(theta), -axial * spin, mass * GRAVITY * length]).min()
-    about_centre = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
+    about_center = np.diag([transverse - mass * length**2, transverse - mass * length**2, axial])
     system = MultibodySystem()
-    system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), about_centre), Joint("spherical"))
+    system.add(FlexibleBody.rigid("top", mass, (0.0, 0.0, length), about_center), Joint("spherical"))
     system.build()
     y = system.initial_state()
     orientation = Rotation.from_euler("y", theta)
@@ -163,7 +163,7 @@ def test_rotations_by_increments(name, options):
 
 
 def test_free_fall_of_a_spinning_body():
-    """A free joint: parabola of the mass centre, constant spin about a principal axis."""
+    """A free joint: parabola of the mass center, constant spin about a principal axis."""
     system = MultibodySystem()
     system.add(FlexibleBody.rigid("box", 2.0, np.zeros(3), np.diag([1.0, 2.0, 3.0])), Joint("free"))
     system.build()

@@ -76,18 +76,18 @@ def test_matrices_are_the_inertia_of_the_mass_points(n_modes):
     body = Substructure.from_beam("beam", slender_beam(), "clamped", n_modes)
     run = integrator(body, options={"rigid_modes": "undeformed"})
     q, v, a = 0.1 * rng.standard_normal((3, body.n))
-    centre, omega, alpha = rng.standard_normal((3, 3))
-    run.state.acceleration[0], run.state.omega[0], run.state.alpha[0] = centre, omega, alpha
+    center, omega, alpha = rng.standard_normal((3, 3))
+    run.state.acceleration[0], run.state.omega[0], run.state.alpha[0] = center, omega, alpha
     forces = np.zeros(body.n)
     matrix.inner_forces(0, run.model, run.state, q, v, forces)
     obtained = body.mass_matrix @ a - forces - body.stiffness @ q
     shape = np.einsum("pia,an->pin", body.beam.particle_shape, body.basis)
     x, w = body.beam.particle_position + shape @ q, skew(omega)
-    point = centre + x @ (skew(alpha) + w @ w).T + 2.0 * (shape @ v) @ w.T + shape @ a
+    point = center + x @ (skew(alpha) + w @ w).T + 2.0 * (shape @ v) @ w.T + shape @ a
     expected = np.einsum("p,pin,pi->n", body.beam.particle_mass, shape, point)
     np.testing.assert_allclose(obtained, expected, atol=1e-9 * np.abs(expected).max() + 1e-12 * np.abs(forces).max())
     by_parts = body.mass_matrix @ a + 2.0 * body.gyroscopic_matrix(omega) @ v
-    by_parts += (body.gyroscopic_matrix(alpha) + body.centrifugal_matrix(omega)) @ q + body.first_moment @ centre
+    by_parts += (body.gyroscopic_matrix(alpha) + body.centrifugal_matrix(omega)) @ q + body.first_moment @ center
     by_parts += body.reference_moment @ (skew(alpha) + w @ w).ravel()
     np.testing.assert_allclose(by_parts, expected, atol=1e-9 * np.abs(expected).max())
 

@@ -175,8 +175,8 @@ def test_a_start_is_put_onto_the_constraints():
         assert np.abs(integrator.work.residual_rate).max() < 1e-5
 
 
-def test_stabilisation_beyond_its_limit():
-    system = MultibodySystem(stabilisation=150.0)
+def test_stabilization_beyond_its_limit():
+    system = MultibodySystem(stabilization=150.0)
     system.add(box("first"), Joint("free", name="one"))
     system.add_constraint(Constraint("ball", name="pin"), None, 0)
     system.build()

@@ -343,7 +343,7 @@ def test_signals_of_the_compiled_step_are_those_of_a_measurement(formulation):
     winds = [name for name in channels if name.startswith("wind_") or name == "yaw_error"]
     others = [name for name in channels if name not in winds]
     assert [found[name] for name in others] == [sim.signals[name] for name in others]
-    # the step asks for the wind where the hub will be, a millimetre from where it comes to be
+    # the step asks for the wind where the hub will be, a millimeter from where it comes to be
     np.testing.assert_allclose([found[n] for n in winds], [sim.signals[n] for n in winds], rtol=0.0, atol=2e-5)
 
 
@@ -351,7 +351,7 @@ def test_the_speed_limit_holds_for_both_ends_of_a_flexible_shaft():
     sim = Simulator("nrel_5mw", inflow=SteadyInflow(9.0), fidelity=replace(FIDELITIES["training"], stiffest_shaft=50.0))
     sim.reset(rotor_speed=1.0)
     coupling, structure, y = sim.coupling, sim.structure, sim.coupling.integrator.state
-    rest = coupling.exchange, coupling._monitor, coupling.exchange.pieces, coupling.gauges
+    rest = coupling.exchange, coupling._monitor, coupling.exchange.sub_bodies, coupling.gauges
     assert check_range(y, *rest) == OK
     torsion = structure.system.n_q + structure.system.index(structure.hub, "joint_u")
     y[torsion] = 1.1 * coupling.exchange.max_speed - coupling.generator_speed
@@ -514,7 +514,7 @@ def test_nacelle_body_turns_with_the_nacelle(shrouded):
     assert heading == pytest.approx(shrouded.signals.yaw, abs=np.radians(0.2))
     rate, (x, y, _) = (
         shrouded.coupling.integrator.work.omega[shrouded.structure.nacelle, 2],
-        bodies.arrays.centre[:, nacelle],
+        bodies.arrays.center[:, nacelle],
     )
     np.testing.assert_allclose(bodies.arrays.motion[:, nacelle], [-rate * y, rate * x, 0 * x], atol=0.01)
     assert not bodies.arrays.motion[:, tower].any()

@@ -24,8 +24,8 @@ def spinning_chain():
     """A rod of three bodies that turns about its root."""
     sections = BeamSections.uniform(10.0, EA=1e8, EIx=2e5, EIy=1e5, GJ=1e5, mass=8.0, Ix=0.1, Iy=0.1)
     system = MultibodySystem()
-    pieces = cut_beam("rod", sections, 6, 3, "nodal", dofs=(0, 1, 3, 4, 5))
-    add_chain(system, pieces, Joint("revolute", axis=(1.0, 0.0, 0.0), name="turn"))
+    sub_bodies = cut_beam("rod", sections, 6, 3, "nodal", dofs=(0, 1, 3, 4, 5))
+    add_chain(system, sub_bodies, Joint("revolute", axis=(1.0, 0.0, 0.0), name="turn"))
     return system.build()
 
 

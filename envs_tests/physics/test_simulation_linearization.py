@@ -179,7 +179,7 @@ def test_linear_model_forecasts_small_steps():
             assert error < TOLERANCES[name], (label, name)
 
 
-def test_present_state_can_be_linearised_and_stays(simulator):
+def test_present_state_can_be_linearized_and_stays(simulator):
     simulator.reset(rotor_speed=RATED, pitch=np.radians(14.92), azimuth=0.5)
     simulator.advance(1.0, pitch=np.radians(14.92), generator_torque=38e3)
     before = simulator.state()

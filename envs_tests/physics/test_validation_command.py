@@ -185,7 +185,7 @@ class TestCoordinates:
         )
         return Beam(tube, 4)
 
-    def test_rigid_body_keeps_mass_centre_and_inertia(self):
+    def test_rigid_body_keeps_mass_center_and_inertia(self):
         flexible, rigid = (body_from_beam("tube", self.beam(), kind) for kind in ("nodal", "rigid"))
         assert rigid.n_elastic == 0
         assert rigid.inertia.mass == pytest.approx(flexible.inertia.mass)

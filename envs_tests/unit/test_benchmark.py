@@ -215,7 +215,7 @@ def test_an_agent_that_stops_the_turbine_cannot_score(reference):
     assert score(TASK, results(TASK, still), reference).score == TASK.clip[0]
 
 
-def test_what_the_baseline_does_itself_is_no_offence():
+def test_what_the_baseline_does_itself_is_no_offense():
     base = {"rotor_speed_ratio_max": 1.12}  # times 1.06 is above the limit
     reference = make_reference(TASK, results(TASK, base), {"x": results(TASK, base | {"blade_flap_del": 0.9})})
     assert score(TASK, results(TASK, base), reference).score == 0.0

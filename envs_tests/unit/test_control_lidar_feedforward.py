@@ -156,7 +156,7 @@ def test_it_keeps_what_it_needs_of_the_readings(mean, turbine):
     for _ in range(4000):
         controller.step(now, 0.1)
     assert 2 < len(controller._at) <= 100 * controller.wavenumber * controller.lidar.ranges[-1] + 3
-    kept = controller._travelled - controller._at[0]
+    kept = controller._traveled - controller._at[0]
     assert kept == pytest.approx(min(mean * 400.0, controller.lidar.ranges[-1] - 1 / controller.wavenumber), rel=0.2)
 
 

@@ -20,8 +20,8 @@ from wt_gym.agents.loadcases.cases import CASES
 from wt_gym.agents.loadcases.study import LoadCaseConfig
 from wt_gym.agents.sweep_record import SWEEP_FILE
 from wt_gym.agents.training.config import TrainingConfig
-from wt_gym.agents.training.held_back import SELECTION_WIND_SEEDS
 from wt_gym.agents.training.hyperparameters import ALGORITHMS, read_hyperparameters
+from wt_gym.agents.training.selection import SELECTION_WIND_SEEDS
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
 from wt_gym.commands import evaluate, loadcases

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.agents import contenders
+from wt_gym.agents import agent_pool
 from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.loadcases import study
 from wt_gym.agents.loadcases.cases import CASES, Condition, digest, inflow_of, plan_of
@@ -113,7 +113,7 @@ def test_winds_are_those_of_the_models(turbine):
         ("2.3", 1.1 * 3.0),
     ],
 )
-def test_design_loads_are_means_of_realisations_times_the_factors(case, expected):
+def test_design_loads_are_means_of_realizations_times_the_factors(case, expected):
     values = [(12.0, result(x)) for x in (1.0, 2.0, 4.0, 5.0)] + [(18.0, result(2.9))] * 4
     value = results(case, values).value(case, "A", "blade_flap_max")
     assert value.design == pytest.approx(expected)
@@ -258,8 +258,8 @@ def sent(value):
 def elsewhere(monkeypatch):
     """An executor for which no kernels are compiled: the environments that would be are in its ``compiled``."""
     compiled = []
-    monkeypatch.setattr(contenders, "compile_kernels", compiled.append)
-    monkeypatch.setattr(contenders, "_play", None)  # of worker processes, which this one stands for
+    monkeypatch.setattr(agent_pool, "compile_kernels", compiled.append)
+    monkeypatch.setattr(agent_pool, "_play", None)  # of worker processes, which this one stands for
     executor = Elsewhere()
     executor.compiled = compiled
     return executor
@@ -305,7 +305,7 @@ def test_a_damaged_file_is_named(tmp_path, counted):
         (["--address", "auto"], "ask for the engine ray"),
         (["nobody"], "'nobody' is no agent"),
         (["--env-kwargs", '{"wind_speed": 9}'], "wind_speed follows from the load cases"),
-        (["--env-kwargs", '{"colour": 9}'], "the environment has no argument 'colour'"),
+        (["--env-kwargs", '{"color": 9}'], "the environment has no argument 'color'"),
         (["no controller=baseline"], "of a name other than 'no controller'"),
         (["--out", "/dev/null/there"], "/dev/null/there"),
         (["--mean-wind-speed", "-1"], "mean_speed of a wind climate must be positive and finite, got -1.0"),
@@ -314,7 +314,7 @@ def test_a_damaged_file_is_named(tmp_path, counted):
 )
 def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("wt_gym.agents.contenders.Contenders.results", lambda *_: pytest.fail("runs were begun"))
+    monkeypatch.setattr("wt_gym.agents.agent_pool.AgentPool.results", lambda *_: pytest.fail("runs were begun"))
     with pytest.raises(SystemExit) as end:
         main(words)
     assert message in end.value.code

@@ -1,10 +1,10 @@
-"""The factorisation along the branches of a tree against a dense solution."""
+"""The factorization along the branches of a tree against a dense solution."""
 
 import numpy as np
 import pytest
 
 from wt_gym.multibody.system import Joint, MultibodySystem
-from wt_gym.multibody.tree.sparse_kernels import factorise_tree, multiply_tree, solve_tree
+from wt_gym.multibody.tree.sparse_kernels import factorize_tree, multiply_tree, solve_tree
 from wt_gym.structure.flexible_body import FlexibleBody
 
 PARENT = np.array([-1, 0, 1, 1, 3, 0, 5, -1, 7])
@@ -30,7 +30,7 @@ def test_solution_and_product_are_those_of_the_dense_matrix():
     multiply_tree(np.tril(matrix), PARENT, x, product)
     np.testing.assert_allclose(product, matrix @ x, rtol=1e-13)
     factor, b = np.tril(matrix), matrix @ x
-    assert factorise_tree(factor, PARENT)
+    assert factorize_tree(factor, PARENT)
     solve_tree(factor, PARENT, b)
     np.testing.assert_allclose(b, x, rtol=1e-10)
 
@@ -38,7 +38,7 @@ def test_solution_and_product_are_those_of_the_dense_matrix():
 def test_an_indefinite_matrix_is_refused():
     matrix = tree_matrix(PARENT, np.random.default_rng(4))
     matrix[3, 3] = -1.0
-    assert not factorise_tree(np.tril(matrix), PARENT)
+    assert not factorize_tree(np.tril(matrix), PARENT)
 
 
 @pytest.fixture

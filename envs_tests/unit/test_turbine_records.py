@@ -49,7 +49,7 @@ def test_a_new_turbine_is_one_file(tmp_path, monkeypatch):
         ({}, "source"),
         ({"source": {}}, "source must have one of file, windio_example, function and turbine"),
         ({"source": {"file": "a.yaml", "function": "a:b"}}, "source must have one of"),
-        ({"source": SOURCE, "colour": 1}, "unexpected keyword argument 'colour'"),
+        ({"source": SOURCE, "color": 1}, "unexpected keyword argument 'color'"),
         ({"source": SOURCE, "label": "New"}, "label and versions must both be given"),
         ({"source": SOURCE, "label": "New", "versions": {"first": {}}}, "invalid literal"),
     ],

@@ -176,7 +176,7 @@ def test_a_series_turned_is_the_result_turned():
     )
 
 
-def test_a_travelling_series_is_met_earlier_upwind():
+def test_a_traveling_series_is_met_earlier_upwind():
     wind = SeriesInflow.of({"time": [0.0, 10.0, 30.0], "speed": [8.0, 12.0, 10.0]}, travels=True)
     speed = wind.mean_speed
     for t in (2.0, 11.0):

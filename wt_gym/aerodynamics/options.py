@@ -20,13 +20,13 @@ COUNTS = {
     "sparse_span": 1, "fresh_rows": 0, "refresh_stride": 1, "wind_stride": 1, "far_wake_rows": 1,
 }  # fmt: skip
 SEPARATION_LAG = 4.0
-"""Time constant of the separation point with ``dynamic_stall`` in chord lengths travelled [-], Øye's own (1991)."""
+"""Time constant of the separation point with ``dynamic_stall`` in chord lengths traveled [-], Øye's own (1991)."""
 NOT_NEGATIVE = ("bound_core", "wake_core", "viscosity", "squire", "stall_lag")
 
 
 @dataclass(frozen=True)
 class AeroOptions:
-    """Discretisation, wake treatment and physics of a `VortexLattice`.
+    """Discretization, wake treatment and physics of a `VortexLattice`.
 
     Always there: the force of the changing circulation (added mass), and the arcs for which the two segments stand that
     meet in a node of the wake, see `local_induction_kernels`: without them a wake moves the faster the longer its
@@ -51,7 +51,7 @@ class AeroOptions:
     sparse_from, sparse_stride, sparse_span : int
         From row ``sparse_from`` on (None: nowhere) only every ``sparse_stride``-th shed row is kept, and of its nodes
         only the last three, every ``sparse_span``-th inboard of them and the first carry vortices, rings between merged
-        by the areas that they sweep; the other nodes move with the velocities of these neighbours. With
+        by the areas that they sweep; the other nodes move with the velocities of these neighbors. With
         ``sparse_from=None`` both must be 1.
     fresh_rows, refresh_stride : int
         The induced velocity of the first ``fresh_rows`` rows is computed every step, that of an older row in turn every
@@ -68,7 +68,7 @@ class AeroOptions:
     viscous : bool
         Decambering from the airfoil polars, fed back into the boundary condition, with profile drag and moment.
     stall_lag : float
-        Time constant of the decambering in chord lengths travelled [-]. It only delays the approach to the polar: it
+        Time constant of the decambering in chord lengths traveled [-]. It only delays the approach to the polar: it
         selects one branch, continuously in time, where a stalled strip has several steady solutions. Not used with
         ``dynamic_stall``, whose separation point does the same.
     dynamic_stall : str or None

@@ -39,7 +39,7 @@ class PlanformArrays(NamedTuple):
     n_segments: np.ndarray  # (2,)
     sparse_nodes: np.ndarray  # int64 (n_sparse,) nodes of the edge that carry the sparse part of the wake
     sparse_weight: np.ndarray  # (n_edge,) share of each ring in its merged ring, see sparse_span
-    sparse_place: np.ndarray  # (n_edge + 1,) place of a node between its carrying neighbours, 0 … 1
+    sparse_place: np.ndarray  # (n_edge + 1,) place of a node between its carrying neighbors, 0 … 1
 
     @classmethod
     def of(cls, planform: LatticePlanform, options: AeroOptions, cylinder_table: np.ndarray) -> "PlanformArrays":
@@ -77,7 +77,7 @@ def carrying_nodes(n_edge, stride):
 
 
 def sparse_span(planform, edge_nodes, stride):
-    """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbours.
+    """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbors.
 
     The shares are those of the areas that the rings sweep behind a rotor: the merged ring has the impulse of its parts,
     circulation times area, with which the wake carries the thrust. With shares of the widths, as behind a wing, the
@@ -236,7 +236,7 @@ class AeroArrays(NamedTuple):
     shed: np.ndarray  # int64 (n_max + 1,) step at which the row was shed
     free_edge: np.ndarray  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
     frame: np.ndarray  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
-    far: np.ndarray  # (12,) whether cylinders continue the wake, centre and axis of its last rows, share of each cell
+    far: np.ndarray  # (12,) whether cylinders continue the wake, center and axis of its last rows, share of each cell
     far_tube: np.ndarray  # (5, n_sparse) start, radius and what is measured of the cylinder at each carrying node
     far_ring: np.ndarray  # (n_cell, n_sparse) ring circulation per length of their cells [m/s]
     nodes: np.ndarray  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]

@@ -137,7 +137,7 @@ class VortexLattice:
         # An impulsive start is no level in time from which a rate could be taken.
         state.arrays.n_levels[0] = 0
 
-    def initialise_wake(
+    def initialize_wake(
         self, state: AeroState, nodes, velocities, wind, wake_rows, ages, far_wake: bool = False
     ) -> None:
         """Start with a prescribed wake in steady state: all rings of a strip have its circulation.
@@ -215,9 +215,9 @@ class VortexLattice:
         """Circulation that each part of the shedding edge continues, a copy (n_blades, n_edge)."""
         return a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings]
 
-    def initialise_helix(
-        self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5, induced=None,
-        accept=True, thrust_before=None,
+    def initialize_helix(
+        self, state: AeroState, nodes, velocities, wind, center, axis, rotor_speed, dt, passes=5, induced=None,
+        accept=True, wake_thrust=None,
     ) -> float:  # fmt: skip
         """Start a rotor with a full wake of helices in the momentum balance of its own thrust, or of an earlier one.
 
@@ -227,8 +227,8 @@ class VortexLattice:
         ----------
         nodes, velocities, wind : ndarray, shape (n_blades, n_chord + 1, n_span + 1, 3)
             As for `reset`.
-        centre, axis : array_like, shape (3,)
-            Rotor centre [m] and unit vector of the shaft; positive rotation is about ``axis``, which points downwind.
+        center, axis : array_like, shape (3,)
+            Rotor center [m] and unit vector of the shaft; positive rotation is about ``axis``, which points downwind.
         rotor_speed : float
             [rad/s], positive about ``axis``.
         dt : float
@@ -241,7 +241,7 @@ class VortexLattice:
         accept : bool
             End the start with the velocities that move the wake on. False for a start that only serves another call:
             the state cannot be marched.
-        thrust_before : float, optional
+        wake_thrust : float, optional
             Mean thrust of the rotor over the time in which the wake was shed [N], where loads change: the wake then has
             circulation in the proportion of that thrust to the present one, the mean of the blades. Rows younger than a
             quarter of a turn keep the present circulation of their own blade, in a share that falls with their age.
@@ -257,7 +257,7 @@ class VortexLattice:
         AerodynamicsError
             As for `reset`, and for an axis without length, a time step that is not positive, values not finite.
         """
-        centre, axis = _vector("centre", centre), _vector("axis", axis)
+        center, axis = _vector("center", center), _vector("axis", axis)
         if not np.linalg.norm(axis) > 0.0:
             raise AerodynamicsError(f"axis is {axis}; it must have a length")
         if not 0.0 < dt < np.inf:
@@ -271,7 +271,7 @@ class VortexLattice:
         axis = axis / np.linalg.norm(axis)
         stream = wind.mean(axis=(0, 1, 2))
         speed = float(abs(stream @ axis))
-        radius = float(np.linalg.norm(np.cross(nodes - centre, axis), axis=-1).max())
+        radius = float(np.linalg.norm(np.cross(nodes - center, axis), axis=-1).max())
         numbers = self._row_numbers
         ages = (numbers + self.options.shed_fraction) * dt
         edge = np.empty((self.n_blades, self.n_edge + 1, 3))
@@ -282,7 +282,7 @@ class VortexLattice:
         if induced is None:
             induced = -0.2 * speed
         for k in range(passes):
-            rows = self._helix(edge, centre, axis, rotor_speed, ages, stream, induced, slowest, radius)
+            rows = self._helix(edge, center, axis, rotor_speed, ages, stream, induced, slowest, radius)
             enough = BALANCED if k == passes - 1 else ROUGHLY_BALANCED
             change = self._balance(state, nodes, velocities, wind, rows, ages, True, enough, guess)
             if not change <= UNBALANCED:
@@ -295,10 +295,10 @@ class VortexLattice:
             pressure = thrust / (2.0 * self.air_density * np.pi * radius**2) * np.copysign(1.0, stream @ axis)
             target = np.sqrt(0.25 * speed**2 - min(pressure, 0.24 * speed**2)) - 0.5 * speed
             induced, slowest = 0.5 * (induced + target), max(0.5 * np.sqrt(abs(pressure)), closest)
-        if thrust_before and thrust / thrust_before > SMALLEST_THRUST:
+        if wake_thrust and thrust / wake_thrust > SMALLEST_THRUST:
             own = state.arrays.wake_gamma[: len(numbers)]
             recent = np.exp(-ages * abs(rotor_speed) / (0.5 * np.pi))[:, None, None]
-            own[:] = recent * own + (1.0 - recent) * (thrust_before / thrust) * own.mean(axis=1, keepdims=True)
+            own[:] = recent * own + (1.0 - recent) * (wake_thrust / thrust) * own.mean(axis=1, keepdims=True)
             self._solve_anew(state, nodes, velocities, wind)
         if accept:
             self._accept(state, place=False, all_rows=True)
@@ -504,13 +504,13 @@ class VortexLattice:
         step_kernels.store_induced(p, o, a, w, n_target, *self.body_arrays)
 
     @staticmethod
-    def _helix(edge, centre, axis, rotor_speed, ages, stream, induced, slowest, radius):
+    def _helix(edge, center, axis, rotor_speed, ages, stream, induced, slowest, radius):
         """Rows of trailing-edge nodes turned back and carried downstream, shape (n_rows, n_blades, n_node, 3).
 
         ``induced`` is the axial velocity at the rotor [m/s], twice that far away, positive downstream; the wake moves
         no slower than with ``slowest``.
         """
-        arm = edge - centre
+        arm = edge - center
         along = arm @ axis
         normal = arm - along[..., None] * axis
         sideways = np.cross(axis, normal)
@@ -526,7 +526,7 @@ class VortexLattice:
         drift = stream * age - axial_speed * age * axis
         turned = normal * np.cos(angle) + sideways * np.sin(angle) + along[..., None] * axis
         downstream = np.copysign(distances, axial_speed)[:, None] * axis
-        return centre + turned + drift[:, None, None] + downstream[:, None, None]
+        return center + turned + drift[:, None, None] + downstream[:, None, None]
 
 
 def _vector(name, values):

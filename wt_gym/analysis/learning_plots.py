@@ -32,7 +32,7 @@ def trainings(evaluation: Evaluation) -> list[list[str]]:
 
 
 def running_mean(values: np.ndarray, half_width: int) -> np.ndarray:
-    """Mean over a centred window that shrinks at the ends.
+    """Mean over a centered window that shrinks at the ends.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def _line(look: dict[str, str]) -> dict:
     return {"color": look["color"], "width": 2}
 
 
-def _faint(colour: str) -> str:
-    """Colour ``#rrggbb`` at a fifth of its strength."""
-    red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+def _faint(color: str) -> str:
+    """Color ``#rrggbb`` at a fifth of its strength."""
+    red, green, blue = (int(color[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},0.2)"

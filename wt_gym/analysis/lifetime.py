@@ -81,7 +81,7 @@ class WindClimate:
 def wind_weights(climate: WindClimate, speeds: Sequence[float]) -> np.ndarray:
     """Share of the operating time that each of some wind speeds stands for.
 
-    Every wind between cut-in and cut-out counts for the nearest of the speeds: bins end half-way between neighbours,
+    Every wind between cut-in and cut-out counts for the nearest of the speeds: bins end half-way between neighbors,
     the outermost at cut-in and cut-out.
 
     Parameters

@@ -133,7 +133,7 @@ def _worst_direction(channel: Callable[[str], np.ndarray], duration: float) -> f
 
     A point of the wall stays where it is while the nacelle turns: it feels the bending moment about one fixed axis,
     cos(a) M_x + sin(a) M_y. The first axis is that of the nacelle at the start, so that the result does not depend on
-    where the wind comes from; between two neighbours a load in one direction reads 0.9 % low at most.
+    where the wind comes from; between two neighbors a load in one direction reads 0.9 % low at most.
     """
     x, y, first = channel("tower_base_moment_x"), channel("tower_base_moment_y"), channel("yaw")[0]
     angles = first + np.pi * np.arange(TOWER_DIRECTIONS) / TOWER_DIRECTIONS

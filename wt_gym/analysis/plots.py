@@ -41,11 +41,11 @@ __all__ = [
 FONT = "Inter, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, MUTED, GRID = "#1c2733", "#465462", "#dde3ea"
 
-# Okabe & Ito (2008): told apart with every common colour vision; the dashes help in print.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+# Okabe & Ito (2008): told apart with every common color vision; the dashes help in print.
+_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 _DASHES = ("solid", "dash", "dot")
 _SYMBOLS = ("circle", "diamond", "square", "triangle-up", "x", "star", "triangle-down")
-_WIND_COLOUR = "#5f6b76"
+_WIND_COLOR = "#5f6b76"
 _RPM = 30 / np.pi
 
 
@@ -86,11 +86,11 @@ _ROWS = (
 
 
 def agent_styles(evaluation: _Compared) -> dict[str, dict[str, str]]:
-    """Colour, dash and symbol of each agent, the same in every figure and table."""
-    n = len(_COLOURS)
+    """Color, dash and symbol of each agent, the same in every figure and table."""
+    n = len(_COLORS)
     return {
         agent: {
-            "color": _COLOURS[i % n],
+            "color": _COLORS[i % n],
             "dash": _DASHES[i // n % len(_DASHES)],
             "symbol": _SYMBOLS[i % len(_SYMBOLS)],
         }
@@ -104,7 +104,7 @@ def _line(look: dict[str, str]) -> dict:
 
 
 def style(figure: go.Figure, height: int) -> go.Figure:
-    """Apply fonts, colours and margins common to all figures."""
+    """Apply fonts, colors and margins common to all figures."""
     figure.update_layout(
         template="plotly_white",
         height=height,
@@ -155,7 +155,7 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
         for i, row in enumerate(_ROWS, start=1):
             if i == 1 and agent != evaluation.agents[0]:
                 continue  # all agents meet the same wind
-            line = {"color": _WIND_COLOUR, "width": 1.4} if i == 1 else _line(styles[agent])
+            line = {"color": _WIND_COLOR, "width": 1.4} if i == 1 else _line(styles[agent])
             figure.add_trace(
                 go.Scatter(
                     x0=float(time[0]), dx=step, y=compact(row.values(run.data)), mode="lines", line=line,

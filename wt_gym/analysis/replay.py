@@ -39,7 +39,7 @@ def trailing_strength(circulation: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Replay:
-    """Shapes over time, global frame, metres.
+    """Shapes over time, global frame, meters.
 
     Attributes
     ----------

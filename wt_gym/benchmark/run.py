@@ -156,7 +156,7 @@ def play(
             "duration": info["time"],
             "episode_return": total,
             "cost": cost,
-            "made_with": _made_with(),
+            "made_with": _software_versions(),
             "wall_seconds": round(time.monotonic() - began, 1),
         }
     finally:
@@ -228,7 +228,7 @@ def _fingerprint(turbine: str, fidelity: str) -> dict[str, str]:
     return benchmark_fingerprint(_load_turbine(turbine), fidelity)
 
 
-def _made_with() -> dict[str, str]:
+def _software_versions() -> dict[str, str]:
     """Versions, for the record: they decide on no score."""
     return {
         "wt_gym": wt_gym.__version__,

@@ -68,8 +68,8 @@ def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 def _row(task: BenchmarkTask, results: list[Mapping[str, Any]]) -> dict[str, Any]:
     """One agent in one task."""
     labels = {digest(wind.definition): wind.label for wind in task.winds}
-    labelled = [(labels.get(digest(result["definition"]["wind"])), result) for result in results]
-    by_wind = {label: result for label, result in labelled if label is not None}
+    labeled = [(labels.get(digest(result["definition"]["wind"])), result) for result in results]
+    by_wind = {label: result for label, result in labeled if label is not None}
     row = {
         "agent": results[0]["agent"],
         "winds": f"{len(by_wind)} of {len(task.winds)}",

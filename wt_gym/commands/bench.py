@@ -243,13 +243,13 @@ def measure_learning(fidelity: str, steps: float) -> dict:
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
     from wt_gym.agents.training.config import TrainingConfig
-    from wt_gym.agents.training.environments import START_METHOD, make_training_env, monitored, normalised
+    from wt_gym.agents.training.environments import START_METHOD, make_training_env, monitored, normalized
     from wt_gym.agents.training.models import make_model
 
     number = min(2 * (os.cpu_count() or 1), _MOST_TURBINES)
     config = TrainingConfig(env_kwargs={"fidelity": fidelity}, n_envs=number)
     processes = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * number, start_method=START_METHOD)
-    environments = {"threads": make_training_env(config), "processes": normalised(processes, config)}
+    environments = {"threads": make_training_env(config), "processes": normalized(processes, config)}
     models = {way: make_model(config, venv) for way, venv in environments.items()}
     elapsed, share = dict.fromkeys(models, 0.0), math.ceil(steps / 10)
     for _ in range(10):

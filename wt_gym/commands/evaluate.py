@@ -123,7 +123,7 @@ def main(words: list[str] | None = None) -> None:
         from wt_gym.agents.evaluation import evaluate
         from wt_gym.agents.evaluation_folder import REPORT_FILE
         from wt_gym.analysis.report import write_report
-        from wt_gym.analysis.summary import results_table, summarise
+        from wt_gym.analysis.summary import results_table, summarize
 
         chosen = configuration(arguments)
         agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
@@ -133,7 +133,7 @@ def main(words: list[str] | None = None) -> None:
         )  # fmt: skip
         if not arguments.no_report:
             write_report(evaluation, out / REPORT_FILE, arguments.title)
-    print("\n".join([*results_table(evaluation), "", *summarise(evaluation)]))
+    print("\n".join([*results_table(evaluation), "", *summarize(evaluation)]))
     print(f"metrics and signals: {out}")
     if not arguments.no_report:
         print(f"report: {out / REPORT_FILE}")

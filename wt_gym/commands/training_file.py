@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 __all__ = ["words_of"]
 
 _ONLY_TYPED = ("config", "resume")
-_WITH_NO = ("go-on", "tensorboard")
-_EITHER = (("--seed", "--seeds"), ("--go-on", "--overwrite"))
+_WITH_NO = ("resume-if-exists", "tensorboard")
+_EITHER = (("--seed", "--seeds"), ("--resume-if-exists", "--overwrite"))
 
 
 def words_of(path: str | Path, typed: Sequence[str] = ()) -> list[str]:

@@ -1,6 +1,6 @@
 """The physical layer between an agent and a turbine: actions to actuator demands, sensors, steady operating points."""
 
-from wt_gym.control.actions import ACTION_MODES, COMPONENTS, PITCH_FORMS, ActionMap, Aim, Demand
+from wt_gym.control.actions import ACTION_MODES, COMPONENTS, PITCH_FORMS, ActionMap, AgentSetpoint, Demand
 from wt_gym.control.operating_point import (
     DesignPoint,
     OperatingPoint,
@@ -16,7 +16,7 @@ __all__ = [
     "COMPONENTS",
     "PITCH_FORMS",
     "ActionMap",
-    "Aim",
+    "AgentSetpoint",
     "Channel",
     "Demand",
     "DesignPoint",

@@ -1,4 +1,4 @@
-"""From a normalised action to the demands on pitch drives, yaw drive and generator, and back."""
+"""From a normalized action to the demands on pitch drives, yaw drive and generator, and back."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "ActionMap", "Aim", "Demand"]
+__all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "ActionMap", "AgentSetpoint", "Demand"]
 
 ACTION_MODES = ("rate", "absolute", "residual")
 PITCH_FORMS = ("collective", "individual", "fixed-frame", "cyclic")
@@ -59,7 +59,7 @@ class Demand:
 
 
 @dataclass(frozen=True)
-class Aim:
+class AgentSetpoint:
     """What the actions of an agent ask for, in the coordinates of its action; offsets in mode "residual".
 
     Attributes
@@ -327,26 +327,26 @@ class ActionMap:
             raise ActionError(f"action components must be finite and within [-1, 1], got {wrong}")
         return np.array([min(max(value, -1.0), 1.0) for value in numbers])
 
-    def start(self, demand: Demand) -> Aim:
+    def start(self, demand: Demand) -> AgentSetpoint:
         """Aim with which an episode starts from a demand."""
         if self.mode == "residual":
-            return Aim(np.zeros(self.n_pitch), 0.0, 0.0)
+            return AgentSetpoint(np.zeros(self.n_pitch), 0.0, 0.0)
         pitch = np.asarray(demand.pitch, dtype=np.float64)
         mean = pitch[0] + (pitch - pitch[0]).mean()  # exactly that of equal blades
         if self.pitch == "collective":
             pitch = np.array([mean])
         elif self.pitch == "fixed-frame":
             pitch = np.array([mean, 0.0, 0.0])
-        return Aim(pitch.copy(), 0.0, demand.generator_torque)
+        return AgentSetpoint(pitch.copy(), 0.0, demand.generator_torque)
 
-    def decode(self, action: np.ndarray, previous: Aim) -> Aim:
+    def decode(self, action: np.ndarray, previous: AgentSetpoint) -> AgentSetpoint:
         """Aim at the end of the next control step.
 
         Parameters
         ----------
         action : numpy.ndarray, shape (size,)
             A validated action.
-        previous : Aim
+        previous : AgentSetpoint
             At the end of the step before.
 
         Returns
@@ -371,14 +371,16 @@ class ActionMap:
             limit = self._spans["torque"]
             low, high = (-limit, limit) if self.mode == "residual" else self.torque_limits
             torque = min(max(torque + wanted * dt if moves else wanted, low), high)
-        return Aim(pitch, yaw_rate, torque)
+        return AgentSetpoint(pitch, yaw_rate, torque)
 
-    def demand(self, aim: Aim, base: Demand | None = None, azimuth: float = 0.0, rotor_speed: float = 0.0) -> Demand:
+    def demand(
+        self, setpoint: AgentSetpoint, base: Demand | None = None, azimuth: float = 0.0, rotor_speed: float = 0.0
+    ) -> Demand:
         """Demand on the drives.
 
         Parameters
         ----------
-        aim : Aim
+        setpoint : AgentSetpoint
         base : Demand, optional
             Of the controller beneath; needed where `needs_controller`.
         azimuth, rotor_speed : float
@@ -389,7 +391,7 @@ class ActionMap:
         Demand
         """
         # numbers one by one: arrays of three are slow
-        pitch, yaw_rate, torque = aim.pitch.tolist(), aim.yaw_rate, aim.generator_torque
+        pitch, yaw_rate, torque = setpoint.pitch.tolist(), setpoint.yaw_rate, setpoint.generator_torque
         if self.pitch == "fixed-frame":
             pitch = to_blades(pitch, azimuth + rotor_speed * self.delay, self.n_blades)
         elif self.pitch == "cyclic":
@@ -423,7 +425,7 @@ class ActionMap:
             return base + offset
         return min(base + offset, max(base, self._most_shaft_power / rotor_speed))
 
-    def encode(self, demand: Demand, previous: Demand | Aim) -> np.ndarray:
+    def encode(self, demand: Demand, previous: Demand | AgentSetpoint) -> np.ndarray:
         """Give the action whose demand is the wanted one, or the nearest one that the spans allow.
 
         Parameters

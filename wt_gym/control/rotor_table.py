@@ -105,7 +105,7 @@ class RotorTable:
     def optimum(self) -> tuple[float, float]:
         """Tip-speed ratio and power coefficient of the largest power at the finest pitch of the table.
 
-        The top of the parabola through the highest point and its neighbours.
+        The top of the parabola through the highest point and its neighbors.
         """
         column = self.power[:, 0]
         k = int(np.clip(np.argmax(column), 1, len(column) - 2))

@@ -22,7 +22,7 @@ class Channel:
     ----------
     name, unit : str
     offset, scale : float
-        The normalised value is ``(value - offset) / scale``.
+        The normalized value is ``(value - offset) / scale``.
     low, high : float
         Range of the sensor in physical units: what lies outside reads as the end of the range.
     noise : float

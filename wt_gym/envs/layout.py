@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.envs.observation_kernels import normalise
+from wt_gym.envs.observation_kernels import normalize
 
 if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Channel, Lidar
@@ -29,7 +29,7 @@ class ObservationLayout:
     channels : tuple of Channel
     names : tuple of str
     low, high : numpy.ndarray, float32, shape (n,)
-        Bounds of the normalised values.
+        Bounds of the normalized values.
     noise : numpy.ndarray, shape (n,)
         Standard deviations of the measurement noise in physical units.
     parity : numpy.ndarray, shape (n,)
@@ -83,7 +83,7 @@ class ObservationLayout:
         i = self.index(name)
         return observation[..., i] * self._scale[i] + self._offset[i]
 
-    def normalise(self, values: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    def normalize(self, values: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
         """Observation from physical values.
 
         Parameters
@@ -100,7 +100,7 @@ class ObservationLayout:
         """
         observation = np.empty(len(self.names), dtype=np.float32)
         # It stays within the bounds: they were made by the same steps, each of which keeps the order of two values.
-        if not normalise(values, self._low, self._high, self._offset, self._scale, observation):
+        if not normalize(values, self._low, self._high, self._offset, self._scale, observation):
             return observation, ()
         outside = np.flatnonzero((values < self._low) | (values > self._high))
         return observation, tuple(self.names[i] for i in outside)

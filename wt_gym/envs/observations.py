@@ -17,7 +17,7 @@ from wt_gym.envs.arguments import shown
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.envs.observable import DEFAULT_GROUPS, OBSERVATION_GROUPS, RESIDUAL_GROUPS, Observable
 from wt_gym.envs.observation_kernels import read_signals
-from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Sensors, Situation
+from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext, Observed, Sensors
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:
@@ -131,21 +131,21 @@ class Observer:
 
     # ---- readings ----
 
-    def reset(self, situation: Situation) -> None:
+    def reset(self, context: ObservationContext) -> None:
         """Start the filters in steady state."""
-        self._sensors.reset(situation.signals)
+        self._sensors.reset(context.signals)
         self._readings: deque[np.ndarray] = deque(maxlen=self._delay + self._history)
 
     def advance(self, signals: Signals, dt: float) -> None:
         """Let the filters take the signals of a step of length ``dt`` [s]."""
         self._sensors.advance(signals, dt)
 
-    def observe(self, situation: Situation, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
+    def observe(self, context: ObservationContext, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
         """Measure once a control step.
 
         Parameters
         ----------
-        situation : Situation
+        context : ObservationContext
         rng : numpy.random.Generator
             Source of the measurement noise.
 
@@ -155,14 +155,14 @@ class Observer:
         saturated : tuple of str
             Sensors at the end of their range.
         """
-        values, signals = np.empty(self._size), situation.signals
+        values, signals = np.empty(self._size), context.signals
         read_signals(
             signals.values, self._from, self._at, self._cyclic_from, self._cyclic_part, signals["azimuth"],
             self._cyclic_at, values,
         )  # fmt: skip
         sensors = self._sensors
         for k, function, index in self._functions:
-            values[k] = function(sensors, situation, index)
+            values[k] = function(sensors, context, index)
         if self._noise_level > 0:
             values += self._noise_level * self._noise * rng.standard_normal(self._size)
             for k in self._directions:
@@ -170,6 +170,6 @@ class Observer:
         readings = self._readings
         readings.append(values)
         if self._history == 1:
-            return self.layout.normalise(readings[0])
+            return self.layout.normalize(readings[0])
         late = [readings[max(len(readings) - 1 - self._delay - k, 0)] for k in range(self._history)]
-        return self.layout.normalise(np.concatenate(late))
+        return self.layout.normalize(np.concatenate(late))

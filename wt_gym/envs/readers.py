@@ -12,16 +12,16 @@ import numpy as np
 from wt_gym.control import NacelleAnemometer
 
 if TYPE_CHECKING:
-    from wt_gym.control import Aim, Channel, Demand
+    from wt_gym.control import AgentSetpoint, Channel, Demand
     from wt_gym.control.controllers.wind_estimator import WindEstimator
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.simulation import Signals
 
-__all__ = ["Computed", "FromSignals", "InFixedFrame", "Observed", "Reader", "Sensors", "Situation"]
+__all__ = ["Computed", "FromSignals", "InFixedFrame", "ObservationContext", "Observed", "Reader", "Sensors"]
 
 
 @dataclass(frozen=True)
-class Situation:
+class ObservationContext:
     """All that can be observed after a control step.
 
     Attributes
@@ -29,13 +29,13 @@ class Situation:
     signals : Signals
     demand : Demand
         Present demands on the actuators.
-    aim : Aim
+    setpoint : AgentSetpoint
         Of the agent; its offsets in mode "residual".
     base : Demand or None
         Of the controller beneath.
     action : numpy.ndarray, shape (n_act,)
         That led here.
-    seen : numpy.ndarray, shape (n_ranges,), optional
+    lidar : numpy.ndarray, shape (n_ranges,), optional
         By the lidar, for an observer that `wt_gym.envs.observations.Observer.sees_lidar` [m/s].
     residual : ResidualPitch, optional
         What residual pitch passes.
@@ -43,10 +43,10 @@ class Situation:
 
     signals: Signals
     demand: Demand
-    aim: Aim
+    setpoint: AgentSetpoint
     base: Demand | None
     action: np.ndarray
-    seen: np.ndarray | None = None
+    lidar: np.ndarray | None = None
     residual: ResidualPitch | None = None
 
 
@@ -132,7 +132,7 @@ class Computed:
         What must be there for it.
     """
 
-    function: Callable[[Sensors, Situation, int], float]
+    function: Callable[[Sensors, ObservationContext, int], float]
     index: int = 0
     needs: str = ""
 
@@ -166,96 +166,96 @@ def _mean(of_blades) -> float:
 # for are not called, so what they need is there.
 
 
-def previous_action(sensors, situation, k) -> float:
+def previous_action(sensors, context, k) -> float:
     """Component of the last action."""
-    return situation.action[k]
+    return context.action[k]
 
 
-def lidar(sensors, situation, k) -> float:
+def lidar(sensors, context, k) -> float:
     """Wind in a gate of the lidar [m/s]."""
-    return situation.seen[k]
+    return context.lidar[k]
 
 
-def wind_speed(sensors, situation, _) -> float:
+def wind_speed(sensors, context, _) -> float:
     """Nacelle anemometer [m/s]."""
     return sensors.wind_speed
 
 
-def yaw_error(sensors, situation, _) -> float:
+def yaw_error(sensors, context, _) -> float:
     """Wind vane [rad]."""
     return sensors.yaw_error
 
 
-def rotor_wind(sensors, situation, _) -> float:
+def rotor_wind(sensors, context, _) -> float:
     """Wind of the estimator [m/s]."""
     return sensors.estimator.wind
 
 
-def azimuth_sin(sensors, situation, _) -> float:
+def azimuth_sin(sensors, context, _) -> float:
     """Sine of the azimuth."""
-    return math.sin(situation.signals["azimuth"])
+    return math.sin(context.signals["azimuth"])
 
 
-def azimuth_cos(sensors, situation, _) -> float:
+def azimuth_cos(sensors, context, _) -> float:
     """Cosine of the azimuth."""
-    return math.cos(situation.signals["azimuth"])
+    return math.cos(context.signals["azimuth"])
 
 
-def pitch_rate(sensors, situation, b) -> float:
+def pitch_rate(sensors, context, b) -> float:
     """Rate of a blade over the last step [rad/s]."""
     return (sensors.pitch[b] - sensors.pitch_before[b]) / sensors.dt
 
 
-def pitch_demand(sensors, situation, b) -> float:
+def pitch_demand(sensors, context, b) -> float:
     """Demand on a blade [rad]."""
-    return situation.demand.pitch[b]
+    return context.demand.pitch[b]
 
 
-def mean_pitch(sensors, situation, _) -> float:
+def mean_pitch(sensors, context, _) -> float:
     """Mean of the blades [rad]."""
     return _mean(sensors.pitch)
 
 
-def mean_pitch_rate(sensors, situation, _) -> float:
+def mean_pitch_rate(sensors, context, _) -> float:
     """Mean rate of the blades [rad/s]."""
     return _mean(np.subtract(sensors.pitch, sensors.pitch_before)) / sensors.dt
 
 
-def mean_pitch_demand(sensors, situation, _) -> float:
+def mean_pitch_demand(sensors, context, _) -> float:
     """Mean demand on the blades [rad]."""
-    return _mean(situation.demand.pitch)
+    return _mean(context.demand.pitch)
 
 
-def torque_demand(sensors, situation, _) -> float:
+def torque_demand(sensors, context, _) -> float:
     """Demand on the generator [N m]."""
-    return situation.demand.generator_torque
+    return context.demand.generator_torque
 
 
-def controller_pitch(sensors, situation, _) -> float:
+def controller_pitch(sensors, context, _) -> float:
     """Mean demand of the base controller on the blades [rad]."""
-    return _mean(situation.base.pitch)
+    return _mean(context.base.pitch)
 
 
-def controller_torque(sensors, situation, _) -> float:
+def controller_torque(sensors, context, _) -> float:
     """Demand of the base controller on the generator [N m]."""
-    return situation.base.generator_torque
+    return context.base.generator_torque
 
 
-def pitch_offset(sensors, situation, k) -> float:
+def pitch_offset(sensors, context, k) -> float:
     """Coordinate of the residual pitch [rad]."""
-    return situation.aim.pitch[k]
+    return context.setpoint.pitch[k]
 
 
-def torque_offset(sensors, situation, _) -> float:
+def torque_offset(sensors, context, _) -> float:
     """Residual torque [N m]."""
-    return situation.aim.generator_torque
+    return context.setpoint.generator_torque
 
 
-def residual_share(sensors, situation, _) -> float:
+def residual_share(sensors, context, _) -> float:
     """Share of the residual pitch that acts."""
-    return situation.residual.share
+    return context.residual.share
 
 
-def residual_mean(sensors, situation, _) -> float:
+def residual_mean(sensors, context, _) -> float:
     """Mean of the residual pitch that acts [rad]."""
-    return situation.residual.mean
+    return context.residual.mean

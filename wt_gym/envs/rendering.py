@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Renderer"]
 
 _INK, _STEEL, _LINE, _LIMIT = "#1c2733", "#9aa7b3", "#0072B2", "#8a96a3"
-_WAKE_COLOURS = LinearSegmentedColormap.from_list("wake", ["#d3dde6", "#7fb2d6", "#0072b2", "#06213a"])
+_WAKE_COLORS = LinearSegmentedColormap.from_list("wake", ["#d3dde6", "#7fb2d6", "#0072b2", "#06213a"])
 _WINDOW = 60.0
 _RPM = 30 / np.pi
 
@@ -104,18 +104,18 @@ class Renderer:
         axes = self._figure.add_axes((0.0, 0.0, 0.62, 1.0))
         axes.set_axis_off()
         axes.set_aspect("equal")
-        size, centre = self._diameter, self._project(np.array([0.4 * self._diameter, 0.0, 0.0]))
+        size, center = self._diameter, self._project(np.array([0.4 * self._diameter, 0.0, 0.0]))
         bottom, top = -0.2 * self._hub_height, self._hub_height + 0.8 * size
         half_width = 0.5 * (top - bottom) * 0.62 * width / height
-        axes.set_xlim(centre[0] - half_width, centre[0] + half_width)
+        axes.set_xlim(center[0] - half_width, center[0] + half_width)
         axes.set_ylim(bottom, top)
         angle = np.linspace(0.0, 2 * np.pi, 80)
         ground = 0.45 * size * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(80)])
         self._submerged = PolyCollection([], facecolors=_STEEL, edgecolors="none", alpha=0.5)
         axes.add_collection(self._submerged)
-        colour = "#e6ece4" if self._arguments[0].tower.support is None else "#cfe3f1cc"  # land, or a sea one looks into
-        axes.add_collection(PolyCollection([self._project(ground)], facecolors=colour, edgecolors="none"))
-        self._wake = LineCollection([], cmap=_WAKE_COLOURS)
+        color = "#e6ece4" if self._arguments[0].tower.support is None else "#cfe3f1cc"  # land, or a sea one looks into
+        axes.add_collection(PolyCollection([self._project(ground)], facecolors=color, edgecolors="none"))
+        self._wake = LineCollection([], cmap=_WAKE_COLORS)
         self._steel = PolyCollection([], facecolors=_STEEL, edgecolors="none")
         self._panels = PolyCollection([], facecolors="#f4f7fa", edgecolors="#1c2733", linewidths=0.8)
         for collection in (self._wake, self._steel, self._panels):

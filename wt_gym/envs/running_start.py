@@ -61,14 +61,14 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["Lengths", "RunningStart", "Start", "steady_start"]
+__all__ = ["RecordingPlan", "RunningStart", "Start", "steady_start"]
 
 _log = logging.getLogger(__name__)
 _FORMAT = 8  # raise when what a record holds changes
 
 
 @dataclass(frozen=True)
-class Lengths:
+class RecordingPlan:
     """How long and how often the running turbine is recorded; times of the pace of a large turbine [s].
 
     Attributes
@@ -86,7 +86,7 @@ class Lengths:
     recorded: float = 600.0
 
 
-LENGTHS = Lengths()
+RECORDING_PLAN = RecordingPlan()
 """Of the records made from now on."""
 SPACING = 1.0
 """Between the instants of a record with which an episode can begin [s]."""
@@ -122,7 +122,7 @@ _HIGHEST = 0.97
 
 
 @dataclass(frozen=True)
-class Before:
+class ControllerHistory:
     """What a controller has read and demanded before the start of an episode, oldest first.
 
     Attributes
@@ -182,7 +182,7 @@ class Start:
     motion : numpy.ndarray, shape (n,), optional
         Of the structure, as `wt_gym.simulation.Simulator.reset` takes it, where fidelity and azimuth are those of the
         record.
-    thrust_before : float, optional
+    wake_thrust : float, optional
         Mean thrust of the air in the time before, to which the wake belongs [N].
     deviations : dict
         Of the running means of channels from their present values, by name.
@@ -196,9 +196,9 @@ class Start:
     azimuth: float
     tower_top: np.ndarray | None = None
     motion: np.ndarray | None = None
-    thrust_before: float | None = None
+    wake_thrust: float | None = None
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
-    before: Before | None = None
+    before: ControllerHistory | None = None
 
     def start(self, controller: Controller, readings, demand: Demand) -> None:
         """Start a controller with the memory of what it has read before; without any, from the present demand.
@@ -265,10 +265,10 @@ class RunningStart:
         twists = isinstance(fidelity, str) and fidelity.endswith("-torsion")
         self._is_own = any(not type(part).__module__.startswith(_BUILT_IN) for part in parts_of(controller))
         recorded_controller = make_controller("discon", turbine) if self._is_own else copy.deepcopy(controller)
-        self._maker = Maker(turbine, "training-torsion" if twists else "training", recorded_controller)
-        recorded = fidelity_of(self._maker.fidelity)
+        self._recorder = StartRecorder(turbine, "training-torsion" if twists else "training", recorded_controller)
+        recorded = fidelity_of(self._recorder.fidelity)
         self._same_model = fidelity_of(fidelity) == recorded and recorded.takes_motion
-        self._identity = _identity(self._maker.controller)
+        self._identity = _identity(self._recorder.controller)
         self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
 
     def draw(self, wind: EpisodeWind, yaw: float, rng: np.random.Generator, azimuth: float | None) -> Start | None:
@@ -298,7 +298,7 @@ class RunningStart:
         # Of the speeds with records on both sides one is drawn, the nearer one as much more often as it is nearer: the
         # distribution is then interpolated linearly.
         speed = min(max(BIN * math.floor(speed / BIN + which), low), high)
-        record = _kept(self._maker, self._identity, self._winds, speed)
+        record = _kept(self._recorder, self._identity, self._winds, speed)
         start = None if record is None else record.start(wind.inflow, yaw, among, azimuth, self._fastest)
         if start is None:
             return None
@@ -314,19 +314,19 @@ class RunningStart:
         """
         if not isinstance(wind.inflow, PointInflow):
             return None
-        times = -self._maker.pace * np.linspace(0.0, WINDOWS[-1], 25)
+        times = -self._recorder.time_scale * np.linspace(0.0, WINDOWS[-1], 25)
         speeds = np.array([_rotor_wind(wind.inflow, self._turbine, yaw, time)[0] for time in times.tolist()])
         if np.ptp(speeds) <= _STEADY * abs(speeds.mean()):
             return None
         return wind.wind_speed if wind.wind_seed >= 0 else float(speeds.mean())
 
 
-def _pace(turbine: Turbine) -> float:
+def _time_scale(turbine: Turbine) -> float:
     """Times of a turbine over those of a large one."""
     return min(1.0, 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / _SLOW_TURN)
 
 
-class Columns(NamedTuple):
+class RowLayout(NamedTuple):
     """Places of the parts of a row of `Run`."""
 
     signals: slice
@@ -348,7 +348,7 @@ class Run(NamedTuple):
     step : float
         Between the rows [s].
     rows : numpy.ndarray, shape (n_times, n_columns), float32
-        Signals at ``Maker.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
+        Signals at ``StartRecorder.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
         demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
         the structure.
     memories : list of Memory
@@ -360,7 +360,7 @@ class Run(NamedTuple):
     memories: list[Memory]
 
 
-class Maker:
+class StartRecorder:
     """Records a turbine under a controller.
 
     Parameters
@@ -380,12 +380,12 @@ class Maker:
         # the gates of a lidar are among the names that a controller reads, and no signals
         places = [np.atleast_1d(known[name]) for name in names if not name.startswith("lidar_")]
         self.places = np.unique(np.concatenate(places)).astype(int)
-        self.pace = _pace(turbine)
+        self.time_scale = _time_scale(turbine)
         n_means = sum(_width(name, turbine.n_blades) for name in AVERAGED)
         counts = len(self.places), 4, 3, n_means, turbine.n_blades, 1, self.n_gates, 2
         ends = np.cumsum(counts).tolist()
         parts = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
-        self.columns = Columns._make([*parts, slice(ends[-1], None)])
+        self.columns = RowLayout._make([*parts, slice(ends[-1], None)])
 
     def places_of(self, name: str) -> np.ndarray:
         """Columns of a signal, of the blades together."""
@@ -400,12 +400,12 @@ class Maker:
 
     def times(self, step: float) -> tuple[list[int], int, int]:
         """Rows: ends of the windows, before the first instant, and between instants."""
-        windows = [max(round(self.pace * time / step), k) for k, time in enumerate(WINDOWS)]
-        return windows, max(windows[-1], _READINGS), max(round(self.pace * SPACING / step), 1)
+        windows = [max(round(self.time_scale * time / step), k) for k, time in enumerate(WINDOWS)]
+        return windows, max(windows[-1], _READINGS), max(round(self.time_scale * SPACING / step), 1)
 
     def steps(self, step: float) -> np.ndarray:
         """How many steps before an instant the wind is asked for."""
-        return np.arange(0, self.times(step)[0][-1], max(round(0.5 * self.pace / step), 1))
+        return np.arange(0, self.times(step)[0][-1], max(round(0.5 * self.time_scale / step), 1))
 
     def run(self, inflow: Inflow) -> Run | None:
         """Run the turbine in a wind; None where the simulation fails."""
@@ -417,9 +417,11 @@ class Maker:
         readings = readings_of(controller, signals, inflow, turbine.hub_height)
         controller.start(readings, demand)
         dt = simulator.time_step
-        settling, recorded = (round(self.pace * time / dt) for time in (LENGTHS.settling, LENGTHS.recorded))
+        settling, recorded = (
+            round(self.time_scale * time / dt) for time in (RECORDING_PLAN.settling, RECORDING_PLAN.recorded)
+        )
         _, before, spacing = self.times(dt)
-        means, gain = None, -math.expm1(-dt / (self.pace * _MEAN_TIME))
+        means, gain = None, -math.expm1(-dt / (self.time_scale * _MEAN_TIME))
         rows: list[np.ndarray] = []
         memories: list[Memory] = []
         try:
@@ -451,7 +453,7 @@ class Record:
 
     Parameters
     ----------
-    maker : Maker
+    recorder : StartRecorder
         Of what it is a record.
     step : float
         Of the simulation [s].
@@ -472,7 +474,7 @@ class Record:
 
     def __init__(
         self,
-        maker: Maker,
+        recorder: StartRecorder,
         step: float,
         now: np.ndarray,
         history: np.ndarray,
@@ -483,19 +485,19 @@ class Record:
     ):
         self.step, self.now, self.history, self.thrust, self.before = step, now, history, thrust, before
         self.memory, self.changing = memory, changing
-        self._columns, self._windows, self._steps = maker.columns, maker.times(step)[0], maker.steps(step)
-        self._turbine, self._places = maker.turbine, maker.places
+        self._columns, self._windows, self._steps = recorder.columns, recorder.times(step)[0], recorder.steps(step)
+        self._turbine, self._places = recorder.turbine, recorder.places
         self._fit()
 
     @classmethod
-    def of_runs(cls, maker: Maker, runs: list[Run]) -> Record:
+    def of_runs(cls, recorder: StartRecorder, runs: list[Run]) -> Record:
         """Gather what is wanted of runs of one turbine."""
         step, rows = runs[0].step, np.stack([run.rows for run in runs])
-        windows, first, spacing = maker.times(step)
+        windows, first, spacing = recorder.times(step)
         instants = np.arange(first, rows.shape[1], spacing)
-        columns = maker.columns
-        wind = rows[:, instants[:, None] - maker.steps(step), columns.wind].astype(float)
-        thrust = rows[..., maker.places_of("aero_thrust")[0]].astype(float)
+        columns = recorder.columns
+        wind = rows[:, instants[:, None] - recorder.steps(step), columns.wind].astype(float)
+        thrust = rows[..., recorder.places_of("aero_thrust")[0]].astype(float)
         memories = [memory for run in runs for memory in run.memories]
         values = np.full((len(memories), max(len(memory.values) for memory in memories)), np.nan)
         for row, memory in zip(values, memories, strict=True):
@@ -503,24 +505,24 @@ class Record:
         sizes = np.array([memory.sizes for memory in memories])
         gathered = (
             rows[:, instants],
-            _averaged(wind, maker.steps(step), windows),
+            _averaged(wind, recorder.steps(step), windows),
             thrust[:, instants[:, None] - np.arange(windows[-1])].mean(axis=-1),
             rows[:, instants[:, None] - np.arange(_READINGS, 0, -1), : columns.motion.start],
         )
         now, history, thrust, before = (part.reshape(-1, *part.shape[2:]).astype(np.float32) for part in gathered)
-        return cls(maker, step, now, history, thrust, before, Memory(values, sizes), changing_parts(memories))
+        return cls(recorder, step, now, history, thrust, before, Memory(values, sizes), changing_parts(memories))
 
     def _fit(self) -> None:
         """Which motion the wind before explains."""
         history, motion = self.history.astype(float), self._followed()
         self._spread = np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30)
         self._mean_history = history.mean(axis=0)
-        centred = history - self._mean_history
-        gram = centred.T @ centred
+        centered = history - self._mean_history
+        gram = centered.T @ centered
         gram += 1e-3 * np.trace(gram) / len(gram) * np.eye(len(gram))
         normal = (motion - motion.mean(axis=0)) / self._spread
-        self._follows = np.linalg.solve(gram, centred.T @ normal)
-        self._explained = centred @ self._follows
+        self._follows = np.linalg.solve(gram, centered.T @ normal)
+        self._explained = centered @ self._follows
 
     def _followed(self) -> np.ndarray:
         """Values of `FOLLOWS` at the instants, and the moments of tilt and yaw (n_instants, n)."""
@@ -594,7 +596,7 @@ class Record:
             self._before(self.before[chosen].astype(float), memory, yaw),
         )  # fmt: skip
 
-    def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> Before:
+    def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> ControllerHistory:
         """What was read and demanded in the rows before an instant."""
         n, columns = self._turbine.n_blades, self._columns
         signals = np.full((len(before), len(channel_table(n))), np.nan)
@@ -602,7 +604,7 @@ class Record:
         known = _table(n)
         signals[:, known["time"]] = self.step * np.arange(-len(before), 0)
         signals[:, known["yaw"]] = yaw
-        return Before(
+        return ControllerHistory(
             signals, before[:, columns.pitch], before[:, columns.torque.start], before[:, columns.lidar], self.step,
             memory, self.changing,
         )  # fmt: skip
@@ -658,7 +660,7 @@ def _rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> np
     Returns
     -------
     numpy.ndarray, shape (3,)
-        Mean, and change from the centre to the rim, upward and to the left, of the plane through the points [m/s].
+        Mean, and change from the center to the rim, upward and to the left, of the plane through the points [m/s].
     """
     disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
     ring = turbine.rotor_diameter / 2 * _RINGS
@@ -677,27 +679,36 @@ _MOST = 32
 _MOST_FILES = 200
 _PARTS = ("now", "history", "thrust", "before")
 _records: dict[str, Record | None] = {}
-_told: set[str] = set()
+_warned: set[str] = set()
 _lock = threading.Lock()
 
 
-def _kept(maker: Maker, identity: str, winds: WindSampler, speed: float) -> Record | None:
+def _kept(recorder: StartRecorder, identity: str, winds: WindSampler, speed: float) -> Record | None:
     """Record at a wind speed: from memory, from the disk, or made now."""
-    parts = _FORMAT, LENGTHS, maker.turbine, maker.fidelity, winds.turbulence_key, speed, _sources(), identity
+    parts = (
+        _FORMAT,
+        RECORDING_PLAN,
+        recorder.turbine,
+        recorder.fidelity,
+        winds.turbulence_key,
+        speed,
+        _sources(),
+        identity,
+    )
     key = fingerprint(*parts)[:32]
     with _lock:
         if key in _records:
             return _records[key]
     folder = _folder()
     with _alone(folder, key):
-        record = _load(folder, key, maker)
+        record = _load(folder, key, recorder)
         if record is None:
-            _tell(maker.turbine)
-            seeds = range(RECORD_SEED, RECORD_SEED + LENGTHS.runs)
+            _tell(recorder.turbine)
+            seeds = range(RECORD_SEED, RECORD_SEED + RECORDING_PLAN.runs)
             inflows: list[Inflow] = [winds.turbulence(speed, seed) for seed in seeds]
-            if maker.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
+            if recorder.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
                 inflows = [MirroredInflow(inflow) for inflow in inflows]
-            record = maker.record(inflows)
+            record = recorder.record(inflows)
             if record is not None:
                 _store(folder, key, record)
     with _lock:
@@ -709,8 +720,8 @@ def _kept(maker: Maker, identity: str, winds: WindSampler, speed: float) -> Reco
 
 def _tell(turbine: Turbine) -> None:
     """Once."""
-    if turbine.name not in _told:
-        _told.add(turbine.name)
+    if turbine.name not in _warned:
+        _warned.add(turbine.name)
         _log.warning(
             "recording how %s runs in turbulence, so that episodes begin amid its operation: some seconds for each "
             "wind speed, once on this machine",
@@ -751,7 +762,7 @@ def _alone(folder: Path | None, key: str) -> AbstractContextManager:
     return filelock.FileLock(folder / f"{key}.lock")
 
 
-def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
+def _load(folder: Path | None, key: str, recorder: StartRecorder) -> Record | None:
     """Record from the disk, None if there is none that is sound."""
     path = None if folder is None else folder / f"{key}.npz"
     if path is None or not path.is_file():
@@ -767,7 +778,7 @@ def _load(folder: Path | None, key: str, maker: Maker) -> Record | None:
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         _log.warning("record %s of the running turbine is unreadable (%s); it is made again", path, error)
         return None
-    return Record(maker, step, **parts, memory=memory, changing=changing)
+    return Record(recorder, step, **parts, memory=memory, changing=changing)
 
 
 def _store(folder: Path | None, key: str, record: Record) -> None:

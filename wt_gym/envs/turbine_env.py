@@ -13,8 +13,8 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from wt_gym.control import ActionMap, Aim, Demand, OperatingPoint
-from wt_gym.control.closed_loop import advance_under
+from wt_gym.control import ActionMap, AgentSetpoint, Demand, OperatingPoint
+from wt_gym.control.closed_loop import advance_controlled
 from wt_gym.control.controllers import (
     AboveRated,
     FadeParameters,
@@ -32,7 +32,7 @@ from wt_gym.envs.costs import Costs
 from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observable import DEFAULT_GROUPS, RESIDUAL_GROUPS
 from wt_gym.envs.observations import Observer
-from wt_gym.envs.readers import Situation
+from wt_gym.envs.readers import ObservationContext
 from wt_gym.envs.running_start import RunningStart, Start, steady_start
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS, TRANSIENTS, WindSampler
 from wt_gym.errors import ControllerError, SimulationError
@@ -69,7 +69,7 @@ STARTS = ("running", "steady")
 
 # What an episode remembers beside the simulator, the sensors and the random numbers
 _SNAPSHOT = (
-    "signals", "demand", "base", "aim", "controller", "reward_terms", "_action", "_observation", "_saturated", "_steps",
+    "signals", "demand", "base", "setpoint", "controller", "reward_terms", "_action", "_observation", "_saturated", "_steps",
     "_running", "_failed", "_twin_terms", "_residual", "_faults",
 )  # fmt: skip
 
@@ -676,11 +676,11 @@ class WindTurbineEnv(gym.Env):
         self._take_faults(faults)
         self.signals = self.simulator.reset(
             rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=yaw,
-            generator_torque=start.generator_torque, tower_top=start.tower_top, thrust_before=start.thrust_before,
+            generator_torque=start.generator_torque, tower_top=start.tower_top, wake_thrust=start.wake_thrust,
             motion=start.motion,
         )  # fmt: skip
         self.demand = self.base = Demand(start.pitch.copy(), 0.0, start.generator_torque)
-        self.aim = self.layout.action.start(self.demand)
+        self.setpoint = self.layout.action.start(self.demand)
         if self.controller is not None:
             start.start(self.controller, self._read_by(self.controller, self._measured(self.signals)), self.demand)
         if self._residual is not None:
@@ -719,16 +719,16 @@ class WindTurbineEnv(gym.Env):
         if not self._running:
             raise ResetNeeded("the episode is over, or none was started: call reset() before step()")
         values = self.layout.action.validate(action)
-        aim, before = self.layout.action.decode(values, self.aim), self.signals
+        setpoint, before = self.layout.action.decode(values, self.setpoint), self.signals
         try:
-            after = self._advance(aim)
+            after = self._advance(setpoint)
             self._check_finite(after)
         except SimulationError as error:
             return self._fail(error)
         except ControllerError:
             self._running = False  # a part of the step may have been simulated
             raise
-        self.signals, self.aim, self._action = after, aim, values
+        self.signals, self.setpoint, self._action = after, setpoint, values
         self._steps += 1
         self._observer.advance(self._measured(after), self.control_dt)
         if self._renderer is not None:
@@ -750,10 +750,10 @@ class WindTurbineEnv(gym.Env):
             info["termination"] = ending
         return observation, self._returned(reward, terms), ending is not None, truncated, info
 
-    def _advance(self, aim: Aim) -> Signals:
+    def _advance(self, setpoint: AgentSetpoint) -> Signals:
         """Simulate a control step, in which the demand moves to the aim at every step of the simulator."""
-        start, n, controller, demand = self.aim, self._substeps, self.controller, self.layout.action.demand
-        turn, rise = aim.pitch - start.pitch, aim.generator_torque - start.generator_torque
+        start, n, controller, demand = self.setpoint, self._substeps, self.controller, self.layout.action.demand
+        turn, rise = setpoint.pitch - start.pitch, setpoint.generator_torque - start.generator_torque
 
         def demand_at(k: int, signals: Signals) -> Demand:
             part, signals = k / n, self._measured(signals)
@@ -763,11 +763,11 @@ class WindTurbineEnv(gym.Env):
             pitch = start.pitch + part * turn
             if self._residual is not None:
                 pitch = self._residual.acting(pitch, self.base.pitch, signals["rotor_speed"], self._inner_dt)
-            present = Aim(pitch, aim.yaw_rate, start.generator_torque + part * rise)
+            present = AgentSetpoint(pitch, setpoint.yaw_rate, start.generator_torque + part * rise)
             self.demand = demand(present, self.base, signals["azimuth"], signals["rotor_speed"])
             return self.demand
 
-        return advance_under(demand_at, self.simulator, self.signals, self._inner_dt, n)
+        return advance_controlled(demand_at, self.simulator, self.signals, self._inner_dt, n)
 
     def _compared(self, reward, terms) -> tuple[float, dict[str, float]]:
         """Reward and terms less those that the controller alone earns in the same wind."""
@@ -939,10 +939,10 @@ class WindTurbineEnv(gym.Env):
             self._look = instant, seen
         return self._look[1]
 
-    def _situation(self) -> Situation:
+    def _situation(self) -> ObservationContext:
         signals = self._measured(self.signals)
         seen = self._ahead(signals) if self._observer.sees_lidar else None
-        return Situation(signals, self.demand, self.aim, self.base, self._action, seen, self._residual)
+        return ObservationContext(signals, self.demand, self.setpoint, self.base, self._action, seen, self._residual)
 
     def _observe(self) -> tuple[np.ndarray, tuple[str, ...]]:
         self._observation, self._saturated = self._observer.observe(self._situation(), self.np_random)

@@ -62,8 +62,8 @@ WANDERING = 1200.0
 """Time over which a wandering direction is drawn [s]; after it the direction stays."""
 FASTEST_WANDERING = 1.0
 """Shortest time constant of a wandering direction [s]."""
-# Boxes are synthesised at multiples of this speed [m/s], and at its half, quarter, …, and carried along at the speed
-# wanted: at half the speed at least, so that their harmonics, up to 2 Hz as synthesised, reach to 1 Hz.
+# Boxes are synthesized at multiples of this speed [m/s], and at its half, quarter, …, and carried along at the speed
+# wanted: at half the speed at least, so that their harmonics, up to 2 Hz as synthesized, reach to 1 Hz.
 _BOX_SPEED_STEP = 6.0
 NORMAL_SHEAR = 0.2
 """Exponent of IEC 61400-1 for normal conditions."""
@@ -104,7 +104,7 @@ class WindSampler:
     """Draws the wind of an episode.
 
     Spectra and coherence depend on frequency only through ``f / V``: turbulence is a frozen field in space. So a
-    box of unit intensity synthesised at one speed serves another speed V when it is carried along at V and scaled to
+    box of unit intensity synthesized at one speed serves another speed V when it is carried along at V and scaled to
     the standard deviation of V. Boxes are made at the next multiple of 6 m/s, or of 6 m/s halved until
     less than twice the speed, for 600 s at that speed. Their samples make up for the straight lines between them
     (`wt_gym.wind.interpolation`), so that the spectrum at the hub is the standard's up to 1 Hz at every speed.
@@ -263,7 +263,7 @@ class WindSampler:
         """Whether every wind is read from a file."""
         return isinstance(self._kind, tuple) and all(isinstance(own, WindFile) for own in self._kind)
 
-    def pieces(self, length: float) -> tuple[tuple[WindFile, float], ...]:
+    def windows(self, length: float) -> tuple[tuple[WindFile, float], ...]:
         """Winds of a length [s] without anything in common: a file and a time in it, the beginnings of all files first.
 
         None unless every wind is read from a file and nothing else of it is drawn. A record that is shorter is one.

@@ -22,7 +22,7 @@ FAILURES = {
 def failure_of_a_step(code, step):
     """Message for a code that a compiled integrator returned during a step [s], for everything that takes steps.
 
-    The mass matrix was sound at the start: when it is singular in a step, a diverging state has spoilt it before its
+    The mass matrix was sound at the start: when it is singular in a step, a diverging state has spoiled it before its
     numbers overflowed.
     """
     if code in (tree_kernels.DIVERGED, tree_kernels.SINGULAR_MASS):

@@ -29,7 +29,7 @@ Tree = namedtuple(
     "elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
     "stiffness damping "
     "cols n_col dof_stiffness dof_damping dof_inertia dof_q servo_frequency servo_damping gravity n_q n_u n_servo "
-    "load_parent constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilisation "
+    "load_parent constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilization "
     "projection",
 )
 Work = namedtuple(
@@ -51,12 +51,12 @@ class MultibodySystem:
     ----------
     gravity : array (3,)
         [m/s²], by default straight down with :data:`wt_gym.constants.GRAVITY`.
-    stabilisation : float
+    stabilization : float
         Baumgarte's α = β [1/s]: constraint errors decay like exp(−α t). Explicit schemes need α h < 1.29 (0.87 with one
         corrector pass, 0.72 with two).
     projection : bool
         Put the state back onto the constraint equations after each step of the Hamming scheme; without it the
-        stabilisation alone holds what steps drift by.
+        stabilization alone holds what steps drift by.
 
     Examples
     --------
@@ -68,10 +68,10 @@ class MultibodySystem:
     1
     """
 
-    def __init__(self, gravity=(0.0, 0.0, -GRAVITY), stabilisation=10.0, projection=True) -> None:
+    def __init__(self, gravity=(0.0, 0.0, -GRAVITY), stabilization=10.0, projection=True) -> None:
         check_vector("multibody system", "gravity", gravity)
-        check_number("multibody system", "stabilisation", stabilisation)
-        self.gravity, self.stabilisation = np.asarray(gravity, dtype=float), float(stabilisation)
+        check_number("multibody system", "stabilization", stabilization)
+        self.gravity, self.stabilization = np.asarray(gravity, dtype=float), float(stabilization)
         self.projection = bool(projection)
         self.bodies: list[FlexibleBody] = []
         self.joints: list[Joint] = []
@@ -341,7 +341,7 @@ class MultibodySystem:
             "constraint_axis": np.array([c.axis for c in self.constraints], dtype=float).reshape(-1, 3),
             "constraint_turn": turn,
             "constraint_servo": np.array(self._constraint_servo, dtype=np.int64),
-            "stabilisation": self.stabilisation,
+            "stabilization": self.stabilization,
             "projection": int(self.projection),
         }
 

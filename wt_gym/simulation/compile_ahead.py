@@ -168,4 +168,4 @@ def _compile_air(turbine, fidelity) -> None:
     nodes = radius[:, None] * outwards - sideways * ahead + (along * np.sin(flow_angle))[..., None] * axis
     velocities = speed * np.cross(axis, nodes)
     wind = np.broadcast_to(8.0 * axis, nodes.shape)
-    lattice.initialise_helix(lattice.new_state(), nodes, velocities, wind, np.zeros(3), axis, speed, 0.1, passes=1)
+    lattice.initialize_helix(lattice.new_state(), nodes, velocities, wind, np.zeros(3), axis, speed, 0.1, passes=1)

@@ -85,7 +85,7 @@ class Fidelity:
         "generalised_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
         nodal coordinates, torsion and blades of several bodies.
     spectral_radius : float, optional
-        Of the generalised-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
+        Of the generalized-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
         default 0.3 where blades twist (``blade_modes`` counts a torsion mode), else 0.8, see `scheme_radius`: the
         period of the twist is about the aerodynamic step, and with 0.8 it begins to shake in turbulence after minutes,
         which the balance of energy ends.
@@ -107,10 +107,10 @@ class Fidelity:
         embedded form is several times faster. "observer": all bodies in local observer frames, held together by
         constraint equations (Holm-Jørgensen, Nielsen & Rubak); the scheme is "generalised_alpha" where ``integrator``
         says so, else "newmark", with steps of at most ``max_substep``.
-    stabilisation : float
+    stabilization : float
         Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
     projection : bool
-        Put the state back onto the constraint equations after each structural step; without it the stabilisation alone
+        Put the state back onto the constraint equations after each structural step; without it the stabilization alone
         holds what steps drift by.
     moving_bodies : bool
         The closed bodies follow the deflected tower, and that of the tower bears the force of the air on it
@@ -153,7 +153,7 @@ class Fidelity:
     nacelle_body: tuple | None = None
     formulation: str = "embedded"
     spectral_radius: float | None = later_field(None)
-    stabilisation: float = later_field(10.0)
+    stabilization: float = later_field(10.0)
     projection: bool = later_field(True)
     moving_bodies: bool = later_field(False)
     blade_basis: str = later_field("fixed")
@@ -218,9 +218,9 @@ class Fidelity:
         self._check_observer()
 
     def _check_bodies_and_basis(self):
-        """Stabilisation, moving bodies and the basis of the blades have a meaning."""
-        if not (isinstance(self.stabilisation, numbers.Real) and 0.0 <= self.stabilisation < math.inf):
-            raise SimulationError(f"Fidelity.stabilisation is {self.stabilisation!r}; a finite number >= 0 is needed")
+        """Stabilization, moving bodies and the basis of the blades have a meaning."""
+        if not (isinstance(self.stabilization, numbers.Real) and 0.0 <= self.stabilization < math.inf):
+            raise SimulationError(f"Fidelity.stabilization is {self.stabilization!r}; a finite number >= 0 is needed")
         if self.moving_bodies and self.tower_body is None and self.nacelle_body is None:
             raise SimulationError("Fidelity.moving_bodies needs a tower_body or a nacelle_body to move")
         if self.blade_basis == "deformed":
@@ -236,7 +236,7 @@ class Fidelity:
         positive = isinstance(update, numbers.Real) and not isinstance(update, bool) and 0.0 < update < math.inf
         if update != "step" and not positive:
             raise SimulationError(
-                f"Fidelity.frame_update is {update!r}; allowed: 'step' or a positive displacement in metres"
+                f"Fidelity.frame_update is {update!r}; allowed: 'step' or a positive displacement in meters"
             )
         if self.formulation == "observer":
             for name, needed in (("blade_bodies", 1), ("blade_basis", "fixed"), ("moving_bodies", False)):
@@ -271,7 +271,7 @@ class Fidelity:
 
     @property
     def scheme_radius(self):
-        """Spectral radius of the generalised-α scheme: the one given, or that of blades that twist or only bend.
+        """Spectral radius of the generalized-α scheme: the one given, or that of blades that twist or only bend.
 
         A radius of 0.3 takes out of the twist what the aerodynamic step, as long as its period, cannot couple: with 0.8
         blades of the NREL 5-MW begin to shake in gusts. Against 0.8 with structural steps of 8 ms and a coupling
@@ -375,7 +375,7 @@ FIDELITIES = {
         moving_bodies=True,
     ),
     # the mixed coordinates of Nada & Al-Shahrani 2019, for their small turbine: modal tower, rigid nacelle and hub,
-    # nodal blades whose frames are free, with Euler parameters; the stabilisation is that of their rig's time scale
+    # nodal blades whose frames are free, with Euler parameters; the stabilization is that of their rig's time scale
     "mixed": Fidelity(
         "mixed",
         TRAINING,
@@ -386,7 +386,7 @@ FIDELITIES = {
         blade_coordinates="nodal",
         integrator="newmark",
         formulation="constrained",
-        stabilisation=200.0,
+        stabilization=200.0,
     ),
 }
 

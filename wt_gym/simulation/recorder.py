@@ -1,4 +1,4 @@
-"""Recording of signals into a labelled data set."""
+"""Recording of signals into a labeled data set."""
 
 from pathlib import Path
 

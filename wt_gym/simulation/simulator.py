@@ -157,7 +157,7 @@ class Simulator:
         return Signals(values * parities(n_blades) if self.mirrored else values.copy(), n_blades)
 
     def reset(
-        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, thrust_before=None,
+        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, wake_thrust=None,
         motion=None,
     ):  # fmt: skip
         """Start at time zero near a steady state: developed wake, deflected structure that turns with the rotor.
@@ -177,7 +177,7 @@ class Simulator:
         tower_top : array (4,), optional
             Displacement of the tower top, fore-aft and side-side [m], and its rates [m/s]: the tower starts amid a
             swing in its first modes. By default it stands still where its loads are in balance.
-        thrust_before : float, optional
+        wake_thrust : float, optional
             Mean thrust of the air on the rotor over some ten seconds before [N], in which the wake was shed. By default
             that of the start.
         motion : array (n,), optional
@@ -213,22 +213,22 @@ class Simulator:
                     f"motion must be {size} finite numbers, for modal coordinates, formulation 'embedded' and the "
                     f"Hamming integrator; got shape {motion.shape} for {self.fidelity!r:.200}"
                 )
-        if thrust_before is not None:
-            check_finite(thrust_before=thrust_before)
+        if wake_thrust is not None:
+            check_finite(wake_thrust=wake_thrust)
         if not self._compiled:  # to look that up takes as long as half a start
             announce_compilation(self.coupling, self.coupling.models.turbine)
             self._compiled = True
         self.drives.start(pitch, -yaw if self.mirrored else yaw, rotor_speed, generator_torque)
         self._n_steps, self._started = 0, False
         try:
-            self._starter.balance(rotor_speed, azimuth, generator_torque, self._felt, tower_top, thrust_before, motion)
+            self._starter.balance(rotor_speed, azimuth, generator_torque, self._felt, tower_top, wake_thrust, motion)
         except (MultibodyError, AerodynamicsError, SimulationError, InflowError) as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True
         self._measure()
         return self.signals
 
-    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0, go_on=False):
+    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0, accumulate=False):
         """Simulate for a while with constant demands; the drives follow them within their limits.
 
         Parameters
@@ -242,7 +242,7 @@ class Simulator:
         generator_torque : float
             Demanded torque on the high-speed shaft [N m]; rate-limited and kept between 0 and the generator's maximum,
             which falls to zero as the rotor stops.
-        go_on : bool
+        accumulate : bool
             Whether extremes and ways in the signals go on from those of the call before, instead of beginning anew;
             after a reset they do that in any case.
 
@@ -265,7 +265,7 @@ class Simulator:
         n = round(duration / self.time_step)
         if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
             raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
-        if not go_on:
+        if not accumulate:
             coupling.extremes.restart()
         inputs, azimuth_u, step = coupling.integrator.inputs, self.structure.azimuth_u, self.time_step
         inflow, yaw_rate = self._felt, -yaw_rate if self.mirrored else yaw_rate

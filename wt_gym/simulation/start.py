@@ -28,7 +28,7 @@ class Starter:
         embedded = coupling.models.embedded
         self._balanced = coupling if embedded is None else Coupling(embedded)
 
-    def balance(self, rotor_speed, azimuth, generator_torque, inflow, tower_top=None, thrust_before=None, motion=None):
+    def balance(self, rotor_speed, azimuth, generator_torque, inflow, tower_top=None, wake_thrust=None, motion=None):
         """Balance turbine, wake and air, and begin to move; pitch and yaw are those that the drives have started with.
 
         Parameters
@@ -41,7 +41,7 @@ class Starter:
         tower_top : array (4,), optional
             Displacement of the tower top along and across the heading of the nacelle [m] and its rates [m/s]; by
             default the balance, at rest.
-        thrust_before : float, optional
+        wake_thrust : float, optional
             Mean thrust in the time before, to which the wake belongs [N]; by default that of the balance.
         motion : array (n,), optional
             Of the structure (`TurbineStructure.motion`): it goes on with its velocities and accelerations, deformed as
@@ -61,9 +61,9 @@ class Starter:
         y = self._rigid_state(rotor_speed, azimuth)
         if motion is not None:
             wanted = balanced.models.structure.move(y, motion, self.drives.command[1])
-            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, thrust_before, wanted)
+            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, wake_thrust, wanted)
         else:
-            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, thrust_before)
+            self._find_equilibrium(y, rotor_speed, generator_torque, inflow, wake_thrust)
             self._turn_loads(y, rotor_speed, azimuth)
             if tower_top is not None:
                 self._sway(y, tower_top)
@@ -117,7 +117,7 @@ class Starter:
         q += s.tower_sway @ moved
         u += s.tower_sway @ (turn @ tower_top[2:])
 
-    def _find_equilibrium(self, y, rotor_speed, generator_torque, inflow, thrust_before, accelerations=0.0):
+    def _find_equilibrium(self, y, rotor_speed, generator_torque, inflow, wake_thrust, accelerations=0.0):
         """Wake, loads and elastic state (y, in place) in balance with each other and the generator.
 
         Balance means the given accelerations: a motion that goes on in another wind is not jolted by it.
@@ -126,11 +126,11 @@ class Starter:
         s, induced = c.models.structure, None
         for k in range(PASSES):
             last = k == PASSES - 1
-            induced = self._balance_air(y, rotor_speed, generator_torque, inflow, induced, last, thrust_before)
+            induced = self._balance_air(y, rotor_speed, generator_torque, inflow, induced, last, wake_thrust)
             elastic_equilibrium(s.system, y, c.integrator.inputs, c.integrator.work, s.azimuth_q, s.azimuth_u,
                                 _balances_forces(c.models.fidelity), accelerations=accelerations)  # fmt: skip
 
-    def _balance_air(self, y, rotor_speed, generator_torque, inflow, induced, last, thrust_before):
+    def _balance_air(self, y, rotor_speed, generator_torque, inflow, induced, last, wake_thrust):
         """Wake and loads for a state of the structure, and the generator under them; returns what the wake induces."""
         c = self._balanced
         s, lattice, x = c.models.structure, c.models.lattice, c.exchange
@@ -138,12 +138,14 @@ class Starter:
         c.move_lattice(y)
         axis = work.rot[s.hub, :, 0].copy()
         wind = c.take_wind(inflow, 0.0)
-        induced = lattice.initialise_helix(
+        induced = lattice.initialize_helix(
             c.aero, x.nodes, x.velocities, wind, work.r[s.hub], axis, rotor_speed, c.models.time_step,
-            passes=4 if induced is None else 1, induced=induced, accept=last, thrust_before=thrust_before,
+            passes=4 if induced is None else 1, induced=induced, accept=last, wake_thrust=wake_thrust,
         )  # fmt: skip
         loads = inputs.body_loads[1]
-        coupling_kernels.rotor_loads(c.blade_forces, work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
+        coupling_kernels.rotor_loads(
+            c.blade_forces, work.rot, x.elastic, x.points, x.lattice_bodies, x.sub_bodies, loads
+        )
         coupling_kernels.tower_drag(y, s.system.tree, work, x.tower, loads[s.tower])
         inputs.body_loads[0] = loads
         _, moment = coupling_kernels.rotor_resultant(c.blade_nodes, c.blade_forces, work.r[s.hub], axis)

@@ -175,7 +175,7 @@ class Blade(ArrayRecord):
         return self.airfoils[index[j - 1]], self.airfoils[index[j]], weight
 
     def polar_at(self, z: float) -> Polar:
-        """Return the polar at z [m] from the root, blended linearly between the neighbouring airfoil stations.
+        """Return the polar at z [m] from the root, blended linearly between the neighboring airfoil stations.
 
         With ``augmentation``, that of the section in rotation.
         """

@@ -48,7 +48,7 @@ def gebhardt_turbine(tower_stiffness=1.0, nacelle_forward=None):
     tower_stiffness : float
         Factor on the bending stiffness of the tower.
     nacelle_forward : float, optional
-        Distance of the nacelle's centre of mass upwind of the tower [m]; by default the inferred one.
+        Distance of the nacelle's center of mass upwind of the tower [m]; by default the inferred one.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def _blade(data):
     beam = {k: np.array(v) for k, v in _columns(blade["structure"], blade["structure_columns"]).items()}
     length = blade["length_m"]
     start, span = blade["lifting_surface_from_m"], np.array(plan["span_m"])
-    # lattice: slender root, a ramp centred on the begin of the lifting surface, the published planform outboard
+    # lattice: slender root, a ramp centered on the begin of the lifting surface, the published planform outboard
     first, last = start - ROOT_RAMP, start + ROOT_RAMP
     outboard = span > last
     station = np.concatenate(([0.0, first, last], span[outboard]))

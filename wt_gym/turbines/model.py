@@ -146,9 +146,9 @@ class Hub(ArrayRecord):
     mass : float
         [kg] (HubMass).
     inertia_axial, inertia_transverse : float
-        About the shaft and about axes through the centre of mass across it [kg m^2] (HubIner).
+        About the shaft and about axes through the center of mass across it [kg m^2] (HubIner).
     cm_offset_along_shaft : float
-        Centre of mass from the apex along the shaft, positive downwind [m] (HubCM).
+        Center of mass from the apex along the shaft, positive downwind [m] (HubCM).
     """
 
     radius: float
@@ -179,9 +179,9 @@ class Nacelle(ArrayRecord):
     mass : float
         [kg] (NacMass).
     cm : ndarray (3,)
-        Centre of mass from the tower top in nacelle axes (x downwind, y left, z up) [m] (NacCMxn, NacCMyn, NacCMzn).
+        Center of mass from the tower top in nacelle axes (x downwind, y left, z up) [m] (NacCMxn, NacCMyn, NacCMzn).
     inertia : ndarray (3, 3)
-        About the nacelle's centre of mass, nacelle axes [kg m^2]. (OpenFAST's NacYIner is about the yaw axis.)
+        About the nacelle's center of mass, nacelle axes [kg m^2]. (OpenFAST's NacYIner is about the yaw axis.)
     tilt : float
         Shaft tilt [rad], positive raises the upwind end (OpenFAST ShftTilt with the opposite sign).
     overhang : float

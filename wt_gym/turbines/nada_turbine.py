@@ -1,4 +1,4 @@
-"""The small turbine of Nada & Al-Shahrani 2019: a rotor of half a metre on a copper rod in front of a wind generator.
+"""The small turbine of Nada & Al-Shahrani 2019: a rotor of half a meter on a copper rod in front of a wind generator.
 
 The numbers of the paper are not legible in the copies at hand; the rig is a stand-in of the same kind, whose data
 ``data/nada_small.json`` keeps apart from what is published. The validation case ``mixed-coordinates`` uses the same
@@ -48,7 +48,7 @@ def nada_speed():
 def plate_polar(stall, width, friction, n=361):
     """Polar of a thin plate with sharp edges over the full circle.
 
-    The force is normal to the plate but for friction: attached flow has the circulation of thin-aerofoil theory and no
+    The force is normal to the plate but for friction: attached flow has the circulation of thin-airfoil theory and no
     suction at the leading edge, c_n = 2 π sin α; separated flow c_n = 1/(0.222 + 0.283/sin α) (Hoerner 1965); between
     them the share of attached flow falls as 1/(1 + exp((α − stall)/width)). The force acts at a quarter of the chord
     from the edge that leads, and at half of it across the wind.
@@ -74,12 +74,12 @@ def plate_polar(stall, width, friction, n=361):
     normal[[0, n // 2, -1]] = 0.0
     along = friction * np.cos(alpha)
     behind = 0.25 * (1.0 - attached) * from_edge / (0.5 * np.pi)  # of the pressure behind the quarter of the chord
-    centre = np.where(np.cos(alpha) >= 0.0, behind, 0.5 - behind)
+    center = np.where(np.cos(alpha) >= 0.0, behind, 0.5 - behind)
     return Polar(
         alpha=alpha,
         cl=normal * np.cos(alpha) - along * np.sin(alpha),
         cd=normal * np.sin(alpha) + along * np.cos(alpha),
-        cm=-normal * centre,
+        cm=-normal * center,
     )
 
 

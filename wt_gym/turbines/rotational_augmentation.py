@@ -1,6 +1,6 @@
 """Stall delayed by rotation: two-dimensional polars turned into those of the sections of a turning blade.
 
-Near the axis the boundary layer of a stalled section is thrown outwards; Coriolis forces act on it as a favourable
+Near the axis the boundary layer of a stalled section is thrown outwards; Coriolis forces act on it as a favorable
 pressure gradient, and the lift stays closer to that of attached flow than in a wind tunnel:
 
     cl = cl_2D + g (cl_pot - cl_2D),   cl_pot = cla (alpha - alpha0),

@@ -150,7 +150,7 @@ def _read_airfoils(
 
     windIO lists pure airfoils along the span and a thickness distribution; where both are there the thickness decides.
     So between two listed airfoils the weight follows the thickness, and a blended section is made at every point of the
-    thickness table; where neighbours are equally thick the weight follows the position.
+    thickness table; where neighbors are equally thick the weight follows the position.
     """
     entries = shape.items("airfoils")
     if not entries:
@@ -170,7 +170,7 @@ def _read_airfoils(
         if x == lower or upper == lower:
             weight = 0.0
         elif abs(t1 - t0) > 1e-3:
-            # A thickness outside the range of both neighbours cannot be met by blending them: the nearer one is used.
+            # A thickness outside the range of both neighbors cannot be met by blending them: the nearer one is used.
             weight = float(np.clip((np.interp(x, grid_t, thickness) - t0) / (t1 - t0), 0.0, 1.0))
         else:
             weight = float((x - lower) / (upper - lower))

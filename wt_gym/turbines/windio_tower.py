@@ -52,7 +52,7 @@ def read_tower(root: Node, notes: list[str]) -> Tower:
         notes.append(f"{shape.where('cd')}: varies along the tower, its mean {cd.mean():g} is used")
     for support in ("monopile", "jacket", "floating_platform"):
         if support in root.at("components"):
-            how = "left out (load_turbine takes a water_depth)" if support == "monopile" else "not modelled"
+            how = "left out (load_turbine takes a water_depth)" if support == "monopile" else "not modeled"
             notes.append(f"components.{support}: {how}, the tower is clamped at its base, {base:g} m up")
     length = height - base
     structure = node.at("structure", "a mapping with elastic_properties or layers")

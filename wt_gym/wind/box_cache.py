@@ -1,4 +1,4 @@
-"""Turbulence boxes kept on disk by their parameters, so that a wind is synthesised once.
+"""Turbulence boxes kept on disk by their parameters, so that a wind is synthesized once.
 
 Files live in ``$WT_GYM_CACHE/turbulence``, or without that variable in the user's cache directory. Each holds, one
 after the other in NumPy's format, the parameters of a box, a checksum and the samples: read in a third of the time

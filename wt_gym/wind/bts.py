@@ -27,7 +27,7 @@ class BtsContent:
     """Content of a ``.bts`` file.
 
     ``grid`` (n_times, n_z, n_y, 3) and ``tower`` (n_times, n_tower, 3) are full velocities [m/s] in float32, the mean
-    included; lengths in metres, times in seconds.
+    included; lengths in meters, times in seconds.
     """
 
     grid: np.ndarray

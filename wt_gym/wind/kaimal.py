@@ -1,4 +1,4 @@
-"""Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and the synthesis of one realisation.
+"""Kaimal turbulence of IEC 61400-1 on a grid: spectra, coherence and the synthesis of one realization.
 
 The three components are stationary processes with the one-sided Kaimal spectra of IEC 61400-1 (edition 4, annex C.2)
 and, between two points a distance r apart at frequency f, the coherence exp(−κ(f) r). Following Veers
@@ -44,7 +44,7 @@ from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.interpolation import SPECTRUM_OF, sample_gain, variance_read
 from wt_gym.wind.protocol import require_number
 
-__all__ = ["SCALINGS", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesise"]
+__all__ = ["SCALINGS", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesize"]
 
 SIGMA_RATIO = np.array([1.0, 0.8, 0.5])
 LENGTH_RATIO = np.array([8.1, 2.7, 0.66])
@@ -254,8 +254,8 @@ def coherence_decay(frequency: np.ndarray, mean_speed: float, hub_height: float)
     return COHERENCE_DECREMENT * np.hypot(np.asarray(frequency) / mean_speed, COHERENCE_OFFSET / scale)
 
 
-def synthesise(parameters: KaimalParameters) -> np.ndarray:
-    """Fluctuations of one realisation [m/s], float32, shape (n_times, n_z, n_y, 3).
+def synthesize(parameters: KaimalParameters) -> np.ndarray:
+    """Fluctuations of one realization [m/s], float32, shape (n_times, n_z, n_y, 3).
 
     Every point has zero mean over the period. The Nyquist frequency carries nothing.
     """

@@ -1,4 +1,4 @@
-"""Turbulence of the uniform shear model of Mann on a grid: tensor, spectra and the synthesis of one realisation.
+"""Turbulence of the uniform shear model of Mann on a grid: tensor, spectra and the synthesis of one realization.
 
 Isotropic turbulence with the spectrum of von Kármán is sheared by the mean wind for as long as its eddies live
 (Mann, The spatial structure of neutral atmospheric surface-layer turbulence, J. Fluid Mech. 273, 1994; Wind field
@@ -46,7 +46,7 @@ from wt_gym.wind.interpolation import sample_gain, variance_read
 from wt_gym.wind.kaimal import KaimalParameters
 from wt_gym.wind.protocol import require_number
 
-__all__ = ["MannParameters", "distortion", "life_time", "one_point_spectra", "spectral_tensor", "synthesise_mann"]
+__all__ = ["MannParameters", "distortion", "life_time", "one_point_spectra", "spectral_tensor", "synthesize_mann"]
 
 SHEAR = 3.9
 """Γ of the standard."""
@@ -283,8 +283,8 @@ def _unit_variance(shear: float) -> np.ndarray:
     return 2.0 * (np.trapezoid(spectra * k[:, None], np.log(k), axis=0) + k[0] * spectra[0])
 
 
-def synthesise_mann(parameters: MannParameters) -> np.ndarray:
-    """Fluctuations of one realisation [m/s], float32, shape (n_times, n_z, n_y, 3).
+def synthesize_mann(parameters: MannParameters) -> np.ndarray:
+    """Fluctuations of one realization [m/s], float32, shape (n_times, n_z, n_y, 3).
 
     Every point has zero mean over the period. The Nyquist frequency carries nothing.
     """

@@ -166,7 +166,7 @@ class PointInflow:
     def rotor_effective_speed(self, time: float | np.ndarray, rotor_diameter: float) -> float | np.ndarray:
         """Mean over the rotor disc of the wind component along x.
 
-        The disc stands upright at x = 0 with its centre at hub height and faces −x. The mean is taken over 192
+        The disc stands upright at x = 0 with its center at hub height and faces −x. The mean is taken over 192
         points of equal area.
 
         Parameters

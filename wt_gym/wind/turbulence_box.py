@@ -10,8 +10,8 @@ import numpy as np
 
 from wt_gym.errors import InflowError
 from wt_gym.wind import box_cache, bts
-from wt_gym.wind.kaimal import KaimalParameters, synthesise
-from wt_gym.wind.mann import SHEAR, MannParameters, synthesise_mann
+from wt_gym.wind.kaimal import KaimalParameters, synthesize
+from wt_gym.wind.mann import SHEAR, MannParameters, synthesize_mann
 from wt_gym.wind.protocol import require_number
 from wt_gym.wind.steady import SteadyInflow
 
@@ -178,7 +178,7 @@ class TurbulenceBox:
             Numbers of points (n_y, n_z), both odd so that one point is the hub. By default as many as a spacing of
             at most 10 m needs.
         width
-            Side of the square grid centred on the hub [m]; by default 1.15 rotor diameters, at most 1.98 hub
+            Side of the square grid centered on the hub [m]; by default 1.15 rotor diameters, at most 1.98 hub
             heights.
         turbulence
             ``"NTM"`` (normal) or ``"ETM"`` (extreme) turbulence.
@@ -191,7 +191,7 @@ class TurbulenceBox:
             by one factor for each component. ``"none"``: every harmonic follows the spectrum. The first two give
             exactly the standard's σ at the hub in every seed; the factors stand in the box's ``description``.
         lateral_coherence
-            Give v and w the coherence of u. The standard leaves theirs open; without, neighbouring points are
+            Give v and w the coherence of u. The standard leaves theirs open; without, neighboring points are
             independent in v and w, and interpolation between them loses variance.
         spectrum_of
             Whose spectrum and σ are the standard's: ``"interpolated"``, those of the wind in straight lines between
@@ -338,7 +338,7 @@ turbine_class, spectrum_of, cache
             steady = SteadyInflow(self.mean_speed, self.hub_height)
         self.require_fitting(steady)
         if self.y_center != 0.0:
-            raise InflowError(f"a .bts file is centred on the tower: y_center must be 0; got {self.y_center:g} m")
+            raise InflowError(f"a .bts file is centered on the tower: y_center must be 0; got {self.y_center:g} m")
         if steady.yaw_misalignment != 0.0 or steady.inclination != 0.0:
             raise InflowError("a .bts file is aligned with the wind: yaw_misalignment and inclination must be zero")
         points = np.zeros((self.z.size, self.y.size, 3))
@@ -488,9 +488,9 @@ def _made_box(parameters: KaimalParameters | MannParameters, use_disk: bool) -> 
     fluctuation = box_cache.load(parameters) if use_disk else None
     if fluctuation is None:
         if isinstance(parameters, MannParameters):
-            fluctuation = synthesise_mann(parameters)
+            fluctuation = synthesize_mann(parameters)
         else:
-            fluctuation = synthesise(parameters)
+            fluctuation = synthesize(parameters)
         if use_disk:
             box_cache.store(parameters, fluctuation)
     fluctuation.setflags(write=False)

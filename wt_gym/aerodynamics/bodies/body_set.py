@@ -45,7 +45,7 @@ class BodyArrays(NamedTuple):
     """What the kernels need of the panels of all bodies."""
 
     corners: np.ndarray  # (n_panel, 4, 3) in the mean plane, counter-clockwise about the normal [m]
-    centre: np.ndarray  # (3, n_panel) control points: centroids [m]
+    center: np.ndarray  # (3, n_panel) control points: centroids [m]
     normal: np.ndarray  # (n_panel, 3) unit, out of the body
     far: np.ndarray  # (n_panel, 8): area [m^2], xx, yy, zz, xy, yz, zx about the centroid [m^4], all over 4 pi,
     # and the square of the distance [m^2] below which the exact velocity is computed
@@ -92,7 +92,7 @@ class BodySurface:
     ----------
     corners : ndarray, shape (n_panel, 4, 3)
         Corners moved into the mean plane of their panel [m].
-    centre, normal : ndarray, shape (n_panel, 3)
+    center, normal : ndarray, shape (n_panel, 3)
         Centroids [m] and unit normals out of the body.
     area : ndarray, shape (n_panel,)
         [m^2].
@@ -111,7 +111,7 @@ class BodySurface:
     name: str = "body"
     tower: TowerAxis | None = None
     corners: np.ndarray = field(init=False, repr=False)
-    centre: np.ndarray = field(init=False, repr=False)
+    center: np.ndarray = field(init=False, repr=False)
     normal: np.ndarray = field(init=False, repr=False)
     area: np.ndarray = field(init=False, repr=False)
     volume: float = field(init=False)
@@ -132,7 +132,7 @@ class BodySurface:
         if not volume > 0.0:
             raise AerodynamicsError(f"the normals of {self.name} point inwards: its volume is {volume:.4g} m^3")
         for name, value in zip(
-            ("vertices", "quads", "corners", "centre", "normal", "area"), (vertices, quads, *panels), strict=True
+            ("vertices", "quads", "corners", "center", "normal", "area"), (vertices, quads, *panels), strict=True
         ):
             value.flags.writeable = False
             object.__setattr__(self, name, value)
@@ -154,7 +154,7 @@ class BodySurface:
         if count.max() > 1:
             k = first[count > 1][0]
             raise AerodynamicsError(
-                f"panel {panel[k]} of {self.name} and a neighbour run along their edge {start[k]}-{end[k]} in the same "
+                f"panel {panel[k]} of {self.name} and a neighbor run along their edge {start[k]}-{end[k]} in the same "
                 "direction: the normal of one of them is inverted"
             )
         is_open = ~np.isin(key, reverse)
@@ -165,7 +165,7 @@ class BodySurface:
         if is_open.any():
             k = np.flatnonzero(is_open)[0]
             raise AerodynamicsError(
-                f"{self.name} is not closed: panel {panel[k]} has no neighbour at its edge {start[k]}-{end[k]} "
+                f"{self.name} is not closed: panel {panel[k]} has no neighbor at its edge {start[k]}-{end[k]} "
                 f"({vertices[start[k]]} to {vertices[end[k]]})"
             )
 
@@ -193,8 +193,8 @@ def _panel_geometry(corners, name):
     corners = corners - out_of_plane[..., None] * normal[:, None]
     thirds, areas = _triangles(corners, normal)
     area = areas.sum(axis=1)
-    centre = np.einsum("pti,pt->pi", thirds.mean(axis=2), areas) / area[:, None]
-    return corners, centre, normal, area
+    center = np.einsum("pti,pt->pi", thirds.mean(axis=2), areas) / area[:, None]
+    return corners, center, normal, area
 
 
 def _triangles(corners, normal):
@@ -204,9 +204,9 @@ def _triangles(corners, normal):
     return triangles, 0.5 * np.einsum("pti,pi->pt", np.cross(b - a, c - a), normal)
 
 
-def _second_moments(corners, centre, normal):
+def _second_moments(corners, center, normal):
     """Integrals of x_i x_j about the centroid, (n, 3, 3) [m^4]."""
-    triangles, areas = _triangles(corners - centre[:, None], normal)
+    triangles, areas = _triangles(corners - center[:, None], normal)
     total = triangles.sum(axis=2)
     pairs = np.einsum("ptki,ptkj->ptij", triangles, triangles) + np.einsum("pti,ptj->ptij", total, total)
     return np.einsum("ptij,pt->pij", pairs, areas) / 12.0
@@ -256,7 +256,7 @@ class BodySet:
         tower = towers[0].tower if towers else TowerAxis(np.zeros((2, 3)), np.zeros(0), np.zeros(0))
         n = self.n_panels
         self.arrays = BodyArrays(
-            corners=np.zeros((n, 4, 3)), centre=np.zeros((3, n)), normal=np.zeros((n, 3)), far=np.zeros((n, 8)),
+            corners=np.zeros((n, 4, 3)), center=np.zeros((3, n)), normal=np.zeros((n, 3)), far=np.zeros((n, 8)),
             motion=np.zeros((3, n)), owner=np.repeat(np.arange(len(bodies)), np.diff(self.first_panel)),
             axis=tower.ends.copy(), stations=tower.stations.copy(), radii=tower.radii.copy(), inverse=np.zeros((n, n)),
         )  # fmt: skip
@@ -274,7 +274,7 @@ class BodySet:
     @property
     def control_points(self) -> np.ndarray:
         """Control points, shape (n_panel, 3) [m]; where the wind is needed."""
-        return np.ascontiguousarray(self.arrays.centre.T)
+        return np.ascontiguousarray(self.arrays.center.T)
 
     @property
     def area(self) -> np.ndarray:
@@ -326,7 +326,7 @@ class BodySet:
         velocities = np.zeros_like(frames[:, :, 3]) if velocities is None else np.asarray(velocities)
         spins = np.zeros_like(velocities) if angular_velocities is None else np.asarray(angular_velocities)
         for b, panels in enumerate(self._panels()):
-            arm = self.arrays.centre[:, panels].T - frames[b, :, 3]
+            arm = self.arrays.center[:, panels].T - frames[b, :, 3]
             self.arrays.motion[:, panels] = (velocities[b] + np.cross(spins[b], arm)).T
         return moved
 
@@ -346,8 +346,8 @@ class BodySet:
         """
         surface, a = self.bodies[body], self.arrays
         vertices = np.asarray(vertices, dtype=np.float64)
-        corners, centre, normal, area = _panel_geometry(vertices[surface.quads], surface.name)
-        self._set_panels(body, corners, centre, normal, area)
+        corners, center, normal, area = _panel_geometry(vertices[surface.quads], surface.name)
+        self._set_panels(body, corners, center, normal, area)
         if surface.tower is not None:
             low, high = surface.vertices[:, 2].min(), surface.vertices[:, 2].max()
             level = surface.vertices[:, 2]
@@ -392,22 +392,22 @@ class BodySet:
 
     def _move(self, b, rotation, origin):
         body = self.bodies[b]
-        corners, centre = body.corners @ rotation.T + origin, body.centre @ rotation.T + origin
+        corners, center = body.corners @ rotation.T + origin, body.center @ rotation.T + origin
         if body.tower is not None:
             self.arrays.axis[:] = body.tower.ends @ rotation.T + origin
-        self._set_panels(b, corners, centre, body.normal @ rotation.T, body.area)
+        self._set_panels(b, corners, center, body.normal @ rotation.T, body.area)
 
-    def _set_panels(self, b, corners, centre, normal, area):
+    def _set_panels(self, b, corners, center, normal, area):
         """Panels of a body: corners (n, 4, 3), centroids, normals (n, 3) and areas (n,)."""
         body, panels, a = self.bodies[b], self._panels()[b], self.arrays
-        a.corners[panels], a.centre[:, panels], a.normal[panels] = corners, centre.T, normal
+        a.corners[panels], a.center[:, panels], a.normal[panels] = corners, center.T, normal
         if self.has_ground:
             lowest = float(a.corners[panels][..., 2].min())
             if lowest < self.ground - 1e-9 * np.ptp(body.vertices, axis=0).max():
                 raise AerodynamicsError(f"{body.name} reaches to {lowest:.3f} m, below the ground at {self.ground} m")
-        centre = a.centre[:, panels].T
-        q = _second_moments(a.corners[panels], centre, a.normal[panels])
-        near = FAR**2 * np.max(np.sum((a.corners[panels] - centre[:, None]) ** 2, axis=2), axis=1)
+        center = a.center[:, panels].T
+        q = _second_moments(a.corners[panels], center, a.normal[panels])
+        near = FAR**2 * np.max(np.sum((a.corners[panels] - center[:, None]) ** 2, axis=2), axis=1)
         a.far[panels] = np.column_stack(
             [area, q[:, 0, 0], q[:, 1, 1], q[:, 2, 2], q[:, 0, 1], q[:, 1, 2], q[:, 2, 0], 4.0 * np.pi * near]
         ) / (4.0 * np.pi)
@@ -416,7 +416,7 @@ class BodySet:
         """No control point may lie in another body: the flux of a uniformly strong surface tells inside and outside."""
         parts, a = list(zip(self.names, self._panels(), strict=True)), self.arrays
         for (name, mine), (other, theirs) in permutations(parts, 2):
-            if _inside(a.corners[theirs], a.centre[:, mine].T).any():
+            if _inside(a.corners[theirs], a.center[:, mine].T).any():
                 raise AerodynamicsError(f"the bodies {name} and {other} intersect")
 
 
@@ -512,7 +512,7 @@ def ellipsoid_body(semi_axes, n_around: int, n_along: int, origin=(0.0, 0.0, 0.0
     n_around, n_along : int
         Panels around the x axis, and from pole to pole (at equal steps of the eccentric angle).
     origin : array_like, shape (3,)
-        Centre [m].
+        Center [m].
     name : str
         For messages.
 

@@ -35,11 +35,11 @@ __all__ = ["Block", "Tree", "TreeInduction", "make_block", "make_tree", "run_bes
 
 Tree = namedtuple(
     "Tree",
-    "centres keys spare_keys spare_order count tiles order bounds records measures reach parts root",
+    "centers keys spare_keys spare_order count tiles order bounds records measures reach parts root",
 )
 Tree.__doc__ = """Arrays of the clusters of a sheet and of the order of the targets.
 
-centres (3, n_tile): middle nodes of the tiles [m]; keys, spare_keys, spare_order, count: of the sort; tiles (n_tile,):
+centers (3, n_tile): middle nodes of the tiles [m]; keys, spare_keys, spare_order, count: of the sort; tiles (n_tile,):
 tiles in the order of the curve; order (n,): targets likewise; bounds (n_tile, 5): rows, sheet and nodes of a tile;
 records, measures, reach, parts: moments, sizes, least distance [m] and first and last + 1 part of each cluster (leaves
 first); root (1,): number of the last cluster, which holds all others.
@@ -47,7 +47,7 @@ first); root (1,): number of the last cluster, which holds all others.
 Block = namedtuple("Block", "targets velocity segments spheres far near group_far group_near stack scratch acted")
 Block.__doc__ = """Arrays of one block of targets, one set for each thread.
 
-targets, velocity (3, TARGETS); segments: of one tile; spheres: centre and radius of the block and of each of its
+targets, velocity (3, TARGETS); segments: of one tile; spheres: center and radius of the block and of each of its
 vectors [m]; far, near: gathered clusters and tiles; group_far, group_near: the same as one vector of targets sees them;
 stack: of the walk; scratch: vectors from the nodes of a tile; acted (2,): count of clusters and of tiles that acted on
 a vector of targets.
@@ -79,7 +79,7 @@ def make_tree(n_row, n_sheet, n_node, n_target):
         "root": 1,
     }
     reals = {
-        "centres": (3, n_tile),
+        "centers": (3, n_tile),
         "records": (n_cluster, RECORD),
         "measures": (n_cluster, MEASURES),
         "reach": n_cluster,

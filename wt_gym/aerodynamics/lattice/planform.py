@@ -192,7 +192,7 @@ def _check_panels(nodes):
     check_areas(nodes)
     chordwise, spanwise = _panel_sides(nodes)
     if np.any(np.einsum("ijk,ijk->ij", chordwise[:, 1:], chordwise[:, :-1]) < 0.0):
-        raise AerodynamicsError("the chord direction turns by more than 90 degrees between neighbouring strips")
+        raise AerodynamicsError("the chord direction turns by more than 90 degrees between neighboring strips")
     folded = np.einsum("ijk,ijk->ij", chordwise[1:], chordwise[:-1]) <= 0.0
     if np.any(folded):
         raise AerodynamicsError(

@@ -72,9 +72,9 @@ def _table(alpha, cl, cd, monotone):
     return np.column_stack([attached, separated, point, share * (cd - np.interp(alpha0, alpha, cd))])
 
 
-def _connected(within, centre):
-    """Entries of ``within`` (n,) that hold from index ``centre`` outwards without a gap."""
-    below, above = within[:centre][::-1], within[centre:]
+def _connected(within, center):
+    """Entries of ``within`` (n,) that hold from index ``center`` outwards without a gap."""
+    below, above = within[:center][::-1], within[center:]
     return np.concatenate([np.logical_and.accumulate(below)[::-1], np.logical_and.accumulate(above)])
 
 

@@ -15,7 +15,7 @@ def ring_velocity(axial, radial, core):
     Parameters
     ----------
     axial, radial : ndarray
-        Position relative to the ring's centre, in ring radii.
+        Position relative to the ring's center, in ring radii.
     core : float
         Softening of the distance to the ring, in ring radii.
 
@@ -52,7 +52,7 @@ def cylinder_table(n_axial: int = 193, n_radial: int = 129, core: float = 0.05) 
     limit = 0.998
     z_grid = np.clip(p, -limit, limit) / (1.0 - np.abs(np.clip(p, -limit, limit)))
     r_grid = (np.minimum(q, limit) / (1.0 - np.minimum(q, limit)))[:, None]
-    # Between neighbouring table lines a dozen steps, fine where the ring is near.
+    # Between neighboring table lines a dozen steps, fine where the ring is near.
     steps = np.unique(np.concatenate([np.linspace(a, b, 13) for a, b in pairwise(z_grid)]))
     u, v = ring_velocity(steps, r_grid, core)
     dz = np.diff(steps)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AZIMUTH", "FIRST_CALL", "LAST_CALL", "MAX_BLADES", "MESSAGE_LENGTH", "RECORDS", "SIZE", "STEP", "Record",
-    "channels_read", "demand_of", "new_swap", "record_table", "write_demand", "write_readings", "write_turbine",
+    "channels_read", "demand_of", "new_swap", "write_demand", "write_readings", "write_turbine",
 ]  # fmt: skip
 
 SIZE = 3500
@@ -191,10 +191,3 @@ def demand_of(swap: np.ndarray, n_blades: int, individual_pitch: bool) -> tuple[
     else:
         pitch = np.full(n_blades, float(swap[45 - 1]))
     return pitch, float(swap[48 - 1]), float(swap[47 - 1])
-
-
-def record_table() -> str:
-    """Give the records as a table in Markdown."""
-    head = ["| record | unit | given by | meaning |", "|---|---|---|---|"]
-    rows = [f"| {', '.join(map(str, r.numbers))} | {r.unit} | {r.given_by} | {r.meaning} |" for r in RECORDS]
-    return "\n".join(head + rows)

@@ -180,12 +180,12 @@ class LidarFeedforward:
         else:
             step = self.wavenumber * max(self._travel_speed.value, 0.0) * dt
             before, self.wind = self.wind, coming + math.exp(-step) * (self.wind - coming)
-            if self._travelled >= max(self.lidar.ranges) and self._share > 0.0:
+            if self._traveled >= max(self.lidar.ranges) and self._share > 0.0:
                 self.base.shift_pitch(self._share * (self._pitch_in(self.wind) - self._pitch_in(before)))
         demand = self.base.step(signals, dt)
         if self.fade is not None:
             self._share = self.fade.update(list(map(float, demand.pitch)), signals["rotor_speed"], dt)
-        self._travelled += max(self._travel_speed.update(self._mean(self._seen[-1]), dt), 0.0) * dt
+        self._traveled += max(self._travel_speed.update(self._mean(self._seen[-1]), dt), 0.0) * dt
         return demand
 
     def _forget(self) -> None:
@@ -193,7 +193,7 @@ class LidarFeedforward:
         self.wind = math.nan
         self._at: list[float] = []  # travel X of the air at each reading [m]
         self._seen: list[tuple[float, ...]] = []  # readings of all gates [m/s]
-        self._travelled = 0.0
+        self._traveled = 0.0
         self._share = 0.0 if self.fade is not None else 1.0
 
     def _coming(self, signals: Readings) -> float:
@@ -201,18 +201,18 @@ class LidarFeedforward:
         seen = tuple(signals[name] for name in self._readings)
         if not self._seen:
             self._travel_speed.reset(self._mean(seen))
-        if self._at and self._travelled - self._at[-1] < _SPACING / self.wavenumber:  # in a calm the last one counts
+        if self._at and self._traveled - self._at[-1] < _SPACING / self.wavenumber:  # in a calm the last one counts
             self._seen[-1] = seen
         else:
-            self._at.append(self._travelled)
+            self._at.append(self._traveled)
             self._seen.append(seen)
         ahead = 1.0 / self.wavenumber - max(self._travel_speed.value, 0.0) * self.delay
-        places = [self._travelled - (gate - ahead) for gate in self.lidar.ranges]
+        places = [self._traveled - (gate - ahead) for gate in self.lidar.ranges]
         self._drop(min(places))
         return self._mean([self._read(k, place) for k, place in enumerate(places)])
 
     def _read(self, gate: int, place: float) -> float:
-        """What a gate saw when the air had travelled so far [m/s]; outside of what is kept the nearest reading."""
+        """What a gate saw when the air had traveled so far [m/s]; outside of what is kept the nearest reading."""
         at, seen = self._at, self._seen
         k = bisect_left(at, place)
         if k in (0, len(at)):

@@ -20,7 +20,7 @@ _REFERENCE_SPEED = 12.1 * (math.pi / 30.0)
 def flap_moment_sensitivity(turbine: Turbine) -> float:
     """Fall of the flapwise root moment with the pitch of a blade at rated speed [N m/rad], positive.
 
-    ``rho/2 2 pi Omega^2 int c r^2 (r - r_root) dr``: thin-aerofoil lift in the speed of rotation alone, without the
+    ``rho/2 2 pi Omega^2 int c r^2 (r - r_root) dr``: thin-airfoil lift in the speed of rotation alone, without the
     change of induction and without the lag of the wake, hence an upper bound, about 1.5 times what a blade shows.
     """
     blade, speed = turbine.blade, turbine.drivetrain.rated_rotor_speed

@@ -167,7 +167,7 @@ def solve_constrained(tree, work):
     of a free body in clamped modes is almost singular): X = L⁻¹ Bᵀ, (XᵀX) λ = r − Xᵀ L⁻¹ f.
     Returns OK, SINGULAR_MASS or SINGULAR_CONSTRAINTS (rows that depend on each other).
     """
-    n_c, n_u, alpha = work.jacobian.shape[0], tree.n_u, tree.stabilisation
+    n_c, n_u, alpha = work.jacobian.shape[0], tree.n_u, tree.stabilization
     x, s, lam, force, mass = work.half_jacobian, work.schur, work.multipliers, work.force, work.mass
     for i in range(n_c):
         compliance = 1e-300

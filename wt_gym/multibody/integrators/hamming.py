@@ -12,7 +12,7 @@ from wt_gym.multibody.tree import tree_kernels
 
 __all__ = ["Drift", "HammingIntegrator", "History", "checked_start", "new_history"]
 
-History = namedtuple("History", "y f memory marks matrix pivot")
+History = namedtuple("History", "y f memory counters matrix pivot")
 """What an integration goes on from, of one type for all schemes: states y and rates f (n_points, n_state), newest last;
 memory: of the Hamming scheme its error estimate (n_state,), of implicit ones the pseudo-accelerations (n_v,), those of
 the origins of constrained free bodies in body axes; marks: how many older points count (1,), or the counters of the
@@ -91,7 +91,7 @@ class HammingIntegrator:
         y : array (n_state,)
         check : bool
             Refuse states off the constraint equations and steps beyond the stability limit. Without it Baumgarte's
-            stabilisation pulls in what is inconsistent.
+            stabilization pulls in what is inconsistent.
 
         Raises
         ------
@@ -106,7 +106,7 @@ class HammingIntegrator:
             check_hamming_step(system, y, self.step, self.n_corrections, self.inputs, self.work)
         history.y[3] = check_state(system, y)
         history.memory[:] = 0.0
-        history.marks[0] = STARTERS[self.starter]
+        history.counters[0] = STARTERS[self.starter]
         history.f[3] = system.rates(y, self.inputs, self.work)
 
     @property

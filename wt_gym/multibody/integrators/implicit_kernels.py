@@ -1,4 +1,4 @@
-"""Compiled implicit time integration of the tree equations: Newmark and generalised-α with modified Newton iteration.
+"""Compiled implicit time integration of the tree equations: Newmark and generalized-α with modified Newton iteration.
 
 The unknowns of a step are the accelerations x = (u̇, servo accelerations) at its end. With the pseudo-acceleration a of
 Arnold & Brüls (2007), Chung & Hulbert's scheme reads
@@ -21,8 +21,8 @@ slows down.
 import math
 
 from wt_gym.compiled import kernel
-from wt_gym.multibody.integrators.integrator_kernels import normalise_quaternions
-from wt_gym.multibody.tree.linear_algebra_kernels import factorise, solve_factorised
+from wt_gym.multibody.integrators.integrator_kernels import normalize_quaternions
+from wt_gym.multibody.tree.linear_algebra_kernels import factorize, solve_factorized
 from wt_gym.multibody.tree.rate_kernels import keep_drift, project, rates
 from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, NOT_CONVERGED, OK, SPHERICAL
 
@@ -179,7 +179,7 @@ def residual(h, scheme, history, x, tau, inputs, tree, work, scratch, out, const
     """Out = x − u̇ at the end of the step; returns the code of the right-hand side."""
     step_end(h, scheme, history, x, tree, scratch, constrained)
     code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
-    history.marks[EVALUATIONS] += 1
+    history.counters[EVALUATIONS] += 1
     if code != OK:
         return code
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
@@ -190,7 +190,7 @@ def residual(h, scheme, history, x, tau, inputs, tree, work, scratch, out, const
 
 @kernel
 def newton_matrix(h, scheme, history, x, tau, inputs, tree, work, scratch, difference, constrained):
-    """Factorised ∂(x − u̇)/∂x by forward differences about x, where scratch.residual is up to date."""
+    """Factorized ∂(x − u̇)/∂x by forward differences about x, where scratch.residual is up to date."""
     matrix = history.matrix
     for j in range(x.shape[0]):
         origin = x[j]
@@ -201,9 +201,9 @@ def newton_matrix(h, scheme, history, x, tau, inputs, tree, work, scratch, diffe
             return code
         for i in range(x.shape[0]):
             matrix[i, j] = (scratch.shifted[i] - scratch.residual[i]) / difference
-    history.marks[TANGENTS] += 1
-    history.marks[FRESH] = 1
-    return OK if factorise(matrix, history.pivot) else NOT_CONVERGED
+    history.counters[TANGENTS] += 1
+    history.counters[FRESH] = 1
+    return OK if factorize(matrix, history.pivot) else NOT_CONVERGED
 
 
 @kernel
@@ -250,13 +250,13 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
             code = residual(h, scheme, history, x, tau, inputs, tree, work, scratch, r, constrained)
             if code != OK:
                 return code
-            if history.marks[FRESH] == 0:
+            if history.counters[FRESH] == 0:
                 code = newton_matrix(
                     h, scheme, history, x, tau, inputs, tree, work, scratch, difference / reach, constrained
                 )
                 if code != OK:
                     return code
-            solve_factorised(history.matrix, history.pivot, r)
+            solve_factorized(history.matrix, history.pivot, r)
             change, finite = 0.0, True
             for i in range(n_u + n_s):
                 x[i] -= r[i]
@@ -268,7 +268,7 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
                 converged = True
                 break
             if iteration > 0 and change > SLOW * before:
-                history.marks[FRESH] = 0
+                history.counters[FRESH] = 0
             before = change
         if not converged:
             return NOT_CONVERGED
@@ -279,9 +279,9 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
             keep_drift(work)
             if tree.projection:
                 project(scratch.trial, tree, work, scratch.shifted, scratch.rate)
-                normalise_quaternions(scratch.trial, tree.kind, tree.joint_q, work.drift)
+                normalize_quaternions(scratch.trial, tree.kind, tree.joint_q, work.drift)
                 code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
-                history.marks[EVALUATIONS] += 1
+                history.counters[EVALUATIONS] += 1
                 if code != OK:
                     return code
         for i in range(n_u + n_s):

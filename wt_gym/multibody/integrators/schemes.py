@@ -9,7 +9,7 @@ Every integrator has ``start(y)``, ``advance(n_steps)``, ``state``, ``state_rate
 - ``"generalized-alpha"``: Chung & Hulbert's implicit scheme with a chosen damping of high frequencies.
 
 All take systems with constraint equations too: these are solved for the accelerations at every evaluation, with
-Baumgarte's stabilisation, so that the schemes see a plain differential equation and keep their order.
+Baumgarte's stabilization, so that the schemes see a plain differential equation and keep their order.
 """
 
 from collections import namedtuple
@@ -120,7 +120,7 @@ class _ImplicitIntegrator:
         history.y[0] = check_state(system, y)
         history.f[0] = self._rates(history.y[0])
         implicit_kernels.begin_memory(history, system.tree, system.constrained)
-        history.marks[:] = 0
+        history.counters[:] = 0
 
     def _rates(self, y):
         """dy/dt (n_state,) under the inputs at their start."""
@@ -147,7 +147,7 @@ class _ImplicitIntegrator:
     @property
     def n_evaluations(self):
         """Right-hand sides evaluated since the start."""
-        return int(self.history.marks[implicit_kernels.EVALUATIONS])
+        return int(self.history.counters[implicit_kernels.EVALUATIONS])
 
     def advance(self, n_steps=1):
         """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.
@@ -169,7 +169,7 @@ class _ImplicitIntegrator:
             )  # fmt: skip
         if code == tree_kernels.OK:
             return
-        self.history.marks[implicit_kernels.FRESH] = 0
+        self.history.counters[implicit_kernels.FRESH] = 0
         if code == tree_kernels.NOT_CONVERGED:
             raise MultibodyError(
                 f"Newton's iteration did not converge in {self.max_iterations} iterations; the step {self.step} s may "
@@ -220,7 +220,7 @@ def generalised_alpha(rho_inf):
 
 
 class GeneralizedAlphaIntegrator(_ImplicitIntegrator):
-    """Chung & Hulbert's generalised-α scheme (J. Appl. Mech. 60, 1993), optimal for a given spectral radius at ω h → ∞.
+    """Chung & Hulbert's generalized-α scheme (J. Appl. Mech. 60, 1993), optimal for a given spectral radius at ω h → ∞.
 
     Its parameters are those of `generalised_alpha`; second order, stable at every step.
 

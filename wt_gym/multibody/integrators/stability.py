@@ -1,7 +1,7 @@
 """Largest steps of the integrators: amplification of the schemes, and the roots of a system about a state.
 
 A scheme is stable for a mode with eigenvalue λ when no root of its difference equation on y' = λy exceeds one. The
-roots of a system come from its equations of motion linearised about the state from which it starts. They hold near
+roots of a system come from its equations of motion linearized about the state from which it starts. They hold near
 that state; a rotor that speeds up stiffens, so that the step should leave some reserve.
 """
 
@@ -131,7 +131,7 @@ def hamming_growth(roots, step, passes):
 def check_hamming_step(system, y, step, passes, inputs=None, work=None):
     """Refuse a step with which the modified Hamming scheme is unstable near a state.
 
-    Every root of the system is held against the roots of the scheme, Baumgarte's stabilisation against its limit too.
+    Every root of the system is held against the roots of the scheme, Baumgarte's stabilization against its limit too.
 
     Parameters
     ----------
@@ -148,10 +148,10 @@ def check_hamming_step(system, y, step, passes, inputs=None, work=None):
     MultibodyError
         Naming ω or α, the step, their product and what is allowed.
     """
-    alpha, limit = system.stabilisation, min(BAUMGARTE_LIMIT, damped_limit(passes))
+    alpha, limit = system.stabilization, min(BAUMGARTE_LIMIT, damped_limit(passes))
     if system.constraints and alpha * step > limit:
         raise MultibodyError(
-            f"the step exceeds the stability limit: the stabilisation α = {alpha:.4g} 1/s at a step of {step:.4g} s "
+            f"the step exceeds the stability limit: the stabilization α = {alpha:.4g} 1/s at a step of {step:.4g} s "
             f"gives α h = {alpha * step:.3g}; allowed with {passes} corrector pass(es): {limit:.3g}"
         )
     roots = system_eigenvalues(system, y, inputs, work)

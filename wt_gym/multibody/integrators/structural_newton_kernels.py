@@ -14,7 +14,7 @@ coordinates) need no matrix of differences. Only for systems without constraint 
 from wt_gym.compiled import kernel
 from wt_gym.multibody.integrators.implicit_kernels import SLOW, step_end
 from wt_gym.multibody.tree.rate_kernels import balance_terms, position_rates, prescribe_servos
-from wt_gym.multibody.tree.sparse_kernels import factorise_tree, multiply_tree, solve_tree
+from wt_gym.multibody.tree.sparse_kernels import factorize_tree, multiply_tree, solve_tree
 from wt_gym.multibody.tree.tree_kernels import DIVERGED, NOT_CONVERGED, OK, SINGULAR_MASS
 
 
@@ -39,7 +39,7 @@ def tree_rates(y, tau, inputs, tree, work, dy):
     """As `wt_gym.multibody.tree.rate_kernels.rates` without constraint equations, by factors along the branches."""
     balance_terms(y, tau, inputs, tree, work, dy)
     n_q, n_u, force = tree.n_q, tree.n_u, work.force
-    if not factorise_tree(work.mass, tree.dof_parent):
+    if not factorize_tree(work.mass, tree.dof_parent):
         return SINGULAR_MASS
     solve_tree(work.mass, tree.dof_parent, force)
     for i in range(n_u):
@@ -92,7 +92,7 @@ def structural_advance(history, inputs, tree, work, scratch, h, scheme, n_steps,
                 r[i] -= work.force[i]
             if fresh:
                 newton_matrix_of_structure(by_rate, by_position, tree, work.mass, history.matrix)
-                if not factorise_tree(history.matrix, tree.dof_parent):
+                if not factorize_tree(history.matrix, tree.dof_parent):
                     return SINGULAR_MASS
                 fresh = False
             solve_tree(history.matrix, tree.dof_parent, r)

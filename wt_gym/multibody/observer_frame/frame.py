@@ -61,7 +61,7 @@ Constraints
 -----------
 Point constraints hold d·(x_a − x_b) = 0 along fixed directions d (eqs 13, 15). Rotation constraints are written with
 section-fixed vectors, (S_a p)·(S_b r) = 0, S = R exp(φ̃): the linear form (14) follows for small φ, but finite rotations
-of the frames against each other accumulate no error. Each is linearised about the last known q, so that a step stays
+of the frames against each other accumulate no error. Each is linearized about the last known q, so that a step stays
 linear in the unknowns. Bearings hold points in the fixed frame, which coincides with (15) when the frame of the shaft
 turns about its axis only.
 
@@ -91,7 +91,7 @@ Time stepping
 -------------
 Newmark with (β, γ) = (¼, ½) on eq. (6) at the end of the step; loads and constraint directions from the last known q,
 renewed by optional iterations (the matrices do not change in an iteration). With a spectral radius the step is that of
-the generalised-α scheme (J. Chung, G. M. Hulbert, J. Appl. Mech. 60, 1993) in the form of M. Arnold and O. Brüls
+the generalized-α scheme (J. Chung, G. M. Hulbert, J. Appl. Mech. 60, 1993) in the form of M. Arnold and O. Brüls
 (Multibody Syst. Dyn. 18, 2007): eq. (6) still holds at the end of the step, and Newmark's formulas carry q and q̇ on
 with
 

@@ -86,7 +86,7 @@ def reference_condition(beam, name):
 
 
 def rigid_modes(beam):
-    """Nodal displacements (n_dof, 6) of the linearised rigid-body motions about the origin of the body frame."""
+    """Nodal displacements (n_dof, 6) of the linearized rigid-body motions about the origin of the body frame."""
     modes = np.zeros((beam.n_dof, 6))
     for node, p in enumerate(beam.node_position):
         modes[6 * node : 6 * node + 3, :3] = np.eye(3)

@@ -110,21 +110,21 @@ def observer_frame_from_system(
 
 
 def mass_points(inertia):
-    """Masses (6,) and positions (6, 3) of points with the mass, mass centre and inertia tensor of a rigid body.
+    """Masses (6,) and positions (6, 3) of points with the mass, mass center and inertia tensor of a rigid body.
 
-    Two points on each principal axis, at ± √(3 e/m) from the mass centre for the second moment e = ∫ x² dm.
+    Two points on each principal axis, at ± √(3 e/m) from the mass center for the second moment e = ∫ x² dm.
     """
-    centre = inertia.c0 / inertia.mass
-    second = 0.5 * np.trace(inertia.j0) * np.eye(3) - inertia.j0 - inertia.mass * np.outer(centre, centre)
+    center = inertia.c0 / inertia.mass
+    second = 0.5 * np.trace(inertia.j0) * np.eye(3) - inertia.j0 - inertia.mass * np.outer(center, center)
     value, axis = np.linalg.eigh(second)
     if value[0] < -1e-9 * max(np.abs(value).max(), 1e-300):
         raise ObserverFrameError(f"no mass distribution has the inertia tensor {inertia.j0.tolist()}")
     reach = np.sqrt(3.0 * np.maximum(value, 0.0) / inertia.mass) * axis
-    return np.full(6, inertia.mass / 6.0), centre + np.concatenate([reach.T, -reach.T])
+    return np.full(6, inertia.mass / 6.0), center + np.concatenate([reach.T, -reach.T])
 
 
 def _massless_points(tensor):
-    """The same for an inertia tensor (3, 3) without mass: points one metre out on its axes, one that makes up for them.
+    """The same for an inertia tensor (3, 3) without mass: points one meter out on its axes, one that makes up for them.
 
     Some of their masses are negative; in the sums over mass points that does not matter.
     """
@@ -133,7 +133,7 @@ def _massless_points(tensor):
     return masses, np.concatenate([np.stack([axis.T, -axis.T], axis=1).reshape(6, 3), np.zeros((1, 3))])
 
 
-def substructure_from_body(body, beam=None, basis=None, reference="clamped", lent=(), displacement="linear"):
+def substructure_from_body(body, beam=None, basis=None, reference="clamped", lumped_masses=(), displacement="linear"):
     """A substructure with the elastic coordinates, markers and mass of a body.
 
     Parameters
@@ -144,7 +144,7 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", len
         What :meth:`FlexibleBody.from_beam` was given; not needed for a rigid body.
     reference : str
         Reference condition: the shapes of the body without the rigid-body motion that does not comply with it.
-    lent : sequence of (float, array (3,))
+    lumped_masses : sequence of (float, array (3,))
         Further mass points of a rigid body, of any sign [kg, m].
     displacement : str
         "linear" or "second_order".
@@ -161,18 +161,18 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", len
         whole = body.inertia.mass > 0.0
         mass, position = mass_points(body.inertia) if whole else _massless_points(body.inertia.j0)
         ends = position[:2]
-        if lent:
-            mass = np.concatenate([mass, [m for m, _ in lent]])
-            position = np.concatenate([position, [x for _, x in lent]])
+        if lumped_masses:
+            mass = np.concatenate([mass, [m for m, _ in lumped_masses]])
+            position = np.concatenate([position, [x for _, x in lumped_masses]])
         points = mass, position, np.zeros((len(mass), 3, 0))
     else:
         if beam is None or basis is None:
             raise ObserverFrameError(f"body {body.name!r} is flexible: its beam and basis are needed")
         fields = particle_fields(beam, basis)
         points = beam.particle_mass, fields.position, fields.linear
-        generalised = np.einsum("p,pij,pik->jk", points[0], points[2], points[2], optimize=True)
+        generalized = np.einsum("p,pij,pik->jk", points[0], points[2], points[2], optimize=True)
         expected = body.inertia.m0
-        if generalised.shape != expected.shape or np.abs(generalised - expected).max() > 1e-9 * np.abs(expected).max():
+        if generalized.shape != expected.shape or np.abs(generalized - expected).max() > 1e-9 * np.abs(expected).max():
             raise ObserverFrameError(f"body {body.name!r} was not made from the beam and basis given for it")
         ends = beam.node_position[[0, -1]]
         if reference != "clamped":
@@ -186,7 +186,7 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", len
     places[FRAME] = Place(np.zeros(3), rigid, lambda: none)
     return Substructure.from_points(
         body.name, points, body.stiffness, body.damping, places, ends, reference=reference if n else "given",
-        definite=not lent, second=second,
+        definite=not lumped_masses, second=second,
     )  # fmt: skip
 
 
@@ -262,11 +262,13 @@ class Translation:
         self.hinges, self.servos = [], []
         self._is_carrier = [self._carries_only(b) for b in range(len(system.bodies))]
         self.tree_bodies = [b for b, carrier in enumerate(self._is_carrier) if not carrier]
-        lent = self._lend()
+        lumped_masses = self._lend()
         self.bodies = [
             None
             if self._is_carrier[b]
-            else substructure_from_body(body, *beams.get(body.name, (None, None)), reference, lent[b], displacement)
+            else substructure_from_body(
+                body, *beams.get(body.name, (None, None)), reference, lumped_masses[b], displacement
+            )
             for b, body in enumerate(system.bodies)
         ]
         self.rigid_parts = [self.bodies[b].places[FRAME].field for b in self.tree_bodies]
@@ -295,7 +297,7 @@ class Translation:
 
         Bodies without mass borrow on their hinge; rotors geared to hinges have axial inertia in both bodies.
         """
-        system, lent = self.system, [[] for _ in self.system.bodies]
+        system, lumped_masses = self.system, [[] for _ in self.system.bodies]
         for b, body in enumerate(system.bodies):
             if body.inertia.mass > 0.0 or self._is_carrier[b]:
                 continue
@@ -314,9 +316,9 @@ class Translation:
             there = system._markers[b].position + offset
             reach = np.sqrt(least / mass)
             for side in (-reach, reach):
-                lent[b].append((0.5 * LENT * mass, side * axis))
-                lent[p].append((-0.5 * LENT * mass, there + side * turn @ axis))
-        for body, points, tensor in zip(system.bodies, lent, system.rotor_tensors, strict=True):
+                lumped_masses[b].append((0.5 * LENT * mass, side * axis))
+                lumped_masses[p].append((-0.5 * LENT * mass, there + side * turn @ axis))
+        for body, points, tensor in zip(system.bodies, lumped_masses, system.rotor_tensors, strict=True):
             if not np.any(tensor):
                 continue
             if body.n_elastic:
@@ -325,7 +327,7 @@ class Translation:
                     "rigid body only"
                 )
             points.extend(zip(*_massless_points(tensor), strict=True))
-        return lent
+        return lumped_masses
 
     # ---- places ------------------------------------------------------------------------------------------------------
 

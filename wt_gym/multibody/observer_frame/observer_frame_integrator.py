@@ -17,7 +17,7 @@ PREDICTIONS = {"uniform": kernels.UNIFORM, "accelerated": kernels.MEAN, "printed
 
 
 class ObserverFrameIntegrator:
-    """Newmark (¼, ½) or generalised-α stepping of a system in local observer frames.
+    """Newmark (¼, ½) or generalized-α stepping of a system in local observer frames.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class ObserverFrameIntegrator:
         Motion of the frames over a step: "uniform", "accelerated" with the mean acceleration since the last update, or
         "printed" with the accelerations of the last instant (eqs 9–12 to the letter).
     spectral_radius : float, optional
-        At infinite frequency, 0 … 1: generalised-α scheme, which removes a share of the highest frequencies in every
+        At infinite frequency, 0 … 1: generalized-α scheme, which removes a share of the highest frequencies in every
         step. None: Newmark's, which keeps them.
 
     Attributes

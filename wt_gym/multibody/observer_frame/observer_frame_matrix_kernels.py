@@ -2,7 +2,7 @@
 
 Row i of ``low`` holds A[i, j] and row i of ``up`` holds A[j, i] for j = first[i] … i (the diagonal lives in ``up``).
 Elastic coordinates come first and the six rigid-body coordinates last, so that finite elements give a narrow band with
-a six-row border and a modal basis a small full matrix: both are factorised by the same loops at the cost their shape
+a six-row border and a modal basis a small full matrix: both are factorized by the same loops at the cost their shape
 deserves. Of the constant matrices only the lower triangles are read.
 """
 

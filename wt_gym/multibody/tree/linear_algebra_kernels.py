@@ -1,4 +1,4 @@
-"""Compiled factorisations of small dense matrices, in place."""
+"""Compiled factorizations of small dense matrices, in place."""
 
 import math
 
@@ -49,7 +49,7 @@ def solve_upper(a, b):
 
 
 @kernel
-def factorise(a, pivot):
+def factorize(a, pivot):
     """LU factors of a in place with row exchanges; False if a is singular."""
     n = a.shape[0]
     for k in range(n):
@@ -74,8 +74,8 @@ def factorise(a, pivot):
 
 
 @kernel
-def solve_factorised(a, pivot, b):
-    """Solve with the factors of :func:`factorise`, in place."""
+def solve_factorized(a, pivot, b):
+    """Solve with the factors of :func:`factorize`, in place."""
     n = b.shape[0]
     for k in range(n):
         b[k], b[pivot[k]] = b[pivot[k]], b[k]

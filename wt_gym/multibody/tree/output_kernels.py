@@ -21,11 +21,11 @@ def energies(y, tree, work):
         cross_add(w, mc, work.c1)
         for i in range(3):
             kinetic += 0.5 * m * v[i] * v[i] + v[i] * work.c1[i]
-            centre = m * work.r[b, i]
+            center = m * work.r[b, i]
             for j in range(3):
                 kinetic += 0.5 * w[i] * jj[i, j] * w[j]
-                centre += rot[i, j] * mc[j]
-            potential -= tree.gravity[i] * centre
+                center += rot[i, j] * mc[j]
+            potential -= tree.gravity[i] * center
         for k in range(nf):
             for i in range(3):
                 kinetic += yd[u0 + k] * (v[i] * work.cc[b, i, k] + w[i] * work.dk[b, i, k])

@@ -190,7 +190,7 @@ def _whirl_names(modes):
 def _branches(tables):
     """Continue each mode of the last point towards the first; returns {branch name: [mode or None per point]}.
 
-    Two modes of neighbouring points belong together when each has no part in the other modes of its neighbour,
+    Two modes of neighboring points belong together when each has no part in the other modes of its neighbor,
     |w₁·v₂| |w₂·v₁| = 1 with the dual vectors w; an equal name counts too, for a rotor at standstill mixes the modes.
     """
     branches = {name: [mode] for name, mode in tables[-1].items()}

@@ -12,7 +12,7 @@ from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.model.turbine_bodies import place_nacelle
 from wt_gym.simulation.step import coupling_kernels
 from wt_gym.simulation.step.coupling import TowerAir
-from wt_gym.simulation.step.measurement import Instant, Measurement
+from wt_gym.simulation.step.measurement import MeasuredState, Measurement
 
 __all__ = ["AERODYNAMICS", "FrozenPlant", "Wake"]
 
@@ -37,7 +37,7 @@ class Wake:
         Decambering of the reference, where each solution starts, so that the loads are a smooth function.
     angle : float
         Rotor azimuth [rad].
-    centre, axis : array (3,)
+    center, axis : array (3,)
         Hub [m] and shaft direction.
     slowing : array (3,)
         What the rotor adds to the wind at the tower [m/s].
@@ -46,7 +46,7 @@ class Wake:
     aero: AeroState
     source: np.ndarray
     angle: float
-    centre: np.ndarray
+    center: np.ndarray
     axis: np.ndarray
     slowing: np.ndarray
 
@@ -97,7 +97,7 @@ class FrozenPlant:
         self.system, self.n_blades = self.structure.system, self.turbine.n_blades
         system = self.system
         if system.n_q != system.n_u or system.n_constraints:
-            raise SimulationError("only a structure in embedded form without quaternions can be linearised")
+            raise SimulationError("only a structure in embedded form without quaternions can be linearized")
         if models.fidelity.reference_condition != "clamped":
             raise SimulationError(
                 f"Fidelity.reference_condition is {models.fidelity.reference_condition!r}; linear models of observer "
@@ -126,7 +126,7 @@ class FrozenPlant:
         self._nodes, self._velocities, self._forces = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         flat = (n, shape[1] * shape[2], 3)
         self._flat = tuple(a.reshape(flat) for a in (self._nodes, self._velocities, self._forces))
-        self._carriers = self.structure.carriers
+        self._lattice_bodies = self.structure.lattice_bodies
         self._tower = TowerAir.of(self.turbine, self.structure)
         self._tower_axis = self._tower.position.copy()
         self._measurement = Measurement(self.turbine, self.structure)
@@ -138,9 +138,9 @@ class FrozenPlant:
         """Kinematics and lattice points of the state y."""
         s, work = self.structure, self.work
         tree_kernels.kinematics(y, self.system.tree, work)
-        self._elastic = [np.array(part) for part in zip(*(s.elastic(b, y) for b in self._carriers), strict=True)]
+        self._elastic = [np.array(part) for part in zip(*(s.elastic(b, y) for b in self._lattice_bodies), strict=True)]
         coupling_kernels.rotor_motion(
-            work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._carriers, s.piece_nodes,
+            work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._lattice_bodies, s.sub_body_nodes,
             *self._flat[:2],
         )  # fmt: skip
 
@@ -229,13 +229,13 @@ class FrozenPlant:
         if not self.with_air:
             return None
         self._move(y)
-        centre, axis = self._shaft()
+        center, axis = self._shaft()
         aero = self.lattice.new_state()
-        self.lattice.initialise_helix(
-            aero, self._nodes, self._velocities, self._wind_at_blades(np.zeros(3)), centre, axis, rotor_speed,
+        self.lattice.initialize_helix(
+            aero, self._nodes, self._velocities, self._wind_at_blades(np.zeros(3)), center, axis, rotor_speed,
             self.time_step,
         )  # fmt: skip
-        return self._frozen(aero, self._angle(y), centre, axis)
+        return self._frozen(aero, self._angle(y), center, axis)
 
     def present_wake(self, aero, y):
         """The wake of a running simulation in the state y, frozen (None without air)."""
@@ -246,7 +246,7 @@ class FrozenPlant:
         aero.arrays.n_levels[0] = 1  # a solution at dt = 0 is steady
         return self._frozen(aero, self._angle(y), *self._shaft())
 
-    def _frozen(self, aero, angle, centre, axis):
+    def _frozen(self, aero, angle, center, axis):
         """Freeze the wake of a lattice that belongs to the present nodes; its youngest rings follow the blades.
 
         A ring of the near wake takes the circulation of its strip at the trailing edge, like the newest ring: its
@@ -254,7 +254,7 @@ class FrozenPlant:
         """
         a, rings, slowing = aero.arrays, self.lattice.arrays.shed_rings, np.zeros(3)
         velocity_behind_disc(
-            a.wake, a.induced, a.age, a.n_rows, centre, axis, self.work.omega[self.structure.hub, 0], slowing
+            a.wake, a.induced, a.age, a.n_rows, center, axis, self.work.omega[self.structure.hub, 0], slowing
         )
         wind = self._wind_at_blades(slowing)
         self.lattice._solve(aero, self._nodes, self._velocities, wind, 0.0, first=True)
@@ -274,7 +274,7 @@ class FrozenPlant:
                     a.wake_flow[:] -= a.gamma[b].flat[ring] * velocity
             self._invert(a)
             self.lattice._solve(aero, self._nodes, self._velocities, wind, 0.0, first=True)
-        return Wake(aero, a.source.copy(), angle, centre, axis, slowing)
+        return Wake(aero, a.source.copy(), angle, center, axis, slowing)
 
     def _invert(self, a):
         """Solution of the boundary condition for a changed influence of the rings."""
@@ -317,7 +317,7 @@ class FrozenPlant:
         wake = self.wake
         # the wake turns with the rotor: the lattice is solved where the rotor stood
         turn = Rotation.from_rotvec((self._angle(y) - wake.angle) * wake.axis).as_matrix()
-        nodes = wake.centre + (self._nodes - wake.centre) @ turn
+        nodes = wake.center + (self._nodes - wake.center) @ turn
         wake.aero.arrays.source[:] = wake.source
         forces = self.lattice._solve(
             wake.aero, nodes, self._velocities @ turn, self._wind_at_blades(wake.slowing) @ turn, 0.0, first=True
@@ -325,8 +325,8 @@ class FrozenPlant:
         self._forces[:] = forces @ turn.T
         loads = self.inputs.body_loads
         coupling_kernels.rotor_loads(
-            self._flat[2], self.work.rot, self._elastic[0], self.structure.lattice_points, self._carriers,
-            self.structure.piece_nodes, loads[1],
+            self._flat[2], self.work.rot, self._elastic[0], self.structure.lattice_points, self._lattice_bodies,
+            self.structure.sub_body_nodes, loads[1],
         )  # fmt: skip
         self._tower.wind[:] = self._wind.velocity(self._tower_axis, 0.0)
         coupling_kernels.tower_drag(y, self.system.tree, self.work, self._tower, loads[1][self.structure.tower])
@@ -354,7 +354,7 @@ class FrozenPlant:
     def outputs(self, y, dy):
         """All channels (n_channels,) for the state y whose rates dy were just computed."""
         nodes, _, forces = self._flat
-        instant = Instant(y, dy, self.inputs.body_loads[1], self.work, nodes, forces)
+        instant = MeasuredState(y, dy, self.inputs.body_loads[1], self.work, nodes, forces)
         torque = self.reaction if self.hold_speed else self._command[0]
         self._measurement.take(0.0, instant, torque, self._command[:-3], self._wind)
         return self._measurement.values.copy()

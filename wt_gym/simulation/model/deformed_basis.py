@@ -38,13 +38,13 @@ class TangentBlade:
     beam : Beam
     points : array (n, 3)
         Where the air acts, body frame [m].
-    centre : array (3,)
+    center : array (3,)
         A point of the rotor's axis, body frame [m].
     """
 
-    def __init__(self, beam, points, centre):
+    def __init__(self, beam, points, center):
         every = np.eye(beam.n_dof)
-        self.beam, self.centre = beam, np.asarray(centre, dtype=float)
+        self.beam, self.center = beam, np.asarray(center, dtype=float)
         self._fields = particle_fields(beam, every)
         self._points = body_points(beam, every, points)
 
@@ -62,7 +62,7 @@ class TangentBlade:
         """
         fields, mass = self._fields, self.beam.particle_mass
         bent = fields.linear + fields.second_along(u)
-        place = fields.position + 0.5 * (fields.linear + bent) @ u - self.centre
+        place = fields.position + 0.5 * (fields.linear + bent) @ u - self.center
         turn = skew(omega) @ skew(omega)
         flat = bent.reshape(-1, self.beam.n_dof)
         weighted = (mass[:, None, None] * bent).reshape(flat.shape)
@@ -110,10 +110,10 @@ class DeformedBasis:
         self._models, structure = models, models.structure
         self._beam, self._rest = structure.blade_field
         self.basis = self._rest.copy()
-        centre = (0.0, 0.0, -models.turbine.hub.radius)
+        center = (0.0, 0.0, -models.turbine.hub.radius)
         lattice = Points(*(shapes[0] for shapes in structure.lattice_points))  # of the only body of a blade, views
-        self.tangent = TangentBlade(self._beam, lattice.position, centre)
-        tip = TangentBlade(self._beam, structure.tip_points.position, centre)
+        self.tangent = TangentBlade(self._beam, lattice.position, center)
+        tip = TangentBlade(self._beam, structure.tip_points.position, center)
         self._carried = ((self.tangent, lattice), (tip, structure.tip_points))
         self.frequency = np.zeros(self.basis.shape[1])
         each = np.arange(self.basis.shape[1])
@@ -160,7 +160,7 @@ class DeformedBasis:
         history : History
             Changed in place; the kinematics in ``work`` belong to its newest state.
         loads : sequence of array (..., n_b, 6 + n_f)
-            Generalised loads of the bodies; those of the blades pass over too.
+            Generalized loads of the bodies; those of the blades pass over too.
         work : Work
         forces : array (n_blades, n, 3)
             Of the air on the lattice points, global [N].

@@ -66,7 +66,7 @@ def nacelle_surface(turbine, n_around, n_along):
 
     A turbine gives no shape of its nacelle. The body has three quarters of the hub radius throughout, less than most
     nacelles, so that the root vortices pass outside. Its nose is half an ellipsoid, one hub radius long upwind of the
-    apex. Its tail is half a ball that ends as far downwind of the nacelle's centre of mass as the back of the hub, one
+    apex. Its tail is half a ball that ends as far downwind of the nacelle's center of mass as the back of the hub, one
     hub radius downwind of the apex, lies upwind of it; at least a tower-top radius downwind of the yaw axis, and at
     least three hub radii behind the nose.
 

@@ -12,7 +12,13 @@ import numpy as np
 
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem, Points
-from wt_gym.simulation.model.blade_pieces import PieceNodes, add_pieces, cut_blade, piece_points, tip_of_last_piece
+from wt_gym.simulation.model.blade_sub_bodies import (
+    SubBodyNodes,
+    add_sub_bodies,
+    cut_blade,
+    sub_body_points,
+    tip_of_last_sub_body,
+)
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, without_second_order
@@ -48,7 +54,7 @@ class TurbineStructure:
         Of a whole undeformed blade.
     lattice_points : Points
         Material points of one blade, (n_bodies, n, 3), and their mode shapes, by the bodies of the blade: mostly one.
-    piece_nodes : PieceNodes or None
+    sub_body_nodes : SubBodyNodes or None
         Which lattice nodes each body of a blade carries; None: a blade is one body.
     tip_points : Points
         The blade tip, one point of the last body of a blade.
@@ -75,7 +81,7 @@ class TurbineStructure:
     parts: tuple
     blade_inertia: BodyInertia
     lattice_points: Points
-    piece_nodes: PieceNodes | None
+    sub_body_nodes: SubBodyNodes | None
     tip_points: Points
     tip_rest: np.ndarray
     tower_points: Points
@@ -174,8 +180,8 @@ class TurbineStructure:
         return {"tower": self.tower_field} | {self.system.bodies[b].name: self.blade_field for b in self.blades}
 
     @property
-    def carriers(self):
-        """Bodies that carry lattice points (n_blades n_pieces,), blade by blade."""
+    def lattice_bodies(self):
+        """Bodies that carry lattice points (n_blades n_sub_bodies,), blade by blade."""
         return np.array([b for parts in self.parts for b in parts])
 
     @property
@@ -230,22 +236,23 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     blade_beam, blade_basis, blade_body = _blade(turbine.blade, fidelity)
     if _deforms_linearly(fidelity):
         blade_body = without_second_order(blade_body, blade_beam, blade_basis)
-    system = MultibodySystem(stabilisation=fidelity.stabilisation, projection=fidelity.projection)
+    system = MultibodySystem(stabilization=fidelity.stabilization, projection=fidelity.projection)
     tower_body, tower_points, tower_radius, drag_points, tower_field, sway = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
     nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)
     generator, hub = _add_drivetrain(
         system, turbine, nacelle, blade_body.inertia, fidelity.stiffest_shaft, generator_damping
     )
-    pieces = _pieces(turbine.blade, blade_beam, fidelity)
+    sub_bodies = _sub_bodies(turbine.blade, blade_beam, fidelity)
     parts = tuple(
-        _add_blade(system, turbine, hub, pieces or blade_body, i, fidelity.formulation) for i in range(turbine.n_blades)
+        _add_blade(system, turbine, hub, sub_bodies or blade_body, i, fidelity.formulation)
+        for i in range(turbine.n_blades)
     )
     tip = np.asarray(turbine.blade.axis_at(turbine.blade.length))
     nodes, carried = np.reshape(lattice_nodes, (-1, 3)), None
-    if pieces:
-        lattice_points, carried = piece_points(pieces, nodes)
-        tip_points = tip_of_last_piece(pieces, tip)
+    if sub_bodies:
+        lattice_points, carried = sub_body_points(sub_bodies, nodes)
+        tip_points = tip_of_last_sub_body(sub_bodies, tip)
     else:
         whole = body_points(blade_beam, blade_basis, nodes)
         lattice_points = Points(*(shapes[None] for shapes in whole))
@@ -260,9 +267,9 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
         parts=parts,
         blade_inertia=blade_body.inertia,
         lattice_points=lattice_points,
-        piece_nodes=carried,
+        sub_body_nodes=carried,
         tip_points=tip_points,
-        tip_rest=tip if pieces else tip_points.position[0],
+        tip_rest=tip if sub_bodies else tip_points.position[0],
         tower_points=tower_points,
         tower_radius=tower_radius,
         drag_points=drag_points,
@@ -292,7 +299,7 @@ def _blade(blade, fidelity):
     return beam, basis, body
 
 
-def _pieces(blade, beam, fidelity):
+def _sub_bodies(blade, beam, fidelity):
     """Bodies of a blade that has several, else nothing."""
     if fidelity.blade_bodies == 1:
         return ()
@@ -334,7 +341,7 @@ def bending_dofs(counts):
     """Directions in which the nodes of a blade move in its modes, for the counts of flap, edge and torsion modes.
 
     A bending mode carries the twist that its inertial loads make as it vibrates. Without torsion modes nothing could
-    undo that twist under other loads: flap would feather the blade by 0.3 degrees a metre, so bending stays bending.
+    undo that twist under other loads: flap would feather the blade by 0.3 degrees a meter, so bending stays bending.
     """
     return (0, 1, 2, 3, 4, 5) if counts[2] else (0, 1, 2, 3, 4)
 
@@ -359,11 +366,11 @@ def rotor_nacelle_inertia(turbine, blade_inertia):
     axial = rotor_inertia + drive.generator_inertia  # neither shaft turns against the nacelle
     across = hub.inertia_transverse + 0.5 * (rotor_inertia - hub.inertia_axial)
     tilt = rotation_y(nacelle.tilt)
-    centre = np.array([0.0, 0.0, nacelle.tower_top_to_shaft]) + tilt @ [-nacelle.overhang, 0.0, 0.0]
-    centre = centre + tilt @ [-np.sin(hub.cone) * reach * n * blade_mass / rotor_mass, 0.0, 0.0]
+    center = np.array([0.0, 0.0, nacelle.tower_top_to_shaft]) + tilt @ [-nacelle.overhang, 0.0, 0.0]
+    center = center + tilt @ [-np.sin(hub.cone) * reach * n * blade_mass / rotor_mass, 0.0, 0.0]
     total = np.zeros((6, 6))
     parts = [
-        (rotor_mass, centre, tilt @ np.diag([axial, across, across]) @ tilt.T),
+        (rotor_mass, center, tilt @ np.diag([axial, across, across]) @ tilt.T),
         (nacelle.mass, nacelle.cm, nacelle.inertia),
         (nacelle.yaw_bearing_mass, np.zeros(3), np.zeros((3, 3))),
     ]
@@ -526,10 +533,10 @@ def _add_nacelle(system, turbine, tower, yaw_drive):
     """Rigid nacelle with the yaw bearing, driven about the tower's z axis, on request through the yaw spring."""
     nacelle = turbine.nacelle
     mass = nacelle.mass + nacelle.yaw_bearing_mass
-    centre = nacelle.mass * nacelle.cm / mass
-    r, b = skew(nacelle.cm - centre), skew(-centre)
+    center = nacelle.mass * nacelle.cm / mass
+    r, b = skew(nacelle.cm - center), skew(-center)
     inertia = nacelle.inertia - nacelle.mass * r @ r - nacelle.yaw_bearing_mass * b @ b
-    body = FlexibleBody.rigid("nacelle", mass, centre, inertia)
+    body = FlexibleBody.rigid("nacelle", mass, center, inertia)
     drive = Joint("servo", (0.0, 0.0, 1.0), servo_frequency=YAW_SERVO, servo_damping=1.0, name="yaw")
     if yaw_drive == "stiff":
         return system.add(body, drive, tower, "tip")
@@ -616,7 +623,7 @@ def _add_blade(system, turbine, hub, blade, i, formulation):
     if isinstance(blade, FlexibleBody):
         names = tuple(f"{name}_{n}" for n in blade.coordinate_names)
         return (add_root(replace(blade, name=name, coordinate_names=names)),)
-    return add_pieces(system, blade, add_root, name)
+    return add_sub_bodies(system, blade, add_root, name)
 
 
 def body_points(beam, basis, points):

@@ -22,7 +22,7 @@ DISAGREEMENT = 1e-3  # of circulation and polars, over the largest speed of a se
 # The predictor alone is unstable: what it amplifies in so few sub-steps is less than the change of the loads.
 MOST_UNCORRECTED = 4
 MOST_PASSES = 20  # of loads and structure, where they do not come to agree
-FORGET = 0.9  # a step: what the share of the loads' change remembers of the steps before
+FORGETTING_FACTOR = 0.9  # a step: what the share of the loads' change remembers of the steps before
 LEAST_SHARE, LARGEST_SHARE = 0.05, 1.5
 
 
@@ -35,7 +35,7 @@ def move_lattice(y, tree, work, x):
             x.elastic[i, k] = y[x.elastic_q[i, k]]
             x.elastic_rate[i, k] = y[x.elastic_u[i, k]]
     shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
-    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.carriers, x.pieces,
+    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.lattice_bodies, x.sub_bodies,
                  x.nodes.reshape(shape), x.velocities.reshape(shape))  # fmt: skip
 
 
@@ -48,19 +48,19 @@ def copy_history(source, target):
             target.f[k, i] = source.f[k, i]
     for i in range(source.memory.shape[0]):
         target.memory[i] = source.memory[i]
-    for i in range(source.marks.shape[0]):
-        target.marks[i] = source.marks[i]
+    for i in range(source.counters.shape[0]):
+        target.counters[i] = source.counters[i]
 
 
 @kernel
-def check_range(y, x, monitor, pieces, gauges):
+def check_range(y, x, monitor, sub_bodies, gauges):
     """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor.
 
-    The tips of blades of several bodies (pieces: `PieceNodes`) are where the gauges have seen them.
+    The tips of blades of several bodies (pieces: `SubBodyNodes`) are where the gauges have seen them.
     """
     if not (abs(y[monitor.generator_u]) < x.max_speed and abs(rotor_speed(y, monitor)) < x.max_speed):
         return OVERSPEED
-    if pieces is not None:
+    if sub_bodies is not None:
         for i in range(gauges.deflection.shape[0]):
             d = gauges.deflection[i]
             if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 < x.max_deflection**2:
@@ -194,7 +194,7 @@ def correct_step(air, motion, x, scheme, blade_wind):
         copy_loads(loads, x.passes[0])
         solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
               bool(False))  # fmt: skip
-        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
+        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.lattice_bodies, x.sub_bodies, loads)
         tower_drag(motion.state, motion.tree, motion.work, x.tower, loads[x.tower.body])
         if iteration > 0:  # the prediction was not corrected yet: one pass at least
             share = secant_share(loads, x.passes, share, x.relaxation)
@@ -268,8 +268,8 @@ def secant_share(new, passes, share, memory):
             difference = new[b, k] - passes[0, b, k] - passes[1, b, k]
             product -= share * passes[1, b, k] * difference
             square += difference * difference
-    memory[1] = FORGET * memory[1] + product
-    memory[2] = FORGET * memory[2] + square
+    memory[1] = FORGETTING_FACTOR * memory[1] + product
+    memory[2] = FORGETTING_FACTOR * memory[2] + square
     if memory[2] > 0.0:
         memory[0] = min(max(memory[1] / memory[2], LEAST_SHARE), LARGEST_SHARE)
     return min(max(product / square, LEAST_SHARE), LARGEST_SHARE) if square > 0.0 else share
@@ -285,7 +285,7 @@ def end_step(motion, x, scheme, gauges, monitor, forces, blade_wind):
     shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
     fill_channels(motion.state, x.nodes.reshape(shape), forces, motion.tree, motion.work, gauges)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
-    code = check_range(motion.state, x, monitor, x.pieces, gauges)
+    code = check_range(motion.state, x, monitor, x.sub_bodies, gauges)
     if code == OK:
         code = check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt)
     pass_on(motion.inputs)

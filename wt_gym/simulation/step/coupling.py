@@ -19,7 +19,7 @@ from wt_gym.simulation.model.turbine_bodies import place_nacelle
 from wt_gym.simulation.model.turbine_structure import drag_heights
 from wt_gym.simulation.step import coupled_step_kernels, energy_kernels, monitor_kernels
 from wt_gym.simulation.step.energy import EnergyBalance
-from wt_gym.simulation.step.measurement import Gauges, Instant
+from wt_gym.simulation.step.measurement import Gauges, MeasuredState
 from wt_gym.simulation.step.monitor import Monitor
 from wt_gym.simulation.step.tower_air import MovingBodies
 from wt_gym.simulation.step.wind_kernels import ask_for_wind, felt_wind, receive_wind
@@ -119,12 +119,12 @@ class Exchange(NamedTuple):
     nodes: np.ndarray  # (n_blades, n_chord + 1, n_span + 1, 3) lattice nodes [m]
     velocities: np.ndarray  # the same [m/s]
     points: tuple  # Points of the lattice on a blade, or on its pieces
-    carriers: np.ndarray  # (n_carriers,) bodies that carry them: the blades, or their pieces blade by blade
-    pieces: tuple | None  # PieceNodes; None: a blade is one body
-    elastic_q: np.ndarray  # (n_carriers, n_f) where the coordinates of a carrier are in the state
-    elastic_u: np.ndarray  # (n_carriers, n_f) and their rates
-    elastic: np.ndarray  # (n_carriers, n_f)
-    elastic_rate: np.ndarray  # (n_carriers, n_f)
+    lattice_bodies: np.ndarray  # (n_lattice_bodies,) bodies that carry them: the blades, or their pieces blade by blade
+    sub_bodies: tuple | None  # SubBodyNodes; None: a blade is one body
+    elastic_q: np.ndarray  # (n_lattice_bodies, n_f) where the coordinates of a carrier are in the state
+    elastic_u: np.ndarray  # (n_lattice_bodies, n_f) and their rates
+    elastic: np.ndarray  # (n_lattice_bodies, n_f)
+    elastic_rate: np.ndarray  # (n_lattice_bodies, n_f)
     previous_loads: np.ndarray  # (n_b, 6 + n_f) of the bodies, one step ago
     passes: np.ndarray  # (2, n_b, 6 + n_f) loads under which the blades moved, and their last change
     relaxation: np.ndarray  # (3,) share taken of a change of the loads, and sums of its secants
@@ -139,12 +139,12 @@ class Exchange(NamedTuple):
         """Arrays for a turbine whose bodies bear loads of the shape of ``body_loads`` (2, n_b, 6 + n_f)."""
         structure, shape = models.structure, models.lattice.nodes_shape
         system, points = structure.system, structure.lattice_points
-        carriers, each = structure.carriers, np.arange(points.linear.shape[-1])
-        q = np.add.outer([system.index(body, "elastic_q") for body in carriers], each)
-        u = np.add.outer([system.index(body, "elastic_u") for body in carriers], each) + system.n_q
+        lattice_bodies, each = structure.lattice_bodies, np.arange(points.linear.shape[-1])
+        q = np.add.outer([system.index(body, "elastic_q") for body in lattice_bodies], each)
+        u = np.add.outer([system.index(body, "elastic_u") for body in lattice_bodies], each) + system.n_q
         return cls(
-            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, carriers=carriers,
-            pieces=structure.piece_nodes,
+            nodes=np.zeros(shape), velocities=np.zeros(shape), points=points, lattice_bodies=lattice_bodies,
+            sub_bodies=structure.sub_body_nodes,
             elastic_q=q, elastic_u=u, elastic=np.zeros(q.shape), elastic_rate=np.zeros(q.shape),
             previous_loads=np.zeros_like(body_loads[0]), passes=np.zeros_like(body_loads),
             relaxation=np.array([1.0, 0.0, 0.0]), energy=EnergyBalance.of(models),
@@ -254,7 +254,7 @@ class Coupling:
     def instant(self):
         """What can be measured now: views of the present state, whenever they are read."""
         i = self.integrator
-        return Instant(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
+        return MeasuredState(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
 
     def root_multipliers(self):
         """Lagrange multipliers of the blades' constraints, see `wt_gym.simulation.Simulator.root_multipliers`."""
@@ -442,7 +442,7 @@ class Coupling:
             return f"rotor speed {speed:.2f} rad/s (generator {generator:.2f}) is beyond {x.max_speed:.2f} rad/s"
         if code == coupled_step_kernels.DEFLECTION:
             largest = np.linalg.norm(self.gauges.deflection, axis=1).max()
-            if x.pieces is None:
+            if x.sub_bodies is None:
                 largest = np.linalg.norm(np.einsum("ck,bk->bc", x.tip, y[x.elastic_q]), axis=1).max()
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
         if code == coupled_step_kernels.UNSETTLED:
@@ -452,7 +452,7 @@ class Coupling:
         if code == energy_kernels.AIR_GIVES:
             return (
                 f"energy balance: the air has given {x.energy.borrowed[0] / 1e6:.3g} MJ more than Betz's limit, and "
-                f"the {x.energy.loan / 1e6:.3g} MJ that move round the rotor do not cover them"
+                f"the {x.energy.excess_limit / 1e6:.3g} MJ that move round the rotor do not cover them"
             )
         return failure_of_a_step(code, self._scheme.h)
 

@@ -55,14 +55,14 @@ class EnergyBalance(NamedTuple):
             reserve=RESERVE * 0.5 * inertia * turbine.drivetrain.rated_rotor_speed**2,
             flux=BETZ * 0.5 * density * area, sphere=0.5 * density * 4.0 / 3.0 * math.pi * radius**3,
             per_force=0.5 / (density * area), share=_disc_shares(models),
-            is_blade=np.isin(np.arange(n_b), structure.carriers),
+            is_blade=np.isin(np.arange(n_b), structure.lattice_bodies),
             servo_body=np.concatenate([turned, system.tree.constraint_body[driven, 1]]).astype(np.int64),
             servo_axis=np.concatenate([axes, system.tree.constraint_axis[driven]]),
             force=np.zeros(3), **(state | {"looked": np.full(1, -1)}),
         )  # fmt: skip
 
     @property
-    def loan(self):
+    def excess_limit(self):
         """What the air may give beyond Betz's limit [J]."""
         return self.sphere * self.lively[0]
 

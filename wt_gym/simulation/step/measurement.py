@@ -9,10 +9,10 @@ from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.model.turbine_structure import rotation_x, rotation_y
 from wt_gym.simulation.step import measurement_kernels
 
-__all__ = ["Gauges", "Instant", "Measurement"]
+__all__ = ["Gauges", "MeasuredState", "Measurement"]
 
 
-class Places(NamedTuple):
+class StateIndices(NamedTuple):
     """Where in the state what is measured stands, and constants of the drive train."""
 
     azimuth_q: int  # of the generator
@@ -61,7 +61,7 @@ class Gauges(NamedTuple):
     clearance: np.ndarray  # (n_blades,) signed distance of the tips from the tower [m]
     nacelle_acceleration: np.ndarray  # (3,) nacelle axes [m/s²]
     hub_wind: np.ndarray  # (3,) undisturbed wind at the hub [m/s]
-    places: Places
+    indices: StateIndices
     values: np.ndarray  # (n_channels,) in the order of `wt_gym.simulation.channels.channel_table`
     at: np.ndarray  # where the channels of `measurement_kernels` stand among them
 
@@ -81,12 +81,12 @@ class Gauges(NamedTuple):
             tower_radius=structure.tower_radius, wrench=np.zeros((len(structure.system.bodies), 6)),
             tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)),
             tower_view=np.zeros((n, 4)), clearance=np.zeros(n), nacelle_acceleration=np.zeros(3),
-            hub_wind=np.zeros(3), places=Places.of(turbine, structure), values=values,
+            hub_wind=np.zeros(3), indices=StateIndices.of(turbine, structure), values=values,
             at=np.array(single + [at[name].start for name in measurement_kernels.PER_BLADE]),
         )  # fmt: skip
 
 
-class Instant(NamedTuple):
+class MeasuredState(NamedTuple):
     """What is measured: structure and air at one time."""
 
     y: np.ndarray  # (n_state,) state of the structure
@@ -128,7 +128,7 @@ class Measurement:
         ----------
         time : float
             [s].
-        instant : Instant
+        instant : MeasuredState
         torque : float
             Of the generator [N m, high-speed shaft].
         command : array (2 + n_blades,)
@@ -162,5 +162,5 @@ class Measurement:
     def _rest(self, time, torque, command):
         """What the laws of the drives know."""
         g = self.gauges
-        efficiency = g.places.generator_efficiency
+        efficiency = g.indices.generator_efficiency
         measurement_kernels.measure_rest(float(time), float(torque), efficiency, command, self.values, g.at)

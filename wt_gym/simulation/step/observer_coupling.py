@@ -2,7 +2,7 @@
 
 Bodies, joints and drives are those of the turbine's multibody system, with second-order displacements and the geometric
 stiffness that comes with them, or, as published, without (`Fidelity.frame_displacement`). The observer frames are
-integrated by Newmark's or the generalised-α scheme; the multibody system is the language in which the rest of the
+integrated by Newmark's or the generalized-α scheme; the multibody system is the language in which the rest of the
 simulation reads the motion: its coordinates are angles of hinges and elastic coordinates, which frames that are clamped
 to their bodies share.
 
@@ -32,7 +32,7 @@ ITERATIONS = 1
 """Solutions of a structural step. A second one, with directions of constraints and loads renewed, changes nothing."""
 
 
-class Numbers(NamedTuple):
+class StateArrays(NamedTuple):
     """A state in observer frames, as flat arrays."""
 
     numbers: np.ndarray  # (n,) all of `State` but the counts
@@ -45,8 +45,8 @@ class ObservedMotion(NamedTuple):
     model: tuple  # Model
     state: tuple  # State; views of ``now``
     work: tuple  # Work
-    now: Numbers
-    saved: Numbers  # room for a copy
+    now: StateArrays
+    saved: StateArrays  # room for a copy
     tree_state: np.ndarray  # (n_state,) room for a copy of the state of the multibody system
     bodies: np.ndarray  # (n_b,) bodies of the multibody system
     drives: np.ndarray  # (n_drives,) servos that they follow
@@ -105,7 +105,7 @@ class ObserverCoupling(Coupling):
         ]
         update = fidelity.frame_update
         self.observed = ObservedMotion(
-            model=model, state=state, work=work, now=now, saved=Numbers(*(np.zeros_like(a) for a in now)),
+            model=model, state=state, work=work, now=now, saved=StateArrays(*(np.zeros_like(a) for a in now)),
             tree_state=np.zeros(system.n_state), bodies=np.array(self.translation.tree_bodies),
             drives=np.array(self.translation.servos, dtype=np.int64),
             hinges=np.array(hinges, dtype=np.int64).reshape(-1, 4), servo=np.array(servo).reshape(-1, 2, 2),
@@ -121,7 +121,7 @@ class ObserverCoupling(Coupling):
         """Frames and coordinates for a state of the multibody system, in consistent motion."""
         system, work, s = self.models.structure.system, self.integrator.work, self.observed.state
         history, motion = self.integrator.history, self.bundle()[1]
-        for array in (history.y, history.f, history.memory, history.marks):
+        for array in (history.y, history.f, history.memory, history.counters):
             array[:] = 0
         history.y[3] = y
         tree_kernels.kinematics(y, system.tree, work)
@@ -177,11 +177,11 @@ class ObserverCoupling(Coupling):
 
 
 def _flat(state):
-    """The same state with all arrays of numbers as views of one array, and both as `Numbers`."""
+    """The same state with all arrays of numbers as views of one array, and both as `StateArrays`."""
     arrays = {key: a for key, a in state._asdict().items() if key != "n_updates"}
     numbers = np.concatenate([a.ravel() for a in arrays.values()])
     views, start = {}, 0
     for key, a in arrays.items():
         views[key] = numbers[start : start + a.size].reshape(a.shape)
         start += a.size
-    return type(state)(**views, n_updates=state.n_updates), Numbers(numbers, state.n_updates)
+    return type(state)(**views, n_updates=state.n_updates), StateArrays(numbers, state.n_updates)

@@ -211,7 +211,7 @@ def correct_observed(air, motion, o, x, scheme, blade_wind):
         copy_loads(loads, x.passes[0])
         solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
               bool(False))  # fmt: skip
-        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.carriers, x.pieces, loads)
+        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.lattice_bodies, x.sub_bodies, loads)
         tower_drag(motion.state, motion.tree, motion.work, x.tower, loads[x.tower.body])
         if iteration > 0:
             share = secant_share(loads, x.passes, share, x.relaxation)
@@ -241,7 +241,7 @@ def end_observed(motion, o, x, scheme, gauges, monitor, forces, blade_wind):
     shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
     fill_channels(motion.state, x.nodes.reshape(shape), forces, motion.tree, motion.work, gauges)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
-    code = check_range(motion.state, x, monitor, x.pieces, gauges)
+    code = check_range(motion.state, x, monitor, x.sub_bodies, gauges)
     if code == OK:
         code = check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt)
     pass_on(motion.inputs)

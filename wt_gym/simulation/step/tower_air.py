@@ -64,7 +64,7 @@ class MovingBodies:
         levels = np.unique(np.round(surface.vertices[:, 2], 9)) - base[2]
         self.height = 0.5 * (levels[1:] + levels[:-1])
         # a disc at an end belongs to the strip beside it
-        of_panel = np.searchsorted(levels, surface.centre[:, 2] - base[2]) - 1
+        of_panel = np.searchsorted(levels, surface.center[:, 2] - base[2]) - 1
         strip = np.clip(of_panel, 0, len(self.height) - 1)
         self._member = (strip == np.arange(len(self.height))[:, None]).astype(float)  # (n_strips, n_panels)
         radii = 0.5 * np.interp(levels, tower.diameter_station, tower.diameter)
@@ -124,7 +124,7 @@ class MovingBodies:
         bodies, flow = self._bodies, self._flow(aero)
         flux = (aero.body_strength * bodies.area)[self._panels] * self._member
         place, velocity = self._motion(self._middles, y, work)
-        arm = bodies.arrays.centre[:, self._panels].T - place[:, None]
+        arm = bodies.arrays.center[:, self._panels].T - place[:, None]
         self._impulse[:2] = self._impulse[1:]
         self._impulse[2] = impulse(flux, arm, self._volume, velocity, self._density)
         self._filled[0] = min(self._filled[0] + 1, 3)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.wind_sampler import WindSampler
 
-__all__ = ["FIGURES", "SELECTION_WIND_SEEDS", "HeldBackEvaluation"]
+__all__ = ["FIGURES", "SELECTION_WIND_SEEDS", "SelectionEvaluation"]
 
 SELECTION_WIND_SEEDS = EVALUATION_WIND_SEEDS[:-9:-1]
 """Wind seeds by which the best model of a training is chosen, the last of those held back from training: the first
@@ -37,7 +37,7 @@ _SKIP = 10.0  # start left out of the metrics [s]
 _SEED = 2**31  # of what the wind seed does not decide (directions, gusts, noise): no other evaluation's
 
 
-class HeldBackEvaluation:
+class SelectionEvaluation:
     """Runs a policy and, once, the baseline controller in the same few winds.
 
     Parameters

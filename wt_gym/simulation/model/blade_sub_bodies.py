@@ -13,12 +13,12 @@ from wt_gym.errors import SimulationError
 from wt_gym.multibody.system import Joint, Points
 from wt_gym.structure.flexible_body import offset_marker
 from wt_gym.structure.modes import clamped_modes, select_modes
-from wt_gym.structure.substructure import cut_beam, piece_at
+from wt_gym.structure.substructure import cut_beam, sub_body_at
 
-__all__ = ["PieceNodes", "add_pieces", "cut_blade", "piece_points", "tip_of_last_piece"]
+__all__ = ["SubBodyNodes", "add_sub_bodies", "cut_blade", "sub_body_points", "tip_of_last_sub_body"]
 
 
-class PieceNodes(NamedTuple):
+class SubBodyNodes(NamedTuple):
     """Which lattice nodes of a blade each of its n pieces carries, and room for them; short rows end in zeros."""
 
     count: np.ndarray  # type: ignore[assignment]  # int64 (n,); hides the method of tuples
@@ -66,13 +66,15 @@ def cut_blade(blade, beam, fidelity, dofs):
             f"Fidelity.blade_bodies is {fidelity.blade_bodies}: the axis of the blade begins at "
             f"{beam.sections.axis[0]} m from the pitch axis; pieces need one that begins there"
         )
-    pieces = cut_beam("blade", beam.sections, beam.nodes, fidelity.blade_bodies, fidelity.blade_coordinates, dofs=dofs)
+    sub_bodies = cut_beam(
+        "blade", beam.sections, beam.nodes, fidelity.blade_bodies, fidelity.blade_coordinates, dofs=dofs
+    )
     by_dof = np.sqrt(_damping_times(blade, beam, dofs))
     damped = []
-    for piece in pieces:
-        scale = np.tile(by_dof[list(dofs)], piece.basis.shape[1] // len(dofs))
-        body = replace(piece.body, damping=scale[:, None] * piece.body.stiffness * scale)
-        damped.append(replace(piece, body=body))
+    for sub_body in sub_bodies:
+        scale = np.tile(by_dof[list(dofs)], sub_body.basis.shape[1] // len(dofs))
+        body = replace(sub_body.body, damping=scale[:, None] * sub_body.body.stiffness * scale)
+        damped.append(replace(sub_body, body=body))
     return tuple(damped)
 
 
@@ -89,63 +91,67 @@ def _damping_times(blade, beam, dofs):
     return np.array([times[0], times[1], max(times[:2]), times[1], times[0], times[2]])
 
 
-def add_pieces(system, pieces, add_root, name):
+def add_sub_bodies(system, sub_bodies, add_root, name):
     """Add the pieces of a blade, each fixed to the tip of the one before; returns the body indices from root to tip.
 
     Parameters
     ----------
     system : MultibodySystem
-    pieces : sequence of Piece
+    sub_bodies : sequence of SubBody
     add_root : callable
         Adds the first body and returns its index.
     name : str
         Of the blade.
     """
     parts = []
-    for k, piece in enumerate(pieces, start=1):
+    for k, sub_body in enumerate(sub_bodies, start=1):
         own = f"{name}_piece_{k}"
-        names = tuple(f"{own}_{i + 1}" for i in range(piece.basis.shape[1]))
-        body = replace(piece.body, name=own, coordinate_names=names)
+        names = tuple(f"{own}_{i + 1}" for i in range(sub_body.basis.shape[1]))
+        body = replace(sub_body.body, name=own, coordinate_names=names)
         parts.append(system.add(body, Joint("fixed"), parts[-1], "tip") if parts else add_root(body))
     return tuple(parts)
 
 
-def piece_points(pieces, points):
+def sub_body_points(sub_bodies, points):
     """Shapes of points (n_points, 3) in the frame of the whole blade, shared out among its pieces.
 
     Returns
     -------
     points : Points
-        position (n_pieces, n_most, 3), linear (n_pieces, n_most, 3, n_f), second (n_pieces, n_most, 3, n_f, n_f).
-    nodes : PieceNodes
+        position (n_sub_bodies, n_most, 3), linear (n_sub_bodies, n_most, 3, n_f), second (n_sub_bodies, n_most, 3, n_f, n_f).
+    nodes : SubBodyNodes
     """
-    sections = pieces[0].beam.sections
+    sections = sub_bodies[0].beam.sections
     arc = np.interp(points[:, 2], sections.axis[:, 2], sections.station)
-    carrier = np.array([piece_at(pieces, s) for s in arc])
-    count = np.bincount(carrier, minlength=len(pieces))
-    most, n_f = int(count.max()), max(p.basis.shape[1] for p in pieces)
-    node = np.zeros((len(pieces), most), dtype=np.int64)
-    shapes = Points(np.zeros((len(pieces), most, 3)), np.zeros((len(pieces), most, 3, n_f)),
-                    np.zeros((len(pieces), most, 3, n_f, n_f)))  # fmt: skip
-    for k, piece in enumerate(pieces):
-        second, origin, n = piece.beam.second_order_field(piece.basis), _origin(pieces, k), piece.basis.shape[1]
+    carrier = np.array([sub_body_at(sub_bodies, s) for s in arc])
+    count = np.bincount(carrier, minlength=len(sub_bodies))
+    most, n_f = int(count.max()), max(p.basis.shape[1] for p in sub_bodies)
+    node = np.zeros((len(sub_bodies), most), dtype=np.int64)
+    shapes = Points(np.zeros((len(sub_bodies), most, 3)), np.zeros((len(sub_bodies), most, 3, n_f)),
+                    np.zeros((len(sub_bodies), most, 3, n_f, n_f)))  # fmt: skip
+    for k, sub_body in enumerate(sub_bodies):
+        second, origin, n = (
+            sub_body.beam.second_order_field(sub_body.basis),
+            _origin(sub_bodies, k),
+            sub_body.basis.shape[1],
+        )
         for row, i in enumerate(np.flatnonzero(carrier == k)):
             node[k, row] = i
-            offset = points[i] - origin - piece.beam.sections.axis_at(arc[i])
-            marker = offset_marker(piece.beam, piece.basis, arc[i], offset, second)
+            offset = points[i] - origin - sub_body.beam.sections.axis_at(arc[i])
+            marker = offset_marker(sub_body.beam, sub_body.basis, arc[i], offset, second)
             shapes.position[k, row] = marker.position
             shapes.linear[k, row, :, :n], shapes.second[k, row, :, :n, :n] = marker.linear, marker.second
-    return shapes, PieceNodes(count.astype(np.int64), node, np.zeros((most, 3)), np.zeros((most, 3)))
+    return shapes, SubBodyNodes(count.astype(np.int64), node, np.zeros((most, 3)), np.zeros((most, 3)))
 
 
-def tip_of_last_piece(pieces, tip):
+def tip_of_last_sub_body(sub_bodies, tip):
     """The tip of a blade (3,), given in its frame, as a point of the last piece."""
-    last = pieces[-1]
-    offset = tip - _origin(pieces, -1) - last.beam.sections.axis_at(last.end)
+    last = sub_bodies[-1]
+    offset = tip - _origin(sub_bodies, -1) - last.beam.sections.axis_at(last.end)
     marker = offset_marker(last.beam, last.basis, last.end, offset)
     return Points(marker.position[None], np.ascontiguousarray(marker.linear[None]), marker.second[None].copy())
 
 
-def _origin(pieces, k):
+def _origin(sub_bodies, k):
     """Origin of the frame of piece k in the frame of the blade (3,) [m]: all are parallel to it."""
-    return pieces[0].beam.sections.axis_at(pieces[k].start)
+    return sub_bodies[0].beam.sections.axis_at(sub_bodies[k].start)

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from wt_gym.agents.executors import Executor
     from wt_gym.envs.episode import Agent
 
-__all__ = ["Contenders"]
+__all__ = ["AgentPool"]
 
 
-class Contenders:
+class AgentPool:
     """Agents, each with the environment it runs in; a context, which closes these.
 
     Parameters
@@ -66,7 +66,7 @@ class Contenders:
             refused.callback(self._environments.close)
             self.env = self._environments.plain
             self.agents: dict[str, Agent] = {}
-            self._beneath = {name: self._place(name) for name in agents}
+            self._environment_of_agent = {name: self._place(name) for name in agents}
             refused.pop_all()  # nothing is: the context closes them
 
     def _place(self, name: str) -> gym.Env:
@@ -74,7 +74,7 @@ class Contenders:
         given = self._given[name]
         found = load_model(read_name(given)) if isinstance(given, str) and read_name(given).kind == "trained" else given
         record = getattr(found, "record", None) or {}
-        env = self._environments.beneath(given, record, self._as_given)
+        env = self._environments.environment_of(given, record, self._as_given)
         self.agents[name] = agent = load_agent(found, layout_of(env), env) if isinstance(found, str) else found
         try:
             enter = getattr(agent, "enter", None) or getattr(agent, "check_fits", None)
@@ -88,11 +88,11 @@ class Contenders:
 
     def __getitem__(self, name: str) -> tuple[gym.Env, Agent]:
         """Environment and agent of a name."""
-        return self._beneath[name], self.agents[name]
+        return self._environment_of_agent[name], self.agents[name]
 
     def results(
         self,
-        play: Callable[[Contenders, Any], Any],
+        play: Callable[[AgentPool, Any], Any],
         jobs: Sequence[Any],
         executor: Executor,
         code_of: Callable[..., dict[str, str]],
@@ -123,7 +123,7 @@ class Contenders:
         given = (play, self._given, *self._where, self._as_given)
         return executor.results(_play_here, jobs, begin=_get_ready, given=given, warm=warm)
 
-    def __enter__(self) -> Contenders:
+    def __enter__(self) -> AgentPool:
         return self
 
     def __exit__(self, *exception) -> None:
@@ -152,10 +152,10 @@ _play: Callable[[Any], Any] | None = None
 """What a worker process does with a job."""
 
 
-def _get_ready(play: Callable[[Contenders, Any], Any], *given: Any) -> None:
+def _get_ready(play: Callable[[AgentPool, Any], Any], *given: Any) -> None:
     """Begin as a worker process."""
     global _play
-    _play = partial(play, Contenders(*given))
+    _play = partial(play, AgentPool(*given))
 
 
 def _play_here(job: Any) -> Any:

@@ -1,6 +1,6 @@
-"""Thin aerofoils in unsteady flow: Wagner's step response and Theodorsen's oscillations, with the vortex lattice.
+"""Thin airfoils in unsteady flow: Wagner's step response and Theodorsen's oscillations, with the vortex lattice.
 
-The aerofoil is the first strip of a very long half wing that the ground mirrors. Chord, stream and density
+The airfoil is the first strip of a very long half wing that the ground mirrors. Chord, stream and density
 are 1, so that a step of one panel chord is 1 / n_chord and the reduced frequency is k = ω / 2.
 """
 

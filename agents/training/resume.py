@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from wt_gym.agents.training.config import TrainingConfig
     from wt_gym.agents.training.learners import Learner
 
-__all__ = ["train_or_go_on"]
+__all__ = ["resume_or_train"]
 
 
-def train_or_go_on(
+def resume_or_train(
     config: TrainingConfig, folder: str | Path, seeds: Sequence[int] | None = None, *, learner: Learner | None = None
 ) -> dict[str, Any]:
     """Train, or go on where the folder holds this training already.
