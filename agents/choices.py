@@ -15,6 +15,7 @@ from wt_gym.control.controllers.names import (
     parse_name,
 )
 from wt_gym.control.controllers.own_class import load_class, source_digest
+from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -37,6 +38,9 @@ __all__ = [
     "split_name",
     "with_model_options",
 ]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 WORDS = ("zero", "random", "planner")
 """Agents by word: zero actions, which leave everything to the controller beneath; even draws; planning on a copy of the

@@ -26,11 +26,14 @@ Examples
 
 from gymnasium.envs.registration import register
 
+from wt_gym import deprecated
 from wt_gym.tasks import TASKS
 from wt_gym.turbine_records import RECORDS
 
 __all__ = ["__version__"]
 __version__ = "0.1.0"
+
+deprecated.install()
 
 
 def _register(env_id, arguments, **limits):

@@ -233,5 +233,6 @@ class Contract:
         account.take(self.env.signals, self.env.control_dt)
         require(
             not account.exceeded,
-            f"{account.excess / 1e6:.4g} MJ came beyond Betz's share, the air lends {account.excess_limit / 1e6:.4g} MJ",
+            f"energy beyond Betz's limit must be at most {account.excess_limit / 1e6:.4g} MJ, got "
+            f"{account.excess / 1e6:.4g} MJ",
         )

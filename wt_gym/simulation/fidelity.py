@@ -5,6 +5,7 @@ import numbers
 from dataclasses import dataclass, field, replace
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
+from wt_gym.deprecated import renamed_arguments, renamed_attribute
 from wt_gym.errors import SimulationError
 from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
@@ -32,6 +33,7 @@ STEP_BASE = 0.2
 """Interval that the automatic time step divides [s]; control intervals are multiples of it."""
 
 
+@renamed_arguments(stabilisation="stabilization")  # rename: keep
 @dataclass(frozen=True)
 class Fidelity:
     """Resolution of a simulation.
@@ -160,6 +162,8 @@ class Fidelity:
     reference_condition: str = later_field("clamped")
     frame_update: str | float = later_field("step")
     frame_displacement: str = later_field("second_order")
+
+    stabilisation = renamed_attribute("stabilisation", "stabilization")  # rename: keep
 
     def __post_init__(self):
         """Refuse values without meaning."""

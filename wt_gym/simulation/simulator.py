@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.deprecated import renamed_arguments
 from wt_gym.errors import ActionError, InflowError, SimulationError
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
@@ -156,6 +157,7 @@ class Simulator:
         values, n_blades = self._measurement.values, self.turbine.n_blades
         return Signals(values * parities(n_blades) if self.mirrored else values.copy(), n_blades)
 
+    @renamed_arguments(thrust_before="wake_thrust")  # rename: keep
     def reset(
         self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, wake_thrust=None,
         motion=None,
@@ -228,6 +230,7 @@ class Simulator:
         self._measure()
         return self.signals
 
+    @renamed_arguments(go_on="accumulate")  # rename: keep
     def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0, accumulate=False):
         """Simulate for a while with constant demands; the drives follow them within their limits.
 

@@ -140,8 +140,8 @@ class FrozenPlant:
         tree_kernels.kinematics(y, self.system.tree, work)
         self._elastic = [np.array(part) for part in zip(*(s.elastic(b, y) for b in self._lattice_bodies), strict=True)]
         coupling_kernels.rotor_motion(
-            work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._lattice_bodies, s.sub_body_nodes,
-            *self._flat[:2],
+            work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._lattice_bodies,
+            s.sub_body_nodes, *self._flat[:2],
         )  # fmt: skip
 
     def _reach_of(self, i):

@@ -118,7 +118,8 @@ def sub_body_points(sub_bodies, points):
     Returns
     -------
     points : Points
-        position (n_sub_bodies, n_most, 3), linear (n_sub_bodies, n_most, 3, n_f), second (n_sub_bodies, n_most, 3, n_f, n_f).
+        position (n_sub_bodies, n_most, 3), linear (n_sub_bodies, n_most, 3, n_f),
+        second (n_sub_bodies, n_most, 3, n_f, n_f).
     nodes : SubBodyNodes
     """
     sections = sub_bodies[0].beam.sections
