@@ -46,7 +46,7 @@ class Range:
 _FADE = Range(math.radians(0.5), math.radians(6.0), log=True)  # the default acts in full from 3 degrees on
 SPACES: dict[str, dict[str, Range]] = {
     "retuned": {"gain_factor": Range(0.5, 1.2)},
-    "rosco": {
+    "tsr_tracking": {
         "tip_speed_ratio": Range(6.0, 12.0),
         "thrust_limit": Range(0.75, 1.0),
         "torque_frequency": Range(0.05, 0.6, log=True),

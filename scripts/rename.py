@@ -82,6 +82,9 @@ NAMES = (
     Name("def beneath", "def environment_of", "text", ("agents/environments.py",)),
     Name("_beneath", "_environment_of_agent", "code"),
     Name("advance_under", "advance_controlled"),
+    Name("RoscoLikeController", "TsrTrackingController"),
+    Name("RoscoLikeParameters", "TsrTrackingParameters"),
+    Name("controllers.rosco_like", "controllers.tsr_tracking"),
     # runs and training
     Name("Contenders", "AgentPool", "code"),
     Name("agent_pool.Contenders", "agent_pool.AgentPool"),

@@ -24,6 +24,14 @@ _F = TypeVar("_F")
 NAMES: dict[str, dict[str, str]] = {
     "wt_gym.control": {"Aim": "AgentSetpoint"},
     "wt_gym.control.actions": {"Aim": "AgentSetpoint"},
+    "wt_gym.control.controllers": {
+        "RoscoLikeController": "TsrTrackingController",
+        "RoscoLikeParameters": "TsrTrackingParameters",
+    },
+    "wt_gym.control.controllers.tsr_tracking": {
+        "RoscoLikeController": "TsrTrackingController",
+        "RoscoLikeParameters": "TsrTrackingParameters",
+    },
     "wt_gym.agents.agent_pool": {"Contenders": "AgentPool"},
     "wt_gym.agents.choices": {"runs_beneath": "is_base_controller"},
     "wt_gym.agents.comparison": {"BENEATH": "RESIDUAL_INTERFACE"},
@@ -40,6 +48,7 @@ NAMES: dict[str, dict[str, str]] = {
 """Former and present names by the module that has them."""
 
 MODULES = {
+    "wt_gym.control.controllers.rosco_like": "wt_gym.control.controllers.tsr_tracking",
     "wt_gym.agents.contenders": "wt_gym.agents.agent_pool",
     "wt_gym.agents.training.again": "wt_gym.agents.training.resume",
     "wt_gym.agents.training.held_back": "wt_gym.agents.training.selection",

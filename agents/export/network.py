@@ -8,16 +8,17 @@ distribution, squashed where the algorithm does that, within the range of the ac
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
 from gymnasium import spaces
-from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.torch_layers import FlattenExtractor
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from stable_baselines3.common.running_mean_std import RunningMeanStd
 
     from wt_gym.agents.trained_agent import TrainedAgent
     from wt_gym.envs.layout import EnvLayout
@@ -170,10 +171,10 @@ def network_of(agent: TrainedAgent, layout: EnvLayout) -> Network:
 
 def _normalization(agent: TrainedAgent) -> Normalization | None:
     made = agent.normalization
-    if made is None or not made.norm_obs or not isinstance(made.obs_rms, RunningMeanStd):
+    if made is None or not made.norm_obs:
         return None
-    deviation = np.sqrt(made.obs_rms.var + made.epsilon)
-    return Normalization(made.obs_rms.mean.copy(), deviation, float(made.clip_obs))
+    statistics = cast("RunningMeanStd", made.obs_rms)  # of a flat observation
+    return Normalization(statistics.mean.copy(), np.sqrt(statistics.var + made.epsilon), float(made.clip_obs))
 
 
 def _modules(policy: Any) -> tuple[list[Any], bool]:

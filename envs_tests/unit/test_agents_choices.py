@@ -21,7 +21,7 @@ def test_controllers_come_with_parameters():
         "constrained_ipc",
         {"level": 0.1, "leak_time": None},
     )
-    assert is_controller_name("rosco:thrust_limit=0.95")
+    assert is_controller_name("tsr_tracking:thrust_limit=0.95")
     assert is_controller_name("controller:anything")  # said to be one: its maker refuses it by name
     assert not is_controller_name("runs/ipc")
     assert not is_controller_name("ipc+ppo")

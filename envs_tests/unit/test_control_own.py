@@ -17,7 +17,7 @@ from wt_gym.control.controllers.discon import BaselineController, BaselineParame
 from wt_gym.control.controllers.filters import SecondOrderLowPass
 from wt_gym.control.controllers.own import own_parameters
 from wt_gym.control.controllers.pitch_law import GainTable, PitchLaw
-from wt_gym.control.controllers.rosco_like import RoscoLikeController
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
@@ -95,7 +95,7 @@ def test_constants_beside_a_file_are_used(tmp_path):
 
 def test_published_gains_serve_the_turbines_that_have_them():
     controller = make_controller("discon", load_turbine("iea_22mw"))
-    assert isinstance(controller, RoscoLikeController)
+    assert isinstance(controller, TsrTrackingController)
     p, own = controller.parameters, load_turbine("iea_22mw").control
     assert p.torque_gain == own.torque_proportional_gain
     assert p.baseline.gain_table.proportional[0] == own.pitch_proportional_gain[0]

@@ -1,1 +1,1 @@
-"""What leaves wt_gym and enters it: controllers as libraries, files and messages of other programs."""
+"""What comes in and what goes out: codes and controllers of the industry behind the contracts of this package."""

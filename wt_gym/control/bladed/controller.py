@@ -37,7 +37,7 @@ __all__ = ["PARAMETERS", "BladedController"]
 _log = logging.getLogger(__name__)
 
 PARAMETERS = (
-    Parameter("library", "-", "path of the library", word="a path"),
+    Parameter("library", "-", "path of the library", word="a path", otherwise="must be given"),
     Parameter("input_file", "-", "path of its parameter file", word="a path", otherwise="none"),
     Parameter("function", "-", "name of its function", word="a name"),
     Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),

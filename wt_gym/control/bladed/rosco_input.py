@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.controllers.discon import BaselineParameters
-from wt_gym.control.controllers.rosco_like import RoscoLikeParameters
 from wt_gym.control.controllers.rotor_rules import slower_than_reference
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters
 from wt_gym.control.operating_point import operating_point, rotor_inertia, tracks_tip_speed_ratio
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.rotor_table import RotorTable
@@ -84,7 +84,7 @@ def performance_table(table: RotorTable) -> str:
 def _parameters(turbine: Turbine, table: RotorTable) -> dict[str, object]:
     """Values of the input file by their names."""
     base = BaselineParameters.from_turbine(turbine)
-    made = RoscoLikeParameters
+    made = TsrTrackingParameters
     tracking = (
         made.published(turbine, base) if tracks_tip_speed_ratio(turbine) else made.from_turbine(turbine, baseline=base)
     )

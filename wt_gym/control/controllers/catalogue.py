@@ -13,15 +13,23 @@ from wt_gym.control.bladed import controller as bladed
 from wt_gym.control.bladed import rosco
 from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.bladed.rosco import RoscoController
-from wt_gym.control.controllers import individual_pitch, lidar_feedforward, own, retuned, rosco_like, tower_dampers, yaw
+from wt_gym.control.controllers import (
+    individual_pitch,
+    lidar_feedforward,
+    own,
+    retuned,
+    tower_dampers,
+    tsr_tracking,
+    yaw,
+)
 from wt_gym.control.controllers.controller import Addition, Combined, Controller
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import own_controller, own_parameters
 from wt_gym.control.controllers.parameters import Parameter, did_you_mean, with_defaults
 from wt_gym.control.controllers.retuned import retuned_controller
-from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
 from wt_gym.control.controllers.yaw import YawByDeadBand
 
@@ -31,6 +39,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ADDITIONS",
     "BASES",
+    "COMPILED",
     "CONTROLLERS",
     "WRAPPERS",
     "catalogue_controller",
@@ -51,8 +60,8 @@ def _retuned(turbine: Turbine, gain_factor: float | None = None) -> Controller:
 
 
 def _rosco(turbine: Turbine, **parameters) -> Controller:
-    """Tip-speed-ratio tracking with a wind estimate, set-point smoothing, peak shaving (`rosco_like`)."""
-    return RoscoLikeController.of_turbine(turbine, **parameters)
+    """Tip-speed-ratio tracking with a wind estimate, set-point smoothing, peak shaving (`tsr_tracking`)."""
+    return TsrTrackingController.of_turbine(turbine, **parameters)
 
 
 def _ipc(turbine: Turbine, **parameters) -> Addition:
@@ -125,11 +134,13 @@ SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper"), **TUNED}
 """Names that stand for several parts; those of `TUNED` bring parameters with them."""
 CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
 """Every name; what is no base stands on "discon" where there is none."""
+COMPILED = ("rosco", "bladed")
+"""Names of controllers that are libraries of others."""
 
 _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]]] = {
     "discon": (own.PARAMETERS, (own_controller, own_parameters)),
     "retuned": (retuned.PARAMETERS, (_retuned,)),
-    "tsr_tracking": (rosco_like.PARAMETERS, (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine)),
+    "tsr_tracking": (tsr_tracking.PARAMETERS, (TsrTrackingController.of_turbine, TsrTrackingParameters.from_turbine)),
     "rosco": (rosco.PARAMETERS, (RoscoController.of_turbine,)),
     "bladed": (bladed.PARAMETERS, (_bladed, BladedController)),
     "lidar": (lidar_feedforward.PARAMETERS, (LidarFeedforward.of_turbine,)),

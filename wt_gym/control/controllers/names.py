@@ -240,8 +240,8 @@ def make_controller(
     choice : str, Controller or callable
         Names of `CONTROLLERS` joined with ``+``: one of `BASES` (by default "discon", which "baseline" means too) and
         additions, for example ``"discon"``, ``"ipc"`` (the same as ``"discon+ipc"``),
-        ``"rosco+constrained_ipc+tower_dampers+yaw"``; with parameters behind a colon as `name_and_parameters` reads
-        them: ``"constrained_ipc:level=0.1"``. Or a class or function of one's own, ``"path/file.py:Class"`` or
+        ``"tsr_tracking+constrained_ipc+tower_dampers+yaw"``; with parameters behind a colon as `name_and_parameters`
+        reads them: ``"constrained_ipc:level=0.1"``. Or a class or function of one's own, ``"path/file.py:Class"`` or
         ``"module:Class"``, whose code is run; it is made by its ``of_turbine(turbine, ...)`` where it has one, gets
         ``turbine`` where it takes an argument of this name, and stands on "discon" where it is an addition. Or a
         controller, which is returned as it is, or a function that makes one for the turbine.

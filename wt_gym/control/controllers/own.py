@@ -2,7 +2,7 @@
 
 Two laws share one set of constants (`BaselineParameters`). A turbine whose data have the gains of a torque controller
 that tracks the tip-speed ratio, or a least pitch over the wind (peak shaving), gets the one that estimates the wind
-(`RoscoLikeController.published`); any other the torque curve of the NREL 5-MW's (`DisconController`).
+(`TsrTrackingController.published`); any other the torque curve of the NREL 5-MW's (`DisconController`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.pitch_law import GainTable
-from wt_gym.control.controllers.rosco_like import RoscoLikeController
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
 from wt_gym.control.rotor_table import blade_element_table
 from wt_gym.control.speed_loop import check_speed_loop
@@ -233,8 +233,8 @@ def own_controller(
     tip_speed_ratio : float, optional
         That below rated is run at [-]: tracked, or by the gain of region 2, which goes with its inverse cube.
     thrust_limit : float, optional
-        Peak shaving by rule in place of a published least pitch, see `wt_gym.control.controllers.rosco_like` [-]; for a
-        controller that estimates the wind.
+        Peak shaving by rule in place of a published least pitch, see `wt_gym.control.controllers.tsr_tracking` [-]; for
+        a controller that estimates the wind.
     **parameters
         Of `own_parameters`.
 
@@ -264,11 +264,11 @@ def own_controller(
             tracked["tip_speed_ratio"] = tip_speed_ratio
         if thrust_limit is not None:
             tracked["thrust_limit"] = thrust_limit
-        return RoscoLikeController.published(turbine, made, **tracked)
+        return TsrTrackingController.published(turbine, made, **tracked)
     if thrust_limit is not None:
         raise ValueError(
             f"thrust_limit must be left out for {turbine.name}, whose controller estimates no wind: give it to "
-            f"'rosco', got thrust_limit={thrust_limit!r}"
+            f"'tsr_tracking', got thrust_limit={thrust_limit!r}"
         )
     if region_2_gain is not None and tip_speed_ratio is not None:
         raise ValueError("region_2_gain and tip_speed_ratio say the same; one of them must be left out")

@@ -6,10 +6,10 @@ gain-scheduled pitch law of the baseline, set points of both moved apart so that
 and a lower limit of the pitch that rises with the estimated wind: for power where the rotor cannot turn slowly enough,
 and near rated to cut the peak of the thrust ("peak shaving", section 3.3).
 
-A turbine whose data publish such a controller gets its own numbers (`RoscoLikeParameters.published`): gains of torque
+A turbine whose data publish such a controller gets its own numbers (`TsrTrackingParameters.published`): gains of torque
 and pitch, filters, tip-speed ratio, least pitch over the wind. Its wind estimate then reads a table by blade
 elements, as the published controller does. What is not published follows by the rules of
-`RoscoLikeParameters.from_turbine`. Times and rates of those rules were chosen for a rotor of 12.1 rpm, and go with
+`TsrTrackingParameters.from_turbine`. Times and rates of those rules were chosen for a rotor of 12.1 rpm, and go with
 the turn of the rotor.
 """
 
@@ -30,12 +30,13 @@ from wt_gym.control.design import fine_pitch, rated_mechanical_power
 from wt_gym.control.operating_point import least_pitch, rotor_inertia
 from wt_gym.control.rotor_table import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.sensors import LowPass, Notch
+from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["PARAMETERS", "RoscoLikeController", "RoscoLikeParameters", "pitch_schedule"]
+__all__ = ["PARAMETERS", "TsrTrackingController", "TsrTrackingParameters", "pitch_schedule"]
 
 _TORQUE_FREQUENCY, _WIND_TIME, _SMOOTHING_TIME = 0.25, 3.0, 5.0
 """Of a rotor of 12.1 rpm [rad/s], [s], [s]."""
@@ -127,7 +128,7 @@ def pitch_schedule(
 
 
 @dataclass(frozen=True)
-class RoscoLikeParameters:
+class TsrTrackingParameters:
     """Constants of the controller.
 
     Attributes
@@ -175,7 +176,7 @@ class RoscoLikeParameters:
     constant_power_pitch: float = 0.0
 
     @classmethod
-    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters) -> RoscoLikeParameters:
+    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters) -> TsrTrackingParameters:
         """Numbers of the turbine's own controller, by rule where its data say nothing.
 
         Parameters
@@ -216,7 +217,7 @@ class RoscoLikeParameters:
         *,
         baseline: BaselineParameters | None = None,
         table: RotorTable | None = None,
-    ) -> RoscoLikeParameters:
+    ) -> TsrTrackingParameters:
         """By rule.
 
         The torque gains place the poles of the rotor speed at ``torque_frequency`` [rad/s] and ``torque_damping``:
@@ -274,7 +275,7 @@ class RoscoLikeParameters:
         )
 
 
-class RoscoLikeController:
+class TsrTrackingController:
     """Tip-speed-ratio tracking, set-point smoothing and a least pitch over the estimated wind.
 
     Each step, with the filtered generator speed w and estimated wind v:
@@ -290,7 +291,7 @@ class RoscoLikeController:
 
     Parameters
     ----------
-    parameters : RoscoLikeParameters
+    parameters : TsrTrackingParameters
     estimator : WindEstimator
 
     Attributes
@@ -299,7 +300,7 @@ class RoscoLikeController:
         Estimated rotor-effective wind behind the filter [m/s].
     """
 
-    def __init__(self, parameters: RoscoLikeParameters, estimator: WindEstimator):
+    def __init__(self, parameters: TsrTrackingParameters, estimator: WindEstimator):
         self.parameters, self.estimator = parameters, estimator
         self.channels = tuple(dict.fromkeys(("generator_speed", *estimator.channels)))
         self._notch = Notch(parameters.baseline.notch_frequency)
@@ -316,20 +317,20 @@ class RoscoLikeController:
     @classmethod
     def of_turbine(
         cls, turbine: Turbine, estimator_bandwidth: float | None = None, **parameters
-    ) -> RoscoLikeController:
-        """By rule; parameters as those of `RoscoLikeParameters.from_turbine`.
+    ) -> TsrTrackingController:
+        """By rule; parameters as those of `TsrTrackingParameters.from_turbine`.
 
         The bandwidth of the estimator is by default that of `bandwidth_of` [rad/s].
         """
-        made = RoscoLikeParameters.from_turbine(turbine, **parameters)
+        made = TsrTrackingParameters.from_turbine(turbine, **parameters)
         return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth))
 
     @classmethod
     def published(
         cls, turbine: Turbine, baseline: BaselineParameters, estimator_bandwidth: float | None = None, **parameters
-    ) -> RoscoLikeController:
-        """With the turbine's own numbers, see `RoscoLikeParameters.published`."""
-        made = RoscoLikeParameters.published(turbine, baseline, **parameters)
+    ) -> TsrTrackingController:
+        """With the turbine's own numbers, see `TsrTrackingParameters.published`."""
+        made = TsrTrackingParameters.published(turbine, baseline, **parameters)
         return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth, made.table))
 
     def start(self, signals: Readings, demand: Demand) -> None:
@@ -397,3 +398,7 @@ class RoscoLikeController:
     def _least_pitch(self) -> float:
         """Lower limit of the pitch [rad]."""
         return float(np.interp(self.wind, self.parameters.schedule_wind, self.parameters.schedule_pitch))
+
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
