@@ -361,7 +361,7 @@ def test_scripts_explain_themselves(script):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["evaluate", "no/such/agent"], "'no/such/agent' is no agent"),
+        (["evaluate", "no/such/agent"], "got 'no/such/agent'"),
         (["evaluate", "--env", STEADY, "--wind-speed", "60"], "between 0 and 50 m/s"),
         (["evaluate", "--env", "CartPole-v1"], "must be one of wt_gym/"),
         (["evaluate", "--env", "NoSuchEnv-v0"], "NoSuchEnv"),

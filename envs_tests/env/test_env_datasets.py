@@ -57,7 +57,7 @@ def test_noise_changes_the_actions_within_their_bounds(recorded):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"agent": "nothing"}, "'nothing' is no agent: give baseline"),
+        ({"agent": "nothing"}, "an agent must be baseline.*got 'nothing'"),
         ({"episodes": 0}, "at least 1 episode"),
         ({"noise": -1.0}, "noise must be"),
         ({"dataset_id": "wt_gym/test/ipc-v0"}, "is a data set wt_gym/test/ipc-v0"),

@@ -272,7 +272,7 @@ def test_tasks_without_reference_or_changed_since_are_refused(reference):
 
 def test_references_need_a_baseline_that_lasts_and_a_better_agent():
     better = results(TASK, {"blade_flap_del": 0.9})
-    with pytest.raises(BenchmarkError, match=r"baseline controller does not last in 15 m/s, seed 1007 \(overspeed\)"):
+    with pytest.raises(BenchmarkError, match=r"baseline controller must complete every wind, it ended in 15 m/s, seed 1007 \(overspeed\)"):
         make_reference(TASK, results(TASK, ending="overspeed"), {"x": better})
     with pytest.raises(BenchmarkError, match="no candidate is better"):
         make_reference(TASK, results(TASK), {"x": results(TASK, {"blade_flap_del": 1.1})})
@@ -384,7 +384,7 @@ def test_entries_of_words():
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        (["nothing"], "'nothing' is no agent: give zero"),
+        (["nothing"], "an agent must be zero"),
         (["ipc:level"], "is key=value"),
         (["zero:x=1"], "'zero:x=1' takes no parameters"),
         (["ipc:limit=many"], "must be a number"),
@@ -410,7 +410,7 @@ def test_the_front_is_a_table_and_a_figure(tmp_path):
     assert len(lines) == 1 + len(runs)
     assert "<svg" in draw_front(rows, tmp_path / "front.svg").read_text(encoding="utf-8")
     runs[strongest] = results(TASK, ending="overspeed")
-    with pytest.raises(ValueError, match="did not last in 15 m/s, seed 1007"):
+    with pytest.raises(ValueError, match="must complete every wind of .*, it ended early in 15 m/s, seed 1007"):
         front_rows(TASK, runs)
 
 

@@ -648,7 +648,7 @@ def test_parameters_stand_behind_the_name_too(turbine):
     for text, message in (
         ("level", "a parameter of a controller is key=value, got 'level'"),
         ("level='a'", "the value of 'level' .* must be a number, True, False or None"),
-        ("level=0.1,level=0.2", "level stands twice"),
+        ("level=0.1,level=0.2", "every parameter must be given once, got level twice"),
     ):
         with pytest.raises(ValueError, match=message):
             make_controller(f"ipc:{text}", turbine)

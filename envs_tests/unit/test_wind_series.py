@@ -106,7 +106,7 @@ def test_csv_columns_stand_in_any_order_and_directions_are_ours(tmp_path):
         ("time,wind\n0,8\n", "no column is called 'wind'"),
         ("time,Speed\n0,8\n", "did you mean 'speed'"),
         ("time,direction\n0,8\n", "'speed' is missing"),
-        ("time,speed,speed\n0,8,8\n", "stands twice"),
+        ("time,speed,speed\n0,8,8\n", "must be named once"),
         ("time,speed\n0,8\n1\n", "line 3: 2 numbers are needed"),
         ("time,speed\n0,8\n1,fast\n", "line 3: speed must be a number; got 'fast'"),
         ("time,speed\n0,8\n1,nan\n", "line 3: every number must be finite"),
