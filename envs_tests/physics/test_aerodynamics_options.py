@@ -430,9 +430,9 @@ def test_refused_lattices():
         nodes[..., 0], nodes[..., 1] = y * np.sin(angle), y * np.cos(angle)
         return nodes
 
-    with pytest.raises(AerodynamicsError, match=r"without area: \[\[0, 1\], \[1, 1\]\]"):
+    with pytest.raises(AerodynamicsError, match=r"have none: \[\[0, 1\], \[1, 1\]\]"):
         planform_with(without_area)
-    with pytest.raises(AerodynamicsError, match="turns by more than 90 degrees"):
+    with pytest.raises(AerodynamicsError, match="must turn by at most 90 degrees"):
         planform_with(turned_over)
     with pytest.raises(AerodynamicsError, match="not finite"):
         planform_with(lambda nodes: nodes * np.nan)
@@ -498,7 +498,7 @@ def test_refused_planforms():
         ("chord", np.full(4, np.inf), "chord is not finite"),
         ("chord", np.full(4, np.nan), "chord is not finite"),
         ("edge_chord", np.ones(4), r"edge_chord has shape \(4,\); \(5,\)"),
-        ("edge_chord", -np.ones(5), "no edge chord may be negative"),
+        ("edge_chord", -np.ones(5), "edge chords must be at least 0"),
         ("span_edges", np.arange(4.0), r"span_edges has shape \(4,\); \(5,\)"),
         ("polars", None, "polars"),
     ],
@@ -530,7 +530,7 @@ def test_refused_panels_without_area_in_motion():
     thin = nodes.copy()
     thin[0, :, 1] = thin[0, :, 2]
     row = [nodes[:, -1] + [0.0, 1.0, 0.0]]
-    message = r"\(blade, chord, span\) without area: \[\[0, 0, 1\], \[0, 1, 1\]\]"
+    message = r"\(blade, chord, span\) have none: \[\[0, 0, 1\], \[0, 1, 1\]\]"
     lattice.reset(state, nodes, still, wind)
     lattice.convect_wake(state, UniformStream([0.1, 1.0, 0.0]), 0.0, 0.1)
     with pytest.raises(AerodynamicsError, match=message):

@@ -206,7 +206,7 @@ def test_names_for_several_parts_tell_the_parts_apart():
     for name in ("tower_dampers", "tuned"):
         numbers = {key: value for key, value in controller_parameters(name).items() if value is not None}
         make_controller(name, turbine, **numbers)
-    with pytest.raises(ValueError, match="must be among discon, .*got 'pid'"):
+    with pytest.raises(ValueError, match=r"must be among discon, .*got 'pid'"):
         declared_parameters("pid")
 
 

@@ -85,7 +85,8 @@ class Observable:
         unknown = [name for name in choice if name not in OBSERVATION_GROUPS and name not in singles]
         if unknown:
             raise ValueError(
-                f"observation must name groups {OBSERVATION_GROUPS} or channels {tuple(singles)}; got {unknown}"
+                f"observation has {unknown}; must be among the groups {OBSERVATION_GROUPS} and the channels "
+                f"{tuple(singles)}"
             )
         empty = [group for group in groups if not builders[group]()]
         if empty:
