@@ -259,7 +259,7 @@ class TrainedAgent:
             near = did_you_mean(str(name), ALGORITHM_CLASSES)
             raise ValueError(f"algorithm must be one of {tuple(ALGORITHM_CLASSES)}, got {name!r}{near}")
         if shown is not None and name != shown and {name, shown} != {"TD3", "DDPG"}:
-            raise ValueError(f"{model_file} is no model of {name} but of {shown}, as its settings show")
+            raise ValueError(f"{model_file} is not a model of {name} but of {shown}, as its settings show")
         normalization = None if statistics_file is None else read_normalization(statistics_file, trust)
         try:
             objects = None if trust else safe_objects(data, model_file)
@@ -268,7 +268,7 @@ class TrainedAgent:
             raise
         except DAMAGE as error:
             raise ValueError(
-                f"{model_file} is damaged, or no model of {name}: {type(error).__name__}: {error!s:.200}"
+                f"{model_file} is damaged, or not a model of {name}: {type(error).__name__}: {error!s:.200}"
             ) from error
         if normalization is not None and normalization.observation_space.shape != model.observation_space.shape:
             raise ValueError(f"the statistics {statistics_file} do not belong to the model {model_file}")

@@ -174,8 +174,8 @@ class TuningTask:
             object.__setattr__(self, "space", found)
         if not self.space:
             raise ValueError(
-                f"nothing to tune in {self.controller!r}; known are {', '.join(SPACES)}, a class of your own has "
-                'SPACE = {"parameter": (low, high)}, and --space says what else is searched'
+                f"the controller to tune must be among {', '.join(SPACES)}, got {self.controller!r}; "
+                'a class of your own has SPACE = {"parameter": (low, high)}, and --space says what else is searched'
             )
 
 

@@ -225,7 +225,10 @@ class Contract:
 
     def _check_energy(self) -> None:
         balance = self.env.simulator.coupling.exchange.energy
-        require(balance.gained[0] <= balance.reserve, f"the structure gained {balance.gained[0]} J from nothing")
+        require(
+            balance.gained[0] <= balance.reserve,
+            f"the structure gained {balance.gained[0]} J more than the work done on it",
+        )
         require(
             balance.borrowed[0] <= balance.excess_limit, f"the air gave {balance.borrowed[0]} J beyond Betz's limit"
         )

@@ -164,7 +164,7 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
     values, known = renamed_keys(values, RENAMED, where), ALGORITHMS[algorithm]
     for name, value in values.items():
         if name not in known:
-            raise ValueError(f"{where}: {algorithm} has no {name!r}; known are {', '.join(sorted(known))}")
+            raise ValueError(f"{where}: names for {algorithm} must be among {', '.join(sorted(known))}; got {name!r}")
         if not known[name].allows(value):
             raise ValueError(f"{where}: {name} must be {known[name]}, got {value!r}")
     return values

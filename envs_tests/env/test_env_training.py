@@ -390,7 +390,7 @@ def test_damaged_records_are_not_resumed(copied, changes, message):
         ({"env_kwargs": [1]}, "env_kwargs must map"),
         ({"env_kwargs": {"vector_reward": True}}, "vector_reward"),
         ({"algorithm": "DQN"}, "algorithm must be one of PPO, SAC, TQC"),
-        ({"hyperparameters": {"color": 1}}, "PPO has no 'color'; known are activation_fn, batch_size"),
+        ({"hyperparameters": {"color": 1}}, "names for PPO must be among activation_fn, batch_size.*got 'color'"),
     ],
 )
 def test_absurd_numbers_are_refused(changes, message):

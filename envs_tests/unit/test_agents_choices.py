@@ -53,7 +53,7 @@ def test_names_follow_from_choices_or_stand_in_front(tmp_path):
         named_choices(["baseline", "discon"])
     with pytest.raises(ValueError, match="two agents are called 'discon'"):
         named_choices(["Baseline PI", "controller:discon"])
-    with pytest.raises(ValueError, match="'ipcc' is no agent: give zero, random, planner, a controller"):
+    with pytest.raises(ValueError, match=r"an agent must be zero, random, planner, a controller .*got 'ipcc'"):
         named_choices(["ipcc"])
 
 

@@ -648,9 +648,9 @@ def test_parameters_stand_behind_the_name_too(turbine):
     with pytest.raises(ValueError, match="level of controller 'ipc' is given twice"):
         make_controller("ipc:level=0.2", turbine, level=0.1)
     for text, message in (
-        ("level", "a parameter of a controller is key=value, got 'level'"),
+        ("level", "a parameter of a controller must be key=value, got 'level'"),
         ("level='a'", "the value of 'level' .* must be a number, True, False or None"),
-        ("level=0.1,level=0.2", "level stands twice"),
+        ("level=0.1,level=0.2", "every parameter must be given once, got level twice"),
     ):
         with pytest.raises(ValueError, match=message):
             make_controller(f"ipc:{text}", turbine)
@@ -726,11 +726,11 @@ def test_an_addition_alone_is_no_controller(turbine):
     ("made", "message"),
     [
         ((0.1, 0.0, 4e4), r"TsrTrackingController \+ YawByDeadBand gave \(0\.1"),
-        (Demand(np.zeros(2), 0.0, 4e4), r"pitch of shape \(2,\); the turbine has 3 blades"),
-        (Demand(0.1, 0.0, 4e4), r"pitch of shape \(\); the turbine has 3 blades"),
-        (Demand(np.array([0.1, math.nan, 0.1]), 0.0, 4e4), "not finite"),
-        (Demand(np.zeros(3), math.nan, 4e4), "not finite"),
-        (Demand(np.zeros(3), 0.0, math.inf), "not finite"),
+        (Demand(np.zeros(2), 0.0, 4e4), r"pitch demand .* must have shape \(3,\), one angle a blade; got \(2,\)"),
+        (Demand(0.1, 0.0, 4e4), r"pitch demand .* must have shape \(3,\), one angle a blade; got \(\)"),
+        (Demand(np.array([0.1, math.nan, 0.1]), 0.0, 4e4), "must be finite, got"),
+        (Demand(np.zeros(3), math.nan, 4e4), "must be finite, got"),
+        (Demand(np.zeros(3), 0.0, math.inf), "must be finite, got"),
         (Demand(np.zeros(3), 0.0, None), "TsrTrackingController"),
         (Demand(["a", "b", "c"], 0.0, 4e4), "TsrTrackingController"),
     ],

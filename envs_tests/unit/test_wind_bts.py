@@ -135,7 +135,7 @@ def test_component_without_fluctuation_survives(tmp_path):
         (lambda data: b"\x50\x4b" + data[2:], "no .bts file"),
         (lambda data: data[:2] + struct.pack("<i", -3) + data[6:], "impossible header"),
         (lambda data: data[:66] + struct.pack("<i", 4000) + data[70:], "impossible header"),
-        (lambda data: data[:42] + struct.pack("<f", 1e-3) + data[46:], "allowed are 200 m/s"),
+        (lambda data: data[:42] + struct.pack("<f", 1e-3) + data[46:], "must be at most 200 m/s"),
         (lambda data: data[:26] + struct.pack("<f", 0.0) + data[30:], "impossible header"),
         (lambda data: data[:42] + struct.pack("<f", float("nan")) + data[46:], "impossible header"),
     ],

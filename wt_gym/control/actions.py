@@ -450,7 +450,7 @@ class ActionMap:
         if self.mode == "residual" or self.turns_with_rotor:
             raise ValueError(
                 f"a controller's demand cannot be written as an action of mode {self.mode!r} with pitch "
-                f"{self.pitch!r}; let it run beneath: controller=..., and take zero actions"
+                f"{self.pitch!r}; let it be the base controller: controller=..., and take zero actions"
             )
         pitch, torque = np.asarray(demand.pitch, dtype=np.float64), demand.generator_torque
         if self.mode == "rate":

@@ -201,7 +201,7 @@ class Simulator:
         limit = self.coupling.exchange.max_speed
         check_finite(rotor_speed=rotor_speed, azimuth=azimuth, yaw=yaw)
         if not 0.0 <= rotor_speed < limit:
-            raise ActionError(f"rotor_speed is {rotor_speed} rad/s; allowed: 0 … {limit:.3f} rad/s")
+            raise ActionError(f"rotor_speed is {rotor_speed} rad/s; must be 0 … {limit:.3f} rad/s")
         if tower_top is not None:
             tower_top = np.asarray(tower_top, dtype=float)
             if tower_top.shape != (4,) or not np.isfinite(tower_top).all():

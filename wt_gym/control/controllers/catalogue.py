@@ -221,7 +221,7 @@ def controller_summary(name: str) -> str:
 def _unknown(choice: str, unknown: list[str]) -> str:
     """Message for names that are none."""
     return (
-        f"unknown controller {choice!r}: {', '.join(map(repr, unknown))} is none of {', '.join(CONTROLLERS)}; "
+        f"a controller must be among {', '.join(CONTROLLERS)}; got {', '.join(map(repr, unknown))} in {choice!r}; "
         f"several are joined with '+', for example 'retuned+ipc+yaw'{did_you_mean(unknown[0], CONTROLLERS)}"
     )
 

@@ -130,12 +130,12 @@ def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str
         return Name("class", found["target"], _parameters(found["rest"], text, strings=True))
     if text.endswith(".zip") or "/" in text or "\\" in text:
         raise FileNotFoundError(
-            f"{text!r} is no agent: there is no trained model at {text}, nor a controller of that name"
+            f"an agent must be a controller or an existing path, got {text!r}: there is no trained model at {text}"
         )
     allowed = f"{', '.join(words)}, a controller" if words else "a controller"
     raise ValueError(
-        f"{text!r} is no agent: give {allowed} ({', '.join(CONTROLLERS)}, joined with '+', parameters behind ':'), "
-        "a class of your own (path/file.py:Class or module:Class), or the path of a trained model"
+        f"an agent must be {allowed} ({', '.join(CONTROLLERS)}, joined with '+', parameters behind ':'), "
+        f"a class of your own (path/file.py:Class or module:Class), or the path of a trained model; got {text!r}"
         + did_you_mean(head.rpartition("+")[2], (*words, *CONTROLLERS, *ALIASES))
     )
 
@@ -155,9 +155,9 @@ def _parameters(rest: str | None, text: str, strings: bool | Collection[str] = F
     for pair in filter(None, (rest or "").split(",")):
         key, separator, value = pair.partition("=")
         if not (separator and key):
-            raise ValueError(f"a parameter of a controller is key=value, got {pair!r} in {text!r}")
+            raise ValueError(f"a parameter of a controller must be key=value, got {pair!r} in {text!r}")
         if key in parameters:
-            raise ValueError(f"{key} stands twice in {text!r}")
+            raise ValueError(f"every parameter must be given once, got {key} twice in {text!r}")
         try:
             parameters[key] = ast.literal_eval(value)
         except (ValueError, SyntaxError):

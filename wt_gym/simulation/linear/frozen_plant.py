@@ -90,7 +90,7 @@ class FrozenPlant:
 
     def __init__(self, simulator, inflow, aerodynamics="quasi_steady", hold_speed=False):
         if aerodynamics not in AERODYNAMICS:
-            raise SimulationError(f"aerodynamics {aerodynamics!r} is unknown; allowed: {', '.join(AERODYNAMICS)}")
+            raise SimulationError(f"aerodynamics must be one of {', '.join(AERODYNAMICS)}, got {aerodynamics!r}")
         models = simulator.coupling.models
         self.turbine, self.lattice, self.structure = models.turbine, models.lattice, models.structure
         self.fidelity, self.time_step, self.tower_flow = models.fidelity, models.time_step, models.tower_flow

@@ -159,7 +159,7 @@ def linearize(
     """
     plant = FrozenPlant(simulator, _felt_inflow(simulator, wind_speed), aerodynamics, _lock(generator))
     if multiblade and plant.n_blades != 3:
-        raise SimulationError(f"multi-blade coordinates need three blades; the turbine has {plant.n_blades}")
+        raise SimulationError(f"n_blades must be 3 for multi-blade coordinates, got {plant.n_blades}")
     if operating_point is None and rotor_speed is None:
         point, wakes = _present(plant, simulator)
     else:
@@ -248,7 +248,7 @@ def steady_inflow(inflow, wind_speed=None):
 
 def _lock(generator):
     if generator not in ("free", "locked"):
-        raise SimulationError(f"generator {generator!r} is unknown; allowed: free, locked")
+        raise SimulationError(f"generator must be free or locked, got {generator!r}")
     return generator == "locked"
 
 
@@ -258,9 +258,9 @@ def _lock(generator):
 def trim_plant(plant, rotor_speed, pitch, yaw, generator_torque, azimuth, n_azimuths, passes=8, tolerance=1e-4):
     """Steady point and the wake at each of its azimuths; see :func:`linearize` for the arguments."""
     if not (np.isfinite(rotor_speed) and rotor_speed >= 0.0):
-        raise SimulationError(f"rotor_speed is {rotor_speed} rad/s; a finite speed of at least zero is needed")
+        raise SimulationError(f"rotor_speed is {rotor_speed} rad/s; must be a finite speed of at least zero")
     if n_azimuths < 1:
-        raise SimulationError(f"n_azimuths is {n_azimuths}; at least one azimuth is needed")
+        raise SimulationError(f"n_azimuths is {n_azimuths}; must be at least one azimuth")
     pitch = np.broadcast_to(np.asarray(pitch, dtype=float), (plant.n_blades,)).copy()
     turning = rotor_speed > 0.0
     passage = 2.0 * np.pi / plant.n_blades
@@ -390,7 +390,7 @@ def _output_names(n_blades, wanted):
         elif set(group) <= set(known):
             out += group
         else:
-            raise SimulationError(f"output {name!r} is unknown; the channels are {', '.join(known)}")
+            raise SimulationError(f"output must be one of {', '.join(known)}, got {name!r}")
     return tuple(out)
 
 

@@ -71,7 +71,7 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces
         if fresh:
             jacobian, following = _newton_step(residual, y, q)
         change = following
-    raise SimulationError("the structure finds no static balance under its loads")
+    raise SimulationError("the static equilibrium of the structure did not converge under its loads")
 
 
 def _shortened_step(residual, y, q, change, jacobian, smallest):
