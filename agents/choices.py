@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.control.controllers.catalogue import compiled_files
 from wt_gym.control.controllers.names import (
     ALIASES,
     BASELINE,
@@ -295,6 +297,9 @@ def fingerprint(choice: str) -> dict[str, Any]:
     if name.kind == "class":
         made_of = {"class": name.target.rpartition(":")[2], "parameters": name.parameters}
         return {"choice": name.text, "sha256": {name.target: source_digest(name.target)}, **made_of}
+    if name.kind == "controller" and (files := compiled_files(name.target, name.parameters)):
+        digests = {str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+        return {"choice": name.text, "sha256": digests}
     if name.kind != "trained":
         return {"choice": choice if choice in ALIASES else name.text}
     from wt_gym.agents.trained_agent import model_digests  # torch takes seconds to import

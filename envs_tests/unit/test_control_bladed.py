@@ -9,6 +9,7 @@ import re
 import numpy as np
 import pytest
 
+from wt_gym.agents.choices import fingerprint
 from wt_gym.agents.closed_loop import run_controller
 from wt_gym.bridges.compiler import CompilerError, compile_library, find_compiler, library_name
 from wt_gym.control import Demand
@@ -217,6 +218,18 @@ def test_names(library, tmp_path):
     assert made.base.interval == 0.02
     with pytest.raises(ValueError, match="interval of controller 'bladed' must be a number above 0 s"):
         make_controller(f"bladed:{library}:interval=0", TURBINE)
+
+
+def test_another_library_is_another_agent(library, tmp_path):
+    """A stopped evaluation goes on only with the same files."""
+    copied, read = tmp_path / library.name, input_file(tmp_path, "mine.in")
+    copied.write_bytes(library.read_bytes())
+    first = fingerprint(f"bladed:{copied}:input_file={read}")
+    assert set(first["sha256"]) == {str(copied), str(read)}
+    read.write_text("changed", encoding="utf-8")
+    second = fingerprint(f"bladed:{copied}:input_file={read}")
+    assert second != first
+    assert second["choice"] == first["choice"]
 
 
 def test_the_table_of_records_counts_none_twice():

@@ -25,7 +25,7 @@ from wt_gym.control.bladed.records import (
     write_readings,
     write_turbine,
 )
-from wt_gym.control.controllers.parameters import Parameter
+from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.errors import ControllerError, SimulationError
 
 if TYPE_CHECKING:
@@ -37,8 +37,8 @@ __all__ = ["PARAMETERS", "BladedController"]
 _log = logging.getLogger(__name__)
 
 PARAMETERS = (
-    Parameter("library", "-", "path of the library", word="a path", otherwise="must be given"),
-    Parameter("input_file", "-", "path of its parameter file", word="a path", otherwise="none"),
+    Parameter("library", "-", "path of the library", word=PATH, otherwise="must be given"),
+    Parameter("input_file", "-", "path of its parameter file", word=PATH, otherwise="none"),
     Parameter("function", "-", "name of its function", word="a name"),
     Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
     Parameter("individual_pitch", "-", "whether each blade has its own demand", switch=True, only_object=True),

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.bladed.rosco_input import write_rosco_input
-from wt_gym.control.controllers.parameters import Parameter
+from wt_gym.control.controllers.parameters import PATH, Parameter
 from wt_gym.control.controllers.rotor_rules import same_rotor
 from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
@@ -32,7 +32,7 @@ LONGEST_INTERVAL = 0.0125
 
 PARAMETERS = (
     Parameter(
-        "input_file", "-", "path of a DISCON.IN", word="a path",
+        "input_file", "-", "path of a DISCON.IN", word=PATH,
         otherwise="the one that the package brings for the turbine, else one made from its data",
     ),
     Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),

@@ -7,12 +7,13 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.control.bladed import controller as bladed
 from wt_gym.control.bladed import rosco
 from wt_gym.control.bladed.controller import BladedController
-from wt_gym.control.bladed.rosco import RoscoController
+from wt_gym.control.bladed.rosco import RoscoController, rosco_library
 from wt_gym.control.controllers import (
     individual_pitch,
     lidar_feedforward,
@@ -26,7 +27,7 @@ from wt_gym.control.controllers.controller import Addition, Combined, Controller
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import own_controller, own_parameters
-from wt_gym.control.controllers.parameters import Parameter, did_you_mean, with_defaults
+from wt_gym.control.controllers.parameters import PATH, Parameter, did_you_mean, with_defaults
 from wt_gym.control.controllers.retuned import retuned_controller
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
@@ -43,6 +44,7 @@ __all__ = [
     "CONTROLLERS",
     "WRAPPERS",
     "catalogue_controller",
+    "compiled_files",
     "controller_parameters",
     "controller_summary",
     "declared_parameters",
@@ -267,6 +269,34 @@ def catalogue_controller(choice: str, turbine: Turbine, parameters: dict[str, An
             base = WRAPPERS[part](turbine, base, **given[part])
     additions = [ADDITIONS[part](turbine, **given[part]) for part in parts if part in ADDITIONS]
     return Combined(base, *additions) if additions else base
+
+
+def compiled_files(choice: str, parameters: dict[str, Any]) -> tuple[Path, ...]:
+    """Files of others that decide on what a controller does: libraries and their input files.
+
+    Parameters
+    ----------
+    choice : str
+        Names of `CONTROLLERS` joined with "+".
+    parameters : dict
+        As of `catalogue_controller`.
+
+    Raises
+    ------
+    ValueError
+        See `wt_gym.control.controllers.make_controller`.
+    wt_gym.errors.ControllerError
+        If the package ``rosco`` is needed and not installed.
+    """
+    parts = _parts(choice)
+    given = _distribute(parts, parameters)
+    paths = [
+        Path(value)
+        for part in parts
+        for parameter in declared_parameters(part)
+        if parameter.word == PATH and (value := given[part].get(parameter.name))
+    ]
+    return (*paths, rosco_library()) if "rosco" in parts else tuple(paths)
 
 
 def _distribute(parts: tuple[str, ...], parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:

@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["Parameter", "did_you_mean", "with_defaults"]
+__all__ = ["PATH", "Parameter", "did_you_mean", "with_defaults"]
+
+PATH = "a path"
+"""What words stand for that name files."""
 
 
 @dataclass(frozen=True)
