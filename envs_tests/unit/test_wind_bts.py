@@ -132,7 +132,7 @@ def test_component_without_fluctuation_survives(tmp_path):
         (lambda data: data[:-1], "truncated"),
         (lambda data: data[:90], "truncated"),
         (lambda data: data + b"xx", "too long"),
-        (lambda data: b"\x50\x4b" + data[2:], "no .bts file"),
+        (lambda data: b"\x50\x4b" + data[2:], "not a .bts file"),
         (lambda data: data[:2] + struct.pack("<i", -3) + data[6:], "impossible header"),
         (lambda data: data[:66] + struct.pack("<i", 4000) + data[70:], "impossible header"),
         (lambda data: data[:42] + struct.pack("<f", 1e-3) + data[46:], "must be at most 200 m/s"),
