@@ -64,7 +64,8 @@ def _annotations(one):
 def test_arrays_of_kernels_have_the_declared_types():
     found = tuples()
     assert {type(one).__name__ for one in found} >= {
-        "AeroArrays", "AeroWork", "Block", "BodyArrays", "BodyWork", "SubBodyNodes", "PlanformArrays", "RingWork", "Tree",
+        "AeroArrays", "AeroWork", "Block", "BodyArrays", "BodyWork", "SubBodyNodes", "PlanformArrays", "RingWork",
+        "Tree",
     }  # fmt: skip
     assert {type(one).__name__: wrong for one in found if (wrong := wrong_fields(one))} == {}
 

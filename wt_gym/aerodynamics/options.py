@@ -165,20 +165,24 @@ class AeroOptions:
                 "AeroOptions.trailing_edge_wake and tip_wake are both False: a lattice that sheds no wake has no memory"
             )
         if self.dynamic_stall not in DYNAMIC_STALL:
-            raise AerodynamicsError(f"AeroOptions.dynamic_stall is {self.dynamic_stall!r}; allowed: None or 'oye'")
+            raise AerodynamicsError(f"AeroOptions.dynamic_stall is {self.dynamic_stall!r}; must be None or 'oye'")
         if self.dynamic_stall and not self.viscous:
             raise AerodynamicsError(
                 f"AeroOptions.dynamic_stall is {self.dynamic_stall!r} with viscous=False; it needs the polars: "
                 "viscous=True"
             )
         if self.load_form not in LOAD_FORMS:
-            raise AerodynamicsError(f"AeroOptions.load_form is {self.load_form!r}; allowed: {', '.join(LOAD_FORMS)}")
+            raise AerodynamicsError(
+                f"AeroOptions.load_form is {self.load_form!r}; must be one of {', '.join(LOAD_FORMS)}"
+            )
         if self.narrow_strips not in NARROW_STRIPS:
             raise AerodynamicsError(
-                f"AeroOptions.narrow_strips is {self.narrow_strips!r}; allowed: {', '.join(NARROW_STRIPS)}"
+                f"AeroOptions.narrow_strips is {self.narrow_strips!r}; must be one of {', '.join(NARROW_STRIPS)}"
             )
         if self.induction not in INDUCTIONS:
-            raise AerodynamicsError(f"AeroOptions.induction is {self.induction!r}; allowed: {', '.join(INDUCTIONS)}")
+            raise AerodynamicsError(
+                f"AeroOptions.induction is {self.induction!r}; must be one of {', '.join(INDUCTIONS)}"
+            )
 
     def _check_number(self, name: str, within: Callable[[float], bool], allowed: str) -> None:
         """Refuse a value that is no number or not within the range."""
@@ -201,7 +205,7 @@ class AeroOptions:
             return
         if not _is_count(self.sparse_from) or not self.full_rows < self.sparse_from:
             raise AerodynamicsError(
-                f"AeroOptions.sparse_from is {self.sparse_from!r}; allowed: None or more than full_rows, "
+                f"AeroOptions.sparse_from is {self.sparse_from!r}; must be None or more than full_rows, "
                 f"{self.full_rows}, a whole number"
             )
         if self.sparse_stride % self.coarse_stride:

@@ -88,7 +88,7 @@ class VortexLattice:
         threads: int = 1,
     ) -> None:
         if not isinstance(cast(object, n_blades), Integral) or n_blades < 1:
-            raise AerodynamicsError(f"n_blades is {n_blades!r}; at least one blade is needed, a whole number")
+            raise AerodynamicsError(f"n_blades is {n_blades!r}; must be a whole number of at least 1")
         panels, chosen = (planform.n_chord, planform.n_span), (options.n_chord, options.n_span)
         if panels != chosen:
             raise AerodynamicsError(
@@ -123,7 +123,7 @@ class VortexLattice:
             self.body_arrays = bodies.arrays, work
             self.body_wind = work.wind
         if threads < 1:
-            raise AerodynamicsError(f"threads is {threads}; at least one is needed")
+            raise AerodynamicsError(f"threads is {threads}; must be at least one")
         # With the tree code the induction of the wake is done between the compiled calls instead of within them
         self.split = SplitInduction(self, threads) if options.induction == "tree" else None
 
@@ -308,7 +308,7 @@ class VortexLattice:
         if not math.isfinite(rotor_speed):
             raise AerodynamicsError(f"rotor_speed is {rotor_speed}; it must be finite")
         if not isinstance(cast(object, passes), Integral) or passes < 1:
-            raise AerodynamicsError(f"passes is {passes!r}; at least one is needed, a whole number")
+            raise AerodynamicsError(f"passes is {passes!r}; must be a whole number of at least 1")
         nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
         check_areas(nodes)
         axis = axis / np.linalg.norm(axis)
@@ -452,7 +452,7 @@ class VortexLattice:
         """Contiguous nodes of the right shape, finite, of panels with an area."""
         nodes = numeric_array("nodes", nodes)
         if nodes.shape != self.nodes_shape:
-            raise AerodynamicsError(f"nodes have shape {nodes.shape}; {self.nodes_shape} is needed")
+            raise AerodynamicsError(f"nodes have shape {nodes.shape}; must be {self.nodes_shape}")
         if not np.isfinite(nodes.sum()):
             raise AerodynamicsError("nodes are not finite")
         check_areas(nodes)
@@ -506,7 +506,7 @@ class VortexLattice:
         for name, values in given.items():
             array = numeric_array(name, values)
             if array.shape != self.nodes_shape:
-                raise AerodynamicsError(f"{name} have shape {array.shape}; {self.nodes_shape} is needed")
+                raise AerodynamicsError(f"{name} have shape {array.shape}; must be {self.nodes_shape}")
             if not np.isfinite(array.sum()):
                 raise AerodynamicsError(f"{name} are not finite")
             arrays.append(array)
@@ -520,7 +520,7 @@ class VortexLattice:
             raise AerodynamicsError(f"{n_rows} wake rows given; between 1 and {self.options.wake_rows} are allowed")
         for name, array, shape in (("wake_rows", wake_rows, (n_rows, *needed)), ("ages", ages, (n_rows,))):
             if array.shape != shape:
-                raise AerodynamicsError(f"{name} have shape {array.shape}; {shape} is needed")
+                raise AerodynamicsError(f"{name} have shape {array.shape}; must be {shape}")
             if not np.all(np.isfinite(array)):
                 wrong = np.flatnonzero(~np.isfinite(array.reshape(n_rows, -1)).all(axis=1))
                 raise AerodynamicsError(f"{name} are not finite in rows {wrong[:8].tolist()}")

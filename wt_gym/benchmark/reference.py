@@ -113,7 +113,9 @@ def make_reference(
     ended = [f"{wind.label} ({baseline[wind.label]['ending']})" for wind in task.winds
              if baseline[wind.label]["ending"] != "time"]  # fmt: skip
     if ended:
-        raise BenchmarkError(f"task {task.name}: the baseline controller does not last in {', '.join(ended)}")
+        raise BenchmarkError(
+            f"task {task.name}: the baseline controller must complete every wind, it ended in {', '.join(ended)}"
+        )
     weights = [wind.weight for wind in task.winds]
     metrics = {wind.label: dict(baseline[wind.label]["metrics"]) for wind in task.winds}
     found: dict[str, float | None] = {}

@@ -73,7 +73,7 @@ def check(parser: ArgumentParser, arguments: Namespace) -> None:
 
     unknown = [name for name in arguments.fidelity if name not in FIDELITIES]
     if unknown:
-        parser.error(f"unknown fidelity {', '.join(unknown)}; known: {', '.join(FIDELITIES)}")
+        parser.error(f"fidelity must be one of {', '.join(FIDELITIES)}, got {', '.join(unknown)}")
     if arguments.pterasoftware and not IN_CLONE:
         parser.error("--pterasoftware: the comparison is in a clone of the project only")
     if arguments.learning is not None and arguments.learning < 1:

@@ -80,7 +80,7 @@ def chosen(names: list[str]) -> list[BenchmarkTask]:
         exact = [task for task in task_names() if task == name]
         of_name = exact or [task for task in task_names() if name == "all" or task.startswith(name)]
         if not of_name:
-            raise BenchmarkError(f"there is no task {name!r}; there are {', '.join(task_names())}")
+            raise BenchmarkError(f"task must be one of {', '.join(task_names())}, got {name!r}")
         found += [task for task in of_name if task not in found]
     return [load_task(name) for name in found]
 

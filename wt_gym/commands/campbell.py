@@ -75,7 +75,7 @@ def check(parser: ArgumentParser, arguments: Namespace) -> None:
     from wt_gym.simulation import FIDELITIES
 
     if arguments.fidelity not in FIDELITIES:
-        parser.error(f"unknown fidelity {arguments.fidelity}; known: {', '.join(FIDELITIES)}")
+        parser.error(f"--fidelity must be one of {', '.join(FIDELITIES)}, got {arguments.fidelity}")
     if FIDELITIES[arguments.fidelity].formulation != "embedded":
         parser.error(
             f"--fidelity {arguments.fidelity}: linear models need the embedded formulation, not the constrained"

@@ -46,6 +46,8 @@ IN_CLONE = (CLONE / "validation").is_dir()
 
 _EXTRAS = {
     "minari": "data",
+    "onnx": "export",
+    "onnxruntime": "export",
     "openfast_io": "openfast",
     "optuna": "tune",
     "ray": "ray",

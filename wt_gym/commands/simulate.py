@@ -111,7 +111,9 @@ def check(arguments: argparse.Namespace) -> None:
         raise ValueError(f"the wind {names.most_common(1)[0][0]} comes twice, and would be written to one file")
     if arguments.out:
         if arguments.out.is_dir():
-            raise IsADirectoryError(f"--out {arguments.out} is a folder; a NetCDF file is needed, e.g. run.nc in it")
+            raise IsADirectoryError(
+                f"--out {arguments.out} is a folder; must be a NetCDF file, for example run.nc in that folder"
+            )
         require_writable(arguments.out.parent)
 
 

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.engine_options import add_address_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
-from wt_gym.commands.training_file import words_of
+from wt_gym.commands.training_file import present_option, words_of
 from wt_gym.commands.training_options import add_training_options, config_from
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--config", metavar="FILE", help="YAML file with any of these options, by name; those typed "
         "come after them")  # fmt: skip
     parser.add_argument(
-        "--resume-if-exists", action=argparse.BooleanOptionalAction, default=False, help="resume where the folder holds this "
-        "training already, else begin: the same words again and again"
+        "--resume-if-exists", action=argparse.BooleanOptionalAction, default=False, help="resume where the folder "
+        "holds this training already, else begin: the same words again and again"
     )  # fmt: skip
     options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
     options.add_argument("--steps", type=int, help="environment steps (default: 200000)")
@@ -70,7 +70,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "(default: the processors of the cluster, at most --n-envs)",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the record of the training as JSON at the end")
-    words = sys.argv[1:] if words is None else words
+    words = [present_option(word) for word in (sys.argv[1:] if words is None else words)]
     arguments = parser.parse_args(words)
     if arguments.config is not None:
         with user_errors():
@@ -127,7 +127,7 @@ def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner)
 
 
-def resume_if_exists(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
+def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Resume; as `start`."""
     from wt_gym.agents.train import resume
     from wt_gym.agents.training.run_folder import SEEDS_FILE
@@ -162,7 +162,7 @@ def main(words: list[str] | None = None) -> None:
     """Train."""
     arguments = parse_arguments(words)
     with user_errors():
-        folder, record = (start if arguments.resume is None else resume_if_exists)(arguments)
+        folder, record = (start if arguments.resume is None else resume_folder)(arguments)
     report(folder, record)
     if record["status"] == "interrupted":
         print(f"ended by {record['stopped_by']}; go on with: {as_called('wt-gym train')} --resume {folder}")

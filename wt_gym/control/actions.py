@@ -10,6 +10,7 @@ import numpy as np
 
 from wt_gym.control.coleman import FIXED_FRAME, harmonic_of_blades, to_blades
 from wt_gym.control.operating_point import operating_point, torque_curve
+from wt_gym.deprecated import renamed_names
 from wt_gym.errors import ActionError
 
 if TYPE_CHECKING:
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 __all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "ActionMap", "AgentSetpoint", "Demand"]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 ACTION_MODES = ("rate", "absolute", "residual")
 PITCH_FORMS = ("collective", "individual", "fixed-frame", "cyclic")
@@ -449,7 +453,7 @@ class ActionMap:
         if self.mode == "residual" or self.turns_with_rotor:
             raise ValueError(
                 f"a controller's demand cannot be written as an action of mode {self.mode!r} with pitch "
-                f"{self.pitch!r}; let it run beneath: controller=..., and take zero actions"
+                f"{self.pitch!r}; let it be the base controller: controller=..., and take zero actions"
             )
         pitch, torque = np.asarray(demand.pitch, dtype=np.float64), demand.generator_torque
         if self.mode == "rate":

@@ -348,9 +348,9 @@ class Run(NamedTuple):
     step : float
         Between the rows [s].
     rows : numpy.ndarray, shape (n_times, n_columns), float32
-        Signals at ``StartRecorder.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
-        demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
-        the structure.
+        Signals at ``StartRecorder.places``; motion of the tower top (4); wind over the rotor (3); running means of the
+        loads; demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft;
+        motion of the structure.
     memories : list of Memory
         What the controller remembers at the instants.
     """

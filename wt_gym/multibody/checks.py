@@ -24,7 +24,7 @@ def check_vector(owner, name, value, unit=False):
     """
     vector = _numbers(owner, name, value)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise MultibodyError(f"{owner}: {name} is {value!r}; three finite numbers are needed")
+        raise MultibodyError(f"{owner}: {name} is {value!r}; must be three finite numbers")
     if unit and abs(np.linalg.norm(vector) - 1.0) > _EXACT:
         raise MultibodyError(f"{owner}: {name} {tuple(vector.tolist())} is not a unit vector, its length is "
                              f"{np.linalg.norm(vector):.6g}")  # fmt: skip
@@ -41,12 +41,12 @@ def check_rotation(owner, name, value):
         return
     matrix = _numbers(owner, name, value)
     if matrix.shape != (3, 3):
-        raise MultibodyError(f"{owner}: {name} has shape {matrix.shape}; a rotation matrix (3, 3) is needed")
+        raise MultibodyError(f"{owner}: {name} has shape {matrix.shape}; must be a rotation matrix (3, 3)")
     error = np.abs(matrix @ matrix.T - np.eye(3)).max()
     if not error <= _EXACT:
         raise MultibodyError(f"{owner}: {name} is not orthogonal, R Rᵀ differs from one by {error:.3g}")
     if np.linalg.det(matrix) < 0.0:
-        raise MultibodyError(f"{owner}: {name} is a reflection (determinant −1); a proper rotation is needed")
+        raise MultibodyError(f"{owner}: {name} is a reflection (determinant −1); must be a proper rotation")
 
 
 def check_number(owner, name, value, positive=False, signed=False):
@@ -60,14 +60,14 @@ def check_number(owner, name, value, positive=False, signed=False):
     low = not signed and (number < 0.0 if number.shape == () else True)
     if number.shape != () or not np.isfinite(number) or low or (positive and number == 0.0):
         bound = "" if signed else " > 0" if positive else " >= 0"
-        raise MultibodyError(f"{owner}: {name} is {value!r}; allowed: a finite number{bound}")
+        raise MultibodyError(f"{owner}: {name} is {value!r}; must be a finite number{bound}")
 
 
 def _numbers(owner, name, value):
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise MultibodyError(f"{owner}: {name} is {value!r}; numbers are needed") from None
+        raise MultibodyError(f"{owner}: {name} is {value!r}; must be numbers") from None
 
 
 def check_body(body):
@@ -136,12 +136,12 @@ def check_state(system, y):
     """
     state = np.ascontiguousarray(_numbers("state", "y", y))
     if state.shape != (system.n_state,):
-        raise MultibodyError(f"the state has shape {state.shape}; allowed: ({system.n_state},), see state_names")
+        raise MultibodyError(f"the state has shape {state.shape}; must be ({system.n_state},), see state_names")
     for first, body in system.quaternions:
         norm = float(np.linalg.norm(state[first : first + 4]))
         if not abs(norm - 1.0) <= UNIT_NORM:
             raise MultibodyError(
-                f"body {body!r}: its quaternion {state[first : first + 4].tolist()} has norm {norm:.9g}; allowed: 1 ± "
+                f"body {body!r}: its quaternion {state[first : first + 4].tolist()} has norm {norm:.9g}; must be 1 ± "
                 f"{UNIT_NORM:g}"
             )
     if not np.isfinite(state).all():

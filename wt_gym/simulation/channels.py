@@ -197,7 +197,7 @@ class Signals:
                 raise AttributeError(name)
             place = self._places.get(name)
             if place is None:
-                raise AttributeError(f"no signal {name!r}; the signals are {', '.join(_layout(self.n_blades)[0])}")
+                raise AttributeError(f"a signal must be one of {', '.join(_layout(self.n_blades)[0])}; got {name!r}")
             return self.values.item(place) if place.__class__ is int else self.values[place]
 
     def __getitem__(self, name: str) -> Any:
@@ -212,7 +212,7 @@ class Signals:
     def set(self, name: str, value: ArrayLike) -> None:
         """Change a signal, or that of all blades at once."""
         if name not in self._places:
-            raise KeyError(f"no signal {name!r}; the signals are {', '.join(_layout(self.n_blades)[0])}")
+            raise KeyError(f"a signal must be one of {', '.join(_layout(self.n_blades)[0])}; got {name!r}")
         self.values[self._places[name]] = value
 
     def __reduce__(self) -> tuple[type[Signals], tuple[NDArray[np.float64], int]]:

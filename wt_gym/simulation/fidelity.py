@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import cast
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
+from wt_gym.deprecated import renamed_arguments, renamed_attribute
 from wt_gym.errors import SimulationError
 from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
@@ -35,6 +36,7 @@ STEP_BASE = 0.2
 """Interval that the automatic time step divides [s]; control intervals are multiples of it."""
 
 
+@renamed_arguments(stabilisation="stabilization")  # rename: keep
 @dataclass(frozen=True)
 class Fidelity:
     """Resolution of a simulation.
@@ -164,16 +166,18 @@ class Fidelity:
     frame_update: str | float = later_field("step")
     frame_displacement: str = later_field("second_order")
 
+    stabilisation = renamed_attribute("stabilisation", "stabilization")  # rename: keep
+
     def __post_init__(self) -> None:
         """Refuse values without meaning."""
         if self.time_step is not None and not 0.0 < self.time_step < 10.0:
-            raise SimulationError(f"Fidelity.time_step is {self.time_step}; allowed: None or 0 … 10 s")
+            raise SimulationError(f"Fidelity.time_step is {self.time_step}; must be None or 0 … 10 s")
         for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
             value = getattr(self, name)
             if not isinstance(value, numbers.Integral) or value < low:
-                raise SimulationError(f"Fidelity.{name} is {value!r}; a whole number of at least {low} is needed")
+                raise SimulationError(f"Fidelity.{name} is {value!r}; must be a whole number of at least {low}")
         if not 0.0 < self.max_substep <= 0.5:
-            raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; allowed: 0 … 0.5 s")
+            raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; must be 0 … 0.5 s")
         for name, allowed in (
             ("formulation", ("embedded", "constrained", "observer")),
             ("reference_condition", REFERENCE_CONDITIONS),
@@ -187,13 +191,13 @@ class Fidelity:
         ):
             if getattr(self, name) not in allowed:
                 raise SimulationError(
-                    f"Fidelity.{name} {getattr(self, name)!r} is unknown; allowed: {', '.join(allowed)}"
+                    f"Fidelity.{name} must be one of {', '.join(allowed)}, got {getattr(self, name)!r}"
                 )
         if self.spectral_radius is not None and not 0.0 <= self.spectral_radius <= 1.0:
-            raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; allowed: None or 0 … 1")
+            raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; must be None or 0 … 1")
         if not isinstance(cast(object, self.blade_bodies), numbers.Integral) or self.blade_bodies < 1:
             raise SimulationError(
-                f"Fidelity.blade_bodies is {self.blade_bodies!r}; a whole number of at least 1 is needed"
+                f"Fidelity.blade_bodies is {self.blade_bodies!r}; must be a whole number of at least 1"
             )
         if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self.integrator == "hamming"):
             raise SimulationError(
@@ -207,14 +211,12 @@ class Fidelity:
             if value is not None and not (
                 len(counts) == 2 and all(isinstance(count, numbers.Integral) and int(count) >= low for count in counts)
             ):
-                raise SimulationError(f"Fidelity.{name} is {value}; allowed: None or two counts of at least {low}")
+                raise SimulationError(f"Fidelity.{name} is {value}; must be None or two counts of at least {low}")
         for name in ("tower_modes", "blade_modes"):
             modes = getattr(self, name)
             whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and int(count) >= 0 for count in modes)
             if not whole or sum(modes) < 1:
-                raise SimulationError(
-                    f"Fidelity.{name} is {modes}; three whole counts with at least one mode are needed"
-                )
+                raise SimulationError(f"Fidelity.{name} is {modes}; must be three whole counts with at least one mode")
 
         self._check_shapes()
         self._check_bodies_and_basis()
@@ -223,7 +225,7 @@ class Fidelity:
     def _check_bodies_and_basis(self) -> None:
         """Stabilization, moving bodies and the basis of the blades have a meaning."""
         if not (isinstance(cast(object, self.stabilization), numbers.Real) and 0.0 <= self.stabilization < math.inf):
-            raise SimulationError(f"Fidelity.stabilization is {self.stabilization!r}; a finite number >= 0 is needed")
+            raise SimulationError(f"Fidelity.stabilization is {self.stabilization!r}; must be a finite number >= 0")
         if self.moving_bodies and self.tower_body is None and self.nacelle_body is None:
             raise SimulationError("Fidelity.moving_bodies needs a tower_body or a nacelle_body to move")
         if self.blade_basis == "deformed":
@@ -243,7 +245,7 @@ class Fidelity:
         )
         if update != "step" and not positive:
             raise SimulationError(
-                f"Fidelity.frame_update is {update!r}; allowed: 'step' or a positive displacement in meters"
+                f"Fidelity.frame_update is {update!r}; must be 'step' or a positive displacement in meters"
             )
         if self.formulation == "observer":
             for name, needed in (("blade_bodies", 1), ("blade_basis", "fixed"), ("moving_bodies", False)):
@@ -410,5 +412,5 @@ def fidelity(choice: str | Fidelity) -> Fidelity:
     if isinstance(choice, Fidelity):
         return choice
     if not isinstance(choice, str) or choice not in FIDELITIES:
-        raise SimulationError(f"fidelity {choice!r} is unknown; allowed: {', '.join(FIDELITIES)} or a Fidelity")
+        raise SimulationError(f"fidelity must be one of {', '.join(FIDELITIES)} or a Fidelity, got {choice!r}")
     return FIDELITIES[choice]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
+from wt_gym.deprecated import renamed_arguments
 from wt_gym.errors import ActionError, InflowError, SimulationError
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import MultibodyError
@@ -187,6 +188,7 @@ class Simulator:
         values, n_blades = self._measurement.values, self.turbine.n_blades
         return Signals(values * parities(n_blades) if self.mirrored else values.copy(), n_blades)
 
+    @renamed_arguments(thrust_before="wake_thrust")  # rename: keep
     def reset(
         self,
         rotor_speed: float,
@@ -237,7 +239,7 @@ class Simulator:
         limit = self.coupling.exchange.max_speed
         check_finite(rotor_speed=rotor_speed, azimuth=azimuth, yaw=yaw)
         if not 0.0 <= rotor_speed < limit:
-            raise ActionError(f"rotor_speed is {rotor_speed} rad/s; allowed: 0 … {limit:.3f} rad/s")
+            raise ActionError(f"rotor_speed is {rotor_speed} rad/s; must be 0 … {limit:.3f} rad/s")
         if tower_top is not None:
             tower_top = np.asarray(tower_top, dtype=float)
             if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
@@ -266,6 +268,7 @@ class Simulator:
         self._measure()
         return self.signals
 
+    @renamed_arguments(go_on="accumulate")  # rename: keep
     def advance(
         self,
         duration: float,

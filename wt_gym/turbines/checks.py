@@ -30,7 +30,7 @@ def short(value: Any, limit: int = 80) -> str:
 
 def fail(field: str, value: Any, allowed: str) -> TurbineDefinitionError:
     """Build (not raise) the one error of this package: field, value given, values allowed."""
-    return TurbineDefinitionError(f"{field}: got {short(value)}, allowed is {allowed}")
+    return TurbineDefinitionError(f"{field}: got {short(value)}, must be {allowed}")
 
 
 def check_number(field: str, value: Any, low: float, high: float, *, open_low: bool = False) -> float:

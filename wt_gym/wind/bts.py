@@ -55,12 +55,12 @@ def read(path: str | os.PathLike[str]) -> BtsContent:
     except OSError as error:
         raise InflowError(f"cannot read the turbulence file {path}: {error}") from error
     if len(data) < _HEADER.size:
-        raise InflowError(f"{path} is no .bts file: {len(data)} bytes are less than its header of {_HEADER.size}")
+        raise InflowError(f"{path} is not a .bts file: {len(data)} bytes are less than its header of {_HEADER.size}")
     identifier, n_z, n_y, n_tower, n_times, *numbers, n_characters = _HEADER.unpack_from(data)
     spacing_z, spacing_y, time_step, mean_speed, hub_height, z_bottom = numbers[:6]
     slope, offset = np.array(numbers[6::2]), np.array(numbers[7::2])
     if identifier not in (_NOT_PERIODIC, _PERIODIC):
-        raise InflowError(f"{path} is no .bts file: it starts with {identifier}, not {_NOT_PERIODIC} or {_PERIODIC}")
+        raise InflowError(f"{path} is not a .bts file: it starts with {identifier}, not {_NOT_PERIODIC} or {_PERIODIC}")
     if min(n_z, n_y, n_times) < 2 or n_tower < 0 or not 0 <= n_characters <= _MAX_DESCRIPTION:
         raise InflowError(
             f"{path} has an impossible header: {n_y} x {n_z} grid points (at least 2 x 2), {n_tower} tower points, "
@@ -82,7 +82,7 @@ def read(path: str | os.PathLike[str]) -> BtsContent:
     velocity = ((packed - offset) / slope).astype(np.float32)
     fastest = float(np.abs(velocity).max())
     if not fastest <= _FASTEST:
-        raise InflowError(f"{path} holds velocities of up to {fastest:.3g} m/s; allowed are {_FASTEST:g} m/s")
+        raise InflowError(f"{path} holds velocities of up to {fastest:.3g} m/s; must be at most {_FASTEST:g} m/s")
     return BtsContent(
         grid=velocity[:, : n_z * n_y].reshape(n_times, n_z, n_y, 3),
         tower=velocity[:, n_z * n_y :],

@@ -88,8 +88,9 @@ def evolved_boxes(box: TurbulenceBox, distances: Sequence[float]) -> tuple[Turbu
     intensity = box.scale * math.sqrt(max(0.0, float(variance.mean(axis=(0, 1)).sum()))) / box.mean_speed
     wavenumber = fft.rfftfreq(n_times, box.time_step * box.mean_speed)
     arriving = fft.rfft(samples, axis=0)
-    # the phases belong to the box: other turbulence, other changes
-    rng = np.random.default_rng(np.ascontiguousarray(samples[0, 0, 0]).view(np.uint32))
+    # the phases belong to the box: other turbulence, other changes, but the same in its mirror image at y = 0
+    corners = np.sort(np.abs(samples[0, [0, -1], 0]), axis=0)
+    rng = np.random.default_rng(corners.view(np.uint32).ravel())
     filters, transfer, reached = {}, np.ones(wavenumber.size, dtype=np.complex128), 0.0
     for distance in sorted(set(distances)):
         kept = coherence_along(distance - reached, wavenumber, intensity, box.hub_height)

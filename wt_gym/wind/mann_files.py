@@ -181,7 +181,7 @@ def _box(
     samples = samples * np.array(factors, dtype=np.float32)[:, None, None, None]
     fastest = float(np.abs(samples).max())
     if not fastest <= _FASTEST:
-        raise InflowError(f"{name} holds velocities of up to {fastest:.3g} m/s; allowed are {_FASTEST:g} m/s")
+        raise InflowError(f"{name} holds velocities of up to {fastest:.3g} m/s; must be at most {_FASTEST:g} m/s")
     center = hub_height if z_center is None else require_number(z_center, "z_center", "m")
     fluctuation = np.moveaxis(samples[:, ::-1], (0, 1, 2, 3), (3, 0, 2, 1))
     sigma = fluctuation[..., 0].std(dtype=np.float64)

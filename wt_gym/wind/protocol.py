@@ -294,7 +294,7 @@ def require_number(
     """Return ``value`` as a float if it is a finite number within bounds; raise InflowError that names it if not."""
     try:
         if isinstance(value, bool | str):  # which float would take
-            raise TypeError(f"{value!r} is no number")
+            raise TypeError(f"must be a number, got {value!r}")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise InflowError(f"{name} must be a number [{unit}]; got {value!r:.100}") from error

@@ -288,4 +288,4 @@ def _check_times(times: NDArray[np.float64]) -> None:
     same = steps == 0.0
     if (same[1:] & same[:-1]).any():
         row = int(np.argmax(same[1:] & same[:-1]))
-        raise InflowError(f"a time may stand twice, which is a step; {times[row]:g} s stands more often")
+        raise InflowError(f"a time must be given at most twice (a step), got {times[row]:g} s more often")

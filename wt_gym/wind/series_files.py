@@ -63,7 +63,7 @@ def read_csv(path: str | os.PathLike[str], **more: Any) -> SeriesInflow:
     (_, names), *body = rows
     _check_names(path, names)
     if not body:
-        raise InflowError(f"{path} has names of columns but no numbers")
+        raise InflowError(f"{path} must have lines of numbers below the names of its columns")
     return _series(path, names, body, 1.0, more)
 
 
@@ -85,10 +85,12 @@ def read_uniform(path: str | os.PathLike[str], **more: Any) -> SeriesInflow:
     body = [(number, words.split()) for number, line in _lines(path) if (words := line.split("!")[0].replace(",", " "))]
     body = [(number, cells) for number, cells in body if cells]
     if not body:
-        raise InflowError(f"{path} holds no numbers: a uniform wind file has lines of 8 or 9 of them")
+        raise InflowError(f"{path} must have lines of 8 or 9 numbers (uniform wind file), got none")
     width = len(body[0][1])
     if width not in (8, 9):
-        raise InflowError(f"{path}, line {body[0][0]}: a uniform wind file has 8 or 9 numbers a line; got {width}")
+        raise InflowError(
+            f"{path}, line {body[0][0]}: lines of a uniform wind file must have 8 or 9 numbers, got {width}"
+        )
     return _series(path, _UNIFORM[:width], body, -1.0, more)
 
 
@@ -111,13 +113,13 @@ def _check_names(path: str | os.PathLike[str], names: list[str]) -> None:
     for name in names:
         if name not in allowed:
             near = difflib.get_close_matches(name.lower(), allowed, 1, 0.5)
-            hint = f"; did you mean {near[0]!r}?" if near else "."
-            raise InflowError(f"{path}: no column is called {name!r}{hint} There are {', '.join(allowed)}")
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise InflowError(f"{path}: columns must be among {', '.join(allowed)}; got {name!r}{hint}")
         if names.count(name) > 1:
-            raise InflowError(f"{path}: the column {name!r} stands twice")
+            raise InflowError(f"{path}: every column must be named once, got {name!r} twice")
     for name in ("time", "speed"):
         if name not in names:
-            raise InflowError(f"{path}: the column {name!r} is missing; there are {', '.join(names)}")
+            raise InflowError(f"{path}: the column {name!r} must be there, got {', '.join(names)}")
 
 
 def _series(

@@ -505,7 +505,7 @@ def revolution_body(
     """
     stations, radii, origin, axis = (np.asarray(x, dtype=np.float64) for x in (stations, radii, origin, axis))
     if n_around < 3:
-        raise AerodynamicsError(f"n_around of {name} is {n_around}; at least 3 panels are needed")
+        raise AerodynamicsError(f"n_around of {name} is {n_around}; must be at least 3 panels")
     if stations.ndim != 1 or stations.shape != radii.shape or len(stations) < 2 or np.any(np.diff(stations) <= 0.0):
         raise AerodynamicsError(f"{name} needs at least two radii {radii} at increasing stations {stations}")
     if not (np.all(radii[1:-1] > 0.0) and radii[0] >= 0.0 and radii[-1] >= 0.0 and radii.max() > 0.0):
@@ -566,9 +566,9 @@ def ellipsoid_body(
     """
     semi_axes = np.asarray(semi_axes, dtype=np.float64)
     if semi_axes.shape != (3,) or not np.all(semi_axes > 0.0):
-        raise AerodynamicsError(f"semi-axes of {name} are {semi_axes}; three positive ones are needed")
+        raise AerodynamicsError(f"semi-axes of {name} are {semi_axes}; must be three positive lengths [m]")
     if n_along < 2:
-        raise AerodynamicsError(f"n_along of {name} is {n_along}; at least 2 panels are needed")
+        raise AerodynamicsError(f"n_along of {name} is {n_along}; must be at least 2 panels")
     angle = np.linspace(np.pi, 0.0, n_along + 1)
     radii = np.sin(angle)
     radii[[0, -1]] = 0.0
@@ -615,11 +615,11 @@ def tower_body(
     axis = end - base
     height = float(np.linalg.norm(axis))
     if not height > 0.0:
-        raise AerodynamicsError(f"the {name} has no height: base {base}, top {end}")
+        raise AerodynamicsError(f"the top of the {name} must be above its base, got base {base} and top {end}")
     if stations.shape != diameters.shape or np.any(np.diff(stations) <= 0.0) or not np.all(diameters > 0.0):
         raise AerodynamicsError(f"{name} diameters {diameters} must be positive, at increasing stations {stations}")
     if n_along < 1:
-        raise AerodynamicsError(f"n_along of {name} is {n_along}; at least 1 panel is needed")
+        raise AerodynamicsError(f"n_along of {name} is {n_along}; must be at least 1 panel")
     along = np.linspace(0.0, height, n_along + 1)
     body = revolution_body(along, 0.5 * np.interp(along, stations, diameters), n_around, base, axis, name, ground)
     return replace(body, tower=TowerAxis(np.array([base, base + axis]), stations, 0.5 * diameters))

@@ -41,7 +41,7 @@ class TowerFlow:
     def __init__(self, base: ArrayLike, stations: ArrayLike, diameters: ArrayLike) -> None:
         base, stations, diameters = (np.array(x, dtype=np.float64) for x in (base, stations, diameters))
         if base.shape != (3,) or not np.isfinite(base).all():
-            raise AerodynamicsError(f"the tower base {base} is no point; three finite coordinates are needed")
+            raise AerodynamicsError(f"the tower base is {base}; must be three finite coordinates [m]")
         increasing = stations.ndim == 1 and stations.size and bool(np.all(np.diff(stations) > 0.0))
         if not increasing or stations.shape != diameters.shape or not np.all(diameters > 0.0):
             raise AerodynamicsError(f"tower diameters {diameters} must be positive, at increasing stations {stations}")
@@ -68,7 +68,7 @@ class TowerFlow:
             raise AerodynamicsError(f"the wind, with strides {wind.strides}, must be contiguous")
         flat = wind.reshape(-1, 3)
         if not tower_kernels.add_tower_flow(points.reshape(-1, 3), flat, self.base, top, self.stations, self.radii):
-            raise AerodynamicsError(f"the tower has no height: base {self.base}, top {top}")
+            raise AerodynamicsError(f"the tower top must be above its base, got base {self.base} and top {top}")
 
 
 def tower_perturbation(

@@ -104,11 +104,11 @@ class LatticePlanform:
             object.__setattr__(self, name, array)
         n_span = self.chord.size
         if self.nodes.ndim != 3 or self.nodes.shape[1:] != (n_span + 1, 3) or self.nodes.shape[0] < 2:
-            raise AerodynamicsError(f"nodes have shape {self.nodes.shape}; (n_chord + 1, {n_span + 1}, 3) is needed")
+            raise AerodynamicsError(f"nodes have shape {self.nodes.shape}; must be (n_chord + 1, {n_span + 1}, 3)")
         of_edges, of_strips = ("edge_chord", "span_edges"), ("chord", *SECTION_FIELDS)
         for name, n in (*((x, n_span + 1) for x in of_edges), *((x, n_span) for x in of_strips)):
             if arrays[name].shape != (n,):
-                raise AerodynamicsError(f"{name} has shape {arrays[name].shape}; ({n},) is needed")
+                raise AerodynamicsError(f"{name} has shape {arrays[name].shape}; must be ({n},)")
             if not np.all(np.isfinite(arrays[name])):
                 raise AerodynamicsError(f"{name} is not finite: {arrays[name]}")
         if not np.all(np.diff(self.span_edges) > 0.0):
@@ -116,17 +116,17 @@ class LatticePlanform:
         if not np.all(self.chord > 0.0):
             raise AerodynamicsError(f"every chord must be positive; given {self.chord}")
         if np.any(self.edge_chord < 0.0):
-            raise AerodynamicsError(f"no edge chord may be negative; given {self.edge_chord}")
+            raise AerodynamicsError(f"edge chords must be at least 0, got {self.edge_chord}")
         if not np.all(self.ring_chord > 0.0):
             raise AerodynamicsError(f"of the two edge chords of a strip one must be positive; given {self.edge_chord}")
         if not np.all(self.lift_slope > 0.0):
             raise AerodynamicsError(f"every lift_slope must be positive; given {self.lift_slope}")
         if self.polars.ndim != 3 or self.polars.shape[0] != n_span or self.polars.shape[2] != 3:
-            raise AerodynamicsError(f"polars have shape {self.polars.shape}; ({n_span}, n_alpha, 3) is needed")
+            raise AerodynamicsError(f"polars have shape {self.polars.shape}; must be ({n_span}, n_alpha, 3)")
         if self.polars.shape[1] < 8 or not np.all(np.isfinite(self.polars)):
-            raise AerodynamicsError("polars need at least 8 angles and finite coefficients")
+            raise AerodynamicsError("polars must have at least 8 angles and finite coefficients")
         if np.any(self.polars[:, :, 1] < 0.0):
-            raise AerodynamicsError("a polar has a negative drag coefficient")
+            raise AerodynamicsError("drag coefficients of polars must be at least 0")
         _check_panels(self.nodes)
         for array in arrays.values():
             array.setflags(write=False)
@@ -183,7 +183,7 @@ def check_areas(nodes: NDArray[np.float64]) -> None:
     flat = ~(area > 1e-6 * np.maximum(scale, 1e-12))
     if np.any(flat):
         where = "(blade, chord, span)" if nodes.ndim > 3 else "(chord, span)"
-        raise AerodynamicsError(f"panels {where} without area: {_listed(flat)}; every panel needs some")
+        raise AerodynamicsError(f"every panel must have an area; panels {where} have none: {_listed(flat)}")
 
 
 def _listed(wrong: NDArray[np.bool_]) -> str:
@@ -195,11 +195,11 @@ def _listed(wrong: NDArray[np.bool_]) -> str:
 def _check_panels(nodes: NDArray[np.float64]) -> None:
     """Refuse non-finite nodes, rings without area, rings turned inside out and blades against their own frame."""
     if not np.all(np.isfinite(nodes)):
-        raise AerodynamicsError("the lattice has nodes that are not finite")
+        raise AerodynamicsError("nodes of the lattice must be finite")
     check_areas(nodes)
     chordwise, spanwise = _panel_sides(nodes)
     if np.any(np.einsum("ijk,ijk->ij", chordwise[:, 1:], chordwise[:, :-1]) < 0.0):
-        raise AerodynamicsError("the chord direction turns by more than 90 degrees between neighboring strips")
+        raise AerodynamicsError("the chord direction must turn by at most 90 degrees between neighboring strips")
     folded = np.einsum("ijk,ijk->ij", chordwise[1:], chordwise[:-1]) <= 0.0
     if np.any(folded):
         raise AerodynamicsError(
@@ -310,7 +310,7 @@ def span_distribution(
     if not tip > root:
         raise AerodynamicsError(f"the tip ({tip}) must lie beyond the root ({root})")
     if towards not in ("ends", "tip"):
-        raise AerodynamicsError(f"towards is {towards!r}; allowed: 'ends', 'tip'")
+        raise AerodynamicsError(f"towards is {towards!r}; must be 'ends' or 'tip'")
     even = np.linspace(0.0, 1.0, n_span + 1)
     uneven = 0.5 * (1.0 - np.cos(np.pi * even)) if towards == "ends" else np.sin(0.5 * np.pi * even)
     edges = (1.0 - refinement) * even + refinement * uneven

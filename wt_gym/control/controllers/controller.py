@@ -201,7 +201,7 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
         If it is no `Demand`, has not one finite angle a blade, or a yaw rate or torque that is not finite.
     """
     if not isinstance(demand, Demand):
-        raise ControllerError(f"the controller {_name(controller)} gave {demand!r}; a Demand is needed")
+        raise ControllerError(f"the controller {_name(controller)} gave {demand!r}; must be a Demand")
     try:
         pitch = np.asarray(demand.pitch, dtype=np.float64)
         finite = all(map(math.isfinite, (demand.yaw_rate, demand.generator_torque, *pitch.ravel().tolist())))
@@ -209,11 +209,11 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
         raise ControllerError(f"the controller {_name(controller)} gave {demand!r}: {error}") from error
     if pitch.shape != (n_blades,):
         raise ControllerError(
-            f"the controller {_name(controller)} demands pitch of shape {pitch.shape}; the turbine has {n_blades} "
-            "blades, one angle each is needed"
+            f"the pitch demand of the controller {_name(controller)} must have shape ({n_blades},), one angle a blade; "
+            f"got {pitch.shape}"
         )
     if not finite:
-        raise ControllerError(f"the controller {_name(controller)} demands what is not finite: {demand!r}")
+        raise ControllerError(f"the demand of the controller {_name(controller)} must be finite, got {demand!r}")
     return demand if demand.pitch is pitch else replace(demand, pitch=pitch)
 
 

@@ -151,7 +151,7 @@ class LidarFeedforward:
         """
         if not turbine.drivetrain.takes_torque:
             raise ValueError(
-                f"{turbine.name} has a damper as generator: its steady pitch is no curve to follow a wind by"
+                f"{turbine.name} has a damper as generator: its steady pitch must be a function of the wind speed"
             )
         if not 0.0 < filter_length < math.inf:
             raise ValueError(f"filter_length must be positive and finite, got {filter_length!r}")

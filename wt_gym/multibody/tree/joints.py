@@ -74,18 +74,19 @@ class Joint:
 
     def __post_init__(self):
         if self.kind not in _JOINTS:
-            raise MultibodyError(f"joint kind {self.kind!r} is unknown; allowed: {', '.join(_JOINTS)}")
+            raise MultibodyError(f"joint kind must be one of {', '.join(_JOINTS)}, got {self.kind!r}")
         owner = f"{self.kind} joint {self.name!r}"
         check_vector(owner, "axis", self.axis, unit=self.kind in ("revolute", "prismatic", "servo"))
         check_vector(owner, "offset", self.offset)
         check_rotation(owner, "rotation", self.rotation)
         allowed = {"servo_frequency": ("servo",), "rotor_inertia": ("revolute",)}
         for name in ("stiffness", "damping", "servo_frequency", "rotor_inertia"):
-            bears = allowed.get(name, ("revolute", "prismatic"))
+            kinds = allowed.get(name, ("revolute", "prismatic"))
             check_number(owner, name, getattr(self, name), positive=self.kind == "servo" and name == "servo_frequency")
-            if getattr(self, name) != 0.0 and self.kind not in bears:
+            if getattr(self, name) != 0.0 and self.kind not in kinds:
                 raise MultibodyError(
-                    f"{owner} bears no {name}, got {getattr(self, name)}; allowed: {' and '.join(bears)}"
+                    f"{owner}: {name} is {getattr(self, name)}; must be 0 for this kind "
+                    f"({' and '.join(kinds)} joints support it)"
                 )
         check_number(owner, "servo_damping", self.servo_damping)
         check_number(owner, "rotor_ratio", self.rotor_ratio, signed=True)
@@ -155,7 +156,7 @@ class Constraint:
 
     def __post_init__(self):
         if self.kind not in _CONSTRAINTS:
-            raise MultibodyError(f"constraint kind {self.kind!r} is unknown; allowed: {', '.join(_CONSTRAINTS)}")
+            raise MultibodyError(f"constraint kind must be one of {', '.join(_CONSTRAINTS)}, got {self.kind!r}")
         owner = f"{self.kind} constraint {self.name!r}"
         check_vector(owner, "axis", self.axis, unit=True)
         for frame in ("", "second_"):

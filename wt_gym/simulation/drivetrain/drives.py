@@ -60,7 +60,7 @@ def check_finite(**values: float) -> None:
     """
     for name, value in values.items():
         if not isinstance(value, (float, numbers.Real)) or not math.isfinite(value):
-            raise ActionError(f"{name} is {value!r}; a finite number is needed")
+            raise ActionError(f"{name} is {value!r}; must be a finite number")
 
 
 def available_torque(drivetrain: Drivetrain, speed: float) -> float:
@@ -146,9 +146,9 @@ class PitchDrives:
         try:
             vector = np.asarray(pitch, dtype=float)
         except (TypeError, ValueError):
-            raise ActionError(f"pitch is {pitch!r}; one angle or {n} angles [rad] are needed") from None
+            raise ActionError(f"pitch is {pitch!r}; must be one angle or {n} angles [rad]") from None
         if vector.shape not in ((), (n,)):
-            raise ActionError(f"pitch has shape {vector.shape}; allowed: one angle or {n} angles [rad]")
+            raise ActionError(f"pitch has shape {vector.shape}; must be one angle or {n} angles [rad]")
         angles = vector.ravel().tolist()  # numbers one by one: numpy's functions are slow on arrays of three
         if not all(map(math.isfinite, angles)):
             raise ActionError(f"pitch {pitch!r} is not finite")
@@ -160,7 +160,7 @@ class PitchDrives:
         """Command (n_blades,) at the start [rad]."""
         pitch, low, high = self.vector(value), self.limits.min_pitch, self.limits.max_pitch
         if pitch.min() < low - START_MARGIN or pitch.max() > high + START_MARGIN:
-            raise ActionError(f"pitch {pitch} rad at the start; allowed: {low:.3f} … {high:.3f} rad (± {START_MARGIN})")
+            raise ActionError(f"pitch {pitch} rad at the start; must be {low:.3f} … {high:.3f} rad (± {START_MARGIN})")
         return pitch
 
     def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
@@ -293,7 +293,7 @@ class LinearDamper:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.damping < math.inf:
-            raise ActionError(f"generator damping is {self.damping} N m s/rad; a finite value from 0 on is needed")
+            raise ActionError(f"generator damping is {self.damping} N m s/rad; must be a finite value from 0 on")
 
     def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """Nothing is commanded."""

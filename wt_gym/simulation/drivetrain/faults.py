@@ -228,7 +228,7 @@ def _places(names: tuple[str, ...], n_blades: int) -> tuple[int, ...]:
     index = {channel.name: k for k, channel in enumerate(channel_table(n_blades))}
     unknown = [name for name in names if name not in index or name == "time"]
     if unknown:
-        raise ActionError(f"no sensor reads {unknown}; the signals are {', '.join(list(index)[1:])}")
+        raise ActionError(f"channels of a sensor fault must be among {', '.join(list(index)[1:])}; got {unknown}")
     return tuple(index[name] for name in names)
 
 

@@ -130,7 +130,7 @@ class FrozenPlant:
         hold_speed: bool = False,
     ) -> None:
         if aerodynamics not in AERODYNAMICS:
-            raise SimulationError(f"aerodynamics {aerodynamics!r} is unknown; allowed: {', '.join(AERODYNAMICS)}")
+            raise SimulationError(f"aerodynamics must be one of {', '.join(AERODYNAMICS)}, got {aerodynamics!r}")
         models = simulator.coupling.models
         self.turbine, self.lattice, self.structure = models.turbine, models.lattice, models.structure
         self.fidelity, self.time_step, self.tower_flow = models.fidelity, models.time_step, models.tower_flow
@@ -181,8 +181,8 @@ class FrozenPlant:
         tree_kernels.kinematics(y, self.system.tree, work)
         self._elastic = [np.array(part) for part in zip(*(s.elastic(b, y) for b in self._lattice_bodies), strict=True)]
         coupling_kernels.rotor_motion(
-            work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._lattice_bodies, s.sub_body_nodes,
-            *self._flat[:2],
+            work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._lattice_bodies,
+            s.sub_body_nodes, *self._flat[:2],
         )  # fmt: skip
 
     def _reach_of(self, i: int) -> float:

@@ -129,7 +129,7 @@ def linearize(
     """
     plant = FrozenPlant(simulator, _felt_inflow(simulator, wind_speed), aerodynamics, _lock(generator))
     if multiblade and plant.n_blades != 3:
-        raise SimulationError(f"multi-blade coordinates need three blades; the turbine has {plant.n_blades}")
+        raise SimulationError(f"n_blades must be 3 for multi-blade coordinates, got {plant.n_blades}")
     if operating_point is not None:
         rotor_speed = operating_point.rotor_speed if rotor_speed is None else rotor_speed
         pitch = operating_point.pitch if pitch is None else pitch
@@ -228,7 +228,7 @@ def steady_inflow(inflow: Inflow, wind_speed: float | None = None) -> SteadyInfl
 
 def _lock(generator: str) -> bool:
     if generator not in ("free", "locked"):
-        raise SimulationError(f"generator {generator!r} is unknown; allowed: free, locked")
+        raise SimulationError(f"generator must be free or locked, got {generator!r}")
     return generator == "locked"
 
 
@@ -248,9 +248,9 @@ def trim_plant(
 ) -> tuple[SteadyPoint, list[Wake | None]]:
     """Steady point and the wake at each of its azimuths; see :func:`linearize` for the arguments."""
     if not (np.isfinite(rotor_speed) and rotor_speed >= 0.0):
-        raise SimulationError(f"rotor_speed is {rotor_speed} rad/s; a finite speed of at least zero is needed")
+        raise SimulationError(f"rotor_speed is {rotor_speed} rad/s; must be a finite speed of at least zero")
     if n_azimuths < 1:
-        raise SimulationError(f"n_azimuths is {n_azimuths}; at least one azimuth is needed")
+        raise SimulationError(f"n_azimuths is {n_azimuths}; must be at least one azimuth")
     pitch = np.broadcast_to(np.asarray(pitch, dtype=float), (plant.n_blades,)).copy()
     turning = rotor_speed > 0.0
     passage = 2.0 * np.pi / plant.n_blades
@@ -385,7 +385,7 @@ def _output_names(n_blades: int, wanted: str | Sequence[str] | None) -> tuple[st
         elif set(group) <= set(known):
             out += group
         else:
-            raise SimulationError(f"output {name!r} is unknown; the channels are {', '.join(known)}")
+            raise SimulationError(f"output must be one of {', '.join(known)}, got {name!r}")
     return tuple(out)
 
 

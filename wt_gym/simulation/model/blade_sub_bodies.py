@@ -134,7 +134,8 @@ def sub_body_points(sub_bodies: Sequence[SubBody], points: NDArray[np.float64]) 
     Returns
     -------
     points : Points
-        position (n_sub_bodies, n_most, 3), linear (n_sub_bodies, n_most, 3, n_f), second (n_sub_bodies, n_most, 3, n_f, n_f).
+        position (n_sub_bodies, n_most, 3), linear (n_sub_bodies, n_most, 3, n_f),
+        second (n_sub_bodies, n_most, 3, n_f, n_f).
     nodes : SubBodyNodes
     """
     sections = sub_bodies[0].beam.sections

@@ -95,7 +95,7 @@ def elastic_equilibrium(
         if following is None or fresh:
             jacobian, following = _newton_step(residual, y, q)
         change = following
-    raise SimulationError("the structure finds no static balance under its loads")
+    raise SimulationError("the static equilibrium of the structure did not converge under its loads")
 
 
 def _shortened_step(

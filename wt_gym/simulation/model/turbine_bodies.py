@@ -154,7 +154,7 @@ def _check_blades(turbine: Turbine, surface: BodySurface, nodes: NDArray[np.floa
     if widest > least - ROOT_GAP * hub.radius:
         raise SimulationError(
             f"Fidelity.nacelle_body of {turbine.name}: the body reaches {widest:.3f} m from the shaft, the blade roots "
-            f"come to {least:.3f} m; {ROOT_GAP * hub.radius:.3f} m between them are needed"
+            f"come to {least:.3f} m; the gap must be at least {ROOT_GAP * hub.radius:.3f} m"
         )
 
 
