@@ -225,7 +225,10 @@ class Contract:
 
     def _check_energy(self) -> None:
         balance = self.env.simulator.coupling.exchange.energy
-        require(balance.gained[0] <= balance.reserve, f"the structure gained {balance.gained[0]} J from nothing")
+        require(
+            balance.gained[0] <= balance.reserve,
+            f"the structure gained {balance.gained[0]} J more than the work done on it",
+        )
         require(
             balance.borrowed[0] <= balance.excess_limit, f"the air gave {balance.borrowed[0]} J beyond Betz's limit"
         )
@@ -233,5 +236,6 @@ class Contract:
         account.take(self.env.signals, self.env.control_dt)
         require(
             not account.exceeded,
-            f"{account.excess / 1e6:.4g} MJ came beyond Betz's share, the air lends {account.excess_limit / 1e6:.4g} MJ",
+            f"energy beyond Betz's limit must be at most {account.excess_limit / 1e6:.4g} MJ, got "
+            f"{account.excess / 1e6:.4g} MJ",
         )

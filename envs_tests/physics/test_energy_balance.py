@@ -94,7 +94,7 @@ def test_loads_that_lag_behind_the_air_are_found_out(turbines):
         sim.coupling.exchange.relaxation[:] = 1.0, 0.0, 0.0
 
     try:
-        with pytest.raises(SimulationError, match="of the turbine come from nothing"):
+        with pytest.raises(SimulationError, match="the structure gained"):
             run(simulator, from_behind(12.0), 1.55, 20.0, hold(), forget)
         assert simulator.time < 12.0
     finally:
@@ -116,7 +116,7 @@ def test_a_rotor_pushed_by_nothing_is_found_out(turbines):
         sim.coupling.integrator.history.y[3, system.n_q + sim.structure.azimuth_u] *= 1.001
 
     simulator = turbines["nrel_5mw"]
-    with pytest.raises(SimulationError, match="come from nothing"):
+    with pytest.raises(SimulationError, match="more than the work done on it"):
         run(simulator, steady(8.0), 0.75, 10.0, hold(0.0, 2e4), push)
     assert simulator.time < 5.0
 

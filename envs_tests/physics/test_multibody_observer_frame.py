@@ -551,7 +551,7 @@ class TestErrors:
             ({"reference": "welded"}, "welded"),
             ({"n_modes": 500}, "500"),
             ({"markers": {"far": 12.0}}, "far"),
-            ({"displacement": "cubic"}, "'cubic' is unknown; allowed: linear, second_order"),
+            ({"displacement": "cubic"}, "must be one of linear, second_order, got 'cubic'"),
             ({"displacement": "second_order", "reference": "simply_supported"}, "needs the reference 'clamped'"),
         ],
     )

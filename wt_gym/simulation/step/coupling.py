@@ -426,11 +426,12 @@ class Coupling:
         if code == coupled_step_kernels.UNSETTLED:
             return f"circulation and polars of the blades disagree by {self.aero.residual:.3g} m/s"
         if code == energy_kernels.STRUCTURE_GAINS:
-            return f"energy balance: {x.energy.gained[0] / 1e6:.3g} MJ of the turbine come from nothing"
+            gained = x.energy.gained[0] / 1e6
+            return f"energy balance violated: the structure gained {gained:.3g} MJ more than the work done on it"
         if code == energy_kernels.AIR_GIVES:
             return (
-                f"energy balance: the air has given {x.energy.borrowed[0] / 1e6:.3g} MJ more than Betz's limit, and "
-                f"the {x.energy.excess_limit / 1e6:.3g} MJ that move round the rotor do not cover them"
+                f"energy balance violated: the air gave {x.energy.borrowed[0] / 1e6:.3g} MJ more than Betz's limit; "
+                f"must be at most {x.energy.excess_limit / 1e6:.3g} MJ, the kinetic energy of the air around the rotor"
             )
         return failure_of_a_step(code, self._scheme.h)
 
