@@ -621,5 +621,5 @@ class TestErrors:
             system.support("beam", "elbow")
         with pytest.raises(ObserverFrameError, match="no substructure is named 'arm'"):
             system.load("arm", "tip", np.zeros(6))
-        with pytest.raises(ObserverFrameError, match="axes 'wind' are unknown"):
+        with pytest.raises(ObserverFrameError, match=r"load axes must be one of .*, got 'wind'"):
             system.load("beam", "tip", np.zeros(6), "wind")
