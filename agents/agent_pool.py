@@ -12,6 +12,7 @@ from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.environments import Environments, load_agent, load_model
 from wt_gym.agents.trained_environment import check_environment
 from wt_gym.benchmark.fingerprint import differing
+from wt_gym.deprecated import renamed_names
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
 
 __all__ = ["AgentPool"]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 
 class AgentPool:

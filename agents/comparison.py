@@ -15,6 +15,7 @@ from wt_gym.agents.environments import load_agent, load_model
 from wt_gym.agents.trained_environment import environment_of_training
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
+from wt_gym.deprecated import renamed_names
 from wt_gym.envs.arguments import check_duration
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -43,6 +44,9 @@ __all__ = [
     "run_cases",
     "table",
 ]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 RESIDUAL_INTERFACE: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
 """Arguments of an environment in which a controller runs beneath actions that rest."""

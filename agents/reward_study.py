@@ -183,8 +183,8 @@ def controllers() -> dict[str, StudyController]:
 
 
 LIBRARY = (
-    "retuned", "rosco", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper", "side_side_damper",
-    "rosco+ipc+tower_dampers",
+    "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper", "side_side_damper",
+    "tsr_tracking+ipc+tower_dampers",
 )  # fmt: skip
 """Controllers of the library on which the weights of the reward were not chosen."""
 

@@ -23,7 +23,10 @@ from pathlib import Path
 
 SUFFIXES = (".py", ".md", ".toml", ".yml", ".yaml", ".cfg", ".txt", ".sh", ".cff", ".js", ".css")
 """Text that is written by hand. Records (JSON, CSV) keep the names that they were written with."""
-EXCLUDED = ("scripts/rename.py", "wt_gym/deprecated.py", "*.venv/*", "*/site-packages/*", "wt_gym/turbines/data/*")
+EXCLUDED = (
+    "scripts/rename.py", "wt_gym/deprecated.py", "envs_tests/unit/test_rename_script.py", "*.venv/*",
+    "*/site-packages/*", "wt_gym/turbines/data/*",
+)  # fmt: skip
 KEEP = "rename: keep"
 
 
@@ -79,6 +82,9 @@ NAMES = (
     Name("def beneath", "def environment_of", "text", ("agents/environments.py",)),
     Name("_beneath", "_environment_of_agent", "code"),
     Name("advance_under", "advance_controlled"),
+    Name("RoscoLikeController", "TsrTrackingController"),
+    Name("RoscoLikeParameters", "TsrTrackingParameters"),
+    Name("controllers.rosco_like", "controllers.tsr_tracking"),
     # runs and training
     Name("Contenders", "AgentPool", "code"),
     Name("agent_pool.Contenders", "agent_pool.AgentPool"),

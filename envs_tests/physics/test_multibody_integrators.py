@@ -247,9 +247,9 @@ def test_step_must_be_positive(name, step):
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("euler", {}, "unknown; allowed: hamming, newmark, generalized_alpha"),
+        ("euler", {}, "integrator must be one of hamming, newmark, generalized_alpha"),
         ("newmark", {"rho_inf": 0.5}, "does not take"),
-        ("hamming", {"starter": "euler"}, "allowed: adams, runge-kutta"),
+        ("hamming", {"starter": "euler"}, "must be one of adams, runge-kutta"),
         ("newmark", {"gamma": 0.4}, "gamma >= 1/2"),
         ("newmark", {"beta": -0.1}, "beta >= 0"),
         ("generalized_alpha", {"rho_inf": 1.2}, "0 … 1"),

@@ -21,7 +21,7 @@ def test_controllers_come_with_parameters():
         "constrained_ipc",
         {"level": 0.1, "leak_time": None},
     )
-    assert is_controller_name("rosco:thrust_limit=0.95")
+    assert is_controller_name("tsr_tracking:thrust_limit=0.95")
     assert is_controller_name("controller:anything")  # said to be one: its maker refuses it by name
     assert not is_controller_name("runs/ipc")
     assert not is_controller_name("ipc+ppo")
@@ -53,7 +53,7 @@ def test_names_follow_from_choices_or_stand_in_front(tmp_path):
         named_choices(["baseline", "discon"])
     with pytest.raises(ValueError, match="two agents are called 'discon'"):
         named_choices(["Baseline PI", "controller:discon"])
-    with pytest.raises(ValueError, match="'ipcc' is no agent: give zero, random, planner, a controller"):
+    with pytest.raises(ValueError, match=r"an agent must be zero, random, planner, a controller .*got 'ipcc'"):
         named_choices(["ipcc"])
 
 

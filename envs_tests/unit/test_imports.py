@@ -8,8 +8,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 BASE = frozenset({
-    "angles", "attached_flow", "compiled", "constants", "errors", "fields", "files", "ids", "kernel_linking",
-    "kernel_self_test", "process_memory", "tasks", "turbine_records", "user_cache",
+    "angles", "attached_flow", "compiled", "constants", "deprecated", "errors", "fields", "files", "ids",
+    "kernel_linking", "kernel_self_test", "process_memory", "tasks", "turbine_records", "user_cache",
 })  # fmt: skip
 """Modules beside the rooms, which any room may use and which use none."""
 
@@ -21,11 +21,23 @@ KNOWS = {
     "aerodynamics": set(),
     "simulation": {"turbines", "wind", "structure", "multibody", "aerodynamics"},
     "control": {"turbines", "wind", "simulation"},
+    "bridges": {"turbines", "wind", "simulation", "control"},
     "analysis": {"turbines", "wind", "simulation", "control"},
-    "envs": {"turbines", "wind", "simulation", "control", "analysis"},
-    "benchmark": {"turbines", "wind", "simulation", "control", "analysis", "envs"},
-    "agents": {"turbines", "wind", "simulation", "control", "analysis", "envs", "benchmark"},
-    "commands": {"turbines", "wind", "multibody", "simulation", "control", "analysis", "envs", "benchmark", "agents"},
+    "envs": {"turbines", "wind", "simulation", "control", "bridges", "analysis"},
+    "benchmark": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs"},
+    "agents": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "benchmark"},
+    "commands": {
+        "turbines",
+        "wind",
+        "multibody",
+        "simulation",
+        "control",
+        "bridges",
+        "analysis",
+        "envs",
+        "benchmark",
+        "agents",
+    },
     "__main__": {"commands"},
 }
 """Rooms that each room may use, beside `BASE` and the version in ``wt_gym`` itself."""

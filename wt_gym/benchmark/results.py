@@ -80,7 +80,7 @@ def _read(path: Path) -> dict[str, Any]:
     except ValueError as error:
         raise BenchmarkError(f"{path} is damaged: {error}") from error
     if not isinstance(result, dict) or not set(result) >= _FIELDS:
-        raise BenchmarkError(f"{path} is no result of the benchmark: it needs {', '.join(sorted(_FIELDS))}")
+        raise BenchmarkError(f"{path} is not a result of the benchmark: it needs {', '.join(sorted(_FIELDS))}")
     if ResultFolder(path.parent).file(result["definition"]).name != path.name:
         raise BenchmarkError(f"{path} is not what its name says: its definition has been changed")
     return result

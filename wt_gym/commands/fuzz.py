@@ -57,7 +57,7 @@ def line_of(finding: Finding, arguments: argparse.Namespace) -> str:
     return f"{finding.kind} at step {finding.step} of {finding.case}: {finding.message} | {again}"
 
 
-def run(arguments: argparse.Namespace, total: Counter, endings: Counter) -> None:
+def run(arguments: argparse.Namespace, total: Counter[str], endings: Counter[str]) -> None:
     """Run cases and count what they came to."""
     from wt_gym.agents.fuzzing import draw_case, fuzz, run_case
 
@@ -110,8 +110,8 @@ def memory(arguments: argparse.Namespace) -> None:
 def main(words: list[str] | None = None) -> None:
     """Fuzz, or measure memory."""
     arguments = parse_arguments(words)
-    total: Counter = Counter()
-    endings: Counter = Counter()
+    total: Counter[str] = Counter()
+    endings: Counter[str] = Counter()
     where = f" and in {arguments.out}" if arguments.out else ""
     with user_errors(), stoppable(f"what was found stands above{where}; --first goes on with a later case"):
         if arguments.memory:

@@ -46,6 +46,8 @@ IN_CLONE = (CLONE / "validation").is_dir()
 
 _EXTRAS = {
     "minari": "data",
+    "onnx": "export",
+    "onnxruntime": "export",
     "openfast_io": "openfast",
     "optuna": "tune",
     "ray": "ray",
@@ -141,7 +143,7 @@ def stoppable(hint: str) -> Iterator[None]:
         What is there, and how to go on.
     """
 
-    def terminate(*_):
+    def terminate(*_: object) -> NoReturn:
         raise _Terminated
 
     former = signal.signal(signal.SIGTERM, terminate)

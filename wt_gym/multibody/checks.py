@@ -58,7 +58,7 @@ def check_rotation(owner: str, name: str, value: ArrayLike | None) -> None:
     if not error <= _EXACT:
         raise MultibodyError(f"{owner}: {name} is not orthogonal, R Rᵀ differs from one by {error:.3g}")
     if np.linalg.det(matrix) < 0.0:
-        raise MultibodyError(f"{owner}: {name} is a reflection (determinant −1); a proper rotation is needed")
+        raise MultibodyError(f"{owner}: {name} is a reflection (determinant −1); must be a proper rotation")
 
 
 def check_number(owner: str, name: str, value: Any, positive: bool = False, signed: bool = False) -> None:
@@ -148,12 +148,12 @@ def check_state(system: System, y: ArrayLike) -> NDArray[np.float64]:
     """
     state = np.ascontiguousarray(_numbers("state", "y", y))
     if state.shape != (system.n_state,):
-        raise MultibodyError(f"the state has shape {state.shape}; allowed: ({system.n_state},), see state_names")
+        raise MultibodyError(f"the state has shape {state.shape}; must be ({system.n_state},), see state_names")
     for first, body in system.quaternions:
         norm = float(np.linalg.norm(state[first : first + 4]))
         if not abs(norm - 1.0) <= UNIT_NORM:
             raise MultibodyError(
-                f"body {body!r}: its quaternion {state[first : first + 4].tolist()} has norm {norm:.9g}; allowed: 1 ± "
+                f"body {body!r}: its quaternion {state[first : first + 4].tolist()} has norm {norm:.9g}; must be 1 ± "
                 f"{UNIT_NORM:g}"
             )
     if not np.isfinite(state).all():

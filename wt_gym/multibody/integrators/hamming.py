@@ -31,7 +31,7 @@ class History(NamedTuple):
     memory: NDArray[np.float64]
     # (n_state,) error estimate of the Hamming scheme; (n_v,) pseudo-accelerations of implicit ones, of the origins of
     # constrained free bodies in body axes
-    marks: NDArray[np.int64]  # (1,) how many older points count; (3,) counters of the implicit schemes
+    counters: NDArray[np.int64]  # (1,) how many older points count; (3,) counters of the implicit schemes
     matrix: NDArray[np.float64]  # (n_v, n_v) factors of Newton's matrix
     pivot: NDArray[np.int64]  # (n_v,) its row exchanges
 
@@ -102,9 +102,9 @@ class HammingIntegrator:
         if not 0.0 < step < np.inf:
             raise MultibodyError(f"integration step must be positive and finite, got {step}")
         if int(n_corrections) != n_corrections or n_corrections < 1:
-            raise MultibodyError(f"n_corrections is {n_corrections!r}; allowed: 1, 2, 3, …")
+            raise MultibodyError(f"n_corrections is {n_corrections!r}; must be a whole number of at least 1")
         if starter not in STARTERS:
-            raise MultibodyError(f"starter {starter!r} is unknown; allowed: {', '.join(STARTERS)}")
+            raise MultibodyError(f"starter must be one of {', '.join(STARTERS)}, got {starter!r}")
         self.system, self.step, self.n_corrections = system, float(step), int(n_corrections)
         self.starter = starter
         self.work, self.inputs = system.new_work(trail), system.new_inputs()

@@ -137,7 +137,7 @@ class ImplicitIntegrator:
             raise MultibodyError(f"max_iterations must be at least 1, got {max_iterations}")
         if tangent not in TANGENTS or (tangent == "structure" and system.constraints):
             allowed = "'difference'" if system.constraints else " or ".join(map(repr, TANGENTS))
-            raise MultibodyError(f"the tangent of this system cannot be {tangent!r}; allowed: {allowed}")
+            raise MultibodyError(f"the tangent of this system must be {allowed}, got {tangent!r}")
         self.tangent = tangent
         self.system, self.step, self.scheme = system, float(step), np.array(scheme, dtype=float)
         self.tolerance, self.max_iterations = float(tolerance), int(max_iterations)
@@ -422,7 +422,7 @@ def integrator_name(name: str) -> str:
 def _entry(name: str) -> IntegratorEntry:
     name = integrator_name(name)
     if name not in INTEGRATORS:
-        raise MultibodyError(f"integrator {name!r} is unknown; allowed: {', '.join(INTEGRATORS)}")
+        raise MultibodyError(f"integrator must be one of {', '.join(INTEGRATORS)}, got {name!r}")
     return INTEGRATORS[name]
 
 

@@ -258,7 +258,7 @@ class ObserverFrameSystem:
 
     def __init__(self, gravity: ArrayLike = (0.0, 0.0, 0.0), rigid_modes: str = "deformed") -> None:
         if rigid_modes not in RIGID_MODES:
-            raise ObserverFrameError(f"rigid_modes {rigid_modes!r} are unknown; allowed: {', '.join(RIGID_MODES)}")
+            raise ObserverFrameError(f"rigid_modes must be one of {', '.join(RIGID_MODES)}, got {rigid_modes!r}")
         self.gravity: Array = np.asarray(gravity, dtype=float)
         self.rigid_modes = rigid_modes
         self.bodies: list[Substructure] = []
@@ -484,7 +484,7 @@ class ObserverFrameSystem:
             For unknown axes, body or marker.
         """
         if axes not in LOAD_AXES:
-            raise ObserverFrameError(f"load axes {axes!r} are unknown; allowed: {', '.join(LOAD_AXES)}")
+            raise ObserverFrameError(f"load axes must be one of {', '.join(LOAD_AXES)}, got {axes!r}")
         if axes == "deformed" and self.bodies[self._index(body)].second_order is not None:
             raise ObserverFrameError(
                 f"load on {body}.{marker}: 'deformed' adds the moment of the deflection to linear displacements; with "

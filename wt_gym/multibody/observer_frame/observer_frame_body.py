@@ -75,7 +75,7 @@ def reference_condition(beam: Beam, name: str) -> Array:
         For another name.
     """
     if name not in REFERENCE_CONDITIONS:
-        raise ObserverFrameError(f"reference condition {name!r} is unknown; allowed: {', '.join(REFERENCE_CONDITIONS)}")
+        raise ObserverFrameError(f"reference condition must be one of {', '.join(REFERENCE_CONDITIONS)}, got {name!r}")
     rows = np.zeros((6, beam.n_dof))
     rows[:6, :6] = np.eye(6)
     if name == "clamped":
@@ -443,7 +443,7 @@ class Substructure:
 def check_displacement(name: str) -> None:
     """Refuse a displacement that is none of :data:`DISPLACEMENTS`."""
     if name not in DISPLACEMENTS:
-        raise ObserverFrameError(f"displacement {name!r} is unknown; allowed: {', '.join(DISPLACEMENTS)}")
+        raise ObserverFrameError(f"displacement must be one of {', '.join(DISPLACEMENTS)}, got {name!r}")
 
 
 def _second_of_particles(beam: Beam, basis: Array) -> Array:

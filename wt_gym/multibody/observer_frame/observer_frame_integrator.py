@@ -126,7 +126,7 @@ class ObserverFrameIntegrator:
             raise ObserverFrameError(f"update must be 'step' or a positive displacement [m], got {update!r}")
         self.system, self.step, self.n_iterations = system, float(step), int(n_iterations)
         if prediction not in PREDICTIONS:
-            raise ObserverFrameError(f"prediction {prediction!r} is unknown; allowed: {', '.join(PREDICTIONS)}")
+            raise ObserverFrameError(f"prediction must be one of {', '.join(PREDICTIONS)}, got {prediction!r}")
         if spectral_radius is not None and not 0.0 <= spectral_radius <= 1.0:
             raise ObserverFrameError(f"spectral_radius must lie in 0 … 1, got {spectral_radius}")
         self._threshold = 0.0 if update == "step" else float(update)

@@ -81,7 +81,7 @@ class Joint:
 
     def __post_init__(self) -> None:
         if self.kind not in _JOINTS:
-            raise MultibodyError(f"joint kind {self.kind!r} is unknown; allowed: {', '.join(_JOINTS)}")
+            raise MultibodyError(f"joint kind must be one of {', '.join(_JOINTS)}, got {self.kind!r}")
         owner = f"{self.kind} joint {self.name!r}"
         check_vector(owner, "axis", self.axis, unit=self.kind in ("revolute", "prismatic", "servo"))
         check_vector(owner, "offset", self.offset)
@@ -163,7 +163,7 @@ class Constraint:
 
     def __post_init__(self) -> None:
         if self.kind not in _CONSTRAINTS:
-            raise MultibodyError(f"constraint kind {self.kind!r} is unknown; allowed: {', '.join(_CONSTRAINTS)}")
+            raise MultibodyError(f"constraint kind must be one of {', '.join(_CONSTRAINTS)}, got {self.kind!r}")
         owner = f"{self.kind} constraint {self.name!r}"
         check_vector(owner, "axis", self.axis, unit=True)
         for frame in ("", "second_"):

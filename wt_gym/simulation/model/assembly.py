@@ -1,5 +1,7 @@
 """The models of a turbine, put together: everything that depends on the meshes alone and no step changes."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,12 +47,10 @@ class TurbineModels:
     tower_flow: TowerFlow
     time_step: float
     n_substeps: int
-    embedded: "TurbineModels | None" = None
+    embedded: TurbineModels | None = None
 
 
-# One thread: with several, on some processors, products of large matrices round otherwise and no run is repeatable.
-@threadpool_limits.wrap(limits=1, user_api="blas")
-def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
+def assemble(turbine: Turbine, fidelity: Fidelity, threads: int = 1, generator_damping: float = 0.0) -> TurbineModels:
     """Models of a turbine.
 
     Parameters
@@ -71,6 +71,13 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     SimulationError
         For fidelities that the turbine does not bear.
     """
+    # One thread: with several, on some processors, products of large matrices round otherwise: no run is repeatable.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _assembled(turbine, fidelity, threads, generator_damping)
+
+
+def _assembled(turbine: Turbine, fidelity: Fidelity, threads: int, generator_damping: float) -> TurbineModels:
+    """See `assemble`."""
     rated_speed = turbine.drivetrain.rated_rotor_speed
     lattice = build_lattice(turbine, fidelity, threads)
     structure = build_structure(turbine, fidelity, lattice.planform.nodes, generator_damping)
@@ -82,7 +89,7 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     elif fidelity.formulation == "observer":
         n_substeps = fidelity.substeps_for(time_step, None)  # implicit schemes are stable with any step
     else:
-        embedded = assemble(turbine, replace(fidelity, formulation="embedded"), threads, generator_damping)
+        embedded = _assembled(turbine, replace(fidelity, formulation="embedded"), threads, generator_damping)
         n_substeps = embedded.n_substeps
     return TurbineModels(
         turbine=turbine,
@@ -96,7 +103,7 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     )
 
 
-def build_lattice(turbine, fidelity, threads=1):
+def build_lattice(turbine: Turbine, fidelity: Fidelity, threads: int = 1) -> VortexLattice:
     """Vortex lattice of the blades, and of the bodies that the fidelity closes; arguments as of `assemble`."""
     aero = fidelity.aero_for(turbine.drivetrain.rated_rotor_speed)
     planform = blade_planform(turbine, aero)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation.model.turbine_structure import TurbineStructure
     from wt_gym.simulation.step.monitor import Extremes
     from wt_gym.turbines import Turbine
-    from wt_gym.wind.protocol import Inflow
 
 __all__ = ["Gauges", "MeasuredState", "Measurement"]
 
@@ -95,8 +94,16 @@ class Gauges(NamedTuple):
             tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)),
             tower_view=np.zeros((n, 4)), clearance=np.zeros(n), nacelle_acceleration=np.zeros(3),
             hub_wind=np.zeros(3), indices=StateIndices.of(turbine, structure), values=values,
-            at=np.array(single + [at[name].start for name in measurement_kernels.PER_BLADE]),
+            at=np.array(single + [cast("slice", at[name]).start for name in measurement_kernels.PER_BLADE]),
         )  # fmt: skip
+
+
+class UndisturbedWind(Protocol):
+    """What the hub's wind is read from."""
+
+    def velocity(self, points: NDArray[np.float64], time: float) -> NDArray[np.float64]:
+        """Wind at points (n, 3) at a time [m/s]."""
+        ...
 
 
 class MeasuredState(NamedTuple):
@@ -137,7 +144,7 @@ class Measurement:
         self._complete: tuple[Callable[..., None], Callable[..., None]] | None = None
 
     def take(
-        self, time: float, instant: MeasuredState, torque: float, command: NDArray[np.float64], inflow: Inflow
+        self, time: float, instant: MeasuredState, torque: float, command: NDArray[np.float64], inflow: UndisturbedWind
     ) -> None:
         """Fill ``values`` from a state to which the kinematics belong. Extremes are the present values, travel is none.
 
@@ -150,7 +157,7 @@ class Measurement:
             Of the generator [N m, high-speed shaft].
         command : array (2 + n_blades,)
             Of the drives: generator torque [N m], yaw and pitch [rad].
-        inflow : Inflow
+        inflow : UndisturbedWind
         """
         i = instant
         self.gauges.hub_wind[:] = inflow.velocity(i.work.r[self._structure.hub], time)

@@ -124,5 +124,5 @@ def move_lattice(y, tree, work, x):
             x.elastic[i, k] = y[x.elastic_q[i, k]]
             x.elastic_rate[i, k] = y[x.elastic_u[i, k]]
     shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
-    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.lattice_bodies, x.sub_bodies,
-                 x.nodes.reshape(shape), x.velocities.reshape(shape))  # fmt: skip
+    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.lattice_bodies,
+                 x.sub_bodies, x.nodes.reshape(shape), x.velocities.reshape(shape))  # fmt: skip
