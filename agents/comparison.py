@@ -14,6 +14,7 @@ from wt_gym.agents.pool import load_agent, load_model
 from wt_gym.agents.trained_environment import environment_of_training
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
+from wt_gym.deprecated import renamed_names
 from wt_gym.envs.arguments import check_duration
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
@@ -44,6 +45,9 @@ __all__ = [
     "run_cases",
     "table",
 ]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 COLUMNS = (
     ("mean_power", "power"),

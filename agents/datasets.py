@@ -75,7 +75,7 @@ class DatasetConfig:
     def __post_init__(self):
         if self.episodes < 1 or self.random_episodes < 1:
             raise ValueError(
-                f"at least 1 episode is needed, got {self.episodes} and {self.random_episodes} random ones"
+                f"episodes and random_episodes must be at least 1, got {self.episodes} and {self.random_episodes}"
             )
         if not 0.0 <= self.noise < np.inf:
             raise ValueError(f"noise must be finite and not negative, got {self.noise!r}")

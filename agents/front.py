@@ -92,7 +92,7 @@ def _refuse_early(task: BenchmarkTask, results: Mapping[str, Mapping[str, Mappin
     for agent, runs in results.items():
         early = [label for label, run in runs.items() if run["ending"] != "time"]
         if early:
-            raise ValueError(f"{agent} did not last in {', '.join(early)} of {task.id}: there is no front")
+            raise ValueError(f"{agent} must complete every wind of {task.id}, it ended early in {', '.join(early)}")
 
 
 def _changes(own: Sequence[Mapping[str, float]], base: Sequence[Mapping[str, float]], metric: str) -> np.ndarray:

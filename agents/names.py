@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wt_gym.control.controllers.catalogue import compiled_files
 from wt_gym.control.controllers.names import (
     ALIASES,
     BASELINE,
@@ -16,6 +18,7 @@ from wt_gym.control.controllers.names import (
 )
 from wt_gym.control.controllers.own_class import load_class, source_digest
 from wt_gym.control.controllers.parameters import did_you_mean
+from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -42,6 +45,9 @@ __all__ = [
     "split_name",
     "with_model_options",
 ]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 WORDS = ("zero", "random", "planner")
 """Agents by word: zero actions, which leave everything to the controller beneath; even draws; planning on a copy of the
@@ -334,6 +340,9 @@ def fingerprint(choice: str) -> dict[str, Any]:
     if name.kind == "class":
         made_of = {"class": name.target.rpartition(":")[2], "parameters": name.parameters}
         return {"choice": name.text, "sha256": {name.target: source_digest(name.target)}, **made_of}
+    if name.kind == "controller" and (files := compiled_files(name.target, name.parameters)):
+        digests = {str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+        return {"choice": name.text, "sha256": digests}
     if name.kind != "trained":
         return {"choice": choice if choice in ALIASES else name.text}
     from wt_gym.agents.trained_agent import model_digests  # torch takes seconds to import

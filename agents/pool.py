@@ -21,6 +21,7 @@ from wt_gym.agents.uniform import UniformAgent
 from wt_gym.benchmark.fingerprint import differing
 from wt_gym.control.controllers.names import ALIASES
 from wt_gym.control.controllers.own_class import load_class
+from wt_gym.deprecated import renamed_names
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 
@@ -124,7 +125,7 @@ class Environments:
         self._made: dict[tuple[str | None, str], gym.Env] = {}
         self.plain = self._make(None, {})
 
-    def beneath(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
+    def environment_of(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
         """Environment for an agent: the plain one, except for a controller that has to run beneath the actions.
 
         A trained model sees what it saw in its training, and its residual actions mean what they meant. An agent of
@@ -307,3 +308,7 @@ def _get_ready(play: Callable[[AgentPool, Any], Any], *given: Any) -> None:
 def _play_here(job: Any) -> Any:
     """Do a job in a worker process."""
     return cast("Callable[[Any], Any]", _play)(job)
+
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)

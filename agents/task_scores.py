@@ -144,7 +144,7 @@ STUDIES: dict[str, Study] = {
     ),
     "MaxPower": Study(
         "MaxPower",
-        ("discon", RANDOM, "retuned", "rosco"),
+        ("discon", RANDOM, "retuned", "tsr_tracking"),
         (Part(_winds((6.0, 8.0, 10.0), 2)),),
         (_ENERGY, _FLAP, _FORE_AFT, _SIDE),
     ),
@@ -157,7 +157,7 @@ STUDIES: dict[str, Study] = {
     ),
     "Gusts": Study(
         "Gusts",
-        ("discon", RANDOM, "ipc", "lidar+ipc", "rosco:thrust_limit=0.95"),
+        ("discon", RANDOM, "ipc", "lidar+ipc", "tsr_tracking:thrust_limit=0.95"),
         tuple(_gusts(kind, (8.0, 14.0, 20.0), 6) for kind in GUSTS),
         (Column("blade_flap_max", "largest flap moment", "most"), Column("tower_base_max", "of the tower base", "most"),
          Column("rotor_speed_max", "largest rotor speed", "most")),
@@ -166,13 +166,13 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "rosco"),
+        ("discon", RANDOM, "ipc", "tsr_tracking"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
     ),
     "IEA15MW-LoadReduction below its range": Study(
         "IEA15MW-LoadReduction",
-        ("discon", "rosco"),
+        ("discon", "tsr_tracking"),
         (Part(_winds((4.0, 5.0, 6.0), 1), arguments={"wind_speed": [4.0, 6.0]}),),
         (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
     ),

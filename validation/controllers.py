@@ -23,8 +23,8 @@ CONTROLLERS = {
     **{f"constrained_ipc, level {level:g}": ("constrained_ipc", {"level": level}) for level in BANDS},
     "tower_dampers": ("tower_dampers", {}),
     "ipc+tower_dampers": ("ipc+tower_dampers", {}),
-    "rosco": ("rosco", {}),
-    "rosco, thrust 0.95": ("rosco", {"thrust_limit": 0.95}),
+    "tsr_tracking": ("tsr_tracking", {}),
+    "tsr_tracking, thrust 0.95": ("tsr_tracking", {"thrust_limit": 0.95}),
 }
 PUBLISHED = "published cuts by individual pitch: 14 % (free wake, Perez-Becker 2021) to 25 % (Larsen et al. 2005)"
 

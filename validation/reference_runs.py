@@ -246,7 +246,7 @@ def main(arguments=None) -> int:
     options = parser.parse_args(arguments)
     unknown = [name for name in options.names if name not in EXPERIMENTS]
     if unknown:
-        parser.error(f"unknown experiment {', '.join(unknown)}; known: {', '.join(EXPERIMENTS)}")
+        parser.error(f"unknown experiment {', '.join(unknown)}; must be one of {', '.join(EXPERIMENTS)}")
     stale = 0
     for name in options.names or EXPERIMENTS:
         for which in [options.fidelity] if options.fidelity else RECORDED:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from ray.rllib.algorithms.algorithm import Algorithm
     from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import VecNormalize
 
     from wt_gym.agents.training.config import TrainingConfig
@@ -45,8 +46,8 @@ class RllibLearner:
     """
 
     engine = "ray"
-    packages = ("ray", "stable-baselines3", "torch", "gymnasium")
-    figures = ()
+    packages: tuple[str, ...] = ("ray", "stable-baselines3", "torch", "gymnasium")
+    figures: tuple[BaseCallback, ...] = ()
     samples_here = False
 
     def __init__(self, address: str | None = None, runners: int | None = None):

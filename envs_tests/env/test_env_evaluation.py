@@ -12,7 +12,6 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.agents import evaluation as module
-from wt_gym.agents.agent_pool import AgentPool
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
@@ -376,15 +375,15 @@ def test_the_command_asks_for_winds_that_the_environment_has(words, speeds, seed
     [
         (
             f"--env wt_gym/Gusts-v2 {TRANSIENT} --wind-seeds 3",
-            r"no turbulence seeds, got \[3\]: give a number of draws",
+            r"has none; got \[3\]: give a number of draws",
         ),
-        ("--env wt_gym/NREL5MW-Steady-v1 --wind-seeds 3", r"no turbulence seeds, got \[3\]"),
-        ("--draws 2", "nothing is drawn beside its speed and seed: give turbulence seeds"),
+        ("--env wt_gym/NREL5MW-Steady-v1 --wind-seeds 3", r"has none; got \[3\]"),
+        ("--draws 2", "draws must be left out: .*; give turbulence seeds"),
         ("--env wt_gym/NREL5MW-Steady-v1 --draws 2", "one run in it is all"),
-        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --draws 0", "at least 1 draw is needed, got 0"),
+        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --draws 0", "draws must be at least 1, got 0"),
         (
             '--wind-speed 12 --env-kwargs \'{"inflow": "extreme", "standstill_limit": -0.5}\'',
-            r"has a speed of its own, got the speeds \[12.0\] m/s",
+            r"speeds must be left out, .*; got \[12.0\] m/s",
         ),
     ],
 )

@@ -109,7 +109,7 @@ def meddled():
     [
         ("observation", "not finite"), ("range", "outside of its space"), ("reward", "sum of its terms"),
         ("bound", "its bounds"), ("end", "termination"), ("clearance", "tip_clearance_min"), ("time", "time is"),
-        ("cost", "cost"), ("action", "changed the action"), ("energy", "from nothing"),
+        ("cost", "cost"), ("action", "changed the action"), ("energy", "than the work done on it"),
     ],
 )  # fmt: skip
 def test_a_broken_contract_is_noticed(meddled, way, message):

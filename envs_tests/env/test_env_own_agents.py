@@ -148,7 +148,7 @@ def test_models_that_do_not_fit_are_refused(tmp_path):
 
     path = saved(tmp_path / "model.zip", SAC)
     with (
-        pytest.raises(ValueError, match="is no model of PPO but of SAC"),
+        pytest.raises(ValueError, match="is not a model of PPO but of SAC"),
         AgentPool({"m": f"{path}:algo=PPO"}, STEADY, {}),
     ):
         pass

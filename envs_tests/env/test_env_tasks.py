@@ -335,7 +335,7 @@ def test_single_channels_and_lidar():
     moments = [env.signals[f"root_flap_moment_{b}"] for b in (1, 2, 3)]
     tilt = to_fixed_frame(moments, env.signals["azimuth"])[1]
     assert env.layout.observation.value(observation, "root_flap_moment_tilt") == pytest.approx(tilt, rel=1e-4)
-    with pytest.raises(ValueError, match=r"observation has no \['lidar_9'\]; there are the groups"):
+    with pytest.raises(ValueError, match=r"observation has \['lidar_9'\]; must be among the groups"):
         WindTurbineEnv(observation=("rotor", "lidar_9"))
 
 

@@ -76,7 +76,7 @@ def test_in_a_steady_wind_it_is_the_base(turbine):
         assert np.array_equal(alone.step(now, 0.1).pitch, wrapped.step(now, 0.1).pitch)
 
 
-@pytest.mark.parametrize("name", ["discon", "retuned", "rosco"])
+@pytest.mark.parametrize("name", ["discon", "retuned", "tsr_tracking"])
 def test_a_shift_moves_the_next_demand(name, turbine):
     now = {f"pitch_{b}": 0.25 for b in (1, 2, 3)}
     now |= {"generator_speed": 97 * RATED, "rotor_speed": RATED, "generator_torque": 40_000.0}
@@ -91,7 +91,7 @@ def test_a_shift_moves_the_next_demand(name, turbine):
     assert np.subtract(*made[::-1]) == pytest.approx(np.full((3, 3), 0.004), rel=2e-2)
 
 
-@pytest.mark.parametrize("name", ["discon", "rosco"])
+@pytest.mark.parametrize("name", ["discon", "tsr_tracking"])
 def test_a_shift_ends_at_the_limit(name, turbine):
     now = {f"pitch_{b}": 0.0 for b in (1, 2, 3)}
     now |= {"generator_speed": 97 * RATED, "rotor_speed": RATED, "generator_torque": 40_000.0}
@@ -200,7 +200,7 @@ def test_the_air_comes_at_the_speed_of_the_mean_wind(turbine):
 
 
 def test_what_is_below_the_schedule_does_not_jump(turbine):
-    controller = make_controller("rosco", turbine, thrust_limit=0.8)
+    controller = make_controller("tsr_tracking", turbine, thrust_limit=0.8)
     now = {"generator_speed": 97 * RATED, "rotor_speed": RATED, "generator_torque": 40_000.0}
     now |= {f"pitch_{b}": 0.0 for b in (1, 2, 3)}
     controller.start(now, demand(0.0))

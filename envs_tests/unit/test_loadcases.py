@@ -302,8 +302,8 @@ def test_a_damaged_file_is_named(tmp_path, counted):
     [
         (["--case", "9.9"], "load cases must be some of 1.1, 1.2, 1.3, 1.4, 1.5, 2.1, 2.2, 2.3, 4.2, 6.1, got 9.9"),
         (["--jobs", "0"], "at least 1 job"),
-        (["--address", "auto"], "ask for the engine ray"),
-        (["nobody"], "'nobody' is no agent"),
+        (["--address", "auto"], "the engine must be ray"),
+        (["nobody"], "got 'nobody'"),
         (["--env-kwargs", '{"wind_speed": 9}'], "wind_speed follows from the load cases"),
         (["--env-kwargs", '{"color": 9}'], "the environment has no argument 'color'"),
         (["no controller=baseline"], "of a name other than 'no controller'"),

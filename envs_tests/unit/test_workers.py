@@ -78,7 +78,7 @@ def test_no_worker_is_refused(refuse):
     ("asked", "message"),
     [
         ({"engine": "dask"}, "the engine must be one of local, ray, got 'dask'"),
-        ({"address": "auto"}, "an address is that of a Ray cluster: ask for the engine ray, got 'auto' without"),
+        ({"address": "auto"}, "the engine must be ray where an address .* is given, got 'auto' without"),
     ],
 )
 def test_executors_that_are_none_are_refused(asked, message):

@@ -30,11 +30,11 @@ _STEPS_OF_AN_EPISODE = 300
 _CONTROLLERS = (
     "discon",
     "retuned",
-    "rosco",
+    "tsr_tracking",
     "discon+yaw",
     "tower_dampers",
     "ipc",
-    "rosco+ipc_2p",
+    "tsr_tracking+ipc_2p",
     "constrained_ipc+yaw",
     "lidar+ipc",
 )
@@ -154,7 +154,7 @@ def _drawn_action(turbine: Turbine, has_table: bool, policy: str, rng: np.random
     if mode == "residual" and turns and rng.random() < 0.3:
         pitch = "cyclic"
     wanted: list[str] | None = [name for name in ("pitch", "yaw", "torque") if rng.random() < 0.8]
-    usable = [name for name in _CONTROLLERS if has_table or "rosco" not in name]
+    usable = [name for name in _CONTROLLERS if has_table or "tsr_tracking" not in name]
     beneath = str(rng.choice([name for name in usable if turns or "ipc" not in name]))
     more: dict[str, Any] = {"residual_fade": bool(rng.random() < 0.5)}
     more["residual_washout"] = 10.0 if rng.random() < 0.3 else None

@@ -225,13 +225,16 @@ class Contract:
 
     def _check_energy(self) -> None:
         balance = self.env.simulator.coupling.exchange.energy
-        require(balance.gained[0] <= balance.reserve, f"the structure gained {balance.gained[0]} J from nothing")
         require(
-            balance.borrowed[0] <= balance.excess_limit, f"the air gave {balance.borrowed[0]} J beyond Betz's limit"
+            balance.gained[0] <= balance.reserve,
+            f"the structure gained {balance.gained[0]} J more than the work done on it",
         )
+        excess = balance.excess_energy[0]
+        require(excess <= balance.excess_limit, f"the air gave {excess} J beyond Betz's limit")
         account = self._account
         account.take(self.env.signals, self.env.control_dt)
         require(
             not account.exceeded,
-            f"{account.excess / 1e6:.4g} MJ came beyond Betz's share, the air lends {account.excess_limit / 1e6:.4g} MJ",
+            f"energy beyond Betz's limit must be at most {account.excess_limit / 1e6:.4g} MJ, got "
+            f"{account.excess / 1e6:.4g} MJ",
         )

@@ -114,6 +114,6 @@ def make_policy(kind: str, env: WindTurbineEnv, rng: np.random.Generator) -> Cal
     if env.turbine.n_blades > 2:
         names += ["ipc", "constrained_ipc"]
     if "rotor_wind" in env.layout.observation.names:  # what it reads too, which some turbines have to measure first
-        names.append("rosco")
+        names.append("tsr_tracking")
     agent = ControllerAgent(env.layout, str(rng.choice(names)))
     return lambda observation, start: agent.predict(observation, episode_start=[start])[0]

@@ -184,7 +184,7 @@ def _odd_start(env: WindTurbineEnv, rng: np.random.Generator) -> dict[str, float
 
 
 def _wrong_action(size: int, rng: np.random.Generator) -> np.ndarray:
-    """An action that is none."""
+    """An invalid action: wrong size, not finite or out of bounds."""
     if rng.random() < 0.2:
         return np.zeros(size + 1)
     action = rng.uniform(-1.0, 1.0, size)

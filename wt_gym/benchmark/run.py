@@ -26,8 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import xarray as xr
+    from numpy.typing import NDArray
 
     from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind
+    from wt_gym.control.controllers.controller import Controller
     from wt_gym.envs.episode import EpisodeStep
     from wt_gym.turbines import Turbine
 
@@ -102,7 +104,7 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     return env
 
 
-def _make_controller(name: str, parameters: dict[str, Any], turbine: Turbine):
+def _make_controller(name: str, parameters: dict[str, Any], turbine: Turbine) -> Controller:
     return make_controller(name, turbine, **parameters)
 
 
@@ -185,7 +187,7 @@ def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[s
     return metrics
 
 
-def delivered_power(power: np.ndarray, time: np.ndarray, rated: float) -> float:
+def delivered_power(power: NDArray[np.float64], time: NDArray[np.float64], rated: float) -> float:
     """Mean of a power of which every ten seconds count at most as rated.
 
     Parameters

@@ -239,7 +239,7 @@ def _winds(name: str, groups: list[dict[str, Any]]) -> tuple[BenchmarkWind, ...]
         if set(given) - {"speed", "transient", "sign", "start", "weight"} or (seeds is None) == (
             given.get("transient") not in _TRANSIENTS
         ):
-            raise BenchmarkError(f"task {name}: a group of winds has seeds or one of {_TRANSIENTS}, got {group}")
+            raise BenchmarkError(f"task {name}: a group of winds must have seeds or one of {_TRANSIENTS}, got {group}")
         if seeds is None:
             winds.append(BenchmarkWind(**given))
         else:
@@ -249,14 +249,16 @@ def _winds(name: str, groups: list[dict[str, Any]]) -> tuple[BenchmarkWind, ...]
 
 def _term(name: str, metric: str, given: dict[str, Any]) -> Term:
     if not {"weight"} <= set(given) <= {"weight", "scale"} or given.get("scale", 1.0) <= 0.0:
-        raise BenchmarkError(f"task {name}: the term {metric} has a weight and maybe a positive scale, got {given}")
+        raise BenchmarkError(
+            f"task {name}: the term {metric} must have a weight and may have a positive scale, got {given}"
+        )
     return Term(metric, **given)
 
 
 def _limit(name: str, metric: str, given: dict[str, float]) -> Limit:
     kinds = {"least": (True, False), "most": (False, False), "least_ratio": (True, True), "most_ratio": (False, True)}
     if len(given) != 1 or not set(given) <= set(kinds):
-        raise BenchmarkError(f"task {name}: the limit of {metric} is one of {', '.join(kinds)}, got {given}")
+        raise BenchmarkError(f"task {name}: the limit of {metric} must be one of {', '.join(kinds)}, got {given}")
     ((kind, bound),) = given.items()
     return Limit(metric, float(bound), *kinds[kind])
 
@@ -275,7 +277,7 @@ def task_file(name: str) -> Path:
         If there is no such task.
     """
     if name not in task_names():
-        raise BenchmarkError(f"there is no task {name!r}; there are {', '.join(task_names())}")
+        raise BenchmarkError(f"task must be one of {', '.join(task_names())}, got {name!r}")
     return _FOLDER / f"{name}.json"
 
 

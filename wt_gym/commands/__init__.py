@@ -20,6 +20,7 @@ COMMANDS = {
     "dataset": "record an agent at work as a Minari data set",
     "compare-controllers": "controllers side by side in the same winds, without environments",
     "tune": "tune the parameters of a controller",
+    "export": "write a trained agent as an ONNX file",
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",
     "import": "read an OpenFAST model as a turbine, and write it as a windIO file",

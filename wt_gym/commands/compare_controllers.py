@@ -64,7 +64,7 @@ def main(words: list[str] | None = None) -> None:
 
     begin = time.monotonic()
 
-    def progress(name, case):
+    def progress(name: str, case: Case) -> None:
         print(f"{time.monotonic() - begin:6.0f} s  {name} in {case}", file=sys.stderr, flush=True)
 
     runs: list[ControllerRuns] = []

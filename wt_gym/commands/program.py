@@ -49,6 +49,8 @@ IN_CLONE = (CLONE / "validation").is_dir()
 _OF_BROKEN_PIPE = 128 + 13
 _EXTRAS = {
     "minari": "data",
+    "onnx": "export",
+    "onnxruntime": "export",
     "openfast_io": "openfast",
     "optuna": "tune",
     "ray": "ray",
@@ -162,7 +164,7 @@ def stoppable(hint: str) -> Iterator[None]:
         What is there, and how to go on.
     """
 
-    def terminate(*_):
+    def terminate(*_: object) -> NoReturn:
         raise _Terminated
 
     former = signal.signal(signal.SIGTERM, terminate)

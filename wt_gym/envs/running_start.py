@@ -348,9 +348,9 @@ class Run(NamedTuple):
     step : float
         Between the rows [s].
     rows : numpy.ndarray, shape (n_times, n_columns), float32
-        Signals at ``StartRecorder.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
-        demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
-        the structure.
+        Signals at ``StartRecorder.places``; motion of the tower top (4); wind over the rotor (3); running means of the
+        loads; demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft;
+        motion of the structure.
     memories : list of Memory
         What the controller remembers at the instants.
     """
@@ -646,7 +646,7 @@ def _width(name: str, n_blades: int) -> int:
 @cache
 def _table(n_blades: int) -> Signals:
     """Places of the channels, as signals."""
-    return Signals(np.arange(len(channel_table(n_blades))), n_blades)
+    return Signals(np.arange(len(channel_table(n_blades))), n_blades)  # type: ignore[arg-type]  # places, not values
 
 
 _RINGS = np.sqrt([0.25, 0.75])

@@ -26,6 +26,7 @@ from wt_gym.control.controllers import (
 from wt_gym.control.controllers.names import ALIASES, BASELINE
 from wt_gym.control.residual import ResidualPitch
 from wt_gym.control.starting_point import starting_point
+from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs import rewards
 from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, did_you_mean, shown
 from wt_gym.envs.costs import Costs
@@ -69,8 +70,8 @@ STARTS = ("running", "steady")
 
 # What an episode remembers beside the simulator, the sensors and the random numbers
 _SNAPSHOT = (
-    "signals", "demand", "base", "setpoint", "controller", "reward_terms", "_action", "_observation", "_saturated", "_steps",
-    "_running", "_failed", "_twin_terms", "_residual", "_faults",
+    "signals", "demand", "base", "setpoint", "controller", "reward_terms", "_action", "_observation", "_saturated",
+    "_steps", "_running", "_failed", "_twin_terms", "_residual", "_faults",
 )  # fmt: skip
 
 
@@ -529,6 +530,8 @@ class WindTurbineEnv(gym.Env):
         return (
             f"<{type(self).__name__}: {self.turbine.name}, {self.wind.label}, {fidelity} fidelity, {self.layout.sizes}>"
         )
+
+    aim = renamed_attribute("aim", "setpoint")  # rename: keep
 
     @property
     def observation_names(self) -> np.ndarray:

@@ -185,7 +185,7 @@ class ProcessExecutor:
                             result = future.result()
                         except BrokenExecutor:
                             free.append(pool())
-                            if self.tally.again(job, attempt):
+                            if self.tally.may_retry(job, attempt):
                                 left.appendleft((job, attempt + 1))
                             continue
                         free.append(its_pool)
@@ -233,7 +233,9 @@ def executor_for(engine: str = "local", workers: int | None = None, address: str
 
         return RayExecutor(address, workers)
     if address is not None:
-        raise ValueError(f"an address is that of a Ray cluster: ask for the engine ray, got {address!r} without")
+        raise ValueError(
+            f"the engine must be ray where an address (of a Ray cluster) is given, got {address!r} without"
+        )
     return SerialExecutor() if workers in (None, 1) else ProcessExecutor(workers)
 
 

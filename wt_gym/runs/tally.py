@@ -34,7 +34,7 @@ class Tally:
     retried: int = 0
     lost: list[Any] = field(default_factory=list)
 
-    def again(self, job: Any, attempt: int) -> bool:
+    def may_retry(self, job: Any, attempt: int) -> bool:
         """Whether a job whose process is gone is to be begun once more; counts it."""
         if attempt < ATTEMPTS:
             self.retried += 1

@@ -1,30 +1,14 @@
-"""One step of a structure in local observer frames and the air, in one compiled call that allocates nothing.
+"""How a structure in local observer frames moves: the frames own the motion, the multibody system reads it.
 
-The observer frames own the motion. After each structural step it is written into the state of the turbine's multibody
-system, in which the lattice, the gauges, the monitor and the balance of energy read it.
+After each structural step the motion is written into the state of the turbine's multibody system, in which the lattice,
+the gauges, the monitor and the balance of energy read it. Arguments are ``motion``, `Motion`, and ``o``, `Observed`.
 """
 
-from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solve
 from wt_gym.compiled import kernel
 from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import rows_of
 from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations, hold_velocities, refresh, step
 from wt_gym.multibody.tree.rate_kernels import prescribe_servos
 from wt_gym.multibody.tree.tree_kernels import OK
-from wt_gym.simulation.step.coupled_step_kernels import (
-    MOST_PASSES,
-    check_range,
-    check_sections,
-    copy_loads,
-    extrapolate_loads,
-    move_lattice,
-    pass_on,
-    relax_loads,
-    secant_share,
-)
-from wt_gym.simulation.step.coupling_kernels import rotor_loads, tower_drag
-from wt_gym.simulation.step.energy_kernels import check_energy
-from wt_gym.simulation.step.measurement_kernels import fill_channels
-from wt_gym.simulation.step.monitor_kernels import watch_steps
 
 # ---- what acts -----------------------------------------------------------------------------------------------------
 
@@ -120,7 +104,7 @@ def keep(source, target):
 
 
 @kernel
-def save(motion, o):
+def save_frames(motion, o):
     """Keep the motion at the start of an aerodynamic step."""
     keep(o.now, o.saved)
     for i in range(o.tree_state.shape[0]):
@@ -128,7 +112,7 @@ def save(motion, o):
 
 
 @kernel
-def return_to_start(motion, o):
+def restore_frames(motion, o):
     """Take the motion back to what was kept; returns a code."""
     keep(o.saved, o.now)
     for i in range(o.tree_state.shape[0]):
@@ -140,7 +124,7 @@ def return_to_start(motion, o):
 
 
 @kernel(separate=True)
-def begin_observed(motion, o, scheme):
+def begin_frames(motion, o, scheme):
     """Consistent velocities and accelerations for a state that was just set; returns a code."""
     turn_servos(motion, o, scheme, int(0))
     act(motion, o, 0.0)
@@ -154,7 +138,7 @@ def begin_observed(motion, o, scheme):
 
 
 @kernel(separate=True)
-def move_observed(motion, o, scheme):
+def move_frames(motion, o, scheme):
     """The structure through one aerodynamic step; states and rates of all structural steps into the trail."""
     y, dy, work = motion.state, motion.rate, motion.work
     for k in range(scheme.n_sub):
@@ -169,80 +153,11 @@ def move_observed(motion, o, scheme):
     return OK
 
 
-@kernel(nogil=True)
-def observed_step(air, motion, o, x, scheme, gauges, monitor, blade_wind):
-    """Advance structure and air by one aerodynamic step; see `coupled_step_kernels.coupled_step`.
-
-    Parameters
-    ----------
-    o : ObservedMotion
-        The other arguments are those of `coupled_step`.
-    """
-    code = predict_observed(air, motion, o, x, scheme)
-    if code == OK:
-        prepare(air.planform, air.constants, air.arrays, air.work, x.nodes, bool(True), air.bodies, air.body_work)
-        code = correct_observed(air, motion, o, x, scheme, blade_wind)
-    if code == OK:
-        accept(air.planform, air.constants, air.arrays, air.work, bool(True), bool(False), air.bodies, air.body_work)
-        shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
-        code = end_observed(motion, o, x, scheme, gauges, monitor, air.arrays.forces.reshape(shape), blade_wind)
-    return code
-
-
-@kernel(separate=True)
-def predict_observed(air, motion, o, x, scheme):
-    """Move the wake, and the structure under extrapolated loads."""
-    convect_wake(air.constants, air.arrays, scheme.dt)
-    save(motion, o)
-    extrapolate_loads(motion.inputs, x.previous_loads)
-    code = move_observed(motion, o, scheme)
-    if code == OK:
-        move_lattice(motion.state, motion.tree, motion.work, x)
-    return code
-
-
-@kernel(separate=True)
-def correct_observed(air, motion, o, x, scheme, blade_wind):
-    """Loads and structure in turn until they agree, as in `coupled_step_kernels.correct_step`."""
-    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
-    forces, loads = air.arrays.forces.reshape(shape), motion.inputs.body_loads[1]
-    share = x.relaxation[0]
-    for iteration in range(MOST_PASSES):
-        copy_loads(loads, x.passes[0])
-        solve(air.planform, air.constants, air.arrays, air.work, x.nodes, x.velocities, blade_wind, scheme.dt,
-              bool(False))  # fmt: skip
-        change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.lattice_bodies, x.sub_bodies, loads)
-        tower_drag(motion.state, motion.tree, motion.work, x.tower, loads[x.tower.body])
-        if iteration > 0:
-            share = secant_share(loads, x.passes, share, x.relaxation)
-            if change <= scheme.tolerance:
-                break
-        if iteration >= scheme.iterations - 1 and (change <= scheme.loosest or iteration == MOST_PASSES - 1):
-            break
-        relax_loads(loads, x.passes, share)
-        code = return_to_start(motion, o)
-        if code == OK:
-            code = move_observed(motion, o, scheme)
-        if code != OK:
-            return code
-        move_lattice(motion.state, motion.tree, motion.work, x)
-    return check_sections(air.arrays)
-
-
-@kernel(separate=True)
-def end_observed(motion, o, x, scheme, gauges, monitor, forces, blade_wind):
-    """Accelerations under the final loads; signals; is anything out of range or balance?"""
+@kernel
+def end_frames(motion, o):
+    """Accelerations under the loads at the end of an aerodynamic step; returns a code."""
     act(motion, o, 1.0)
     code = accelerations(o.loads, o.model, o.state, o.work)
-    if code != OK:
-        return code
-    tell_tree(motion, o)
-    watch_steps(motion, scheme.n_sub, gauges, monitor)
-    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
-    fill_channels(motion.state, x.nodes.reshape(shape), forces, motion.tree, motion.work, gauges)
-    copy_loads(motion.inputs.body_loads[0], x.previous_loads)
-    code = check_range(motion.state, x, monitor, x.sub_bodies, gauges)
     if code == OK:
-        code = check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt)
-    pass_on(motion.inputs)
+        tell_tree(motion, o)
     return code
