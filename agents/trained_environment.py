@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
-from wt_gym.agents.choices import read_name
+from wt_gym.agents.names import read_name
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options.environment import argument_default, flat_arguments, registered_arguments
 from wt_gym.envs.rewards import DEFAULT_WEIGHTS

@@ -12,7 +12,6 @@ fault and stops, which sensors are wrong by how much, when in a gust things happ
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from dataclasses import asdict, dataclass
@@ -373,9 +372,3 @@ def inflow_of(condition: Condition, turbine: Turbine) -> Inflow:
 
 def _sampler(turbine: Turbine, kind: str, **options: Any) -> WindSampler:
     return WindSampler(turbine, WindOptions(kind, (turbine.cut_in, turbine.cut_out), **options))
-
-
-def digest(value: Any) -> str:
-    """Short name of a JSON value."""
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()[:20]

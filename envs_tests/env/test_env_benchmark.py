@@ -11,14 +11,13 @@ import pytest
 import xarray as xr
 from stable_baselines3 import PPO
 
-from wt_gym.agents.benchmark_runs import definition_of, jobs_of, results_of, run_jobs
-from wt_gym.agents.entries import entry_of
-from wt_gym.agents.executors import ProcessExecutor
+from wt_gym.agents.benchmark_runs import definition_of, entry_of, jobs_of, results_of, run_jobs
 from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
 from wt_gym.benchmark.run import benchmark_metrics, delivered_power, make_env
 from wt_gym.benchmark.scoring import wind_score
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.errors import BenchmarkError
+from wt_gym.runs.executors import ProcessExecutor
 from wt_gym.turbines import load_turbine
 
 

@@ -138,7 +138,7 @@ def test_environments_know_how_long_their_episodes_are(files):
     ("name", "content", "message"),
     [
         ("absent.bts", None, r"cannot read the turbulence file \S+absent\.bts"),
-        ("text.bts", b"wind", r"\S+text\.bts is no \.bts file"),
+        ("text.bts", b"wind", r"\S+text\.bts is not a \.bts file"),
         ("cut.bts", "cut", r"\S+cut\.bts is truncated"),
     ],
 )

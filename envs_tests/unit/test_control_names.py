@@ -87,7 +87,7 @@ def test_models_carry_parameters(tmp_path):
 
 
 def test_what_is_no_name_is_refused_with_what_is_near(mine):
-    with pytest.raises(ValueError, match=r"'ipcc' is no agent: give zero, a controller .*did you mean 'ipc'"):
+    with pytest.raises(ValueError, match=r"an agent must be zero, a controller .*got 'ipcc'.*did you mean 'ipc'"):
         parse_name("ipcc", ("zero",))
     with pytest.raises(ValueError, match=r"must name a class behind a colon, as .*mine\.py:Hold"):
         parse_name(str(mine))

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.agents.loadcases.cases import CASES, digest, plan_of
+from wt_gym.agents.loadcases.cases import CASES, plan_of
+from wt_gym.runs.definition import digest
 from wt_gym.turbines import load_turbine
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,12 +13,11 @@ from pathlib import Path
 import gymnasium as gym
 import pytest
 
-from wt_gym.agents.choices import controller_of, is_controller_name
 from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
 from wt_gym.agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
 from wt_gym.agents.loadcases.cases import CASES
 from wt_gym.agents.loadcases.study import LoadCaseConfig
-from wt_gym.agents.sweep_record import SWEEP_FILE
+from wt_gym.agents.names import controller_of, is_controller_name
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.hyperparameters import ALGORITHMS, read_hyperparameters
 from wt_gym.agents.training.selection import SELECTION_WIND_SEEDS
@@ -28,6 +27,7 @@ from wt_gym.commands import evaluate, loadcases
 from wt_gym.commands.training_options import config_from
 from wt_gym.control.controllers import CONTROLLERS, controller_parameters, make_controller
 from wt_gym.control.controllers import controller as contract
+from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.turbines import load_turbine
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -35,7 +35,7 @@ def test_its_set_up_is_that_of_the_package():
 
 def test_nothing_imports_ray_that_does_not_ask_for_it():
     program = (
-        "import sys, wt_gym.agents.train, wt_gym.agents.evaluation, wt_gym.agents.executors, "
+        "import sys, wt_gym.agents.train, wt_gym.agents.evaluation, wt_gym.runs.executors, "
         "wt_gym.agents.training.search, wt_gym.agents.benchmark_runs; sys.exit('ray' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0

@@ -130,7 +130,7 @@ def main(words: list[str] | None = None) -> None:
         for name in arguments.names:
             if name not in known:
                 raise ValueError(
-                    f"{name!r} is none of the {arguments.what}: {', '.join(known)}{did_you_mean(name, known)}"
+                    f"{arguments.what} must be among {', '.join(known)}; got {name!r}{did_you_mean(name, known)}"
                 )
         rows = [row for row in rows if not arguments.names or row["name"] in arguments.names]
         if arguments.json:

@@ -85,12 +85,14 @@ class Observable:
         unknown = [name for name in choice if name not in OBSERVATION_GROUPS and name not in singles]
         if unknown:
             raise ValueError(
-                f"observation has no {unknown}; there are the groups {OBSERVATION_GROUPS} and the channels "
+                f"observation has {unknown}; must be among the groups {OBSERVATION_GROUPS} and the channels "
                 f"{tuple(singles)}"
             )
         empty = [group for group in groups if not builders[group]()]
         if empty:
-            raise ValueError(f"observation {empty}: with this action there is no controller beneath, or no offset")
+            raise ValueError(
+                f"observation {empty} must be left out: with this action there is no base controller, or no offset"
+            )
         channels = [channel for group in groups for channel in builders[group]()]
         taken = {observed.channel.name for observed in channels}
         wanted = [name for name in dict.fromkeys(choice) if name not in OBSERVATION_GROUPS and name not in taken]

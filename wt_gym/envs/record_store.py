@@ -19,7 +19,7 @@ import numpy as np
 from wt_gym.compiled import digest_of
 from wt_gym.control.controllers.memory import Memory
 from wt_gym.envs import running_record
-from wt_gym.envs.running_record import Maker, Record
+from wt_gym.envs.running_record import Record, StartRecorder
 from wt_gym.files import whole_file
 from wt_gym.simulation.state import fingerprint
 from wt_gym.user_cache import user_cache
@@ -45,7 +45,7 @@ _MOST = 32
 _MOST_FILES = 200
 _PARTS = ("now", "history", "thrust", "before")
 _records: dict[str, Record | None] = {}
-_told: set[str] = set()
+_warned: set[str] = set()
 _lock = threading.Lock()
 
 
@@ -55,12 +55,12 @@ class Kept(NamedTuple):
     record: Record | None
 
 
-def kept_record(maker: Maker, identity: str, winds: WindSampler, speed: float) -> Record | None:
+def kept_record(recorder: StartRecorder, identity: str, winds: WindSampler, speed: float) -> Record | None:
     """Record at a wind speed: from memory, from the disk, or made now.
 
     Parameters
     ----------
-    maker : Maker
+    recorder : StartRecorder
     identity : str
         Of its controller, see `digest_of_controller`.
     winds : WindSampler
@@ -73,22 +73,22 @@ def kept_record(maker: Maker, identity: str, winds: WindSampler, speed: float) -
     Record or None
         None where the turbine cannot run in that wind; that is kept as a record is.
     """
-    lengths = running_record.LENGTHS
-    parts = _FORMAT, lengths, maker.turbine, maker.fidelity, winds.turbulence_key, speed, _sources(), identity
+    lengths = running_record.RECORDING_PLAN
+    parts = _FORMAT, lengths, recorder.turbine, recorder.fidelity, winds.turbulence_key, speed, _sources(), identity
     key = fingerprint(*parts)[:32]
     with _lock:
         if key in _records:
             return _records[key]
     folder = _folder()
     with _alone(folder, key):
-        kept = _load(folder, key, maker)
+        kept = _load(folder, key, recorder)
         if kept is None:
-            _tell(maker.turbine)
+            _tell(recorder.turbine)
             seeds = range(RECORD_SEED, RECORD_SEED + lengths.runs)
             inflows: list[Inflow] = [winds.turbulence(speed, seed) for seed in seeds]
-            if maker.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
+            if recorder.turbine.rotation == "counter-clockwise":  # the image of what is recorded of the other rotor
                 inflows = [MirroredInflow(inflow) for inflow in inflows]
-            kept = Kept(maker.record(inflows))
+            kept = Kept(recorder.record(inflows))
             _store(folder, key, kept)
     with _lock:
         while len(_records) >= _MOST:
@@ -99,8 +99,8 @@ def kept_record(maker: Maker, identity: str, winds: WindSampler, speed: float) -
 
 def _tell(turbine: Turbine) -> None:
     """Once."""
-    if turbine.name not in _told:
-        _told.add(turbine.name)
+    if turbine.name not in _warned:
+        _warned.add(turbine.name)
         _log.warning(
             "recording how %s runs in turbulence, so that episodes begin amid its operation: some seconds for each "
             "wind speed, once on this machine",
@@ -141,7 +141,7 @@ def _alone(folder: Path | None, key: str) -> AbstractContextManager[Any]:
     return filelock.FileLock(folder / f"{key}.lock")
 
 
-def _load(folder: Path | None, key: str, maker: Maker) -> Kept | None:
+def _load(folder: Path | None, key: str, recorder: StartRecorder) -> Kept | None:
     """What stands on the disk, None if there is nothing that is sound."""
     path = None if folder is None else folder / f"{key}.npz"
     if path is None or not path.is_file():
@@ -159,7 +159,7 @@ def _load(folder: Path | None, key: str, maker: Maker) -> Kept | None:
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         _log.warning("record %s of the running turbine is unreadable (%s); it is made again", path, error)
         return None
-    return Kept(Record(maker, step, **parts, memory=memory, changing=changing))
+    return Kept(Record(recorder, step, **parts, memory=memory, changing=changing))
 
 
 def _store(folder: Path | None, key: str, kept: Kept) -> None:

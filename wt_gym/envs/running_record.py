@@ -26,7 +26,7 @@ from wt_gym.control.controllers import checked_demand, lidar_of, readings_of
 from wt_gym.control.controllers.memory import Memory, changing_parts, memory_of
 from wt_gym.control.starting_point import starting_point
 from wt_gym.envs.rewards import AVERAGED
-from wt_gym.envs.start import Before, Start
+from wt_gym.envs.start import ControllerHistory, Start
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import channel_table
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["LENGTHS", "WINDOWS", "Lengths", "Maker", "Record", "Run", "rotor_wind"]
+__all__ = ["RECORDING_PLAN", "WINDOWS", "Record", "RecordingPlan", "Run", "StartRecorder", "rotor_wind"]
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Lengths:
+class RecordingPlan:
     """How long and how often the running turbine is recorded; times of the pace of a large turbine [s].
 
     Attributes
@@ -61,7 +61,7 @@ class Lengths:
     recorded: float = 600.0
 
 
-LENGTHS = Lengths()
+RECORDING_PLAN = RecordingPlan()
 """Of the records made from now on."""
 SPACING = 1.0
 """Between the instants of a record with which an episode can begin [s]."""
@@ -86,12 +86,12 @@ _FARTHEST = 0.3
 """Difference of the winds just before two instants, over the wind, beyond which they are not alike."""
 
 
-def _pace(turbine: Turbine) -> float:
+def _time_scale(turbine: Turbine) -> float:
     """Times of a turbine over those of a large one."""
     return min(1.0, 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / _SLOW_TURN)
 
 
-class Columns(NamedTuple):
+class RowLayout(NamedTuple):
     """Places of the parts of a row of `Run`."""
 
     signals: slice
@@ -113,9 +113,9 @@ class Run(NamedTuple):
     step : float
         Between the rows [s].
     rows : numpy.ndarray, shape (n_times, n_columns), float32
-        Signals at ``Maker.places``; motion of the tower top (4); wind over the rotor (3); running means of the loads;
-        demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft; motion of
-        the structure.
+        Signals at ``StartRecorder.places``; motion of the tower top (4); wind over the rotor (3); running means of the
+        loads; demanded pitch and torque; what the lidar saw; azimuth and speed of the generator, low-speed shaft;
+        motion of the structure.
     memories : list of Memory
         What the controller remembers at the instants.
     """
@@ -125,7 +125,7 @@ class Run(NamedTuple):
     memories: list[Memory]
 
 
-class Maker:
+class StartRecorder:
     """Records a turbine under a controller.
 
     Parameters
@@ -145,12 +145,12 @@ class Maker:
         # the gates of a lidar are among the names that a controller reads, and no signals
         places = [np.atleast_1d(known[name]) for name in names if not name.startswith("lidar_")]
         self.places = np.unique(np.concatenate(places)).astype(int)
-        self.pace = _pace(turbine)
+        self.time_scale = _time_scale(turbine)
         n_means = sum(_width(name, turbine.n_blades) for name in AVERAGED)
         counts = len(self.places), 4, 3, n_means, turbine.n_blades, 1, self.n_gates, 2
         ends = np.cumsum(counts).tolist()
         parts = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
-        self.columns = Columns._make([*parts, slice(ends[-1], None)])
+        self.columns = RowLayout._make([*parts, slice(ends[-1], None)])
 
     def places_of(self, name: str) -> np.ndarray:
         """Columns of a signal, of the blades together."""
@@ -165,12 +165,12 @@ class Maker:
 
     def times(self, step: float) -> tuple[list[int], int, int]:
         """Rows: ends of the windows, before the first instant, and between instants."""
-        windows = [max(round(self.pace * time / step), k) for k, time in enumerate(WINDOWS)]
-        return windows, max(windows[-1], _READINGS), max(round(self.pace * SPACING / step), 1)
+        windows = [max(round(self.time_scale * time / step), k) for k, time in enumerate(WINDOWS)]
+        return windows, max(windows[-1], _READINGS), max(round(self.time_scale * SPACING / step), 1)
 
     def steps(self, step: float) -> np.ndarray:
         """How many steps before an instant the wind is asked for."""
-        return np.arange(0, self.times(step)[0][-1], max(round(0.5 * self.pace / step), 1))
+        return np.arange(0, self.times(step)[0][-1], max(round(0.5 * self.time_scale / step), 1))
 
     def run(self, inflow: Inflow) -> Run | None:
         """Run the turbine in a wind; None where the simulation fails."""
@@ -182,9 +182,11 @@ class Maker:
         readings = readings_of(controller, signals, inflow, turbine.hub_height)
         controller.start(readings, demand)
         dt = simulator.time_step
-        settling, recorded = (round(self.pace * time / dt) for time in (LENGTHS.settling, LENGTHS.recorded))
+        settling, recorded = (
+            round(self.time_scale * time / dt) for time in (RECORDING_PLAN.settling, RECORDING_PLAN.recorded)
+        )
         _, before, spacing = self.times(dt)
-        means, gain = None, -math.expm1(-dt / (self.pace * _MEAN_TIME))
+        means, gain = None, -math.expm1(-dt / (self.time_scale * _MEAN_TIME))
         rows: list[np.ndarray] = []
         memories: list[Memory] = []
         try:
@@ -216,7 +218,7 @@ class Record:
 
     Parameters
     ----------
-    maker : Maker
+    recorder : StartRecorder
         Of what it is a record.
     step : float
         Of the simulation [s].
@@ -237,7 +239,7 @@ class Record:
 
     def __init__(
         self,
-        maker: Maker,
+        recorder: StartRecorder,
         step: float,
         now: np.ndarray,
         history: np.ndarray,
@@ -248,19 +250,19 @@ class Record:
     ):
         self.step, self.now, self.history, self.thrust, self.before = step, now, history, thrust, before
         self.memory, self.changing = memory, changing
-        self._columns, self._windows, self._steps = maker.columns, maker.times(step)[0], maker.steps(step)
-        self._turbine, self._places = maker.turbine, maker.places
+        self._columns, self._windows, self._steps = recorder.columns, recorder.times(step)[0], recorder.steps(step)
+        self._turbine, self._places = recorder.turbine, recorder.places
         self._fit()
 
     @classmethod
-    def of_runs(cls, maker: Maker, runs: list[Run]) -> Record:
+    def of_runs(cls, recorder: StartRecorder, runs: list[Run]) -> Record:
         """Gather what is wanted of runs of one turbine."""
         step, rows = runs[0].step, np.stack([run.rows for run in runs])
-        windows, first, spacing = maker.times(step)
+        windows, first, spacing = recorder.times(step)
         instants = np.arange(first, rows.shape[1], spacing)
-        columns = maker.columns
-        wind = rows[:, instants[:, None] - maker.steps(step), columns.wind].astype(float)
-        thrust = rows[..., maker.places_of("aero_thrust")[0]].astype(float)
+        columns = recorder.columns
+        wind = rows[:, instants[:, None] - recorder.steps(step), columns.wind].astype(float)
+        thrust = rows[..., recorder.places_of("aero_thrust")[0]].astype(float)
         memories = [memory for run in runs for memory in run.memories]
         values = np.full((len(memories), max(len(memory.values) for memory in memories)), np.nan)
         for row, memory in zip(values, memories, strict=True):
@@ -268,12 +270,12 @@ class Record:
         sizes = np.array([memory.sizes for memory in memories])
         gathered = (
             rows[:, instants],
-            _averaged(wind, maker.steps(step), windows),
+            _averaged(wind, recorder.steps(step), windows),
             thrust[:, instants[:, None] - np.arange(windows[-1])].mean(axis=-1),
             rows[:, instants[:, None] - np.arange(_READINGS, 0, -1), : columns.motion.start],
         )
         now, history, thrust, before = (part.reshape(-1, *part.shape[2:]).astype(np.float32) for part in gathered)
-        return cls(maker, step, now, history, thrust, before, Memory(values, sizes), changing_parts(memories))
+        return cls(recorder, step, now, history, thrust, before, Memory(values, sizes), changing_parts(memories))
 
     def _fit(self) -> None:
         """Which motion the wind before explains."""
@@ -359,7 +361,7 @@ class Record:
             self._before(self.before[chosen].astype(float), memory, yaw),
         )  # fmt: skip
 
-    def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> Before:
+    def _before(self, before: np.ndarray, memory: Memory, yaw: float) -> ControllerHistory:
         """What was read and demanded in the rows before an instant."""
         n, columns = self._turbine.n_blades, self._columns
         signals = np.full((len(before), len(channel_table(n))), np.nan)
@@ -367,7 +369,7 @@ class Record:
         known = _table(n)
         signals[:, known["time"]] = self.step * np.arange(-len(before), 0)
         signals[:, known["yaw"]] = yaw
-        return Before(
+        return ControllerHistory(
             signals, before[:, columns.pitch], before[:, columns.torque.start], before[:, columns.lidar], self.step,
             memory, self.changing,
         )  # fmt: skip
@@ -409,7 +411,7 @@ def _width(name: str, n_blades: int) -> int:
 @cache
 def _table(n_blades: int) -> Signals:
     """Places of the channels, as signals."""
-    return Signals(np.arange(len(channel_table(n_blades))), n_blades)
+    return Signals(np.arange(len(channel_table(n_blades))), n_blades)  # type: ignore[arg-type]  # places, not values
 
 
 _RINGS = np.sqrt([0.25, 0.75])

@@ -15,11 +15,11 @@ from wt_gym.simulation import Signals
 if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller, Readings
 
-__all__ = ["Before", "Start", "steady_start"]
+__all__ = ["ControllerHistory", "Start", "steady_start"]
 
 
 @dataclass(frozen=True)
-class Before:
+class ControllerHistory:
     """What a controller has read and demanded before the start of an episode, oldest first.
 
     Attributes
@@ -95,7 +95,7 @@ class Start:
     motion: np.ndarray | None = None
     wake_thrust: float | None = None
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
-    before: Before | None = None
+    before: ControllerHistory | None = None
 
     def start(self, controller: Controller, readings: Readings, demand: Demand) -> None:
         """Start a controller with the memory of what it has read before; without any, from the present demand.

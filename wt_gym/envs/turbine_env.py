@@ -14,6 +14,7 @@ from wt_gym.control import ActionMap
 from wt_gym.control.controllers import AboveRated, lidar_of, make_controller
 from wt_gym.control.controllers.names import ALIASES, BASELINE
 from wt_gym.control.residual import ResidualPitch
+from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs import rewards
 from wt_gym.envs.arguments import check_whole_steps, shown
 from wt_gym.envs.costs import Costs
@@ -64,6 +65,7 @@ _KEPT = ("reward_terms", "_action", "_observation", "_saturated", "_steps", "_ru
 class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
     __doc__ = manual()
     __signature__ = signature()
+    aim = renamed_attribute("aim", "setpoint")  # rename: keep
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 5}  # noqa: RUF012 - as its base
     make_simulator: SimulatorMaker = staticmethod(make_simulator)
@@ -197,6 +199,8 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray]):
         return (
             f"<{type(self).__name__}: {self.turbine.name}, {self.wind.label}, {fidelity} fidelity, {self.layout.sizes}>"
         )
+
+    aim = renamed_attribute("aim", "setpoint")  # rename: keep
 
     @property
     def spec(self) -> EnvSpec | None:

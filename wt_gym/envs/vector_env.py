@@ -302,7 +302,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         gymnasium.error.ResetNeeded
             If an episode has ended that nothing resets.
         """
-        outcomes, infos = self.step_each(actions), cast("dict[str, Any]", {})
+        outcomes = self.step_each(actions)
+        infos: dict[str, Any] = {}
         for k, outcome in enumerate(outcomes):
             self._observations[k] = outcome.observation
             if outcome.final is not None:

@@ -220,7 +220,7 @@ def own_controller(
     region_2_gain: float | None = None,
     tip_speed_ratio: float | None = None,
     thrust_limit: float | None = None,
-    **parameters,
+    **parameters: Any,
 ) -> Controller:
     """Make the turbine's own controller and look at its speed loop (`wt_gym.control.speed_loop.check_speed_loop`).
 
@@ -232,8 +232,8 @@ def own_controller(
     tip_speed_ratio : float, optional
         That below rated is run at [-]: tracked, or by the gain of region 2, which goes with its inverse cube.
     thrust_limit : float, optional
-        Peak shaving by rule in place of a published least pitch, see `wt_gym.control.controllers.tsr_tracking` [-]; for a
-        controller that estimates the wind.
+        Peak shaving by rule in place of a published least pitch, see `wt_gym.control.controllers.tsr_tracking` [-]; for
+        a controller that estimates the wind.
     **parameters
         Of `own_parameters`.
 
@@ -267,7 +267,7 @@ def own_controller(
     if thrust_limit is not None:
         raise ValueError(
             f"thrust_limit must be left out for {turbine.name}, whose controller estimates no wind: give it to "
-            f"'rosco', got thrust_limit={thrust_limit!r}"
+            f"'tsr_tracking', got thrust_limit={thrust_limit!r}"
         )
     if region_2_gain is not None and tip_speed_ratio is not None:
         raise ValueError("region_2_gain and tip_speed_ratio say the same; one of them must be left out")
