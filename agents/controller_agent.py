@@ -98,8 +98,8 @@ class ControllerAgent:
         if action.needs_controller or action.turns_with_rotor:
             raise ValueError(
                 "a ControllerAgent needs rate or absolute actions for the pitch of blades and for torque, got "
-                f"action_mode {action.mode!r} with pitch {action.pitch!r} and components {action.components}; beneath "
-                "others runs controller=..."
+                f"action_mode {action.mode!r} with pitch {action.pitch!r} and components {action.components}; for "
+                "others make it the base controller, controller=..."
             )
         lidar = lidar_of(self.controller)
         if lidar is not None and lidar != layout.lidar:

@@ -42,7 +42,7 @@ def check_settings(settings: Mapping[str, Any]) -> None:
     """
     known = {name: p.default for name, p in signature(ShootingPlanner).parameters.items() if name != "env"}
     if unknown := [name for name in settings if name not in known]:
-        raise ValueError(f"a planner has no {', '.join(unknown)}; it has {', '.join(known)}")
+        raise ValueError(f"parameters of a planner must be among {', '.join(known)}; got {', '.join(unknown)}")
     _check(**{**known, **settings})
 
 
@@ -60,10 +60,12 @@ def _check(horizon, hold, samples, elites, rounds, spread, seed) -> None:
     if horizon / hold > MOST_ACTIONS:
         raise ValueError(f"a plan must have at most {MOST_ACTIONS} actions, got {horizon!r} s in steps of {hold!r} s")
     if not (1 <= elites <= samples and rounds >= 1):
-        raise ValueError(f"need 1 <= elites <= samples and a round, got {elites}, {samples} and {rounds}")
+        raise ValueError(
+            f"elites must be from 1 to samples and rounds at least 1, got {elites} of {samples} and {rounds}"
+        )
     if samples > MOST_SAMPLES or rounds > MOST_ROUNDS:
         raise ValueError(
-            f"a planner takes at most {MOST_SAMPLES} samples and {MOST_ROUNDS} rounds, got {samples} and {rounds}"
+            f"samples must be at most {MOST_SAMPLES} and rounds at most {MOST_ROUNDS}, got {samples} and {rounds}"
         )
     if not spread > 0.0:
         raise ValueError(f"spread must be positive and finite, got {spread!r}")

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.agents.comparison import half_width
-from wt_gym.agents.environments import Environments
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.pool import Environments
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
@@ -76,7 +76,7 @@ class Study:
     task : str
         Of `wt_gym.tasks.TASKS`, whose newest id runs.
     contenders : tuple of str
-        Words and paths as for `wt_gym.agents.environments.load_agent`, or `RANDOM`; the controller beneath first.
+        Words and paths as for `wt_gym.agents.pool.load_agent`, or `RANDOM`; the controller beneath first.
     parts : tuple of Part
     columns : tuple of Column
     duration, skip : float
@@ -144,7 +144,7 @@ STUDIES: dict[str, Study] = {
     ),
     "MaxPower": Study(
         "MaxPower",
-        ("discon", RANDOM, "retuned", "rosco"),
+        ("discon", RANDOM, "retuned", "tsr_tracking"),
         (Part(_winds((6.0, 8.0, 10.0), 2)),),
         (_ENERGY, _FLAP, _FORE_AFT, _SIDE),
     ),
@@ -157,7 +157,7 @@ STUDIES: dict[str, Study] = {
     ),
     "Gusts": Study(
         "Gusts",
-        ("discon", RANDOM, "ipc", "lidar+ipc", "rosco:thrust_limit=0.95"),
+        ("discon", RANDOM, "ipc", "lidar+ipc", "tsr_tracking:thrust_limit=0.95"),
         tuple(_gusts(kind, (8.0, 14.0, 20.0), 6) for kind in GUSTS),
         (Column("blade_flap_max", "largest flap moment", "most"), Column("tower_base_max", "of the tower base", "most"),
          Column("rotor_speed_max", "largest rotor speed", "most")),
@@ -166,13 +166,13 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "rosco"),
+        ("discon", RANDOM, "ipc", "tsr_tracking"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
     ),
     "IEA15MW-LoadReduction below its range": Study(
         "IEA15MW-LoadReduction",
-        ("discon", "rosco"),
+        ("discon", "tsr_tracking"),
         (Part(_winds((4.0, 5.0, 6.0), 1), arguments={"wind_speed": [4.0, 6.0]}),),
         (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
     ),

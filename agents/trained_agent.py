@@ -19,6 +19,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from wt_gym.agents.safe_pickle import UnsafePickleError, algorithm_of, read_data, safe_loads, safe_objects
 from wt_gym.control.controllers.parameters import did_you_mean
+from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_keys, renamed_names
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -40,6 +41,9 @@ __all__ = [
     "read_normalization",
     "read_record",
 ]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 MODEL_FILE, NORMALIZATION_FILE, RECORD_FILE = "model.zip", "vecnormalize.pkl", "training.json"
 BEST_MODEL_FILE, BEST_NORMALIZATION_FILE = "best_model.zip", "best_model_vecnormalize.pkl"
@@ -71,7 +75,7 @@ def read_record(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is damaged: {error}") from error
     if not isinstance(record, dict) or not isinstance(record.get("algorithm"), str):
         raise ValueError(f"{path} is not the record of a training: it names no algorithm")
-    return record
+    return renamed_keys(record, {"normalised": "normalized"})  # rename: keep
 
 
 def read_normalization(path: Path, trust: bool = False) -> VecNormalize:
@@ -200,6 +204,9 @@ class TrainedAgent:
         How it was trained, as written by `wt_gym.agents.train.train`.
     """
 
+    normalisation = renamed_attribute("normalisation", "normalization")  # rename: keep
+
+    @renamed_arguments(normalisation="normalization")  # rename: keep
     def __init__(
         self, model: BaseAlgorithm, normalization: VecNormalize | None = None, record: dict[str, Any] | None = None
     ):
@@ -252,7 +259,7 @@ class TrainedAgent:
             near = did_you_mean(str(name), ALGORITHM_CLASSES)
             raise ValueError(f"algorithm must be one of {tuple(ALGORITHM_CLASSES)}, got {name!r}{near}")
         if shown is not None and name != shown and {name, shown} != {"TD3", "DDPG"}:
-            raise ValueError(f"{model_file} is no model of {name} but of {shown}, as its settings show")
+            raise ValueError(f"{model_file} is not a model of {name} but of {shown}, as its settings show")
         normalization = None if statistics_file is None else read_normalization(statistics_file, trust)
         try:
             objects = None if trust else safe_objects(data, model_file)
@@ -261,7 +268,7 @@ class TrainedAgent:
             raise
         except DAMAGE as error:
             raise ValueError(
-                f"{model_file} is damaged, or no model of {name}: {type(error).__name__}: {error!s:.200}"
+                f"{model_file} is damaged, or not a model of {name}: {type(error).__name__}: {error!s:.200}"
             ) from error
         if normalization is not None and normalization.observation_space.shape != model.observation_space.shape:
             raise ValueError(f"the statistics {statistics_file} do not belong to the model {model_file}")

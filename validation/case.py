@@ -138,7 +138,7 @@ def _bounds(text: str) -> tuple[float, float]:
     if stripped.startswith("in [") and stripped.endswith("]"):
         low, high = (float(part) for part in stripped[4:-1].split(","))
         return low, high
-    raise ValueError(f"expected value {text!r} is no bound; write '<= a', '>= a' or 'in [a, b]'")
+    raise ValueError(f"expected value {text!r} is not a bound; write '<= a', '>= a' or 'in [a, b]'")
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, case
-from wt_gym.agents.closed_loop import run_controller
 from wt_gym.agents.comparison import Case, change, inflow_of, run_cases, table
 from wt_gym.control.controllers import WindEstimator, make_controller
+from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 
@@ -23,8 +23,8 @@ CONTROLLERS = {
     **{f"constrained_ipc, level {level:g}": ("constrained_ipc", {"level": level}) for level in BANDS},
     "tower_dampers": ("tower_dampers", {}),
     "ipc+tower_dampers": ("ipc+tower_dampers", {}),
-    "rosco": ("rosco", {}),
-    "rosco, thrust 0.95": ("rosco", {"thrust_limit": 0.95}),
+    "tsr_tracking": ("tsr_tracking", {}),
+    "tsr_tracking, thrust 0.95": ("tsr_tracking", {"thrust_limit": 0.95}),
 }
 PUBLISHED = "published cuts by individual pitch: 14 % (free wake, Perez-Becker 2021) to 25 % (Larsen et al. 2005)"
 

@@ -51,7 +51,7 @@ AIR = AeroOptions(
 )  # fmt: skip
 RIGID_TOWER = Fidelity(
     "flutter", AIR, time_step=TIME_STEP, max_substep=0.005, stiffest_shaft=0.0, coupling_iterations=8,
-    coupling_tolerance=1e-6, tower_coordinates="rigid", blade_modes=(4, 2, 2), integrator="generalised_alpha",
+    coupling_tolerance=1e-6, tower_coordinates="rigid", blade_modes=(4, 2, 2), integrator="generalized_alpha",
     spectral_radius=0.8,  # these steps resolve the twist, whose damping is what is asked for
     tower_shadow=False,
 )  # fmt: skip

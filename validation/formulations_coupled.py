@@ -43,7 +43,7 @@ STEADY, SETTLED = 60.0, 30.0
 LOWEST = 8
 """Lowest parked frequencies that are compared: two of the tower, the drivetrain's, three flapwise, two edgewise."""
 TRAINING = FIDELITIES["training"]
-IMPLICIT = {"integrator": "generalised_alpha"}
+IMPLICIT = {"integrator": "generalized_alpha"}
 LINEAR = {"formulation": "observer", "frame_displacement": "linear"}
 """Observer frames as published."""
 TORSION = {"blade_modes": (2, 1, 1)}

@@ -126,7 +126,7 @@ def stability():
                 text = f"{name}, weak: published {expected} within the limits at growths of 1e-8 and 1e-6 a step"
                 checks.append(Check(text, f"in [{low:.4f}, {high:.4f}]", expected))
     for rho in (0.0, 0.5, 0.8, 1.0):
-        integrator = make_integrator("generalized-alpha", oscillator(), 1.0, rho_inf=rho, tolerance=1e-6)
+        integrator = make_integrator("generalized_alpha", oscillator(), 1.0, rho_inf=rho, tolerance=1e-6)
         obtained = spectral_radius(amplification(integrator, 1e4))
         checks.append(Check(f"generalized-α at ωh = 10⁴, ρ∞ = {rho}", rho, obtained, absolute(5e-3)))
     central = make_integrator("newmark", oscillator(), 1.0, beta=0.0)
@@ -134,8 +134,8 @@ def stability():
     checks.append(Check("central differences (β = 0): undamped ωh", 2.0, limit, 1e-3))
     h = np.linspace(0.02, 3.0, 150)
     schemes = (("modified Hamming", "hamming", {}), ("Newmark ¼, ½", "newmark", {}),
-               ("generalized-α, ρ∞ = 0.8", "generalized-alpha", {"rho_inf": 0.8}),
-               ("generalized-α, ρ∞ = 0", "generalized-alpha", {"rho_inf": 0.0}))  # fmt: skip
+               ("generalized-α, ρ∞ = 0.8", "generalized_alpha", {"rho_inf": 0.8}),
+               ("generalized-α, ρ∞ = 0", "generalized_alpha", {"rho_inf": 0.0}))  # fmt: skip
     curves = []
     for label, name, options in schemes:
         integrator = make_integrator(name, oscillator(), 1.0, **options)
@@ -198,8 +198,8 @@ def order():
         ("modified Hamming, Runge–Kutta start", "hamming", {"starter": "runge-kutta"}, 5.0, (200, 400, 800)),
         ("modified Hamming with its starters", "hamming", {}, 3.0, (800, 1600, 3200)),
         ("Newmark ¼, ½", "newmark", {}, 2.0, (200, 400, 800)),
-        ("generalized-α, ρ∞ = 0.8", "generalized-alpha", {"rho_inf": 0.8}, 2.0, (200, 400, 800)),
-        ("generalized-α, ρ∞ = 0", "generalized-alpha", {"rho_inf": 0.0}, 2.0, (200, 400, 800)),
+        ("generalized-α, ρ∞ = 0.8", "generalized_alpha", {"rho_inf": 0.8}, 2.0, (200, 400, 800)),
+        ("generalized-α, ρ∞ = 0", "generalized_alpha", {"rho_inf": 0.0}, 2.0, (200, 400, 800)),
     )
     checks, curves = [], []
     for label, name, options, expected, counts in rows:
@@ -229,7 +229,7 @@ def energy():
     checks = []
     for label, name, options, tolerance in (
         ("Newmark ¼, ½", "newmark", {}, 1e-6),
-        ("generalized-α, ρ∞ = 1", "generalized-alpha", {"rho_inf": 1.0}, 1e-6),
+        ("generalized-α, ρ∞ = 1", "generalized_alpha", {"rho_inf": 1.0}, 1e-6),
     ):
         integrator = make_integrator(name, oscillator(), h, tolerance=1e-12, **options)
         integrator.start(np.array([1.0, 0.0]))

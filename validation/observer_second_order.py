@@ -14,8 +14,8 @@ import numpy as np
 
 from validation.case import CaseResult, Check, case
 from validation.observer_substructures import chain, first_mode, period
-from wt_gym.agents.closed_loop import run_baseline
 from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator, ObserverFrameSystem, Substructure
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.wind import SteadyInflow

@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from validation.case import CaseResult, Check, Curve, Figure, case
-from wt_gym.agents.closed_loop import run_baseline
 from wt_gym.analysis.metrics import damage_equivalent_load
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow

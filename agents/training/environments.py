@@ -13,6 +13,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv,
 
 from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.training.turbine_vec_env import TurbineVecEnv
+from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from wt_gym.agents.training.config import TrainingConfig
 
 __all__ = ["START_METHOD", "make_training_env", "monitored", "normalized"]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 """How processes that step environments begin: the former where there is one (not on Windows), because it is faster.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from wt_gym.agents.train import resume, train
 from wt_gym.agents.training.run_folder import SEEDS_FILE, RunFolder, read_plan
 from wt_gym.agents.training.seeds import resume_seeds, train_seeds
+from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
     from wt_gym.agents.training.learners import Learner
 
 __all__ = ["resume_or_train"]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 
 def resume_or_train(

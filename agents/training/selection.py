@@ -10,6 +10,7 @@ import numpy as np
 
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.analysis.results import Wind
+from wt_gym.deprecated import renamed_names
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 
 if TYPE_CHECKING:
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from wt_gym.envs.wind_sampler import WindSampler
 
 __all__ = ["FIGURES", "SELECTION_WIND_SEEDS", "SelectionEvaluation"]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 SELECTION_WIND_SEEDS = EVALUATION_WIND_SEEDS[:-9:-1]
 """Wind seeds by which the best model of a training is chosen, the last of those held back from training: the first

@@ -15,11 +15,11 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents.choices import BASELINE, named_choices
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.environments import load_agent
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.names import BASELINE, named_choices
+from wt_gym.agents.pool import load_agent
 from wt_gym.agents.train import TrainingConfig, train
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.lifetime import WindClimate
@@ -361,7 +361,7 @@ def test_scripts_explain_themselves(script):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["evaluate", "no/such/agent"], "'no/such/agent' is no agent"),
+        (["evaluate", "no/such/agent"], "got 'no/such/agent'"),
         (["evaluate", "--env", STEADY, "--wind-speed", "60"], "between 0 and 50 m/s"),
         (["evaluate", "--env", "CartPole-v1"], "must be one of wt_gym/"),
         (["evaluate", "--env", "NoSuchEnv-v0"], "NoSuchEnv"),
@@ -373,7 +373,7 @@ def test_scripts_explain_themselves(script):
         (["train", "--env-kwargs", "[1]"], "must be a JSON object"),
         (["train", "--steps", "-5", "--wind-speed", "12"], "total_steps must be a whole number from 1"),
         (["train", "--max-seconds", "nan"], "max_seconds must be a number"),
-        (["train", "--hyper", "gama=0.9"], "PPO has no 'gama'; known are"),
+        (["train", "--hyper", "gama=0.9"], "names for PPO must be among .*; got 'gama'"),
         (["simulate", "--wind-speed", "-1"], "--wind-speed must lie between 0 and 50 m/s, got -1"),
         (["simulate", "--wind-speed", "60"], "--wind-speed must lie between 0 and 50 m/s, got 60"),
         (["simulate", "--wind-speed", "nan"], "--wind-speed must lie between 0 and 50 m/s, got nan"),

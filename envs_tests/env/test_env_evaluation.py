@@ -12,14 +12,11 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.agents import evaluation as module
-from wt_gym.agents.agent_pool import AgentPool
 from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.environments import Environments
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS
-from wt_gym.agents.executors import ProcessExecutor
-from wt_gym.agents.sweep_record import SWEEP_FILE
+from wt_gym.agents.pool import AgentPool, Environments
 from wt_gym.agents.trained_environment import check_environment, resolved_arguments
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training_notes import training_notes
@@ -27,6 +24,8 @@ from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.commands import evaluate as command
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.runs.executors import ProcessExecutor
+from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -311,7 +310,7 @@ class OfRecord(ConstantAgent):
 )
 def test_what_a_training_has_met_is_said(record, note, monkeypatch, caplog):
     played = []
-    monkeypatch.setattr(AgentPool, "results", lambda self, play, jobs, *_: played.append(len(caplog.records)) or ())
+    monkeypatch.setattr(AgentPool, "results", lambda self, play, *_: played.append(len(caplog.records)) or ())
     env = gym.make(STEADY)
     agents = {"Baseline": "baseline", "Model": OfRecord(layout_of(env), record)}
     env.close()
@@ -376,15 +375,15 @@ def test_the_command_asks_for_winds_that_the_environment_has(words, speeds, seed
     [
         (
             f"--env wt_gym/Gusts-v2 {TRANSIENT} --wind-seeds 3",
-            r"no turbulence seeds, got \[3\]: give a number of draws",
+            r"has none; got \[3\]: give a number of draws",
         ),
-        ("--env wt_gym/NREL5MW-Steady-v1 --wind-seeds 3", r"no turbulence seeds, got \[3\]"),
-        ("--draws 2", "nothing is drawn beside its speed and seed: give turbulence seeds"),
+        ("--env wt_gym/NREL5MW-Steady-v1 --wind-seeds 3", r"has none; got \[3\]"),
+        ("--draws 2", "draws must be left out: .*; give turbulence seeds"),
         ("--env wt_gym/NREL5MW-Steady-v1 --draws 2", "one run in it is all"),
-        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --draws 0", "at least 1 draw is needed, got 0"),
+        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --draws 0", "draws must be at least 1, got 0"),
         (
             '--wind-speed 12 --env-kwargs \'{"inflow": "extreme", "standstill_limit": -0.5}\'',
-            r"has a speed of its own, got the speeds \[12.0\] m/s",
+            r"speeds must be left out, .*; got \[12.0\] m/s",
         ),
     ],
 )

@@ -16,8 +16,8 @@ import pytest
 import torch
 
 from wt_gym.agents import evaluation
-from wt_gym.agents.choices import named_choices
 from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.names import named_choices
 from wt_gym.agents.train import TrainingConfig, resume, train
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.agents.training import callbacks, selection
@@ -26,7 +26,7 @@ from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.agents.training.seeds import resume_seeds, seeds_table, train_seeds
 from wt_gym.agents.training.selection import SELECTION_WIND_SEEDS, SelectionEvaluation
 from wt_gym.commands import train as train_command
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.files import whole_file, write_whole
 from wt_gym.wind import SteadyInflow
 
@@ -390,7 +390,7 @@ def test_damaged_records_are_not_resumed(copied, changes, message):
         ({"env_kwargs": [1]}, "env_kwargs must map"),
         ({"env_kwargs": {"vector_reward": True}}, "vector_reward"),
         ({"algorithm": "DQN"}, "algorithm must be one of PPO, SAC, TQC"),
-        ({"hyperparameters": {"color": 1}}, "PPO has no 'color'; known are activation_fn, batch_size"),
+        ({"hyperparameters": {"color": 1}}, "names for PPO must be among activation_fn, batch_size.*got 'color'"),
     ],
 )
 def test_absurd_numbers_are_refused(changes, message):
@@ -569,7 +569,7 @@ def test_a_file_has_the_options_and_typed_ones_come_after(tmp_path, capsys):
 
 def test_the_same_words_begin_and_go_on(tmp_path, capsys):
     file = tmp_path / "run.yml"
-    file.write_text(FILE + f"out: {tmp_path / 'run'}\ngo_on: true\nseeds: [3, 5]\n")
+    file.write_text(FILE + f"out: {tmp_path / 'run'}\nresume_if_exists: true\nseeds: [3, 5]\n")
     first = run_train(capsys, "--config", file)
     assert [(run["seed"], run["steps"]) for run in first["runs"]] == [(3, 64), (5, 64)]
     before = parameters(tmp_path / "run" / "seed-5")
@@ -619,7 +619,7 @@ def test_bad_files_are_refused(text, message, tmp_path):
 
 def test_a_file_gives_way_to_what_is_typed(tmp_path):
     file = tmp_path / "run.yml"
-    file.write_text("seed: 3\ngo_on: true\njson: false\ntensorboard: false\nhyper: {learning_rate: 3e-4}\n")
+    file.write_text("seed: 3\nresume_if_exists: true\njson: false\ntensorboard: false\nhyper: {learning_rate: 3e-4}\n")
     parsed = train_command.parse_arguments(["--config", str(file)])
     assert (parsed.seed, parsed.resume_if_exists, parsed.json, parsed.tensorboard) == (3, True, False, False)
     assert train_command.configuration(parsed).resolved["learning_rate"] == 3e-4  # which YAML takes for a word

@@ -221,7 +221,7 @@ def test_refusals():
         build_planform(good["edges"][::-1], axis[::-1], one, 0 * one, one, polars, 2)
     with pytest.raises(AerodynamicsError, match="chord"):
         build_planform(good["edges"], axis, 0 * one, 0 * one, one, polars, 2)
-    with pytest.raises(AerodynamicsError, match="without area"):
+    with pytest.raises(AerodynamicsError, match="must have an area"):
         build_planform(good["edges"], axis * [1, 1, 0], one, 0 * one, one, polars, 2)
     with pytest.raises(AerodynamicsError, match="polar"):
         build_planform(good["edges"], axis, one, 0 * one, one, polars * np.nan, 2)

@@ -162,7 +162,10 @@ def any_number(*values):
 
 @pytest.mark.parametrize(
     ("function", "message"),
-    [(generator, "generator: a kernel is no generator"), (any_number, r"has no parameter such as \*values")],
+    [
+        (generator, "generator: a kernel must be a function, got a generator"),
+        (any_number, r"has no parameter such as \*values"),
+    ],
 )
 def test_what_python_could_not_call_is_no_kernel(function, message):
     with pytest.raises(ValueError, match=message):

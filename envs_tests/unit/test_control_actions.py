@@ -130,9 +130,9 @@ class TestResidual:
             self.map(turbine, spans={"pitch_rate": 1.0})
 
     def test_controllers_run_beneath(self, turbine, hold):
-        with pytest.raises(ValueError, match="let it run beneath"):
+        with pytest.raises(ValueError, match="let it be the base controller"):
             self.map(turbine).encode(self.base, hold)
-        with pytest.raises(ValueError, match="let it run beneath"):
+        with pytest.raises(ValueError, match="let it be the base controller"):
             ActionMap(turbine, DT, pitch="fixed-frame").encode(self.base, hold)
 
     @pytest.mark.parametrize(

@@ -22,12 +22,11 @@ import pytest
 import wt_gym
 from validation.case import load_cases
 from wt_gym.aerodynamics import AeroOptions
-from wt_gym.agents.choices import controller_of, is_controller_name
 from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
 from wt_gym.agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
-from wt_gym.agents.loadcases.cases import CASES, digest, plan_of
+from wt_gym.agents.loadcases.cases import CASES, plan_of
 from wt_gym.agents.loadcases.study import LoadCaseConfig
-from wt_gym.agents.sweep_record import SWEEP_FILE
+from wt_gym.agents.names import controller_of, is_controller_name
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.hyperparameters import ALGORITHMS, read_hyperparameters
 from wt_gym.agents.training.selection import SELECTION_WIND_SEEDS
@@ -38,7 +37,9 @@ from wt_gym.commands import COMMANDS, evaluate, loadcases
 from wt_gym.commands.training_options import config_from
 from wt_gym.control.controllers import CONTROLLERS, make_controller
 from wt_gym.control.controllers import controller as contract
-from wt_gym.multibody.system import WORK_FIELDS
+from wt_gym.multibody.arrays import Work
+from wt_gym.runs.definition import digest
+from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
 
@@ -305,7 +306,7 @@ def what_ray_needs():
 
 def test_nothing_imports_ray_that_does_not_ask_for_it():
     program = (
-        "import sys, wt_gym.agents.train, wt_gym.agents.evaluation, wt_gym.agents.executors, "
+        "import sys, wt_gym.agents.train, wt_gym.agents.evaluation, wt_gym.runs.executors, "
         "wt_gym.agents.training.search, wt_gym.agents.benchmark_runs; sys.exit('ray' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0
@@ -417,7 +418,7 @@ def missing(span):
         return [] if span.strip('"') in FIDELITIES else [span]
     owner, member = head.groups()
     if member:
-        place = CLASSES.get(owner) or MODULES.get(owner) or (WORK_FIELDS.split() if owner == "work" else ())
+        place = CLASSES.get(owner) or MODULES.get(owner) or (Work._fields if owner == "work" else ())
         out = [] if member in place else [f"{owner}.{member}"]
     else:
         known = owner in DEFINED or re.search(rf"\b{owner}\b", ALL)

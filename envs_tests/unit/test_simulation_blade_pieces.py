@@ -17,7 +17,7 @@ from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import load_turbine
 
-PIECES = Fidelity(blade_bodies=4, blade_modes=(2, 1, 1), integrator="generalised_alpha")
+PIECES = Fidelity(blade_bodies=4, blade_modes=(2, 1, 1), integrator="generalized_alpha")
 DOFS = (0, 1, 3, 4, 5)
 
 
@@ -143,7 +143,7 @@ def test_a_bent_piece_carries_those_behind_it(turbines):
         ({"integrator": "hamming"}, "an implicit integrator"),
         ({"blade_bodies": 0}, "blade_bodies is 0; a whole number"),
         ({"blade_bodies": 2.5}, "blade_bodies is 2.5"),
-        ({"spectral_radius": 1.5}, "spectral_radius is 1.5; allowed: None or 0 … 1"),
+        ({"spectral_radius": 1.5}, "spectral_radius is 1.5; must be None or 0 … 1"),
     ],
 )
 def test_pieces_without_meaning_are_refused(change, message):

@@ -163,7 +163,10 @@ def select_modes(modes: Modes, **count: int) -> list[int]:
     for kind, wanted in count.items():
         found = [i for i, k in enumerate(modes.kind) if k == kind]
         if len(found) < wanted:
-            raise ValueError(f"{wanted} {kind} modes wanted, {len(found)} among the {len(modes.kind)} computed modes")
+            raise ValueError(
+                f"{kind} modes must be at most {len(found)}, the number among the {len(modes.kind)} computed modes; "
+                f"got {wanted}"
+            )
         chosen += found[:wanted]
     return chosen
 

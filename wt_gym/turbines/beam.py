@@ -134,8 +134,8 @@ def _check_rigid_shear(stiffness: NDArray[np.float64]) -> None:
 
 
 def _check_spikes(diagonal: NDArray[np.float64]) -> None:
-    """Refuse stiffnesses (n, 6) that are slips of the pen: blades and towers change by at most 200 from one station
-    to the next, and hardly ever up and down again.
+    """Refuse stiffnesses (n, 6) with implausible jumps (probable typing errors): blades and towers change by at most
+    200 from one station to the next, and hardly ever up and down again.
     """
     decades = np.diff(np.log10(np.where(np.isinf(diagonal), 1.0, diagonal)), axis=0)
     there, back = decades[:-1], decades[1:]

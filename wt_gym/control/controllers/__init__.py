@@ -3,10 +3,13 @@
 `make_controller` makes any of them by name. docs/baselines.md says what each does and what it was measured to do.
 """
 
+from typing import TYPE_CHECKING
+
 from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers.catalogue import (
     ADDITIONS,
     BASES,
+    COMPILED,
     CONTROLLERS,
     WRAPPERS,
     controller_parameters,
@@ -42,10 +45,12 @@ from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTr
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.controllers.yaw import YawByDeadBand
 from wt_gym.control.rotor_table import RotorTable, rotor_table
+from wt_gym.deprecated import renamed_names
 
 __all__ = [
     "ADDITIONS",
     "BASES",
+    "COMPILED",
     "CONTROLLERS",
     "WRAPPERS",
     "AboveRated",
@@ -88,3 +93,6 @@ __all__ = [
     "rotor_table",
     "to_harmonic",
 ]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)

@@ -13,8 +13,8 @@ from wt_gym.multibody.tree.tree_kernels import kinematics
 def rotor_motion(rot, r, v, omega, elastic, rates, points, lattice_bodies, sub_bodies, nodes, velocities):
     """Global positions and velocities (n_blades, n_points, 3) of the lattice points.
 
-    rot, r, v, omega are the frames of all bodies; elastic and rates (n_lattice_bodies, n_f) the coordinates of the carriers,
-    the blades or (pieces: `SubBodyNodes`) the bodies of one blade after the other.
+    rot, r, v, omega are the frames of all bodies; elastic and rates (n_lattice_bodies, n_f) the coordinates of the
+    bodies that carry the lattice: the blades or (`SubBodyNodes`) the sub-bodies of one blade after the other.
     """
     if sub_bodies is None:
         for i in range(lattice_bodies.shape[0]):
