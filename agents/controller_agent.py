@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from wt_gym.control import Aim, Demand
+from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import checked_demand, lidar_of, make_controller
 
 if TYPE_CHECKING:
@@ -98,8 +98,8 @@ class ControllerAgent:
         if action.needs_controller or action.turns_with_rotor:
             raise ValueError(
                 "a ControllerAgent needs rate or absolute actions for the pitch of blades and for torque, got "
-                f"action_mode {action.mode!r} with pitch {action.pitch!r} and components {action.components}; beneath "
-                "others runs controller=..."
+                f"action_mode {action.mode!r} with pitch {action.pitch!r} and components {action.components}; for "
+                "others make it the base controller, controller=..."
             )
         lidar = lidar_of(self.controller)
         if lidar is not None and lidar != layout.lidar:
@@ -130,7 +130,7 @@ class ControllerAgent:
         """Forget everything: the next `predict` starts afresh."""
         self._controllers: list[Controller] = []
         # of an environment: what it was asked for, from the demand that the next observation shows to the present one
-        self._asked: list[deque[Aim | Demand]] = []
+        self._asked: list[deque[AgentSetpoint | Demand]] = []
 
     def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
         """Action for an observation, as stable-baselines3's models give it.
@@ -173,11 +173,11 @@ class ControllerAgent:
         demand = checked_demand(controller.step(signals, layout.control_dt), controller, n_blades)
         now = seen if layout.delay == 0 else asked[-1]
         action = layout.action.encode(demand, now).astype(np.float32)
-        aim = layout.action.start(now) if isinstance(now, Demand) else now
-        asked.append(layout.action.decode(action.astype(np.float64), aim))
+        setpoint = layout.action.start(now) if isinstance(now, Demand) else now
+        asked.append(layout.action.decode(action.astype(np.float64), setpoint))
         return action
 
-    def _same(self, asked: Aim | Demand, seen: Demand) -> bool:
+    def _same(self, asked: AgentSetpoint | Demand, seen: Demand) -> bool:
         """Whether the observed demands are those asked for."""
         same_torque = abs(asked.generator_torque - seen.generator_torque) <= self._torque_tolerance
         return bool(same_torque and np.all(np.abs(asked.pitch - seen.pitch) <= self._pitch_tolerance))

@@ -13,8 +13,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 import wt_gym
-from wt_gym.agents.choices import env_choices_of, read_name
-from wt_gym.agents.environments import load_agent, load_model
+from wt_gym.agents.names import env_choices_of, read_name
+from wt_gym.agents.pool import load_agent, load_model
 from wt_gym.agents.trained_environment import check_environment
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.envs.episode import episode_steps
@@ -75,7 +75,7 @@ class DatasetConfig:
     def __post_init__(self):
         if self.episodes < 1 or self.random_episodes < 1:
             raise ValueError(
-                f"at least 1 episode is needed, got {self.episodes} and {self.random_episodes} random ones"
+                f"episodes and random_episodes must be at least 1, got {self.episodes} and {self.random_episodes}"
             )
         if not 0.0 <= self.noise < np.inf:
             raise ValueError(f"noise must be finite and not negative, got {self.noise!r}")

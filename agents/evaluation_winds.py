@@ -9,6 +9,7 @@ import gymnasium as gym
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.analysis.results import Wind
+from wt_gym.deprecated import renamed_names
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
 
@@ -18,7 +19,10 @@ if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import WindSampler
 
-__all__ = ["DEFAULT_WIND_SEEDS", "USUAL_SPEED", "met_wind", "winds_for", "winds_of"]
+__all__ = ["DEFAULT_WIND_SEEDS", "USUAL_SPEED", "actual_wind", "winds_for", "winds_of"]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 DEFAULT_WIND_SEEDS = EVALUATION_WIND_SEEDS[:6]
 """Turbulence seeds that no training saw; six is what IEC 61400-1 asks for at each mean speed."""
@@ -77,19 +81,20 @@ def winds_of(
     """
     turbulent, drawn = "wind_seed" in wind.options, wind.draws_more and "wind_seed" not in wind.options
     if speeds is not None and "wind_speed" not in wind.options:
-        raise ValueError(f"the wind of this environment has a speed of its own, got the speeds {list(speeds)} m/s")
+        raise ValueError(f"speeds must be left out, the wind of this environment has its own; got {list(speeds)} m/s")
     if seeds is not None and not turbulent:
         instead = ": give a number of draws" if drawn else ""
-        raise ValueError(f"the wind of this environment has no turbulence seeds, got {list(seeds)}{instead}")
+        raise ValueError(f"seeds must be left out, the wind of this environment has none; got {list(seeds)}{instead}")
     if draws is not None and not drawn:
         instead = "give turbulence seeds" if turbulent else "one run in it is all"
-        raise ValueError(f"of the wind of this environment nothing is drawn beside its speed and seed: {instead}")
+        raise ValueError(f"draws must be left out: the wind of this environment has its speed and seed only; {instead}")
     if draws is not None and draws < 1:
-        raise ValueError(f"at least 1 draw is needed, got {draws!r}")
-    if drawn and length is not None and (pieces := wind.pieces(length)):
+        raise ValueError(f"draws must be at least 1, got {draws!r}")
+    if drawn and length is not None and (pieces := wind.windows(length)):
         if draws is not None and draws > len(pieces):
             raise ValueError(
-                f"the files hold {len(pieces)} pieces of {length:g} s, got {draws} draws: make runs shorter"
+                f"draws must be at most {len(pieces)}, the windows of {length:g} s in the files; "
+                f"got {draws}: make runs shorter"
             )
         draws = min(draws or _DRAWS, len(pieces))
     return tuple(
@@ -100,7 +105,7 @@ def winds_of(
     )
 
 
-def met_wind(env: WindTurbineEnv, asked: Wind, winds: Sequence[Wind]) -> Wind:
+def actual_wind(env: WindTurbineEnv, asked: Wind, winds: Sequence[Wind]) -> Wind:
     """Wind that an episode has: its speed and seed, and in words what these do not tell.
 
     Parameters

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.agents.entries import BASELINE, LEVELS, Entry, entry_of
+from wt_gym.agents.benchmark_runs import Entry, entry_of
+from wt_gym.agents.names import BASELINE, LEVELS
 from wt_gym.analysis.statistics import bootstrap_interval
 from wt_gym.files import whole_file
 
@@ -91,7 +92,7 @@ def _refuse_early(task: BenchmarkTask, results: Mapping[str, Mapping[str, Mappin
     for agent, runs in results.items():
         early = [label for label, run in runs.items() if run["ending"] != "time"]
         if early:
-            raise ValueError(f"{agent} did not last in {', '.join(early)} of {task.id}: there is no front")
+            raise ValueError(f"{agent} must complete every wind of {task.id}, it ended early in {', '.join(early)}")
 
 
 def _changes(own: Sequence[Mapping[str, float]], base: Sequence[Mapping[str, float]], metric: str) -> np.ndarray:

@@ -42,7 +42,7 @@ def check_settings(settings: Mapping[str, Any]) -> None:
     """
     known = {name: p.default for name, p in signature(ShootingPlanner).parameters.items() if name != "env"}
     if unknown := [name for name in settings if name not in known]:
-        raise ValueError(f"a planner has no {', '.join(unknown)}; it has {', '.join(known)}")
+        raise ValueError(f"parameters of a planner must be among {', '.join(known)}; got {', '.join(unknown)}")
     _check(**{**known, **settings})
 
 
@@ -60,10 +60,12 @@ def _check(horizon, hold, samples, elites, rounds, spread, seed) -> None:
     if horizon / hold > MOST_ACTIONS:
         raise ValueError(f"a plan must have at most {MOST_ACTIONS} actions, got {horizon!r} s in steps of {hold!r} s")
     if not (1 <= elites <= samples and rounds >= 1):
-        raise ValueError(f"need 1 <= elites <= samples and a round, got {elites}, {samples} and {rounds}")
+        raise ValueError(
+            f"elites must be from 1 to samples and rounds at least 1, got {elites} of {samples} and {rounds}"
+        )
     if samples > MOST_SAMPLES or rounds > MOST_ROUNDS:
         raise ValueError(
-            f"a planner takes at most {MOST_SAMPLES} samples and {MOST_ROUNDS} rounds, got {samples} and {rounds}"
+            f"samples must be at most {MOST_SAMPLES} and rounds at most {MOST_ROUNDS}, got {samples} and {rounds}"
         )
     if not spread > 0.0:
         raise ValueError(f"spread must be positive and finite, got {spread!r}")
@@ -159,10 +161,10 @@ class ShootingPlanner:
         """Best plan found, shape (n_actions, n_act)."""
         here = self._env.snapshot()
         best, best_value = None, -np.inf
-        centre, spread = guess, np.full(self._shape, self._spread)
+        center, spread = guess, np.full(self._shape, self._spread)
         try:
             for turn in range(self._rounds):
-                drawn = centre + spread * self._rng.standard_normal((self._samples, *self._shape))
+                drawn = center + spread * self._rng.standard_normal((self._samples, *self._shape))
                 plans = np.clip(drawn, -1.0, 1.0)
                 if turn == 0:
                     plans = np.concatenate([np.zeros((1, *self._shape)), guess[None], plans])
@@ -171,7 +173,7 @@ class ShootingPlanner:
                 if values[order[0]] > best_value:
                     best, best_value = plans[order[0]], values[order[0]]
                 elites = plans[order[: self._elites]]
-                centre, spread = elites.mean(axis=0), np.maximum(elites.std(axis=0), _LEAST_SPREAD)
+                center, spread = elites.mean(axis=0), np.maximum(elites.std(axis=0), _LEAST_SPREAD)
         finally:
             self._env.restore(here)
         return cast(np.ndarray, best)

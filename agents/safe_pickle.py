@@ -82,10 +82,10 @@ def read_data(model_file: Path) -> dict[str, Any]:
             data = json.loads(archive.read("data"))
     except (zipfile.BadZipFile, KeyError, ValueError, EOFError, OSError) as error:
         raise ValueError(
-            f"{model_file} is damaged, or no model of stable-baselines3: {type(error).__name__}: {error!s:.200}"
+            f"{model_file} is damaged, or not a model of stable-baselines3: {type(error).__name__}: {error!s:.200}"
         ) from error
     if not isinstance(data, dict):
-        raise ValueError(f"{model_file} is no model of stable-baselines3: its data are no table")
+        raise ValueError(f"{model_file} is not a model of stable-baselines3: its data must be a mapping")
     return data
 
 

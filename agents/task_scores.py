@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.agents.comparison import half_width
-from wt_gym.agents.environments import Environments
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.pool import Environments
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
@@ -76,7 +76,7 @@ class Study:
     task : str
         Of `wt_gym.tasks.TASKS`, whose newest id runs.
     contenders : tuple of str
-        Words and paths as for `wt_gym.agents.environments.load_agent`, or `RANDOM`; the controller beneath first.
+        Words and paths as for `wt_gym.agents.pool.load_agent`, or `RANDOM`; the controller beneath first.
     parts : tuple of Part
     columns : tuple of Column
     duration, skip : float
@@ -144,7 +144,7 @@ STUDIES: dict[str, Study] = {
     ),
     "MaxPower": Study(
         "MaxPower",
-        ("discon", RANDOM, "retuned", "rosco"),
+        ("discon", RANDOM, "retuned", "tsr_tracking"),
         (Part(_winds((6.0, 8.0, 10.0), 2)),),
         (_ENERGY, _FLAP, _FORE_AFT, _SIDE),
     ),
@@ -157,7 +157,7 @@ STUDIES: dict[str, Study] = {
     ),
     "Gusts": Study(
         "Gusts",
-        ("discon", RANDOM, "ipc", "lidar+ipc", "rosco:thrust_limit=0.95"),
+        ("discon", RANDOM, "ipc", "lidar+ipc", "tsr_tracking:thrust_limit=0.95"),
         tuple(_gusts(kind, (8.0, 14.0, 20.0), 6) for kind in GUSTS),
         (Column("blade_flap_max", "largest flap moment", "most"), Column("tower_base_max", "of the tower base", "most"),
          Column("rotor_speed_max", "largest rotor speed", "most")),
@@ -166,13 +166,13 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "rosco"),
+        ("discon", RANDOM, "ipc", "tsr_tracking"),
         (Part(_winds((12.0, 18.0), 2)),),
         _LOADS,
     ),
     "IEA15MW-LoadReduction below its range": Study(
         "IEA15MW-LoadReduction",
-        ("discon", "rosco"),
+        ("discon", "tsr_tracking"),
         (Part(_winds((4.0, 5.0, 6.0), 1), arguments={"wind_speed": [4.0, 6.0]}),),
         (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
     ),
@@ -196,13 +196,13 @@ def contender_label(contender: str, beneath: bool = False) -> str:
     return f"`{contender.removeprefix(_TRAINED)}`" + (", trained" if contender.startswith(_TRAINED) else "")
 
 
-def measure(study: Study, told: Callable[[str], None] = lambda text: None) -> list[dict[str, Any]]:
+def measure(study: Study, on_progress: Callable[[str], None] = lambda text: None) -> list[dict[str, Any]]:
     """Run every agent of a study in each of its winds.
 
     Parameters
     ----------
     study : Study
-    told : callable
+    on_progress : callable
         Gets a line after each agent.
 
     Returns
@@ -211,11 +211,14 @@ def measure(study: Study, told: Callable[[str], None] = lambda text: None) -> li
         A run each, JSON values: the contender, part and wind, how it ended, its return, and metrics in SI units.
     """
     return [
-        run for part in study.parts for contender in study.contenders for run in _runs_of(study, part, contender, told)
+        run
+        for part in study.parts
+        for contender in study.contenders
+        for run in _runs_of(study, part, contender, on_progress)
     ]
 
 
-def _runs_of(study: Study, part: Part, contender: str, told: Callable[[str], None]) -> list[dict[str, Any]]:
+def _runs_of(study: Study, part: Part, contender: str, on_progress: Callable[[str], None]) -> list[dict[str, Any]]:
     kwargs = part.arguments | study.arguments.get(contender, {})
     config = EvaluationConfig(study.env_id, kwargs, part.winds, duration=study.duration, skip=study.skip, replay=0.0)
     agent: Any = contender
@@ -226,7 +229,7 @@ def _runs_of(study: Study, part: Part, contender: str, told: Callable[[str], Non
         agent = UniformAgent(layout_of(plain.plain))
         plain.close()
     runs = evaluate({contender: agent}, config, progress=False).runs
-    told(f"{study.env_id}{part.name and ', ' + part.name}: {contender}")
+    on_progress(f"{study.env_id}{part.name and ', ' + part.name}: {contender}")
     return [_kept(run, part, study) for run in runs]
 
 

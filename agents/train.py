@@ -12,15 +12,15 @@ import torch
 from stable_baselines3.common.logger import Logger, configure
 
 import wt_gym
-from wt_gym.agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALISATION_FILE, RECORD_FILE, TrainedAgent
+from wt_gym.agents.trained_agent import BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, RECORD_FILE, TrainedAgent
 from wt_gym.agents.trained_environment import resolved_arguments, with_pay
 from wt_gym.agents.training.callbacks import Checkpoints, Evaluations, Watch, stop_on_signals
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.environments import make_training_env
-from wt_gym.agents.training.held_back import FIGURES, HeldBackEvaluation
 from wt_gym.agents.training.learners import LocalLearner
 from wt_gym.agents.training.models import load_model, make_model, save_model
 from wt_gym.agents.training.run_folder import RunFolder
+from wt_gym.agents.training.selection import FIGURES, SelectionEvaluation
 from wt_gym.envs.layout import layout_of
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ class _Session:
         self._evaluation_seconds = _entry(evaluated, "seconds", float, 0.0)
         self._evaluation = self._evaluations = None
         if config.eval_every:
-            self._evaluation = HeldBackEvaluation(config, self._wind, evaluated)
+            self._evaluation = SelectionEvaluation(config, self._wind, evaluated)
             self._evaluations = Evaluations(
                 config.eval_every,
                 self._evaluation,
@@ -237,7 +237,7 @@ class _Session:
     def _save(self, record: dict[str, Any]) -> None:
         """Write all that is needed to go on."""
         self._learner.save(self._model, self._run)
-        save_model(self._model, self._run.model, self._run.normalisation)
+        save_model(self._model, self._run.model, self._run.normalization)
         self._run.write_record(record)
 
     def _checkpoint(self) -> None:
@@ -249,7 +249,7 @@ class _Session:
         self._save(self._record("running"))
 
     def _save_best(self) -> None:
-        save_model(self._model, self._run.path / BEST_MODEL_FILE, self._run.path / BEST_NORMALISATION_FILE)
+        save_model(self._model, self._run.path / BEST_MODEL_FILE, self._run.path / BEST_NORMALIZATION_FILE)
 
     def _record(self, status: str) -> dict[str, Any]:
         """How it was trained, as JSON values."""
@@ -267,7 +267,7 @@ class _Session:
             "rotation": layout.turbine.rotation,
             "observation": list(layout.observation.names),
             "action": list(layout.action.names),
-            "normalised": config.resolved["normalise_observations"],
+            "normalized": config.resolved["normalize_observations"],
             "wind_seeds": None if self._wind.seeds is None else list(self._wind.seeds),
             "wt_gym": wt_gym.__version__,
             "versions": {name: version(name) for name in self._learner.packages},

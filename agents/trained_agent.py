@@ -1,4 +1,4 @@
-"""Policies trained with stable-baselines3, together with the statistics their observations are normalised with."""
+"""Policies trained with stable-baselines3, together with the statistics their observations are normalized with."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from wt_gym.agents.safe_pickle import UnsafePickleError, algorithm_of, read_data, safe_loads, safe_objects
 from wt_gym.control.controllers.parameters import did_you_mean
+from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_keys, renamed_names
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -28,21 +29,24 @@ if TYPE_CHECKING:
 __all__ = [
     "ALGORITHM_CLASSES",
     "BEST_MODEL_FILE",
-    "BEST_NORMALISATION_FILE",
+    "BEST_NORMALIZATION_FILE",
     "DAMAGE",
     "MODEL_FILE",
-    "NORMALISATION_FILE",
+    "NORMALIZATION_FILE",
     "RECORD_FILE",
     "TrainedAgent",
     "model_card",
     "model_digests",
     "model_files",
-    "read_normalisation",
+    "read_normalization",
     "read_record",
 ]
 
-MODEL_FILE, NORMALISATION_FILE, RECORD_FILE = "model.zip", "vecnormalize.pkl", "training.json"
-BEST_MODEL_FILE, BEST_NORMALISATION_FILE = "best_model.zip", "best_model_vecnormalize.pkl"
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
+
+MODEL_FILE, NORMALIZATION_FILE, RECORD_FILE = "model.zip", "vecnormalize.pkl", "training.json"
+BEST_MODEL_FILE, BEST_NORMALIZATION_FILE = "best_model.zip", "best_model_vecnormalize.pkl"
 
 ALGORITHM_CLASSES = {cls.__name__: cls for cls in (PPO, A2C, SAC, TQC, TD3, DDPG, DQN)}
 """Algorithms whose models can be loaded."""
@@ -71,10 +75,10 @@ def read_record(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is damaged: {error}") from error
     if not isinstance(record, dict) or not isinstance(record.get("algorithm"), str):
         raise ValueError(f"{path} is not the record of a training: it names no algorithm")
-    return record
+    return renamed_keys(record, {"normalised": "normalized"})  # rename: keep
 
 
-def read_normalisation(path: Path, trust: bool = False) -> VecNormalize:
+def read_normalization(path: Path, trust: bool = False) -> VecNormalize:
     """Read the statistics of a training. They are pickled; what could run code is refused unless it is trusted.
 
     Raises
@@ -86,7 +90,7 @@ def read_normalisation(path: Path, trust: bool = False) -> VecNormalize:
     """
     try:
         data = path.read_bytes()
-        normalisation = pickle.loads(data) if trust else safe_loads(data)
+        normalization = pickle.loads(data) if trust else safe_loads(data)
     except UnsafePickleError as error:
         raise UnsafePickleError(
             f"the statistics {path} hold {error}: to load that could run any code. If you know who made the file, say "
@@ -94,9 +98,9 @@ def read_normalisation(path: Path, trust: bool = False) -> VecNormalize:
         ) from error
     except DAMAGE as error:
         raise ValueError(f"the statistics {path} are damaged: {type(error).__name__}: {error}") from error
-    if not isinstance(normalisation, VecNormalize) or "observation_space" not in vars(normalisation):
-        raise ValueError(f"{path} holds no statistics of a training but a {type(normalisation).__name__}")
-    return normalisation
+    if not isinstance(normalization, VecNormalize) or "observation_space" not in vars(normalization):
+        raise ValueError(f"{path} holds no statistics of a training but a {type(normalization).__name__}")
+    return normalization
 
 
 def model_card(path: str | Path, file: str | Path | None = None) -> dict[str, Any]:
@@ -143,11 +147,11 @@ def _record_of(model_file: Path) -> dict[str, Any] | None:
 
 def _statistics_file(model_file: Path) -> Path | None:
     """Statistics that belong to a model: those of the checkpoint or of the best model, else those beside the model."""
-    names = [NORMALISATION_FILE]
+    names = [NORMALIZATION_FILE]
     if checkpoint := _CHECKPOINT.fullmatch(model_file.name):
         names.insert(0, f"{checkpoint['prefix']}_vecnormalize_{checkpoint['steps']}_steps.pkl")
     elif model_file.name == BEST_MODEL_FILE:
-        names.insert(0, BEST_NORMALISATION_FILE)
+        names.insert(0, BEST_NORMALIZATION_FILE)
     return next((model_file.parent / name for name in names if (model_file.parent / name).is_file()), None)
 
 
@@ -194,16 +198,19 @@ class TrainedAgent:
     Parameters
     ----------
     model : BaseAlgorithm
-    normalisation : VecNormalize, optional
+    normalization : VecNormalize, optional
         Statistics of the training; None if the model was trained on plain observations.
     record : dict, optional
         How it was trained, as written by `wt_gym.agents.train.train`.
     """
 
+    normalisation = renamed_attribute("normalisation", "normalization")  # rename: keep
+
+    @renamed_arguments(normalisation="normalization")  # rename: keep
     def __init__(
-        self, model: BaseAlgorithm, normalisation: VecNormalize | None = None, record: dict[str, Any] | None = None
+        self, model: BaseAlgorithm, normalization: VecNormalize | None = None, record: dict[str, Any] | None = None
     ):
-        self.model, self.normalisation, self.record = model, normalisation, record
+        self.model, self.normalization, self.record = model, normalization, record
         self._signs: tuple[np.ndarray, np.ndarray] | None = None  # of observation and action, through the mirror
 
     @classmethod
@@ -233,7 +240,7 @@ class TrainedAgent:
         Raises
         ------
         FileNotFoundError
-            If there is no model, or no statistics although the record says that observations were normalised.
+            If there is no model, or no statistics although the record says that observations were normalized.
         ValueError
             If the algorithm is unknown or another one than the model's, or a file is damaged.
         wt_gym.agents.safe_pickle.UnsafePickleError
@@ -241,9 +248,9 @@ class TrainedAgent:
         """
         model_file, *statistics = model_files(path)
         record, statistics_file = _record_of(model_file), statistics[0] if statistics else None
-        if statistics_file is None and (record or {}).get("normalised"):
+        if statistics_file is None and (record or {}).get("normalized"):
             raise FileNotFoundError(
-                f"{model_file} was trained on normalised observations, but their statistics are not beside it"
+                f"{model_file} was trained on normalized observations, but their statistics are not beside it"
             )
         data = read_data(model_file)
         shown = algorithm_of(data)
@@ -252,8 +259,8 @@ class TrainedAgent:
             near = did_you_mean(str(name), ALGORITHM_CLASSES)
             raise ValueError(f"algorithm must be one of {tuple(ALGORITHM_CLASSES)}, got {name!r}{near}")
         if shown is not None and name != shown and {name, shown} != {"TD3", "DDPG"}:
-            raise ValueError(f"{model_file} is no model of {name} but of {shown}, as its settings show")
-        normalisation = None if statistics_file is None else read_normalisation(statistics_file, trust)
+            raise ValueError(f"{model_file} is not a model of {name} but of {shown}, as its settings show")
+        normalization = None if statistics_file is None else read_normalization(statistics_file, trust)
         try:
             objects = None if trust else safe_objects(data, model_file)
             model = ALGORITHM_CLASSES[name].load(model_file, device="cpu", custom_objects=objects)
@@ -261,11 +268,11 @@ class TrainedAgent:
             raise
         except DAMAGE as error:
             raise ValueError(
-                f"{model_file} is damaged, or no model of {name}: {type(error).__name__}: {error!s:.200}"
+                f"{model_file} is damaged, or not a model of {name}: {type(error).__name__}: {error!s:.200}"
             ) from error
-        if normalisation is not None and normalisation.observation_space.shape != model.observation_space.shape:
+        if normalization is not None and normalization.observation_space.shape != model.observation_space.shape:
             raise ValueError(f"the statistics {statistics_file} do not belong to the model {model_file}")
-        return cls(model, normalisation, record)
+        return cls(model, normalization, record)
 
     def check_fits(self, layout: EnvLayout) -> None:
         """Refuse an environment whose observation or action the model was not made for.
@@ -319,7 +326,7 @@ class TrainedAgent:
             self._signs = signs[0].astype(np.float32), signs[1].astype(np.float32)
 
     def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
-        """Action for an observation of the environment, not normalised yet.
+        """Action for an observation of the environment, not normalized yet.
 
         Returns
         -------
@@ -330,7 +337,7 @@ class TrainedAgent:
         observation = np.asarray(observation)
         if self._signs is not None:
             observation = observation * self._signs[0]
-        if self.normalisation is not None:
-            observation = self.normalisation.normalize_obs(observation)
+        if self.normalization is not None:
+            observation = self.normalization.normalize_obs(observation)
         action, state = self.model.predict(observation, state, episode_start, deterministic)
         return action if self._signs is None else action * self._signs[1], state

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.choices import read_name
 from wt_gym.agents.comparison import Case, check_times, run_cases
+from wt_gym.agents.names import read_name
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.control.controllers.catalogue import SHORT_FOR
 from wt_gym.control.controllers.own_class import load_class
@@ -46,7 +46,7 @@ class Range:
 _FADE = Range(math.radians(0.5), math.radians(6.0), log=True)  # the default acts in full from 3 degrees on
 SPACES: dict[str, dict[str, Range]] = {
     "retuned": {"gain_factor": Range(0.5, 1.2)},
-    "rosco": {
+    "tsr_tracking": {
         "tip_speed_ratio": Range(6.0, 12.0),
         "thrust_limit": Range(0.75, 1.0),
         "torque_frequency": Range(0.05, 0.6, log=True),
@@ -174,8 +174,8 @@ class TuningTask:
             object.__setattr__(self, "space", found)
         if not self.space:
             raise ValueError(
-                f"nothing to tune in {self.controller!r}; known are {', '.join(SPACES)}, a class of your own has "
-                'SPACE = {"parameter": (low, high)}, and --space says what else is searched'
+                f"the controller to tune must be among {', '.join(SPACES)}, got {self.controller!r}; "
+                'a class of your own has SPACE = {"parameter": (low, high)}, and --space says what else is searched'
             )
 
 

@@ -16,7 +16,7 @@ import wt_gym  # noqa: E402 - found by the path above
 
 project = "wt_gym"
 author = "the wt_gym authors"
-copyright = "the wt_gym authors, MIT licence"
+copyright = "the wt_gym authors, MIT license"
 version = release = wt_gym.__version__
 
 extensions = [

@@ -290,12 +290,12 @@ def linear_lift_slope(n: int, chords: float):
     n : int
         Panels along the chord.
     chords : float
-        Way travelled in chords.
+        Way traveled in chords.
 
     Returns
     -------
     way, slope : ndarray, shape (n_steps + 1,)
-        Way travelled in chords and dCL / dalpha [1/rad].
+        Way traveled in chords and dCL / dalpha [1/rad].
     """
     import numpy as np
 
@@ -434,8 +434,8 @@ def main() -> None:
             f"error: no Python environment in {environment}; --set-up makes it, --environment names another"
         )
 
-    from wt_gym.agents.progress import ProgressLine
     from wt_gym.commands.bench import processor
+    from wt_gym.runs.progress import ProgressLine
 
     line = ProgressLine(interval=2.0)
     line.show("reference: linear theory", final=True)

@@ -29,10 +29,10 @@ def parse_arguments(words=None):
     parser.add_argument("--wind-speed", type=float, default=17.0, help="mean [m/s] (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1001, help="of the turbulence (default: %(default)s)")
     parser.add_argument("--start", type=float, default=40.0, help="time of the first frame [s] (default: %(default)s)")
-    parser.add_argument("--colours", type=int, default=32, help="of the picture (default: %(default)s)")
+    parser.add_argument("--colors", type=int, default=32, help="of the picture (default: %(default)s)")
     arguments = parser.parse_args(words)
-    if arguments.frames < 1 or not 2 <= arguments.colours <= 256 or arguments.start < 0.0:
-        parser.error("at least one frame, 2 to 256 colours and a start at 0 s or later are needed")
+    if arguments.frames < 1 or not 2 <= arguments.colors <= 256 or arguments.start < 0.0:
+        parser.error("at least one frame, 2 to 256 colors and a start at 0 s or later are needed")
     return arguments
 
 
@@ -108,14 +108,14 @@ class Picture:
             ("tip deflection [m]", of_blades["tip_out_of_plane"], BLADES),
         )
         self._time, self._axes, self._dots = time, [], []
-        for k, (title, values, colours) in enumerate(courses):
+        for k, (title, values, colors) in enumerate(courses):
             axes = self._figure.add_axes((0.685, 0.715 - 0.3 * k, 0.29, 0.19))
             axes.set_title(title, loc="left", fontsize=9, color=INK, pad=3)
             axes.tick_params(labelsize=8, colors=INK, length=2, labelbottom=False)
             axes.spines[["top", "right"]].set_visible(False)
-            for column, colour in zip(values.T, colours, strict=True):
-                axes.plot(time, column, color=colour, linewidth=1.2)
-                self._dots.append((axes.plot([], [], "o", color=colour, markersize=4, clip_on=False)[0], column))
+            for column, color in zip(values.T, colors, strict=True):
+                axes.plot(time, column, color=color, linewidth=1.2)
+                self._dots.append((axes.plot([], [], "o", color=color, markersize=4, clip_on=False)[0], column))
             seen = values[time > time[-1] - WINDOW - 0.2 * len(time)]
             axes.set_ylim(seen.min() - 0.1 * np.ptp(seen), seen.max() + 0.1 * np.ptp(seen))
             self._axes.append(axes)
@@ -155,17 +155,17 @@ class Picture:
         return np.stack([points @ self._right, points @ self._up], axis=-1)
 
 
-def save(frames, path, n_colours):
-    """Write an animated GIF of few colours, the same in all frames, so that what rests costs nothing."""
+def save(frames, path, n_colors):
+    """Write an animated GIF of few colors, the same in all frames, so that what rests costs nothing."""
     from PIL import Image
 
     images = [Image.fromarray(frame) for frame in frames]
     sheet = Image.new("RGB", (WIDTH, HEIGHT * 3 + 40 * 5), "white")
     for row, image in enumerate((images[0], images[len(images) // 2], images[-1])):
         sheet.paste(image, (0, HEIGHT * row))
-    for row, colour in enumerate((*BLADES, STEEL, INK)):  # thin things that must keep their colours
-        sheet.paste(colour, (0, 3 * HEIGHT + 40 * row, WIDTH, 3 * HEIGHT + 40 * (row + 1)))
-    palette = sheet.quantize(n_colours, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    for row, color in enumerate((*BLADES, STEEL, INK)):  # thin things that must keep their colors
+        sheet.paste(color, (0, 3 * HEIGHT + 40 * row, WIDTH, 3 * HEIGHT + 40 * (row + 1)))
+    palette = sheet.quantize(n_colors, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     path.parent.mkdir(parents=True, exist_ok=True)
     images[0].save(path, save_all=True, append_images=images[1:], duration=100, loop=0, optimize=False, disposal=1)
@@ -177,7 +177,7 @@ def main():
     shapes, rows = simulate(arguments.wind_speed, arguments.seed, arguments.start, arguments.frames)
     picture, first = Picture(shapes, rows), len(rows) - len(shapes)
     frames = [picture.draw(shape, first + k) for k, shape in enumerate(shapes)]
-    save(frames, arguments.out, arguments.colours)
+    save(frames, arguments.out, arguments.colors)
     print(f"{arguments.out}: {len(frames)} frames, {arguments.out.stat().st_size / 1e6:.2f} MB")
 
 

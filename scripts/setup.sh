@@ -47,6 +47,8 @@ set_up() {
     # the build runs in the environment itself: one of its own would be fetched anew each time
     install 'setuptools>=77'
     install --no-build-isolation --editable '.[train,test,tune,docs]'
+    # its library and its input files; its tuning tools would bring some hundred MB more
+    install --no-deps 'rosco>=2.10,<3'
     compile_used
     echo "$want" >"$stamp"
     echo "set up in ${SECONDS} s"

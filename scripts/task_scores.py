@@ -60,11 +60,11 @@ def run(names: list[str]) -> None:
 
     commit, started = source_commit(RECORD), time.process_time()
 
-    def told(text: str) -> None:
+    def on_progress(text: str) -> None:
         print(f"{time.process_time() - started:6.0f} s  {text}", flush=True)
 
     for name in names:
-        begun, runs = time.process_time(), measure(STUDIES[name], told)
+        begun, runs = time.process_time(), measure(STUDIES[name], on_progress)
         made = {
             "date": datetime.now(UTC).strftime("%Y-%m-%d"), "version": wt_gym.__version__, "commit": commit,
             "processor_time_s": round(time.process_time() - begun), "env_id": STUDIES[name].env_id, "runs": runs,

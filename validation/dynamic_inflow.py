@@ -26,7 +26,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.special import hankel2, jv
 
 from validation.rotor_transients import Response
-from validation.unsteady_aerofoil import theodorsen
+from validation.unsteady_airfoil import theodorsen
 from wt_gym.control.blade_element import BladeElementRotor, blade_element
 from wt_gym.simulation.model.blade_lattice import N_ALPHA
 

@@ -43,7 +43,7 @@ STEADY, SETTLED = 60.0, 30.0
 LOWEST = 8
 """Lowest parked frequencies that are compared: two of the tower, the drivetrain's, three flapwise, two edgewise."""
 TRAINING = FIDELITIES["training"]
-IMPLICIT = {"integrator": "generalised_alpha"}
+IMPLICIT = {"integrator": "generalized_alpha"}
 LINEAR = {"formulation": "observer", "frame_displacement": "linear"}
 """Observer frames as published."""
 TORSION = {"blade_modes": (2, 1, 1)}
@@ -90,29 +90,29 @@ def _of(turbine, name, like=True, **changes):
 COMBINATIONS = (
     _of("NREL5MW", "embedded, Hamming, modal"),
     _of("NREL5MW", "embedded, Newmark, modal", integrator="newmark"),
-    _of("NREL5MW", "embedded, generalised-α, modal", **IMPLICIT),
-    _of("NREL5MW", "embedded, generalised-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
-    _of("NREL5MW", "embedded, generalised-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
+    _of("NREL5MW", "embedded, generalized-α, modal", **IMPLICIT),
+    _of("NREL5MW", "embedded, generalized-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
+    _of("NREL5MW", "embedded, generalized-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
         blade_coordinates="nodal", **IMPLICIT, **TORSION),
-    _of("NREL5MW", "embedded, generalised-α, nodal tower", tower_coordinates="nodal", tower_elements=6, **IMPLICIT),
+    _of("NREL5MW", "embedded, generalized-α, nodal tower", tower_coordinates="nodal", tower_elements=6, **IMPLICIT),
     _of("NREL5MW", "constrained, Hamming, modal", formulation="constrained"),
-    _of("NREL5MW", "constrained, generalised-α, modal", formulation="constrained", **IMPLICIT),
-    _of("NREL5MW", "constrained, generalised-α, 4 modal bodies", False, formulation="constrained", blade_bodies=4,
+    _of("NREL5MW", "constrained, generalized-α, modal", formulation="constrained", **IMPLICIT),
+    _of("NREL5MW", "constrained, generalized-α, 4 modal bodies", False, formulation="constrained", blade_bodies=4,
         **IMPLICIT),
     _of("NREL5MW", "observer, clamped", False, **LINEAR),
-    _of("NREL5MW", "observer, clamped, generalised-α", False, **LINEAR, **IMPLICIT),
+    _of("NREL5MW", "observer, clamped, generalized-α", False, **LINEAR, **IMPLICIT),
     _of("NREL5MW", "observer, simply supported", False, **LINEAR, reference_condition="simply_supported"),
     _of("NREL5MW", "observer, supported at 3/4", False, **LINEAR, reference_condition="three_quarter"),
     _of("IEA15MW", "embedded, Hamming, modal"),
-    _of("IEA15MW", "embedded, generalised-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
-    _of("IEA15MW", "embedded, generalised-α, 8 modal bodies, torsion", False, blade_bodies=8, **IMPLICIT, **TORSION),
-    _of("IEA15MW", "embedded, generalised-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
+    _of("IEA15MW", "embedded, generalized-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
+    _of("IEA15MW", "embedded, generalized-α, 8 modal bodies, torsion", False, blade_bodies=8, **IMPLICIT, **TORSION),
+    _of("IEA15MW", "embedded, generalized-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
         blade_coordinates="nodal", **IMPLICIT, **TORSION),
     _of("IEA15MW", "constrained, Hamming, modal", formulation="constrained"),
-    _of("IEA15MW", "embedded, generalised-α, 4 modal bodies", False, blade_bodies=4, **IMPLICIT),
+    _of("IEA15MW", "embedded, generalized-α, 4 modal bodies", False, blade_bodies=4, **IMPLICIT),
     _of("IEA15MW", "observer, clamped", False, **LINEAR),
     _of("Gebhardt45m", "embedded, Hamming, modal"),
-    _of("Gebhardt45m", "embedded, generalised-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT,
+    _of("Gebhardt45m", "embedded, generalized-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT,
         **TORSION),
     Combination("Gebhardt45m", "fidelity gebhardt (constrained)", FIDELITIES["gebhardt"], False),
     Combination("Gebhardt45m", "fidelity gebhardt-full (constrained)", FIDELITIES["gebhardt-full"], False),
@@ -123,7 +123,7 @@ COMBINATIONS = (
     Combination("NadaSmall", "observer, clamped", replace(TRAINING, **LINEAR), False, "tower_strike"),
 )  # fmt: skip
 
-_TWISTING = "embedded, generalised-α, {} bodies, torsion"
+_TWISTING = "embedded, generalized-α, {} bodies, torsion"
 NODAL_AND_MODAL = (
     ("NREL5MW", _TWISTING.format("12 nodal"), _TWISTING.format("4 modal")),
     ("IEA15MW", _TWISTING.format("12 nodal"), _TWISTING.format("8 modal")),
@@ -246,7 +246,7 @@ def nodal_against_modal(results):
         what = f"{pair[0]} against {modal}"
         checks += [
             Check(f"{what}: tip deflection in steady wind of 9 m/s", tips[1], tips[0], 0.01, "m"),
-            Check(f"{what}: largest change of the lowest parked frequencies", "<= 0.5", shift, 0.0, "%"),
+            Check(f"{what}: largest change of the lowest parked frequencies", "<= 0.5", shift, unit="%"),
         ]
     return checks
 
@@ -281,13 +281,13 @@ def compare(combination, found, default):
         shift = float(np.abs(100.0 * (found["frequencies"] / default["frequencies"] - 1.0)).max())
     expected = "early" if combination.ending is None else f"otherwise than by {combination.ending}"
     checks = [
-        Check(f"{label}: episodes that end {expected}", 0.0, float(found["failure"] != combination.ending), 0.0),
-        Check(f"{label}: snapshots that do not repeat", 0.0, float(not found["repeats"]), 0.0),
+        Check(f"{label}: episodes that end {expected}", 0.0, found["failure"] != combination.ending, 0.0),
+        Check(f"{label}: snapshots that do not repeat", 0.0, not found["repeats"], 0.0),
     ]
     if combination.like:
         checks += [
-            Check(f"{label}: power against the default", "in [-0.5, 0.5]", changes["power"], 0.0, "%"),
-            Check(f"{label}: flap DEL against the default", "in [-2, 2]", changes["flap_DEL"], 0.0, "%"),
+            Check(f"{label}: power against the default", "in [-0.5, 0.5]", changes["power"], unit="%"),
+            Check(f"{label}: flap DEL against the default", "in [-2, 2]", changes["flap_DEL"], unit="%"),
         ]
     line = (
         f"{label}: {found['ms']:.2f}, {changes['power']:+.2f}, {changes['flap_DEL']:+.2f}, {changes['tip']:+.2f}, "

@@ -1,7 +1,7 @@
 """Loads of the inner blade of the NREL 5-MW rotor, where lift sets in at the end of a cylindrical root.
 
 The published turbine changes from cylinder to airfoil from one blade element to the next, 9.7 m from the axis. A
-lattice with strips several metres wide must still carry the load that blade-element theory finds behind that step.
+lattice with strips several meters wide must still carry the load that blade-element theory finds behind that step.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FINE = replace(ENGINEERING, n_chord=1, n_span=40)
 def strip_force(options, turns=5.0):
     """Edges of the strips (n_span + 1,) [m from the axis] and their force along the axis per length (n_span,) [N/m].
 
-    From speed, angle of attack and polar of every strip; the nodal forces are shared between neighbours.
+    From speed, angle of attack and polar of every strip; the nodal forces are shared between neighbors.
     """
     turbine = load_turbine("nrel_5mw")
     rotor = RigidRotor.of_turbine(turbine, options)

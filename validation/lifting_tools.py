@@ -117,7 +117,7 @@ def steady_wing(planform: LatticePlanform, alpha: float, **options):
     still = np.zeros_like(nodes)
     edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
     length = 2e3 * (planform.span_edges[-1] - planform.span_edges[0])
-    lattice.initialise_wake(state, nodes, still, still + stream.vector, [edge + length * stream.vector], [length])
+    lattice.initialize_wake(state, nodes, still, still + stream.vector, [edge + length * stream.vector], [length])
     return lattice, state, stream
 
 

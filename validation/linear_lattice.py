@@ -58,7 +58,7 @@ class LinearLattice:
         return total
 
     def modal_forces(self, heave, twist, omega: float, speed: float, density: float) -> np.ndarray:
-        """Generalised forces (n_mode, n_mode) of the air for harmonic unit modes.
+        """Generalized forces (n_mode, n_mode) of the air for harmonic unit modes.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class LinearLattice:
         return total
 
     def flutter(self, heave, twist, frequency, density: float, guess) -> tuple[float, float]:
-        """Flutter speed [m/s] and frequency [rad/s] of mass-normalised modes.
+        """Flutter speed [m/s] and frequency [rad/s] of mass-normalized modes.
 
         Parameters
         ----------

@@ -37,7 +37,7 @@ TOP = 350e3
 BENDING = (0, 4)
 
 
-def chain(what, n_pieces, linear=True):
+def chain(what, n_sub_bodies, linear=True):
     """A "blade" on a turning hub or a "tower" with a mass on top, cut into pieces; system, beams and bodies.
 
     ``linear``: pieces without second-order displacement, as the observer frame has them.
@@ -47,18 +47,18 @@ def chain(what, n_pieces, linear=True):
         sections = tower_beam(load_turbine("nrel_5mw").tower, ELEMENTS).sections
     else:
         sections = BeamSections.uniform(LENGTH, EA=1e8, EIx=4 * EI, EIy=EI, GJ=1e6, mass=MASS, Ix=1e-4, Iy=1e-4)
-    pieces = cut_beam(what, sections, ELEMENTS, n_pieces, "modal", INTERIOR, BENDING)
+    sub_bodies = cut_beam(what, sections, ELEMENTS, n_sub_bodies, "modal", INTERIOR, BENDING)
     if linear:
-        pieces = [replace(p, body=without_second_order(p.body, p.beam, p.basis)) for p in pieces]
+        sub_bodies = [replace(p, body=without_second_order(p.body, p.beam, p.basis)) for p in sub_bodies]
     system = MultibodySystem(gravity=(0.0, 0.0, -9.80665 if tower else 0.0))
     hub = FlexibleBody.rigid("hub", 10.0, np.zeros(3), np.diag([2.0, 1.5, 1.5]))
     drive = Joint("fixed") if tower else Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, name="spin")
     hub = system.add(hub, drive)
-    bodies = add_chain(system, pieces, Joint(), hub)
+    bodies = add_chain(system, sub_bodies, Joint(), hub)
     if tower:
         top = FlexibleBody.rigid("top", TOP, np.zeros(3), 1e6 * np.eye(3))
         system.add(top, Joint(), bodies[-1], "tip")
-    return system.build(), {p.body.name: (p.beam, p.basis) for p in pieces}, bodies
+    return system.build(), {p.body.name: (p.beam, p.basis) for p in sub_bodies}, bodies
 
 
 def inputs_of(system, speed):
@@ -87,13 +87,13 @@ def first_mode(system, speed=0.0, step=1e-5):
     return float(np.sqrt(value[lowest].real)), vector[:, lowest].real
 
 
-def period(what, n_pieces, speed=0.0, periods=10, per_period=300, displacement="linear"):
+def period(what, n_sub_bodies, speed=0.0, periods=10, per_period=300, displacement="linear"):
     """Circular frequency of a run in observer frames from the first mode's velocities: upward zero crossings."""
-    system, beams, bodies = chain(what, n_pieces, displacement == "linear")
+    system, beams, bodies = chain(what, n_sub_bodies, displacement == "linear")
     frequency, shape = first_mode(system, speed)
     _, y = inputs_of(system, speed)
     tip = system.bodies[bodies[0]].markers["tip"].linear[0]
-    size = tip @ shape[: len(tip)] * n_pieces**2
+    size = tip @ shape[: len(tip)] * n_sub_bodies**2
     y[system.n_q : 2 * system.n_q] = 1e-3 * frequency * LENGTH / size * shape
     motions = {"spin": lambda t: (speed * t, speed, 0.0)} if system.n_servo else None
     step = 2.0 * np.pi / frequency / per_period
@@ -125,16 +125,13 @@ def substructures():
         curves.append(Curve(np.array(PIECES, dtype=float), np.abs(error), what))
         checks += [
             Check(f"{what}: error of the first frequency with 4 bodies over that with 2", 0.25, error[2] / error[1],
-                  0.2,
-                  source="the slope within a body falls with its length, its square counts"),
+                  0.2, source="the slope within a body falls with its length, its square counts"),
             Check(f"{what}: first frequency with 8 bodies against one with geometric stiffness", "<= 0.005",
-                  abs(error[3]), 0.0, source="the same beam"),
+                  abs(error[3]), source="the same beam"),
         ]  # fmt: skip
         if what == "blade":
             rest = first_mode(chain(what, 1)[0])[0]
-            checks.append(
-                Check("blade: one body keeps its frequency at rest when it turns", rest, found[0], 1e-4, "rad/s",
-                      source="no geometric stiffness within a body")
-            )  # fmt: skip
+            checks.append(Check("blade: one body keeps its frequency at rest when it turns", rest, found[0], 1e-4,
+                                "rad/s", source="no geometric stiffness within a body"))  # fmt: skip
     figures = {"First frequency": Figure(tuple(curves), "bodies", "relative error [-]")}
     return CaseResult(checks, figures, "Error of the first frequency by the number of bodies. " + "; ".join(lines))

@@ -38,7 +38,7 @@ AS_ADAMS = Fidelity("as ADAMS", tower_modes=(4, 4, 2), blade_modes=(4, 3, 1), ya
 
 @dataclass(frozen=True)
 class PublishedMode:
-    """A row of the published table with the coordinates that recognise it.
+    """A row of the published table with the coordinates that recognize it.
 
     ``shape`` weighs coordinates by name; the mode whose mass-weighted motion fits it best carries the name.
     """
@@ -84,7 +84,7 @@ PUBLISHED = (
 def parked_modes(fidelity, gravity=True):
     """Each published mode by the user's own call, ``Simulator.linearize`` of a parked rotor.
 
-    A mode is recognised by the modal assurance criterion with the mass matrix, (pᵀ M φ)² / (pᵀ M p)(φᵀ M φ) with the
+    A mode is recognized by the modal assurance criterion with the mass matrix, (pᵀ M φ)² / (pᵀ M p)(φᵀ M φ) with the
     pattern p: a coordinate counts with all that it carries along. Each mode is used once.
 
     Parameters
@@ -139,11 +139,11 @@ def parked_nrel_5mw():
     weightless = parked_frequencies(AS_ADAMS, gravity=False)
     plain = {name: parked_frequencies(FIDELITIES[name]) for name in ("training", "engineering")}
     checks = [
-        Check(f"{row.name}, as FAST", row.fast, fast[row.name], 0.03, "Hz", True, "FAST column")
+        Check(f"{row.name}, as FAST", row.fast, fast[row.name], 0.03, "Hz", source="FAST column")
         for row in sorted(PUBLISHED, key=lambda row: row.fast)[:10]
     ]
     checks += [
-        Check(f"{row.name}, as ADAMS", row.adams, adams[row.name], 0.03, "Hz", True, "ADAMS column")
+        Check(f"{row.name}, as ADAMS", row.adams, adams[row.name], 0.03, "Hz", source="ADAMS column")
         for row in sorted(PUBLISHED, key=lambda row: row.adams)[:10]
     ]
 

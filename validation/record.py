@@ -50,7 +50,7 @@ def read_record(path: Path) -> dict[str, dict[str, Any]]:
     try:
         cases = json.loads(path.read_text(encoding="utf-8"))["cases"]
     except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is no record of validation cases: {error!r}") from error
+        raise ValueError(f"{path} is not a record of validation cases: {error!r}") from error
     return {name: cases[name] for name in sorted(cases)}
 
 

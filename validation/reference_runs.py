@@ -125,8 +125,8 @@ def conduct(experiment: Experiment, choice, save_to: Path | None = None) -> dict
     dict of str to float
         `QUANTITIES`. Damage-equivalent loads at 1 Hz have the exponents 10 (mean of the blade roots) and 4 (tower).
     """
-    from wt_gym.agents.closed_loop import run_baseline
     from wt_gym.control.controllers.discon import BaselineParameters
+    from wt_gym.runs.playing import run_baseline
 
     simulator = Simulator(TURBINE, inflow=experiment.inflow(), fidelity=choice)
     turbine, start = simulator.turbine, {}
@@ -246,7 +246,7 @@ def main(arguments=None) -> int:
     options = parser.parse_args(arguments)
     unknown = [name for name in options.names if name not in EXPERIMENTS]
     if unknown:
-        parser.error(f"unknown experiment {', '.join(unknown)}; known: {', '.join(EXPERIMENTS)}")
+        parser.error(f"unknown experiment {', '.join(unknown)}; must be one of {', '.join(EXPERIMENTS)}")
     stale = 0
     for name in options.names or EXPERIMENTS:
         for which in [options.fidelity] if options.fidelity else RECORDED:

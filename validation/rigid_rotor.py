@@ -45,7 +45,7 @@ class RotorStep:
     state : AeroState
         Of the lattice.
     nodes, forces : ndarray, shape (n_blades, n_chord + 1, n_span + 1, 3)
-        Positions of the ring nodes [m], the centre of the hub at 0, and the forces of the air on them [N].
+        Positions of the ring nodes [m], the center of the hub at 0, and the forces of the air on them [N].
     """
 
     time: float
@@ -154,7 +154,7 @@ class RigidRotor:
         )  # fmt: skip
 
     def motion(self, azimuth: float, rotor_speed: float, pitch: float, pitch_rate: float = 0.0):
-        """Positions and velocities (n_blades, n_chord + 1, n_span + 1, 3) of the ring nodes, centre of the hub at 0."""
+        """Positions and velocities (n_blades, n_chord + 1, n_span + 1, 3) of the ring nodes, center of the hub at 0."""
         pitched = self.planform.nodes @ turn("z", -pitch).T
         turning = np.cross([0.0, 0.0, -pitch_rate], pitched)
         hinge = turn("y", -self.cone).T
@@ -186,7 +186,7 @@ class RigidRotor:
         state = lattice.new_state()
         nodes, velocities = self.motion(0.0, rotor_speed, pitch(0.0))
         stream = inflow.velocity(nodes, 0.0)
-        lattice.initialise_helix(state, nodes, velocities, stream, np.zeros(3), [1.0, 0.0, 0.0], rotor_speed, dt)
+        lattice.initialize_helix(state, nodes, velocities, stream, np.zeros(3), [1.0, 0.0, 0.0], rotor_speed, dt)
         azimuth, speed = 0.0, rotor_speed
         for k in range(n_steps):
             time = (k + 1) * dt
@@ -260,7 +260,7 @@ class RigidRotor:
     def strip_force(self, state, drag_coefficient):
         """Force per length (n_span, 3) on the strips of the first blade [N/m], global.
 
-        The lattice gives half of each strip's force to either edge. What edges have in common with their neighbours
+        The lattice gives half of each strip's force to either edge. What edges have in common with their neighbors
         can be shared out again, but not what changes from strip to strip: at the tip, where the load falls like a
         root, the strips before the last would have 5 % too little and the last 6 to 8 % too much. So that part is taken
         from circulation and drag of the strips themselves.

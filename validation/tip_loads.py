@@ -156,7 +156,7 @@ def helical_flow(rotor: RigidRotor, options, wind, rotor_speed, drift, turns=8, 
     x, y, z = np.moveaxis(edge, -1, 0)
     wake = np.stack([x + drift * ages[:, None, None], cos * y - sin * z, sin * y + cos * z], axis=-1)
     air = np.broadcast_to([wind, 0.0, 0.0], nodes.shape)
-    lattice.initialise_wake(state, nodes, velocities, air, wake, ages)
+    lattice.initialize_wake(state, nodes, velocities, air, wake, ages)
     force = state.nodal_forces
     torque = (nodes[..., 1] * force[..., 2] - nodes[..., 2] * force[..., 1]).sum()
     return HelicalFlow(

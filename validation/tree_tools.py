@@ -1,4 +1,4 @@
-"""What several cases need from a multibody tree: static balance, linearised frequencies, data tables."""
+"""What several cases need from a multibody tree: static balance, linearized frequencies, data tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from wt_gym.errors import WtGymError
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.structure.substructure import piece_at
+from wt_gym.structure.substructure import sub_body_at
 
 __all__ = [
     "ChainPoints",
@@ -127,7 +127,7 @@ def static_balance(system, y, set_loads=None, *, locked=(), iterations=40, toler
     free = np.array([i for i in range(n) if i not in set(locked)])
 
     def forces(state):
-        """Generalised forces of the free coordinates: applied, elastic and of gravity (inertia is absent at rest)."""
+        """Generalized forces of the free coordinates: applied, elastic and of gravity (inertia is absent at rest)."""
         tree_kernels.kinematics(state, system.tree, work)
         inputs.body_loads[:] = 0.0
         if set_loads is not None:
@@ -167,25 +167,25 @@ class ChainPoints:
     Parameters
     ----------
     system : MultibodySystem
-    pieces : sequence of Piece
+    sub_bodies : sequence of SubBody
     bodies : sequence of int
         Body index of each piece.
     stations : array (n,)
         Arc lengths of the points on the whole beam [m].
     """
 
-    def __init__(self, system, pieces, bodies, stations):
+    def __init__(self, system, sub_bodies, bodies, stations):
         self.system = system
         self.stations = np.asarray(stations, dtype=float)
-        owner = np.array([piece_at(pieces, s) for s in self.stations])
+        owner = np.array([sub_body_at(sub_bodies, s) for s in self.stations])
         self._groups = []
         for k, body in enumerate(bodies):
             rows = np.flatnonzero(owner == k)
             if len(rows):
-                markers = [pieces[k].marker(self.stations[row]) for row in rows]
+                markers = [sub_bodies[k].marker(self.stations[row]) for row in rows]
                 fields = [np.array([getattr(m, key) for m in markers]) for key in ("position", "linear", "second")]
                 first = system.index(body, "elastic_q")
-                self._groups.append((body, rows, slice(first, first + pieces[k].body.n_elastic), fields))
+                self._groups.append((body, rows, slice(first, first + sub_bodies[k].body.n_elastic), fields))
 
     def positions(self, y):
         """Global positions (n, 3) in the state y."""

@@ -93,7 +93,7 @@ def _check(function):
     if name != function.__name__:
         raise ValueError(f"{name}: a kernel stands at the top level of its module")
     if inspect.isgeneratorfunction(function):
-        raise ValueError(f"{name}: a kernel is no generator")
+        raise ValueError(f"{name}: a kernel must be a function, got a generator")
     several = [p for p in inspect.signature(function).parameters.values() if p.kind is not p.POSITIONAL_OR_KEYWORD]
     if several:
         raise ValueError(f"{name}: a kernel has no parameter such as {several[0]}")

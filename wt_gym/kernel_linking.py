@@ -144,7 +144,7 @@ class _SelfContained(JITCodeLibrary):
             self._environments |= getattr(library, "_environments", {})
 
     def finalize(self):
-        """Optimise and load the code, in which separate kernels now go by their symbols."""
+        """Optimize and load the code, in which separate kernels now go by their symbols."""
         for function in list(self._final_module.functions):  # before others with the same symbols are linked
             if function.name in self._called:
                 function.name = self._called[function.name]
@@ -169,7 +169,7 @@ class _Inner(_SelfContained):
     """Code that is only linked into its callers: no machine code is made of it."""
 
     def _optimize_final_module(self):
-        """Simplify only, which makes less work for each caller; there it is optimised with what surrounds it."""
+        """Simplify only, which makes less work for each caller; there it is optimized with what surrounds it."""
         passes, builder = self._codegen._module_pass_manager(loop_vectorize=False, slp_vectorize=False, opt=1)
         passes.run(self._final_module, builder)
 

@@ -50,8 +50,8 @@ def check_settings(config: TrainingConfig) -> None:
             raise ValueError(f"RLlib's {config.algorithm} has no {name!r}, got {value!r}")
         if isinstance(value, str) and value.startswith("lin_") and name != "learning_rate":
             raise ValueError(f"with Ray the learning rate alone can fall, got {name} {value!r}")
-    if values["normalise_observations"]:
-        raise ValueError("with Ray observations are not normalised: set normalise_observations=false")
+    if values["normalize_observations"]:
+        raise ValueError("with Ray observations are not normalized: set normalize_observations=false")
     if values.get("activation_fn") == "elu":
         raise ValueError("with Ray activation_fn must be tanh or relu, got 'elu'")
     if config.algorithm == "SAC" and values.get("ent_coef", "auto") != "auto":
@@ -85,7 +85,7 @@ def rllib_config(config: TrainingConfig, runners: int, session: int) -> Algorith
         "env_id": config.env_id,
         "env_kwargs": config.env_kwargs,
         "mark": [config.seed, session],
-        "gamma": values["gamma"] if values["normalise_rewards"] else None,
+        "gamma": values["gamma"] if values["normalize_rewards"] else None,
     }
     return (
         settings.environment(

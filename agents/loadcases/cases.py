@@ -12,7 +12,6 @@ fault and stops, which sensors are wrong by how much, when in a gust things happ
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from dataclasses import asdict, dataclass
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.envs.options import WindOptions
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "Condition", "DesignCase", "Plan", "inflow_of", "plan_of"]
 
 NORMAL, ABNORMAL, EXTRAPOLATED = 1.35, 1.1, 1.25
-"""Partial safety factors γ_f on unfavourable loads: normal and abnormal design situations (table 3), and production in
+"""Partial safety factors γ_f on unfavorable loads: normal and abnormal design situations (table 3), and production in
 normal turbulence, where the load is extrapolated to 50 years (DLC 1.1)."""
 EXTRAPOLATION = 1.5
 """What the mean of the ten-minute extremes of DLC 1.1 is multiplied with in place of a statistical extrapolation
@@ -112,7 +112,7 @@ class Condition:
 
     @property
     def group(self) -> tuple[str, float, str]:
-        """Of what this is one realisation, among others with other seeds, directions and azimuths."""
+        """Of what this is one realization, among others with other seeds, directions and azimuths."""
         return self.wind, self.speed, self.label
 
     @property
@@ -144,9 +144,9 @@ class Plan:
     stop_speeds : tuple of float
         Those of a stop in a gust [m/s].
     seeds : int
-        Realisations a speed in turbulence, at most 6.
+        Realizations a speed in turbulence, at most 6.
     events : int
-        Realisations a speed and fault, at most 12.
+        Realizations a speed and fault, at most 12.
     length : float
         Measured part of a turbulent run [s].
     azimuths : tuple of float
@@ -204,7 +204,7 @@ class DesignCase:
     factor : float or None
         γ_f; None where fatigue is what counts.
     larger_half : bool
-        Whether the mean is that of the larger half of the realisations.
+        Whether the mean is that of the larger half of the realizations.
     """
 
     title: str
@@ -371,10 +371,4 @@ def inflow_of(condition: Condition, turbine: Turbine) -> Inflow:
 
 
 def _sampler(turbine: Turbine, kind: str, **options: Any) -> WindSampler:
-    return WindSampler(turbine, kind, (turbine.cut_in, turbine.cut_out), **options)
-
-
-def digest(value: Any) -> str:
-    """Short name of a JSON value."""
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()[:20]
+    return WindSampler(turbine, WindOptions(kind, (turbine.cut_in, turbine.cut_out), **options))

@@ -196,11 +196,11 @@ def _table(results: LoadCaseResults) -> str:
             continue
         passed, planned = results.survived(case, agent)
         badge = "better" if passed == planned else "lost"
-        colour = "" if agent == PARKED else f"<i style='background:{styles[agent]['color']}'></i>"
+        color = "" if agent == PARKED else f"<i style='background:{styles[agent]['color']}'></i>"
         cells = "".join(_html_cell(results, case, agent, key) for key in _EXTREMES)
         rows.append(
             f"<tr><th scope='row'><b>{case}</b> {escape(kind.title)} <small>\u03b3 {kind.factor:g}</small></th>"
-            f"<th scope='row'>{colour}{escape(agent)}</th>"
+            f"<th scope='row'>{color}{escape(agent)}</th>"
             f"<td><span class='badge {badge}'>{escape(_survival(results, case, agent))}</span></td>{cells}</tr>"
         )
     return (

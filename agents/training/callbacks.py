@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from wt_gym.agents.progress import ProgressLine, clock
+from wt_gym.runs.progress import ProgressLine, clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from wt_gym.agents.training.config import TrainingConfig
-    from wt_gym.agents.training.held_back import HeldBackEvaluation
+    from wt_gym.agents.training.selection import SelectionEvaluation
 
 __all__ = ["Checkpoints", "EpisodeFigures", "Evaluations", "StopRequest", "Watch", "stop_on_signals"]
 
@@ -198,7 +198,7 @@ class Evaluations(BaseCallback):
     ----------
     every : int
         Steps.
-    evaluation : HeldBackEvaluation
+    evaluation : SelectionEvaluation
     agent : callable
         Gives the agent to evaluate.
     curve : dict of list
@@ -212,7 +212,7 @@ class Evaluations(BaseCallback):
     def __init__(
         self,
         every: int,
-        evaluation: HeldBackEvaluation,
+        evaluation: SelectionEvaluation,
         agent: Callable[[], Any],
         curve: dict[str, list],
         save_best: Callable[[], None],

@@ -7,7 +7,8 @@ import json
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from wt_gym.agents.training.hyperparameters import check_hyperparameters, hyperparameters_for
+from wt_gym.agents.training.hyperparameters import RENAMED, check_hyperparameters, hyperparameters_for
+from wt_gym.deprecated import renamed_keys
 from wt_gym.envs.wind_files import with_whole_paths
 
 __all__ = ["TrainingConfig"]
@@ -90,7 +91,7 @@ class TrainingConfig:
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
         if self.env_kwargs.get("vector_reward"):
             raise ValueError("training takes one number as reward: leave out vector_reward")
-        check_hyperparameters(self.algorithm, self.hyperparameters)
+        object.__setattr__(self, "hyperparameters", check_hyperparameters(self.algorithm, self.hyperparameters))
 
     @property
     def resolved(self) -> dict[str, Any]:
@@ -117,6 +118,8 @@ class TrainingConfig:
         names = {f.name for f in fields(cls)}
         if not isinstance(values, dict) or not set(values) <= names:
             raise ValueError(f"a training configuration has the fields {', '.join(sorted(names))}, got {values!r:.200}")
+        if isinstance(hyperparameters := values.get("hyperparameters"), dict):
+            values = values | {"hyperparameters": renamed_keys(hyperparameters, RENAMED)}
         return cls(**values)
 
     def continues(self, record: Any) -> bool:

@@ -13,13 +13,17 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv,
 
 from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.training.turbine_vec_env import TurbineVecEnv
+from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from wt_gym.agents.training.config import TrainingConfig
 
-__all__ = ["START_METHOD", "make_training_env", "monitored", "normalised"]
+__all__ = ["START_METHOD", "make_training_env", "monitored", "normalized"]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 """How processes that step environments begin: the former where there is one (not on Windows), because it is faster.
@@ -49,16 +53,16 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
     else:
         compile_kernels(first)
         venv = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * config.n_envs, start_method=START_METHOD)
-    return normalised(venv, config)
+    return normalized(venv, config)
 
 
-def normalised(venv: VecEnv, config: TrainingConfig) -> VecNormalize:
+def normalized(venv: VecEnv, config: TrainingConfig) -> VecNormalize:
     """Statistics of rewards, and of observations where the configuration wants them, around environments."""
     hyperparameters = config.resolved
     return VecNormalize(
         venv,
-        norm_obs=hyperparameters["normalise_observations"],
-        norm_reward=hyperparameters["normalise_rewards"],
+        norm_obs=hyperparameters["normalize_observations"],
+        norm_reward=hyperparameters["normalize_rewards"],
         gamma=hyperparameters["gamma"],
     )
 

@@ -16,8 +16,16 @@ import gymnasium as gym
 import yaml
 
 import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.deprecated import renamed_keys
 
-__all__ = ["ALGORITHMS", "check_hyperparameters", "hyperparameters_for", "parse_override", "read_hyperparameters"]
+__all__ = [
+    "ALGORITHMS",
+    "RENAMED",
+    "check_hyperparameters",
+    "hyperparameters_for",
+    "parse_override",
+    "read_hyperparameters",
+]
 
 _FOLDER = Path(__file__).resolve().parents[1] / "hyperparameters"
 
@@ -93,8 +101,8 @@ _SHARED = {
     "activation_fn": _Word(("tanh", "relu", "elu")),
     "use_sde": _FLAG,
     "sde_sample_freq": _Number(-1, 1_000_000, whole=True),
-    "normalise_observations": _FLAG,
-    "normalise_rewards": _FLAG,
+    "normalize_observations": _FLAG,
+    "normalize_rewards": _FLAG,
 }
 _OFF_POLICY = _SHARED | {
     "buffer_size": _Number(1, 10_000_000, whole=True),
@@ -126,7 +134,14 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
     },
 }
 """Algorithms with the hyperparameters that they take; named as in stable-baselines3, but for the flags
-``normalise_observations`` and ``normalise_rewards``."""
+``normalize_observations`` and ``normalize_rewards``."""
+
+
+RENAMED = {
+    "normalise_observations": "normalize_observations",  # rename: keep
+    "normalise_rewards": "normalize_rewards",  # rename: keep
+}
+"""Present by former names, which records of trainings have."""
 
 
 def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparameters") -> dict[str, Any]:
@@ -135,7 +150,7 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
     Returns
     -------
     dict
-        The values.
+        The values, by their present names.
 
     Raises
     ------
@@ -146,13 +161,13 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
         raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}")
     if not isinstance(values, Mapping):
         raise ValueError(f"{where} must map names to values, got {values!r}")
-    known = ALGORITHMS[algorithm]
+    values, known = renamed_keys(values, RENAMED, where), ALGORITHMS[algorithm]
     for name, value in values.items():
         if name not in known:
-            raise ValueError(f"{where}: {algorithm} has no {name!r}; known are {', '.join(sorted(known))}")
+            raise ValueError(f"{where}: names for {algorithm} must be among {', '.join(sorted(known))}; got {name!r}")
         if not known[name].allows(value):
             raise ValueError(f"{where}: {name} must be {known[name]}, got {value!r}")
-    return dict(values)
+    return values
 
 
 def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[str, Any]:

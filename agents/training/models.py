@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["load_model", "make_model", "save_model", "save_replay_buffer"]
 
 _OF_THE_POLICY = ("net_arch", "log_std_init", "activation_fn", "n_quantiles", "n_critics")
-_OF_THE_ENVIRONMENT = ("normalise_observations", "normalise_rewards")
+_OF_THE_ENVIRONMENT = ("normalize_observations", "normalize_rewards")
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
 
@@ -60,9 +60,9 @@ def _value(entry: Any) -> Any:
     return list(entry) if isinstance(entry, tuple) else entry
 
 
-def save_model(model: BaseAlgorithm, model_file: Path, normalisation_file: Path) -> None:
+def save_model(model: BaseAlgorithm, model_file: Path, normalization_file: Path) -> None:
     """Write a model and the statistics of its environment."""
-    write_whole(normalisation_file, partial(pickle.dump, model.get_vec_normalize_env()))
+    write_whole(normalization_file, partial(pickle.dump, model.get_vec_normalize_env()))
     write_whole(model_file, cast("Callable[[BinaryIO], None]", model.save))
 
 
@@ -73,7 +73,7 @@ def save_replay_buffer(model: BaseAlgorithm, path: Path) -> None:
 
 
 def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, buffered: bool = True) -> BaseAlgorithm:
-    """Model as a training left it, with statistics, optimiser and replay buffer, to go on with.
+    """Model as a training left it, with statistics, optimizer and replay buffer, to go on with.
 
     The environments are seeded by training seed and steps, so that they do not repeat their first episodes.
 
@@ -94,10 +94,10 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, bu
         If something is damaged, or does not fit the environment.
     """
     agent = TrainedAgent.load(folder.model, config.algorithm, trust=True)  # of its own training
-    if agent.normalisation is None:
-        raise FileNotFoundError(f"{folder.normalisation} is missing: training cannot go on without its statistics")
-    # there are statistics of observations only where these are normalised
-    vars(venv).update({name: rms for name, rms in vars(agent.normalisation).items() if name in ("obs_rms", "ret_rms")})
+    if agent.normalization is None:
+        raise FileNotFoundError(f"{folder.normalization} is missing: training cannot go on without its statistics")
+    # there are statistics of observations only where these are normalized
+    vars(venv).update({name: rms for name, rms in vars(agent.normalization).items() if name in ("obs_rms", "ret_rms")})
     model = agent.model
     try:
         model.set_env(venv)

@@ -6,16 +6,16 @@ import json
 import shutil
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.agents.folder_lock import FolderLock
 from wt_gym.agents.trained_agent import (
     BEST_MODEL_FILE,
-    BEST_NORMALISATION_FILE,
+    BEST_NORMALIZATION_FILE,
     MODEL_FILE,
-    NORMALISATION_FILE,
+    NORMALIZATION_FILE,
     RECORD_FILE,
     read_record,
 )
 from wt_gym.files import write_text_whole
+from wt_gym.runs.folder_lock import FolderLock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,7 +29,7 @@ SEEDS_FILE = "seeds.json"
 _BUFFER_FILE = "replay_buffer.pkl"
 _CHECKPOINTS, _TENSORBOARD = "checkpoints", "tensorboard"
 _FILES = (
-    MODEL_FILE, NORMALISATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALISATION_FILE, _BUFFER_FILE, SEEDS_FILE,
+    MODEL_FILE, NORMALIZATION_FILE, RECORD_FILE, BEST_MODEL_FILE, BEST_NORMALIZATION_FILE, _BUFFER_FILE, SEEDS_FILE,
 )  # fmt: skip
 _CHECKPOINT_FILES = ("*_steps.zip", "*_steps.pkl")
 _RLLIB = "rllib-"  # and the steps
@@ -92,9 +92,9 @@ class RunFolder(FolderLock):
         return self.path / MODEL_FILE
 
     @property
-    def normalisation(self) -> Path:
+    def normalization(self) -> Path:
         """Statistics that belong to the model."""
-        return self.path / NORMALISATION_FILE
+        return self.path / NORMALIZATION_FILE
 
     @property
     def buffer(self) -> Path:

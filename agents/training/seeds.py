@@ -12,8 +12,8 @@ import numpy as np
 from wt_gym.agents.train import resume, train
 from wt_gym.agents.training.callbacks import stop_on_signals
 from wt_gym.agents.training.config import TrainingConfig
-from wt_gym.agents.training.held_back import FIGURES
 from wt_gym.agents.training.run_folder import SEEDS_FILE, RunFolder, read_plan, seed_folder
+from wt_gym.agents.training.selection import FIGURES
 from wt_gym.files import write_text_whole
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def resume_seeds(
     config = replace(config, **{name: value for name, value in changes.items() if value is not None})
     plan["config"] = config.to_json()
 
-    def go_on(seed: int, stop: StopRequest) -> dict[str, Any]:
+    def resume_seed(seed: int, stop: StopRequest) -> dict[str, Any]:
         run = RunFolder(seed_folder(folder, seed))
         record = run.record() if run.model.exists() else None  # none: stopped by force before anything was saved
         if record is None or not config.continues(record.get("config")):
@@ -118,7 +118,7 @@ def resume_seeds(
 
     with RunFolder(folder), stop_on_signals() as stop:
         _write(folder, plan)  # the next one to resume goes on with these limits, however this ends
-        return _collect(folder, plan, seeds, (go_on(seed, stop) for seed in seeds), stop)
+        return _collect(folder, plan, seeds, (resume_seed(seed, stop) for seed in seeds), stop)
 
 
 def seeds_table(runs: list[dict[str, Any]]) -> list[str]:

@@ -33,6 +33,7 @@ PARTS = {
     "turbines": options.turbines,
     "controllers": options.controllers,
     "parameters": options.parameters,
+    "records": options.records,
     "fidelities": options.fidelities,
     "lattices": options.lattices,
     "cli": command_line.commands,

@@ -7,12 +7,19 @@ from dataclasses import fields
 
 from site_parts.markdown import attributes_of, first_sentence, table, value
 from wt_gym.aerodynamics import AeroOptions
+from wt_gym.control.bladed import RECORDS
 from wt_gym.control.controllers import ADDITIONS, BASES, WRAPPERS, controller_parameters, declared_parameters
 from wt_gym.simulation import FIDELITIES, Fidelity, channel_table
 from wt_gym.simulation.channels import EVEN
 from wt_gym.turbines import catalogue, load_turbine
 
 _RPM = 9.549296585513721
+
+
+def records():
+    """Records of the Bladed interface."""
+    rows = [(", ".join(map(str, r.numbers)), r.unit, r.given_by, r.meaning) for r in RECORDS]
+    return table(("record", "unit", "given by", "meaning"), rows, "channels")
 
 
 def channels():

@@ -21,14 +21,14 @@ ray = pytest.importorskip("ray", reason="the extra 'ray' is not installed: pip i
 
 from ray.cluster_utils import Cluster  # noqa: E402
 
-from wt_gym.agents.distributed.ray_executor import RayExecutor  # noqa: E402
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate  # noqa: E402
 from wt_gym.agents.loadcases.cases import plan_of  # noqa: E402
 from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases  # noqa: E402
-from wt_gym.agents.sweep_record import SWEEP_FILE  # noqa: E402
 from wt_gym.agents.trained_agent import TrainedAgent  # noqa: E402
-from wt_gym.agents.workers import ATTEMPTS  # noqa: E402
 from wt_gym.analysis.results import Wind  # noqa: E402
+from wt_gym.runs.executors import ATTEMPTS  # noqa: E402
+from wt_gym.runs.ray_executor import RayExecutor  # noqa: E402
+from wt_gym.runs.store import SWEEP_FILE  # noqa: E402
 from wt_gym.turbines import load_turbine  # noqa: E402
 
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers do not find the modules of tests
@@ -205,7 +205,7 @@ def test_rllib_trains_and_goes_on_from_its_checkpoint(algorithm, hyper, tmp_path
     assert [s["from_step"] for s in second["sessions"]] == [0, first["steps"]]
     assert second["steps"] >= 400
     check_policy(tmp_path, second)
-    statistics = TrainedAgent.load(tmp_path).normalisation.ret_rms
+    statistics = TrainedAgent.load(tmp_path).normalization.ret_rms
     assert statistics.count == pytest.approx(second["steps"], rel=0.01)
     assert statistics.var > 0.0
 

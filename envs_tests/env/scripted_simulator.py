@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wt_gym.envs import turbine_env
 from wt_gym.envs.running_start import RunningStart
+from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table
@@ -18,7 +18,7 @@ def scripted_signals(values: dict[str, float], n_blades: int = 3) -> Signals:
 
 def use(monkeypatch, simulator: type) -> None:
     """Let environments have this simulator, and begin at operating points: the running turbine is a real one."""
-    monkeypatch.setattr(turbine_env, "Simulator", simulator)
+    monkeypatch.setattr(WindTurbineEnv, "make_simulator", staticmethod(simulator))
     monkeypatch.setattr(RunningStart, "draw", lambda *_: None)
 
 
@@ -58,7 +58,7 @@ class ScriptedSimulator:
         self._seen = dict(self._values)
         return scripted_signals(self._values, self.turbine.n_blades)
 
-    def advance(self, duration, pitch, yaw_rate, generator_torque, go_on=False):
+    def advance(self, duration, pitch, yaw_rate, generator_torque, accumulate=False):
         """Take over the demands and the scripted values; extremes and ways go on where that is asked for."""
         self.time = round(self.time + duration, 9)
         if self.break_at is not None and self.time >= self.break_at:
@@ -73,7 +73,7 @@ class ScriptedSimulator:
         self._set_speed(self._values["rotor_speed"])
         if "rotor_speed_max" in scripted:
             self._values["rotor_speed_max"] = scripted["rotor_speed_max"]
-        self._seen = self._combined() if go_on else dict(self._values)
+        self._seen = self._combined() if accumulate else dict(self._values)
         return scripted_signals(self._seen, self.turbine.n_blades)
 
     def _combined(self) -> dict[str, float]:

@@ -15,18 +15,18 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents.choices import BASELINE, named_choices
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.environments import load_agent
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.names import BASELINE, named_choices
+from wt_gym.agents.pool import load_agent
 from wt_gym.agents.train import TrainingConfig, train
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
-from wt_gym.analysis.summary import summarise
+from wt_gym.analysis.summary import summarize
 from wt_gym.commands import main
 from wt_gym.control.controllers import BaselineController
 from wt_gym.errors import ActionError, SimulationError
@@ -131,7 +131,7 @@ def trained(tmp_path_factory):
     config = TrainingConfig(
         env_id=STEADY,
         env_kwargs={"wind_speed": (10.0, 14.0), "episode_length": 10.0},
-        hyperparameters={"n_steps": 64, "batch_size": 32, "n_epochs": 2, "normalise_observations": True},
+        hyperparameters={"n_steps": 64, "batch_size": 32, "n_epochs": 2, "normalize_observations": True},
         total_steps=256,
         checkpoint_steps=128,
         eval_every=0,
@@ -149,20 +149,20 @@ def test_training_leaves_model_statistics_record_and_checkpoints(trained):
     assert {"ppo_128_steps.zip", "ppo_vecnormalize_128_steps.pkl"} <= names
     agent = TrainedAgent.load(folder)
     assert agent.record["algorithm"] == "PPO"
-    assert agent.normalisation.obs_rms.count > 250
+    assert agent.normalization.obs_rms.count > 250
 
 
 def test_a_checkpoint_comes_with_its_own_statistics(trained, tmp_path):
     folder, record = trained
     agent = TrainedAgent.load(folder / "checkpoints" / "ppo_128_steps.zip")
-    assert agent.normalisation.obs_rms.count == pytest.approx(129.0, abs=1.0)
+    assert agent.normalization.obs_rms.count == pytest.approx(129.0, abs=1.0)
     assert agent.record["algorithm"] == record["algorithm"]
     assert agent.record["checkpoint"] == agent.model.num_timesteps == 128
     (tmp_path / "checkpoints").mkdir()
     lone = tmp_path / "checkpoints" / "ppo_128_steps.zip"
     shutil.copy(folder / "checkpoints" / "ppo_128_steps.zip", lone)
     shutil.copy(folder / "training.json", tmp_path)
-    with pytest.raises(FileNotFoundError, match="normalised observations"):
+    with pytest.raises(FileNotFoundError, match="normalized observations"):
         TrainedAgent.load(lone)
 
 
@@ -170,12 +170,12 @@ def test_steady_training_used_no_turbulence_seed(trained):
     assert trained[1]["wind_seeds"] == []
 
 
-def test_trained_agent_normalises_the_observation(trained):
+def test_trained_agent_normalizes_the_observation(trained):
     folder, _ = trained
     agent = TrainedAgent.load(folder / "model.zip")
     env = gym.make(STEADY, wind_speed=12.0)
     observation, _ = env.reset(seed=0)
-    statistics = agent.normalisation.obs_rms
+    statistics = agent.normalization.obs_rms
     scaled = np.clip((observation - statistics.mean) / np.sqrt(statistics.var + 1e-8), -10, 10)
     expected, _ = agent.model.predict(scaled.astype(np.float32), deterministic=True)
     np.testing.assert_allclose(agent.predict(observation)[0], expected, atol=1e-6)
@@ -275,7 +275,7 @@ def test_a_run_that_fails_in_its_first_step_can_be_reported(monkeypatch, tmp_pat
     config = EvaluationConfig(env_id=STEADY, winds=(Wind(12.0),), duration=8.0, skip=4.0)
     result = evaluate({BASELINE: "baseline", "Constant": "constant"}, config, progress=False)
     assert result.runs[0].data["time"].values.tolist() == [0.0]
-    assert "nan" not in " ".join(summarise(result))
+    assert "nan" not in " ".join(summarize(result))
     write_report(result, tmp_path / "report.html")
 
 
@@ -361,19 +361,19 @@ def test_scripts_explain_themselves(script):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["evaluate", "no/such/agent"], "'no/such/agent' is no agent"),
+        (["evaluate", "no/such/agent"], "got 'no/such/agent'"),
         (["evaluate", "--env", STEADY, "--wind-speed", "60"], "between 0 and 50 m/s"),
         (["evaluate", "--env", "CartPole-v1"], "must be one of wt_gym/"),
         (["evaluate", "--env", "NoSuchEnv-v0"], "NoSuchEnv"),
         (["evaluate", "--env-kwargs", '{"episode_length": 50}'], "episode_length"),
-        (["evaluate", "--env-kwargs", '{"colour": 1}'], "no argument 'colour'"),
+        (["evaluate", "--env-kwargs", '{"color": 1}'], "no argument 'color'"),
         (["evaluate", "--duration", "20", "--skip", "30"], "nothing is left"),
         (["train", "--env", "CartPole-v1"], "must be one of wt_gym/"),
         (["train", "--wind-speed", "60"], "between 0.5 and 50 m/s"),
         (["train", "--env-kwargs", "[1]"], "must be a JSON object"),
         (["train", "--steps", "-5", "--wind-speed", "12"], "total_steps must be a whole number from 1"),
         (["train", "--max-seconds", "nan"], "max_seconds must be a number"),
-        (["train", "--hyper", "gama=0.9"], "PPO has no 'gama'; known are"),
+        (["train", "--hyper", "gama=0.9"], "names for PPO must be among .*; got 'gama'"),
         (["simulate", "--wind-speed", "-1"], "--wind-speed must lie between 0 and 50 m/s, got -1"),
         (["simulate", "--wind-speed", "60"], "--wind-speed must lie between 0 and 50 m/s, got 60"),
         (["simulate", "--wind-speed", "nan"], "--wind-speed must lie between 0 and 50 m/s, got nan"),

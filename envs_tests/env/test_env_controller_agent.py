@@ -65,7 +65,7 @@ def test_late_observations_are_the_controllers_late_measurements(envs, mode, pit
 
 def test_a_new_episode_starts_afresh_and_a_batch_is_many(envs):
     env = envs(action_mode="rate", pitch="individual")
-    agent = ControllerAgent.from_env(env, "rosco+ipc")
+    agent = ControllerAgent.from_env(env, "tsr_tracking+ipc")
     first, _ = env.reset(seed=1)
     one, _ = agent.predict(first)
     observation = first

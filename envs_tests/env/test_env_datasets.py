@@ -57,8 +57,8 @@ def test_noise_changes_the_actions_within_their_bounds(recorded):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"agent": "nothing"}, "'nothing' is no agent: give baseline"),
-        ({"episodes": 0}, "at least 1 episode"),
+        ({"agent": "nothing"}, "an agent must be baseline.*got 'nothing'"),
+        ({"episodes": 0}, "episodes and random_episodes must be at least 1"),
         ({"noise": -1.0}, "noise must be"),
         ({"dataset_id": "wt_gym/test/ipc-v0"}, "is a data set wt_gym/test/ipc-v0"),
     ],

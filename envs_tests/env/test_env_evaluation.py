@@ -13,13 +13,10 @@ from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.agents import evaluation as module
 from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.contenders import Contenders
-from wt_gym.agents.environments import Environments
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS
-from wt_gym.agents.executors import ProcessExecutor
-from wt_gym.agents.sweep_record import SWEEP_FILE
+from wt_gym.agents.pool import AgentPool, Environments
 from wt_gym.agents.trained_environment import check_environment, resolved_arguments
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training_notes import training_notes
@@ -27,6 +24,8 @@ from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.commands import evaluate as command
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.runs.executors import ProcessExecutor
+from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -179,9 +178,9 @@ def test_residual_actions_of_a_model_mean_what_they_meant(count_runs):
     layout = gym.make(STEADY, **config.env_kwargs).unwrapped.layout
     mine = Trained(layout, STEADY, action_mode="residual", **meant)
     environments = Environments(STEADY, config.env_kwargs)
-    env = environments.beneath(mine, mine.record)
+    env = environments.environment_of(mine, mine.record)
     assert {name: env.spec.kwargs[name] for name in meant} == meant
-    assert environments.beneath(mine, mine.record, as_given=True) is environments.plain
+    assert environments.environment_of(mine, mine.record, as_given=True) is environments.plain
     environments.close()
     evaluate({"mine": mine}, config, progress=False)
     assert count_runs[0] == [("mine", 9.0)]
@@ -311,7 +310,7 @@ class OfRecord(ConstantAgent):
 )
 def test_what_a_training_has_met_is_said(record, note, monkeypatch, caplog):
     played = []
-    monkeypatch.setattr(Contenders, "results", lambda self, play, jobs, *_: played.append(len(caplog.records)) or ())
+    monkeypatch.setattr(AgentPool, "results", lambda self, play, *_: played.append(len(caplog.records)) or ())
     env = gym.make(STEADY)
     agents = {"Baseline": "baseline", "Model": OfRecord(layout_of(env), record)}
     env.close()
@@ -376,15 +375,15 @@ def test_the_command_asks_for_winds_that_the_environment_has(words, speeds, seed
     [
         (
             f"--env wt_gym/Gusts-v2 {TRANSIENT} --wind-seeds 3",
-            r"no turbulence seeds, got \[3\]: give a number of draws",
+            r"has none; got \[3\]: give a number of draws",
         ),
-        ("--env wt_gym/NREL5MW-Steady-v1 --wind-seeds 3", r"no turbulence seeds, got \[3\]"),
-        ("--draws 2", "nothing is drawn beside its speed and seed: give turbulence seeds"),
+        ("--env wt_gym/NREL5MW-Steady-v1 --wind-seeds 3", r"has none; got \[3\]"),
+        ("--draws 2", "draws must be left out: .*; give turbulence seeds"),
         ("--env wt_gym/NREL5MW-Steady-v1 --draws 2", "one run in it is all"),
-        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --draws 0", "at least 1 draw is needed, got 0"),
+        (f"--env wt_gym/Gusts-v2 {TRANSIENT} --draws 0", "draws must be at least 1, got 0"),
         (
             '--wind-speed 12 --env-kwargs \'{"inflow": "extreme", "standstill_limit": -0.5}\'',
-            r"has a speed of its own, got the speeds \[12.0\] m/s",
+            r"speeds must be left out, .*; got \[12.0\] m/s",
         ),
     ],
 )
@@ -418,7 +417,7 @@ def drawn_inflow(rng):
         ({"inflow": "extreme", "standstill_limit": -0.5}, r"70 m/s, draw [12]"),
     ],
 )
-def test_runs_are_labelled_by_the_wind_that_they_had(kwargs, labels, monkeypatch, tmp_path):
+def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch, tmp_path):
     """Asked for two seeds at 15 m/s, whatever the wind of the environment is."""
     use(monkeypatch, RecordedSimulator)
     monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
@@ -469,5 +468,5 @@ def test_refused_agents_leave_no_environment_open(monkeypatch):
     closed = []
     monkeypatch.setattr(WindTurbineEnv, "close", lambda self: closed.append(self))
     with pytest.raises(FileNotFoundError, match=r"no trained model at \./nobody"):
-        Contenders({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v1", {})
+        AgentPool({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v1", {})
     assert len(closed) == 1

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, use
 
-from wt_gym.agents.choices import env_choices_of, named_choices
-from wt_gym.agents.contenders import Contenders
-from wt_gym.agents.entries import entries_of, entry_of
+from wt_gym.agents.benchmark_runs import entries_of, entry_of
+from wt_gym.agents.names import env_choices_of, named_choices
+from wt_gym.agents.pool import AgentPool
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 
@@ -91,11 +91,11 @@ def test_a_controller_of_ones_own_runs_beneath(mine):
     assert turbine_env_of(env).controller.gain == 2
     env.close()
     agents = {"a": "baseline", "b": f"{mine}:Hold:gain=3", "c": "discon"}
-    with Contenders(agents, RESIDUAL, {}) as contenders:
-        assert turbine_env_of(contenders["b"][0]).controller.gain == 3
-        assert contenders["a"][0] is contenders["c"][0]  # one name for one thing, in one environment
-    with Contenders(agents, STEADY, {}) as contenders:
-        assert contenders.agents["b"].controller.gain == 3
+    with AgentPool(agents, RESIDUAL, {}) as pool:
+        assert turbine_env_of(pool["b"][0]).controller.gain == 3
+        assert pool["a"][0] is pool["c"][0]  # one name for one thing, in one environment
+    with AgentPool(agents, STEADY, {}) as pool:
+        assert pool.agents["b"].controller.gain == 3
 
 
 @pytest.mark.parametrize("name", ["baseline", "Baseline PI"])
@@ -106,8 +106,8 @@ def test_environments_know_the_baseline_by_all_its_names(name):
 
 
 def test_a_class_with_predict_runs_in_the_environment_that_it_chooses(mine):
-    with Contenders({"a": "baseline", "b": f"{mine}:Rests:offset=0.5"}, RESIDUAL, {}) as contenders:
-        env, agent = contenders["b"]
+    with AgentPool({"a": "baseline", "b": f"{mine}:Rests:offset=0.5"}, RESIDUAL, {}) as pool:
+        env, agent = pool["b"]
         layout = layout_of(env)
         assert layout.action.mode == "absolute"
         assert agent.predict(np.zeros(len(layout.observation)))[0].tolist() == [0.5] * layout.action.size
@@ -134,8 +134,8 @@ def test_any_model_of_stable_baselines_enters(tmp_path, name):
     path = saved(tmp_path / "model.zip", cls, pitch="collective")
     (tmp_path / "model.json").write_text(json.dumps({"env_kwargs": {"pitch": "collective", "action_mode": "rate"}}))
     for text in (str(path), f"{path}:algo={name}"):
-        with Contenders(named_choices(["baseline", f"m={text}"]), STEADY, {}) as contenders:
-            env, agent = contenders["m"]
+        with AgentPool(named_choices(["baseline", f"m={text}"]), STEADY, {}) as pool:
+            env, agent = pool["m"]
             observation, _ = env.reset(seed=1)
             action, _ = agent.predict(observation)
             plain = cls.load(path, device="cpu").predict(observation, deterministic=True)[0]
@@ -148,15 +148,15 @@ def test_models_that_do_not_fit_are_refused(tmp_path):
 
     path = saved(tmp_path / "model.zip", SAC)
     with (
-        pytest.raises(ValueError, match="is no model of PPO but of SAC"),
-        Contenders({"m": f"{path}:algo=PPO"}, STEADY, {}),
+        pytest.raises(ValueError, match="is not a model of PPO but of SAC"),
+        AgentPool({"m": f"{path}:algo=PPO"}, STEADY, {}),
     ):
         pass
     with pytest.raises(ValueError, match=r"must be one of .*got 'SAK'; did you mean 'SAC'"), \
-            Contenders({"m": f"{path}:algo=SAK"}, STEADY, {}):  # fmt: skip
+            AgentPool({"m": f"{path}:algo=SAK"}, STEADY, {}):  # fmt: skip
         pass
     with pytest.raises(ValueError, match="m: the model takes observations"), \
-            Contenders({"m": str(path)}, STEADY, {"pitch": "individual"}):  # fmt: skip
+            AgentPool({"m": str(path)}, STEADY, {"pitch": "individual"}):  # fmt: skip
         pass
     (tmp_path / "model.json").write_text('{"env": {}}')
     with pytest.raises(ValueError, match="must hold a table of algo and env_kwargs, got env"):
@@ -164,7 +164,7 @@ def test_models_that_do_not_fit_are_refused(tmp_path):
     no_model = tmp_path / "other.zip"
     no_model.write_bytes(b"no zip")
     with pytest.raises(ValueError, match="damaged, or no model of stable-baselines3"), \
-            Contenders({"m": str(no_model)}, STEADY, {}):  # fmt: skip
+            AgentPool({"m": str(no_model)}, STEADY, {}):  # fmt: skip
         pass
 
 
@@ -173,19 +173,19 @@ def test_no_code_in_a_model_is_run_unless_it_is_trusted(tmp_path):
 
     path, trace = saved(tmp_path / "model.zip", PPO), tmp_path / "trace"
     with_part(path, "ep_info_buffer", Evil(trace))  # nothing that a policy needs
-    with Contenders({"m": str(path)}, STEADY, {}):
+    with AgentPool({"m": str(path)}, STEADY, {}):
         assert not trace.exists()
     with_part(path, "policy_class", Evil(trace))
     with pytest.raises(ValueError, match=r"needs \S+open for its policy_class: .*--trust"), \
-            Contenders({"m": str(path)}, STEADY, {}):  # fmt: skip
+            AgentPool({"m": str(path)}, STEADY, {}):  # fmt: skip
         pass
     assert not trace.exists()
     (tmp_path / "vecnormalize.pkl").write_bytes(pickle.dumps(Evil(trace)))
     with pytest.raises(ValueError, match=r"statistics .* hold \S+open: .*--trust"), \
-            Contenders({"m": str(path)}, STEADY, {}):  # fmt: skip
+            AgentPool({"m": str(path)}, STEADY, {}):  # fmt: skip
         pass
     assert not trace.exists()
     with pytest.raises(ValueError, match="no statistics of a training"), \
-            Contenders({"m": f"{path}:trust=True"}, STEADY, {}):  # fmt: skip
+            AgentPool({"m": f"{path}:trust=True"}, STEADY, {}):  # fmt: skip
         pass
     assert trace.exists()  # trusted: it was run

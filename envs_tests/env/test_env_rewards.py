@@ -486,7 +486,7 @@ def test_impossible_rewards_are_refused(reward):
 
 
 def test_reference_loads_of_the_nrel_5mw():
-    # 17 740 kg with the centre of mass 20.475 m from the root (NREL/TP-500-38060, Table 2-2).
+    # 17 740 kg with the center of mass 20.475 m from the root (NREL/TP-500-38060, Table 2-2).
     assert blade_static_moment(TURBINE) == pytest.approx(17_740 * GRAVITY * 20.475, rel=0.01)
     assert reference_flap_moment(TURBINE) == pytest.approx(12.35e6, rel=1e-3)
 
@@ -514,7 +514,7 @@ def test_names_functions_and_terms_make_rewards():
     ("reward", "message"),
     [
         ("powr", r"no term 'powr'; did you mean 'power'\? There are power, "),
-        (["power", "colour"], r"no term 'colour'\. There are"),
+        (["power", "color"], r"no term 'color'\. There are"),
         ({"powr": 1.0}, "did you mean 'power'"),
         ([steady, steady], "different names"),
         (3.0, "must map names of terms to weights, or be a name, a function"),

@@ -13,8 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from scripted_simulator import ScriptedSimulator, use
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
-from wt_gym.agents.closed_loop import run_baseline
-from wt_gym.agents.environments import Environments
+from wt_gym.agents.pool import Environments
 from wt_gym.benchmark.run import make_env
 from wt_gym.benchmark.tasks import load_task
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
@@ -24,6 +23,7 @@ from wt_gym.envs import rewards
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.tasks import TASKS
@@ -196,8 +196,8 @@ def test_faded_residual_pitch_acts_above_rated_wind_only(wind_speed, share):
         observation, *_ = env.step(np.array([1.0, 0.0, 0.0]))
     assert env.layout.observation.value(observation, "residual_share") == pytest.approx(share, abs=1e-6)
     offset = np.mean(env.demand.pitch - env.base.pitch)
-    assert offset == pytest.approx(share * env.aim.pitch[0], abs=1e-12)
-    assert env.aim.pitch[0] == pytest.approx(np.radians(1.5))
+    assert offset == pytest.approx(share * env.setpoint.pitch[0], abs=1e-12)
+    assert env.setpoint.pitch[0] == pytest.approx(np.radians(1.5))
 
 
 def test_a_lasting_mean_offset_is_washed_out_tilt_is_not():
@@ -280,7 +280,7 @@ def test_components_left_out_are_the_controllers():
     for _ in range(10):
         env.step(np.zeros(1))
     np.testing.assert_array_equal(env.demand.pitch, env.base.pitch)
-    assert env.demand.generator_torque == env.aim.generator_torque
+    assert env.demand.generator_torque == env.setpoint.generator_torque
 
 
 def test_a_constant_residual_against_the_controller_alone():
@@ -335,7 +335,7 @@ def test_single_channels_and_lidar():
     moments = [env.signals[f"root_flap_moment_{b}"] for b in (1, 2, 3)]
     tilt = to_fixed_frame(moments, env.signals["azimuth"])[1]
     assert env.layout.observation.value(observation, "root_flap_moment_tilt") == pytest.approx(tilt, rel=1e-4)
-    with pytest.raises(ValueError, match=r"observation has no \['lidar_9'\]; there are the groups"):
+    with pytest.raises(ValueError, match=r"observation has \['lidar_9'\]; must be among the groups"):
         WindTurbineEnv(observation=("rotor", "lidar_9"))
 
 
@@ -521,7 +521,7 @@ def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
     env = WindTurbineEnv(inflow=SteadyInflow(15.0), relative_reward=True, episode_length=4.0, **RESIDUAL)
     env.reset(seed=0)
     env.step(np.zeros(5))
-    env._twin.overspeed_limit = 0.5
+    env._twin.limits.overspeed = 0.5
     rewards = [env.step(np.zeros(5))[1] for _ in range(4)]
     assert not env._twin._running
     assert np.abs(rewards).max() < 0.1

@@ -16,17 +16,17 @@ import pytest
 import torch
 
 from wt_gym.agents import evaluation
-from wt_gym.agents.choices import named_choices
 from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.names import named_choices
 from wt_gym.agents.train import TrainingConfig, resume, train
 from wt_gym.agents.trained_agent import TrainedAgent
-from wt_gym.agents.training import callbacks, held_back
+from wt_gym.agents.training import callbacks, selection
 from wt_gym.agents.training import seeds as seeds_module
-from wt_gym.agents.training.held_back import SELECTION_WIND_SEEDS, HeldBackEvaluation
 from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.agents.training.seeds import resume_seeds, seeds_table, train_seeds
+from wt_gym.agents.training.selection import SELECTION_WIND_SEEDS, SelectionEvaluation
 from wt_gym.commands import train as train_command
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.files import whole_file, write_whole
 from wt_gym.wind import SteadyInflow
 
@@ -35,7 +35,7 @@ STEADY = "wt_gym/NREL5MW-Steady-v1"
 SMALL = TrainingConfig(
     env_id=STEADY,
     env_kwargs={"wind_speed": 12.0, "episode_length": 5.0},
-    hyperparameters={"n_steps": 32, "batch_size": 32, "n_epochs": 1, "normalise_observations": True},
+    hyperparameters={"n_steps": 32, "batch_size": 32, "n_epochs": 1, "normalize_observations": True},
     total_steps=64,
     eval_every=0,
     eval_seconds=15.0,
@@ -66,7 +66,7 @@ def test_a_resumed_training_goes_on_in_every_account(tmp_path):
     assert second["evaluation"]["baseline"] == first["evaluation"]["baseline"]
     agent = TrainedAgent.load(tmp_path)
     assert agent.model.num_timesteps == 128
-    assert agent.normalisation.obs_rms.count == pytest.approx(128 + 2, abs=0.1)  # and two resets
+    assert agent.normalization.obs_rms.count == pytest.approx(128 + 2, abs=0.1)  # and two resets
     scalars = read_scalars(tmp_path / "tensorboard")
     rates = {round(value / 1e-3, 6) for _, value in scalars["train/learning_rate"]}
     assert rates == {1 - 32 / 64, 0.0, 1 - 96 / 128}
@@ -74,7 +74,7 @@ def test_a_resumed_training_goes_on_in_every_account(tmp_path):
     assert {"episode/length_s", "episode/mean_power_mw", "reward/power", "evaluation/blade_flap_del"} <= set(scalars)
     best = TrainedAgent.load(tmp_path / "best_model.zip")
     assert best.model.num_timesteps == second["evaluation"]["best"]["steps"]
-    assert best.normalisation.obs_rms.count < best.model.num_timesteps + 3
+    assert best.normalization.obs_rms.count < best.model.num_timesteps + 3
 
 
 def read_scalars(folder):
@@ -150,10 +150,10 @@ def test_evaluation_is_in_winds_of_its_own_and_asks_the_baseline_once(monkeypatc
         asked.append((agent, config.winds))
         return evaluation.evaluate(agents, config, **options)
 
-    monkeypatch.setattr(held_back, "evaluate", spy)
+    monkeypatch.setattr(selection, "evaluate", spy)
     config = TrainingConfig(eval_winds=2, eval_seconds=15.0, env_kwargs={"wind_speed": (12.0, 16.0)})
     env = held_back_env(config)
-    judge = HeldBackEvaluation(config, env.unwrapped.wind)
+    judge = SelectionEvaluation(config, env.unwrapped.wind)
     zero = ConstantAgent(env.unwrapped.layout)
     assert set(judge(zero).values()) == {0.0}  # zero offsets are the baseline
     judge(zero)
@@ -164,7 +164,7 @@ def test_evaluation_is_in_winds_of_its_own_and_asks_the_baseline_once(monkeypatc
     assert not set(SELECTION_WIND_SEEDS) & {*TRAINING_WIND_SEEDS, *EVALUATION_WIND_SEEDS[:6]}
     pool = {"wind_seeds": list(SELECTION_WIND_SEEDS[1:])}
     with pytest.raises(ValueError, match="leaves 1"):
-        HeldBackEvaluation(config, held_back_env(replace(config, env_kwargs=pool)).unwrapped.wind)
+        SelectionEvaluation(config, held_back_env(replace(config, env_kwargs=pool)).unwrapped.wind)
 
 
 def held_back_env(config):
@@ -176,7 +176,7 @@ def held_back_env(config):
 def test_a_policy_that_stops_the_rotor_has_a_return_and_no_loads():
     config = TrainingConfig(env_id=STEADY, env_kwargs={"wind_speed": 12.0}, eval_seconds=30.0)
     env = held_back_env(config)
-    figures = HeldBackEvaluation(config, env.unwrapped.wind)(ConstantAgent(env.unwrapped.layout, [1.0, 0.0, 1.0]))
+    figures = SelectionEvaluation(config, env.unwrapped.wind)(ConstantAgent(env.unwrapped.layout, [1.0, 0.0, 1.0]))
     assert figures["episode_return"] < -100.0
     assert figures["blade_flap_del"] is None
 
@@ -290,7 +290,7 @@ def test_a_checkpoint_is_enough_to_go_on_after_a_crash(tmp_path, monkeypatch):
     def crash(*_):
         raise KeyboardInterrupt  # as by a second Ctrl-C
 
-    monkeypatch.setattr(HeldBackEvaluation, "__call__", crash)
+    monkeypatch.setattr(SelectionEvaluation, "__call__", crash)
     with pytest.raises(KeyboardInterrupt):
         train(config, tmp_path, progress=False)
     monkeypatch.undo()
@@ -390,7 +390,7 @@ def test_damaged_records_are_not_resumed(copied, changes, message):
         ({"env_kwargs": [1]}, "env_kwargs must map"),
         ({"env_kwargs": {"vector_reward": True}}, "vector_reward"),
         ({"algorithm": "DQN"}, "algorithm must be one of PPO, SAC, TQC"),
-        ({"hyperparameters": {"colour": 1}}, "PPO has no 'colour'; known are activation_fn, batch_size"),
+        ({"hyperparameters": {"color": 1}}, "names for PPO must be among activation_fn, batch_size.*got 'color'"),
     ],
 )
 def test_absurd_numbers_are_refused(changes, message):
@@ -416,13 +416,13 @@ def test_several_seeds_one_after_another(tmp_path):
 
 
 def test_a_signal_ends_all_seeds(tmp_path, monkeypatch):
-    ask = HeldBackEvaluation.__call__
+    ask = SelectionEvaluation.__call__
 
     def late(self, agent):  # while the last model is evaluated: that training is done, the next must not begin
         os.kill(os.getpid(), signal.SIGTERM)
         return ask(self, agent)
 
-    monkeypatch.setattr(HeldBackEvaluation, "__call__", late)
+    monkeypatch.setattr(SelectionEvaluation, "__call__", late)
     summary = train_seeds(replace(SMALL, eval_every=1000), tmp_path, [1, 2], progress=False)
     assert (summary["status"], summary["stopped_by"]) == ("interrupted", "SIGTERM")
     assert [run["status"] for run in summary["runs"]] == ["finished"]
@@ -569,7 +569,7 @@ def test_a_file_has_the_options_and_typed_ones_come_after(tmp_path, capsys):
 
 def test_the_same_words_begin_and_go_on(tmp_path, capsys):
     file = tmp_path / "run.yml"
-    file.write_text(FILE + f"out: {tmp_path / 'run'}\ngo_on: true\nseeds: [3, 5]\n")
+    file.write_text(FILE + f"out: {tmp_path / 'run'}\nresume_if_exists: true\nseeds: [3, 5]\n")
     first = run_train(capsys, "--config", file)
     assert [(run["seed"], run["steps"]) for run in first["runs"]] == [(3, 64), (5, 64)]
     before = parameters(tmp_path / "run" / "seed-5")
@@ -591,7 +591,7 @@ def test_the_same_words_begin_and_go_on(tmp_path, capsys):
 def test_one_seed_goes_on_too(tmp_path, capsys):
     file = tmp_path / "run.yml"
     file.write_text(FILE)
-    words = ("--config", file, "--go-on", "--out", tmp_path / "run")
+    words = ("--config", file, "--resume-if-exists", "--out", tmp_path / "run")
     assert run_train(capsys, *words)["steps"] == 64
     assert len(run_train(capsys, *words)["sessions"]) == 1
     more = run_train(capsys, *words, "--steps", "96")
@@ -619,17 +619,17 @@ def test_bad_files_are_refused(text, message, tmp_path):
 
 def test_a_file_gives_way_to_what_is_typed(tmp_path):
     file = tmp_path / "run.yml"
-    file.write_text("seed: 3\ngo_on: true\njson: false\ntensorboard: false\nhyper: {learning_rate: 3e-4}\n")
+    file.write_text("seed: 3\nresume_if_exists: true\njson: false\ntensorboard: false\nhyper: {learning_rate: 3e-4}\n")
     parsed = train_command.parse_arguments(["--config", str(file)])
-    assert (parsed.seed, parsed.go_on, parsed.json, parsed.tensorboard) == (3, True, False, False)
+    assert (parsed.seed, parsed.resume_if_exists, parsed.json, parsed.tensorboard) == (3, True, False, False)
     assert train_command.configuration(parsed).resolved["learning_rate"] == 3e-4  # which YAML takes for a word
     assert train_command.parse_arguments(["--config", str(file), "--seeds", "0", "1"]).seeds == [0, 1]
     parsed = train_command.parse_arguments(["--config", str(file), "--overwrite"])
-    assert (parsed.overwrite, parsed.go_on) == (True, False)
-    assert not train_command.parse_arguments(["--config", str(file), "--no-go-on"]).go_on
+    assert (parsed.overwrite, parsed.resume_if_exists) == (True, False)
+    assert not train_command.parse_arguments(["--config", str(file), "--no-resume-if-exists"]).resume_if_exists
 
 
-@pytest.mark.parametrize("text", ["colour: red", "steps: many", "go_on: true\noverwrite: true"])
+@pytest.mark.parametrize("text", ["color: red", "steps: many", "resume_if_exists: true\noverwrite: true"])
 def test_options_of_a_file_are_checked_like_typed_ones(text, tmp_path, capsys):
     file = tmp_path / "run.yml"
     file.write_text(text)

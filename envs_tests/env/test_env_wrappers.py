@@ -45,7 +45,7 @@ def test_frame_stack_observation_holds_the_last_ones(plain):
     np.testing.assert_array_equal(observations[1:, 0], plain[:-1])
 
 
-def test_normalize_observation_centres(plain):
+def test_normalize_observation_centers(plain):
     env = wrappers.NormalizeObservation(make())
     observations, _ = rollout(env)
     assert observations.dtype == np.float32

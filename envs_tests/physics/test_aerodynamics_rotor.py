@@ -11,7 +11,7 @@ from wt_gym.aerodynamics.state import sparse_span
 from wt_gym.aerodynamics.wake.wake_kernels import wake_sheets
 
 RADIUS, DENSITY = 60.0, 1.225
-CENTRE = np.array([-5.0, 0.0, 90.0])
+CENTER = np.array([-5.0, 0.0, 90.0])
 ANGLES = -np.pi + 2 * np.pi * np.arange(720) / 720
 
 
@@ -52,7 +52,7 @@ def motion(planform, angle, rotor_speed, pitch):
         c, s = np.cos(angle + 2 * np.pi * k / 3), np.sin(angle + 2 * np.pi * k / 3)
         nodes.append(local @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]).T)
     nodes = np.array(nodes)
-    return nodes + CENTRE, np.cross([rotor_speed, 0, 0], nodes)
+    return nodes + CENTER, np.cross([rotor_speed, 0, 0], nodes)
 
 
 def simulate(options, speed, ratio=None, rotor_speed=None, pitch=0.0, turns=2.0):
@@ -63,7 +63,7 @@ def simulate(options, speed, ratio=None, rotor_speed=None, pitch=0.0, turns=2.0)
     state = solver.new_state()
     dt = np.radians(options.azimuth_step_deg) / max(abs(rotor_speed), 0.5)
     nodes, velocities = motion(planform, 0.0, rotor_speed, pitch)
-    solver.initialise_helix(state, nodes, velocities, 0 * nodes + inflow.vector, CENTRE, [1, 0, 0], rotor_speed, dt)
+    solver.initialize_helix(state, nodes, velocities, 0 * nodes + inflow.vector, CENTER, [1, 0, 0], rotor_speed, dt)
     history = []
     for k in range(int(turns * 360 / options.azimuth_step_deg)):
         solver.convect_wake(state, inflow, k * dt, dt)
@@ -72,7 +72,7 @@ def simulate(options, speed, ratio=None, rotor_speed=None, pitch=0.0, turns=2.0)
         history.append(((forces * velocities).sum(), forces[..., 0].sum()))
         solver.accept(state)
     power, thrust = np.array(history)[-int(360 / options.azimuth_step_deg) :].T
-    torque = np.cross(nodes - CENTRE, state.nodal_forces)[..., 0].sum()
+    torque = np.cross(nodes - CENTER, state.nodal_forces)[..., 0].sum()
     assert (state.nodal_forces * velocities).sum() == pytest.approx(torque * rotor_speed, rel=1e-9, abs=1e-6)
     assert np.all(np.isfinite(state.wake_nodes))
     return power, thrust, state
@@ -136,7 +136,7 @@ def test_rings_of_a_wake_thinned_twice_are_closed_and_induce_what_all_nodes_do()
         if not name.startswith("far_"):
             getattr(copy.arrays, name)[...] = array
     radius, angle = np.meshgrid(np.linspace(0.3, 0.9, 7) * RADIUS, np.linspace(0.0, 6.0, 9))
-    points = CENTRE + np.stack([0 * radius - 5.0, radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+    points = CENTER + np.stack([0 * radius - 5.0, radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
     expected = full.induced_velocity(copy, points)
     size = np.abs(expected).max()
     np.testing.assert_allclose(thinned.induced_velocity(state, points), expected, atol=0.01 * size)
@@ -196,7 +196,7 @@ def test_wind_of_every_row_is_asked_for_in_turn():
     state = solver.new_state()
     nodes, velocities = motion(planform, 0.0, 1.2, 0.0)
     wind = np.broadcast_to([8.0, 0.0, 0.0], nodes.shape)
-    solver.initialise_helix(state, nodes, velocities, wind, CENTRE, [1, 0, 0], 1.2, dt)
+    solver.initialize_helix(state, nodes, velocities, wind, CENTER, [1, 0, 0], 1.2, dt)
     for k in range(60):
         solver.convect_wake(state, Growing(), k * dt, dt)
         nodes, velocities = motion(planform, (k + 1) * dt * 1.2, 1.2, 0.0)

@@ -1,4 +1,4 @@
-"""Wings and sections: thin-aerofoil limits, lifting-surface values, unsteady lift, polars, bookkeeping."""
+"""Wings and sections: thin-airfoil limits, lifting-surface values, unsteady lift, polars, bookkeeping."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def steady(planform, alpha, speed=1.0, **options):
     stream = speed * np.array([np.sin(alpha), np.cos(alpha), 0.0])
     length = 2e3 * planform.span_edges[-1]
     edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
-    solver.initialise_wake(
+    solver.initialize_wake(
         state, nodes, 0 * nodes, 0 * nodes + stream, [edge + length * stream / speed], [length / speed]
     )
     total = state.nodal_forces.sum(axis=(0, 1, 2))
@@ -60,7 +60,7 @@ def steady(planform, alpha, speed=1.0, **options):
 
 
 @pytest.mark.parametrize("n_chord", [1, 2, 5])
-def test_section_lattice_is_thin_aerofoil_theory(n_chord):
+def test_section_lattice_is_thin_airfoil_theory(n_chord):
     flat = section_lattice(np.zeros_like, n_chord)
     assert flat.lift_slope == pytest.approx(2 * np.pi, rel=1e-12)
     assert flat.zero_lift_angle == pytest.approx(0.0, abs=1e-14)
@@ -207,7 +207,7 @@ def test_ground_reduces_downwash():
     stream = turn @ np.array([np.sin(alpha), np.cos(alpha), 0])
     edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
     along = turn @ np.array([0.0, 1.0, 0.0])
-    solver.initialise_wake(state, nodes, 0 * nodes, 0 * nodes + stream, [edge + 1e3 * along], [1e3])
+    solver.initialize_wake(state, nodes, 0 * nodes, 0 * nodes + stream, [edge + 1e3 * along], [1e3])
     lift = state.nodal_forces.sum(axis=(0, 1, 2))[2] / (0.5 * 4.0)
     assert free * 1.03 < lift < free * 1.3
 
@@ -221,7 +221,7 @@ def test_refusals():
         build_planform(good["edges"][::-1], axis[::-1], one, 0 * one, one, polars, 2)
     with pytest.raises(AerodynamicsError, match="chord"):
         build_planform(good["edges"], axis, 0 * one, 0 * one, one, polars, 2)
-    with pytest.raises(AerodynamicsError, match="without area"):
+    with pytest.raises(AerodynamicsError, match="must have an area"):
         build_planform(good["edges"], axis * [1, 1, 0], one, 0 * one, one, polars, 2)
     with pytest.raises(AerodynamicsError, match="polar"):
         build_planform(good["edges"], axis, one, 0 * one, one, polars * np.nan, 2)

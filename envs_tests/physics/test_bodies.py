@@ -37,8 +37,8 @@ def uniform(bodies, stream):
 @pytest.mark.parametrize("panel", [5, 40])  # a triangle at a pole and a quadrilateral
 @pytest.mark.parametrize("distance", [0.3, 1.0, 4.0])
 def test_panel_velocity_is_the_integral_of_point_sources(sphere, panel, distance):
-    corners, centre = sphere.arrays.corners[panel], sphere.arrays.centre[:, panel]
-    point = centre + distance * np.array([0.48, -0.6, 0.64])
+    corners, center = sphere.arrays.corners[panel], sphere.arrays.center[:, panel]
+    point = center + distance * np.array([0.48, -0.6, 0.64])
     u = (np.arange(300) + 0.5) / 300
     u, v = np.meshgrid(u, u, indexing="ij")
     u, v = u[..., None], v[..., None]
@@ -55,9 +55,9 @@ def test_panel_velocity_is_the_integral_of_point_sources(sphere, panel, distance
 
 
 def test_normal_velocity_jumps_by_the_strength(sphere):
-    corners, normal, centre = sphere.arrays.corners[60], sphere.arrays.normal[60], sphere.arrays.centre[:, 60]
+    corners, normal, center = sphere.arrays.corners[60], sphere.arrays.normal[60], sphere.arrays.center[:, 60]
     for side, expected in ((1e-7, 0.5), (0.0, 0.5), (-1e-7, -0.5)):
-        v = body_kernels.near_velocity(corners, normal, *(centre + side * normal))
+        v = body_kernels.near_velocity(corners, normal, *(center + side * normal))
         assert np.dot(v, normal) == pytest.approx(expected, abs=1e-5)
 
 

@@ -61,7 +61,7 @@ def test_strip_of_a_long_cylinder():
     radius, height, along = 1.0, 60.0, 60
     tower = tower_body([0.0, height], [2.0, 2.0], STILL, (0.0, 0.0, height), 24, along, ground=0.0)
     bodies = BodySet([tower], 0.0)
-    middle = np.abs(bodies.arrays.centre[2] - 20.5) < 0.5
+    middle = np.abs(bodies.arrays.center[2] - 20.5) < 0.5
     section = np.pi * radius**2 * height / along
     for stream, velocity, expected in ((1.0, 0.0, 2.0), (0.0, 1.0, -1.0)):
         u = np.array([velocity, 0.0, 0.0])
@@ -81,5 +81,5 @@ def test_a_bent_body_is_the_body_built_there():
     two.bend(0, straight.vertices @ turn.T + shift)
     assert two.place(np.eye(3)[None], STILL[None])
     assert not two.place(np.eye(3)[None], STILL[None])
-    for name in ("corners", "centre", "normal", "far", "axis", "inverse"):
+    for name in ("corners", "center", "normal", "far", "axis", "inverse"):
         np.testing.assert_allclose(getattr(two.arrays, name), getattr(one.arrays, name), atol=1e-9)

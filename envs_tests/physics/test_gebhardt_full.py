@@ -129,7 +129,7 @@ def test_tangent_of_a_straight_spinning_blade(full):
     beam, _ = full[0].structure.blade_field
     tangent = TangentBlade(beam, np.array([[0.0, 0.0, 30.0]]), (0.0, 0.0, -1.8))
     modes, _ = tangent.modes(np.zeros(beam.n_dof), OMEGA)
-    expected = clamped_modes(beam, len(modes.frequency), spin=OMEGA, centre=(0.0, 0.0, -1.8), node_dofs=range(5))
+    expected = clamped_modes(beam, len(modes.frequency), spin=OMEGA, center=(0.0, 0.0, -1.8), node_dofs=range(5))
     np.testing.assert_allclose(modes.frequency, expected.frequency, rtol=1e-9)
 
 
@@ -146,7 +146,7 @@ def test_tangent_of_a_bent_loaded_blade(full):
         return fields.position + fields.linear @ u + 0.5 * np.einsum("pijk,j,k->pi", second, u, u, optimize=True)
 
     def potential(u):
-        speed = np.cross(OMEGA, position(u) - tangent.centre)
+        speed = np.cross(OMEGA, position(u) - tangent.center)
         moved = (at.linear @ u + 0.5 * np.einsum("pijk,j,k->pi", at.second, u, u))[0]
         return 0.5 * u @ beam.stiffness @ u - 0.5 * mass @ np.sum(speed**2, axis=1) - force[0] @ moved
 
@@ -175,7 +175,7 @@ def test_a_blade_without_load_keeps_its_modes():
 @pytest.mark.parametrize("gain", [5.0, 20.0])
 def test_gain_pulls_in_what_has_drifted(gain):
     """Without projection φ̈ + 2 α φ̇ + α² φ = 0 exactly: φ = φ₀ (1 + α t) exp(−α t)."""
-    system = MultibodySystem(stabilisation=gain, projection=False)
+    system = MultibodySystem(stabilization=gain, projection=False)
     ends = {"origin": np.zeros(3), "end": np.array([0.0, 0.0, -1.0])}
     bob = FlexibleBody.rigid("bob", 2.0, (0.0, 0.0, -0.7), np.diag([0.1, 0.1, 0.1]), ends)
     free = system.add(bob, Joint("free", name="bob_frame"))
@@ -193,14 +193,14 @@ def test_gain_pulls_in_what_has_drifted(gain):
 
 
 def test_gain_and_projection_reach_the_system():
-    fidelity = replace(FIDELITIES["gebhardt"], stabilisation=25.0, projection=False)
+    fidelity = replace(FIDELITIES["gebhardt"], stabilization=25.0, projection=False)
     system = Simulator("gebhardt_45m", SteadyInflow(12.0), fidelity).structure.system
-    assert (system.tree.stabilisation, system.tree.projection) == (25.0, 0)
+    assert (system.tree.stabilization, system.tree.projection) == (25.0, 0)
 
 
 @pytest.mark.parametrize(("changes", "text"), [
-    ({"stabilisation": -1.0}, "stabilisation"),
-    ({"stabilisation": float("nan")}, "stabilisation"),
+    ({"stabilization": -1.0}, "stabilization"),
+    ({"stabilization": float("nan")}, "stabilization"),
     ({"moving_bodies": True}, "needs a tower_body or a nacelle_body"),
     ({"blade_basis": "curved"}, "blade_basis"),
     ({"blade_basis": "deformed", "blade_coordinates": "nodal"}, "needs blade_coordinates 'modal'"),
@@ -211,7 +211,7 @@ def test_choices_without_meaning_are_refused(changes, text):
 
 
 def test_a_gain_beyond_the_stability_limit_is_refused():
-    fidelity = replace(FIDELITIES["gebhardt"], stabilisation=200.0)
+    fidelity = replace(FIDELITIES["gebhardt"], stabilization=200.0)
     simulator = Simulator("gebhardt_45m", SteadyInflow(12.0), fidelity)
     with pytest.raises(SimulationError, match="stability limit"):
         simulator.reset(rotor_speed=1.0, pitch=0.1)

@@ -9,7 +9,7 @@ from validation.gusts import KUSSNER, SEARS, gust_waves, kussner, sears, sharp_e
 from validation.lifting_surfaces import RECTANGULAR, rectangular_wing, starting_impulse, sudden_acceleration
 from validation.lifting_tools import flat_planform, steady_coefficients, steady_wing
 from validation.linear_lattice import LinearLattice
-from validation.unsteady_aerofoil import exact_lift, oscillating_lift
+from validation.unsteady_airfoil import exact_lift, oscillating_lift
 
 
 @pytest.mark.parametrize("name", ["wagner", "elliptic-wings", "vortex-conservation", "goland-strip-theory"])

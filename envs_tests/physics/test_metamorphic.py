@@ -170,7 +170,7 @@ def symmetric_blade():
 
 def rotor_forces(inflow, mirror, steps=40):
     """Nodal forces (steps, 3, ...) of a rotor that begins to turn, clockwise or as its mirror image."""
-    planform, speed, dt, centre = symmetric_blade(), 1.2, 0.1, np.array([-5.0, 0.0, 90.0])
+    planform, speed, dt, center = symmetric_blade(), 1.2, 0.1, np.array([-5.0, 0.0, 90.0])
     solver = VortexLattice(planform, 3, TRAINING, 1.225)
     state, found = solver.new_state(), []
     for k in range(steps + 1):
@@ -178,7 +178,7 @@ def rotor_forces(inflow, mirror, steps=40):
         turns = [np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]]) for a in angles]
         nodes = np.array([planform.nodes @ turn.T for turn in turns])
         velocities = np.cross([speed, 0.0, 0.0], nodes)
-        nodes, velocities = (nodes + centre) * mirror, velocities * mirror
+        nodes, velocities = (nodes + center) * mirror, velocities * mirror
         if k == 0:
             solver.reset(state, nodes, velocities, inflow.velocity(nodes, 0.0))
             continue

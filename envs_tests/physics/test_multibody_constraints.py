@@ -147,7 +147,7 @@ def test_trajectories_agree_over_twenty_seconds_and_constraints_hold():
         assert abs(np.linalg.norm(runs[1][q : q + 4]) - 1.0) < 1e-12
 
 
-def test_four_bar_linkage_turns_about_its_instantaneous_centre():
+def test_four_bar_linkage_turns_about_its_instantaneous_center():
     """A parallelogram linkage closed by a ball joint: both cranks keep equal angles and energy is conserved."""
     system = MultibodySystem()
     bar = np.diag([0.01, 0.01, 1e-4])
@@ -169,8 +169,8 @@ CRANK, ROD, SPEED = 0.3, 1.0, 6.0
 
 
 def slider_crank(flywheel):
-    """In-line slider-crank closed by a ball joint on a universal rod: system and state at top dead centre."""
-    system = MultibodySystem(gravity=(0.0, 0.0, 0.0), stabilisation=30.0)
+    """In-line slider-crank closed by a ball joint on a universal rod: system and state at top dead center."""
+    system = MultibodySystem(gravity=(0.0, 0.0, 0.0), stabilization=30.0)
     ends = {"origin": np.zeros(3), "pin": np.array([CRANK, 0.0, 0.0])}
     crank = FlexibleBody.rigid("crank", 1.0, np.zeros(3), np.diag([1.0, 1.0, flywheel]), ends)
     crank = system.add(crank, Joint("revolute", (0.0, 0.0, 1.0), name="crank"))
@@ -218,7 +218,7 @@ def after_a_second(name, system, y, n, **options):
 
 @pytest.mark.parametrize(
     ("name", "options"),
-    [("newmark", {}), ("generalized-alpha", {"rho_inf": 0.8}), ("generalized-alpha", {"rho_inf": 0.0})],
+    [("newmark", {}), ("generalized_alpha", {"rho_inf": 0.8}), ("generalized_alpha", {"rho_inf": 0.0})],
 )
 def test_implicit_schemes_keep_their_order_with_constraint_equations(name, options):
     """A light slider-crank, whose speed rises and falls: second order; energy, closure and the slider's path hold."""
@@ -237,7 +237,7 @@ def test_implicit_schemes_keep_their_order_with_constraint_equations(name, optio
 
 @pytest.mark.parametrize(
     ("name", "options"),
-    [("newmark", {}), ("generalized-alpha", {"rho_inf": 0.8}), ("generalized-alpha", {"rho_inf": 0.0})],
+    [("newmark", {}), ("generalized_alpha", {"rho_inf": 0.8}), ("generalized_alpha", {"rho_inf": 0.0})],
 )
 def test_a_free_body_stays_on_its_circle_whatever_the_step(name, options):
     """A body welded to a shaft, 1.5 m off its axis, turns by half a radian in a step: speed and angle are exact.
@@ -272,8 +272,8 @@ def test_a_free_body_stays_on_its_circle_whatever_the_step(name, options):
     ("name", "options", "error"),
     [
         ("newmark", {}, 1.1e-3),
-        ("generalized-alpha", {"rho_inf": 0.8}, 1.1e-3),
-        ("generalized-alpha", {"rho_inf": 0.0}, 7.0e-3),
+        ("generalized_alpha", {"rho_inf": 0.8}, 1.1e-3),
+        ("generalized_alpha", {"rho_inf": 0.0}, 7.0e-3),
     ],
 )
 def test_a_tied_top_moves_to_second_order(name, options, error):

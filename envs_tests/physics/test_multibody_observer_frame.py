@@ -76,18 +76,18 @@ def test_matrices_are_the_inertia_of_the_mass_points(n_modes):
     body = Substructure.from_beam("beam", slender_beam(), "clamped", n_modes)
     run = integrator(body, options={"rigid_modes": "undeformed"})
     q, v, a = 0.1 * rng.standard_normal((3, body.n))
-    centre, omega, alpha = rng.standard_normal((3, 3))
-    run.state.acceleration[0], run.state.omega[0], run.state.alpha[0] = centre, omega, alpha
+    center, omega, alpha = rng.standard_normal((3, 3))
+    run.state.acceleration[0], run.state.omega[0], run.state.alpha[0] = center, omega, alpha
     forces = np.zeros(body.n)
     matrix.inner_forces(0, run.model, run.state, q, v, forces)
     obtained = body.mass_matrix @ a - forces - body.stiffness @ q
     shape = np.einsum("pia,an->pin", body.beam.particle_shape, body.basis)
     x, w = body.beam.particle_position + shape @ q, skew(omega)
-    point = centre + x @ (skew(alpha) + w @ w).T + 2.0 * (shape @ v) @ w.T + shape @ a
+    point = center + x @ (skew(alpha) + w @ w).T + 2.0 * (shape @ v) @ w.T + shape @ a
     expected = np.einsum("p,pin,pi->n", body.beam.particle_mass, shape, point)
     np.testing.assert_allclose(obtained, expected, atol=1e-9 * np.abs(expected).max() + 1e-12 * np.abs(forces).max())
     by_parts = body.mass_matrix @ a + 2.0 * body.gyroscopic_matrix(omega) @ v
-    by_parts += (body.gyroscopic_matrix(alpha) + body.centrifugal_matrix(omega)) @ q + body.first_moment @ centre
+    by_parts += (body.gyroscopic_matrix(alpha) + body.centrifugal_matrix(omega)) @ q + body.first_moment @ center
     by_parts += body.reference_moment @ (skew(alpha) + w @ w).ravel()
     np.testing.assert_allclose(by_parts, expected, atol=1e-9 * np.abs(expected).max())
 
@@ -117,8 +117,8 @@ def test_envelope_factors_solve():
         a[i, : first[i]] = a[: first[i], i] = 0.0
     low, up, x = np.tril(a), np.tril(a.T), rng.standard_normal(n)
     expected = np.linalg.solve(a, x)
-    assert matrix.factorize(0, n, first, low, up, True)
-    matrix.solve(n, first, low, up, x)
+    assert matrix.factorize_envelope(0, n, first, low, up, True)
+    matrix.solve_envelope(n, first, low, up, x)
     np.testing.assert_allclose(x, expected, rtol=1e-10)
 
 
@@ -298,7 +298,7 @@ def test_swinging_beam_agrees_with_the_floating_frame_tree(displacement):
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.5, 1.0])
-def test_generalised_alpha_is_of_second_order(radius):
+def test_generalized_alpha_is_of_second_order(radius):
     angle, elastic = swinging_tree(0.5)
     errors = []
     for step in (0.002, 0.001):
@@ -336,7 +336,7 @@ def test_a_clamped_mode_obeys_the_difference_equations_of_the_scheme(radius, pha
         assert np.abs(np.linalg.eigvals(np.linalg.solve(now, past))).max() == pytest.approx(radius, abs=0.02)
 
 
-def test_generalised_alpha_leaves_the_stiffest_modes_at_rest():
+def test_generalized_alpha_leaves_the_stiffest_modes_at_rest():
     """The reaction of the clamp at a single instant, which Newmark's scheme has in the mean only."""
     body = Substructure.from_beam("beam", slender_beam(offset=(0.0, 0.0)), "clamped", None, damping_time=0.3)
     hold = lambda system: system.clamp("beam", "root")  # noqa: E731
@@ -551,7 +551,7 @@ class TestErrors:
             ({"reference": "welded"}, "welded"),
             ({"n_modes": 500}, "500"),
             ({"markers": {"far": 12.0}}, "far"),
-            ({"displacement": "cubic"}, "'cubic' is unknown; allowed: linear, second_order"),
+            ({"displacement": "cubic"}, "must be one of linear, second_order, got 'cubic'"),
             ({"displacement": "second_order", "reference": "simply_supported"}, "needs the reference 'clamped'"),
         ],
     )
@@ -621,5 +621,5 @@ class TestErrors:
             system.support("beam", "elbow")
         with pytest.raises(ObserverFrameError, match="no substructure is named 'arm'"):
             system.load("arm", "tip", np.zeros(6))
-        with pytest.raises(ObserverFrameError, match="axes 'wind' are unknown"):
+        with pytest.raises(ObserverFrameError, match=r"load axes must be one of .*, got 'wind'"):
             system.load("beam", "tip", np.zeros(6), "wind")

@@ -12,7 +12,6 @@ from openfast_library import openfast_library
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.bridges.openfast import VARIABLE, OpenFASTSimulator
-from wt_gym.bridges.openfast.relay import compiler
 from wt_gym.bridges.openfast.sections import tower_sections
 from wt_gym.commands.crosscheck import main as crosscheck
 from wt_gym.control import Demand
@@ -29,7 +28,6 @@ from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 LIBRARY = openfast_library()
 pytestmark = [
     pytest.mark.skipif(LIBRARY is None, reason=f"no library of OpenFAST: {VARIABLE} is not set"),
-    pytest.mark.skipif(compiler() is None, reason="no C compiler"),
 ]
 ROSCO = importlib.util.find_spec("rosco")
 

@@ -139,7 +139,7 @@ def test_way_of_the_pitch_counts_what_happens_between_two_samples():
     there, back = sim.advance(0.1, 0.08, generator_torque=40e3), sim.advance(0.1, 0.07, generator_torque=40e3)
     sim.restore(start)
     sim.advance(0.1, 0.08, generator_torque=40e3)
-    both = sim.advance(0.1, 0.07, generator_torque=40e3, go_on=True)
+    both = sim.advance(0.1, 0.07, generator_torque=40e3, accumulate=True)
     np.testing.assert_allclose(both.pitch_travel, there.pitch_travel + back.pitch_travel)
     np.testing.assert_array_equal(both.tip_clearance_min, np.minimum(there.tip_clearance_min, back.tip_clearance_min))
     assert both.rotor_speed_max == max(there.rotor_speed_max, back.rotor_speed_max)
@@ -151,11 +151,11 @@ def test_an_interval_goes_on_from_a_snapshot_and_not_over_a_reset():
     sim.reset(rotor_speed=1.2, pitch=0.07)
     first = sim.advance(0.1, 0.08, generator_torque=40e3)
     amid = sim.state()
-    whole = sim.advance(0.1, 0.09, generator_torque=40e3, go_on=True)
+    whole = sim.advance(0.1, 0.09, generator_torque=40e3, accumulate=True)
     assert whole.pitch_travel.min() > first.pitch_travel.max()
     for _ in range(3):
         sim.advance(0.2, 0.12, generator_torque=40e3)
     sim.restore(amid)
-    assert sim.advance(0.1, 0.09, generator_torque=40e3, go_on=True) == whole
+    assert sim.advance(0.1, 0.09, generator_torque=40e3, accumulate=True) == whole
     sim.reset(rotor_speed=1.2, pitch=0.07)
-    assert sim.advance(0.1, 0.08, generator_torque=40e3, go_on=True) == first
+    assert sim.advance(0.1, 0.08, generator_torque=40e3, accumulate=True) == first

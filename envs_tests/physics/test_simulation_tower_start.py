@@ -21,7 +21,7 @@ def test_tower_top_is_where_it_is_asked_to_be(simulator, yaw):
     simulator.reset(SPEED, PITCH, yaw=yaw)
     wanted = simulator.tower_top() + SWING
     signals = simulator.reset(SPEED, PITCH, yaw=yaw, tower_top=wanted)
-    # displacements of second order in the swing move it by less than a millimetre
+    # displacements of second order in the swing move it by less than a millimeter
     np.testing.assert_allclose(simulator.tower_top(), wanted, atol=1e-3)
     assert signals.tower_top_fore_aft == pytest.approx(wanted[0], abs=1e-3)
     assert signals.tower_top_side_side == pytest.approx(wanted[1], abs=1e-3)

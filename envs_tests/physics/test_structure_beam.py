@@ -114,9 +114,9 @@ def test_rigid_motions_strain_nothing_and_carry_the_right_mass():
         rigid[6 * i : 6 * i + 6, :] = np.block([[np.eye(3), -skew(p)], [np.zeros((3, 3)), np.eye(3)]])
     assert np.abs(beam.stiffness @ rigid).max() < 1e-6 * np.abs(beam.stiffness).max()
     mass = rigid.T @ beam.mass @ rigid
-    centre = beam.particle_mass @ beam.particle_position / beam.particle_mass.sum()
+    center = beam.particle_mass @ beam.particle_position / beam.particle_mass.sum()
     np.testing.assert_allclose(mass[:3, :3], 12.0 * np.eye(3), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(mass[3:, :3], 12.0 * skew(centre), atol=1e-8)
+    np.testing.assert_allclose(mass[3:, :3], 12.0 * skew(center), atol=1e-8)
 
 
 @pytest.mark.parametrize("kind", ["flap", "edge"])
@@ -245,7 +245,7 @@ def test_nrel_5mw_blade_frequencies(rpm, kind, number, frequency):
     axis = np.column_stack([0 * blade.structure.station, 0 * blade.structure.station, blade.structure.station])
     sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
     beam = Beam(sections, 24)
-    modes = clamped_modes(beam, 8, spin=rpm * np.pi / 30, centre=[0.0, 0.0, -blade.root_radius])
+    modes = clamped_modes(beam, 8, spin=rpm * np.pi / 30, center=[0.0, 0.0, -blade.root_radius])
     obtained = modes.frequency[select_modes(modes, **{kind: number})[-1]]
     assert obtained == pytest.approx(frequency, rel=0.03)
 

@@ -1,4 +1,4 @@
-"""Loads of single strips at tips: against exact solutions, with polars of thin aerofoils, where the chord is bent."""
+"""Loads of single strips at tips: against exact solutions, with polars of thin airfoils, where the chord is bent."""
 
 from dataclasses import replace
 
@@ -90,7 +90,7 @@ def test_strips_at_the_tip_of_a_turbine_are_those_of_a_fine_lattice():
         np.testing.assert_allclose(flow.circulation[place > 0.85] / fine(place[place > 0.85]), 1.0, atol=0.015)
 
 
-# ---- polars of thin aerofoils change nothing ----
+# ---- polars of thin airfoils change nothing ----
 
 
 @pytest.mark.parametrize("n_chord", [1, 3])

@@ -12,7 +12,7 @@ from validation.tree_tools import NoBalance, frequencies, read_table, static_bal
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
-from wt_gym.structure.substructure import add_chain, cut_beam, piece_at
+from wt_gym.structure.substructure import add_chain, cut_beam, sub_body_at
 
 FAST_CASES = (
     "beam-static",
@@ -93,17 +93,17 @@ class TestSubstructure:
 
         beam = Beam(self.sections(), 6)
         expected = np.sqrt(eigh(beam.stiffness[6:, 6:], beam.mass[6:, 6:], eigvals_only=True))
-        pieces = cut_beam("beam", self.sections(), 6, 3, coordinates, n_modes)
+        sub_bodies = cut_beam("beam", self.sections(), 6, 3, coordinates, n_modes)
         system = MultibodySystem((0.0, 0.0, 0.0))
-        add_chain(system, pieces, Joint("fixed"))
+        add_chain(system, sub_bodies, Joint("fixed"))
         found = frequencies(system.build(), system.initial_state(), step=1e-6)
         np.testing.assert_allclose(found[:12], expected[:12], rtol=1e-5)
 
     def test_given_cuts_and_owners(self):
-        pieces = cut_beam("beam", self.sections(), np.array([0.0, 1.0, 4.0, 6.0, 12.0]), [4.0, 6.0])
-        assert [(p.start, p.end) for p in pieces] == [(0.0, 4.0), (4.0, 6.0), (6.0, 12.0)]
-        assert [piece_at(pieces, s) for s in (0.0, 3.9, 4.0, 12.0)] == [0, 0, 1, 2]
-        marker = pieces[2].marker(9.0, (0.1, 0.0, 0.0))
+        sub_bodies = cut_beam("beam", self.sections(), np.array([0.0, 1.0, 4.0, 6.0, 12.0]), [4.0, 6.0])
+        assert [(p.start, p.end) for p in sub_bodies] == [(0.0, 4.0), (4.0, 6.0), (6.0, 12.0)]
+        assert [sub_body_at(sub_bodies, s) for s in (0.0, 3.9, 4.0, 12.0)] == [0, 0, 1, 2]
+        marker = sub_bodies[2].marker(9.0, (0.1, 0.0, 0.0))
         np.testing.assert_allclose(marker.position, [0.1, 0.0, 3.0])
 
     def test_bad_input_is_refused(self):
@@ -115,11 +115,11 @@ class TestSubstructure:
             cut_beam("beam", self.sections(), 4, [6.0, 3.0])
         with pytest.raises(ValueError, match="'nodal' or 'modal'"):
             cut_beam("beam", self.sections(), 4, 2, "exact")
-        pieces = cut_beam("beam", self.sections(), 4, 2)
+        sub_bodies = cut_beam("beam", self.sections(), 4, 2)
         with pytest.raises(ValueError, match="outside"):
-            piece_at(pieces, 13.0)
+            sub_body_at(sub_bodies, 13.0)
         with pytest.raises(ValueError, match="outside the piece"):
-            pieces[0].marker(9.0)
+            sub_bodies[0].marker(9.0)
 
 
 class TestReferenceSolutions:

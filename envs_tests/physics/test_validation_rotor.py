@@ -17,7 +17,7 @@ from validation.rotor_transients import Response
 from validation.tjaereborg import STEPS, pitch_steps
 from validation.tower_shadow import measured_harmonics, strip_theory
 from validation.tree_tools import read_table
-from validation.unsteady_aerofoil import theodorsen
+from validation.unsteady_airfoil import theodorsen
 from validation.wind_step import ROTOR_SPEED
 from validation.wind_step import WIND as STEP
 from wt_gym.aerodynamics import TRAINING

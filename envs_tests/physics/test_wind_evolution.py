@@ -172,3 +172,14 @@ def test_a_gust_that_does_not_travel_acts_everywhere():
     for time in (0.0, 23.0, 25.25):
         velocity = at_once.velocity(points, time)
         np.testing.assert_array_equal(velocity, velocity[[1, 1, 1]])
+
+
+def test_the_mirror_image_of_a_box_evolves_into_the_mirror_images(boxes):
+    """Reflection at y = 0: another order of the points across, v with another sign."""
+    sign = np.array([1.0, -1.0, 1.0], dtype=np.float32)
+    fields = evolved_boxes(boxes[0], DISTANCES)
+    image = replace(boxes[0], fluctuation=np.ascontiguousarray(boxes[0].fluctuation[:, ::-1] * sign))
+    for seen, field in zip(evolved_boxes(image, DISTANCES), fields, strict=True):
+        np.testing.assert_allclose(seen.fluctuation, field.fluctuation[:, ::-1] * sign, rtol=0.0, atol=1e-5)
+    other = evolved_boxes(boxes[1], DISTANCES)[0]
+    assert not np.allclose(other.fluctuation, fields[0].fluctuation, atol=0.1)  # another box changes in another way

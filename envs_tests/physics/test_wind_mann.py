@@ -14,7 +14,7 @@ from wt_gym.wind.mann import (
     life_time,
     one_point_spectra,
     spectral_tensor,
-    synthesise_mann,
+    synthesize_mann,
 )
 
 SITE = {"mean_speed": 10.0, "hub_height": 90.0, "rotor_diameter": 126.0, "turbulence_class": "B"}
@@ -32,7 +32,7 @@ def parameters(seed=1, shear=3.9, **changes):
 @pytest.fixture(scope="module")
 def waves():
     """Fourier coefficients, (n_seeds, n_frequencies, n_z, n_y, 3), whose squares are the variances of the harmonics."""
-    boxes = np.array([synthesise_mann(parameters(seed)) for seed in range(N_SEEDS)], dtype=np.float64)
+    boxes = np.array([synthesize_mann(parameters(seed)) for seed in range(N_SEEDS)], dtype=np.float64)
     return np.fft.rfft(boxes, axis=1)[:, 1:-1] * math.sqrt(2.0) / boxes.shape[1]
 
 

@@ -32,7 +32,7 @@ def formula(frequency):
 
 
 @pytest.fixture(scope="module")
-def realisations():
+def realizations():
     """Frequencies (n,) and Fourier coefficients (seeds, n, n_z, n_y, 3), |X|² the periodogram [m²/s]."""
     coefficients = []
     for seed in range(N_SEEDS):
@@ -48,8 +48,8 @@ def realisations():
 
 @pytest.mark.parametrize("band", range(BANDS.size - 1))
 @pytest.mark.parametrize("point", [(1, 2), (0, 0), (2, 3)])
-def test_spectrum(realisations, band, point):
-    frequency, coefficients = realisations
+def test_spectrum(realizations, band, point):
+    frequency, coefficients = realizations
     inside = (frequency > BANDS[band]) & (frequency <= BANDS[band + 1])
     ratio = np.abs(coefficients[:, inside, point[0], point[1]]) ** 2 / formula(frequency[inside])
     n = ratio[..., 0].size
@@ -61,8 +61,8 @@ def test_spectrum(realisations, band, point):
     ("first", "second"),
     [((1, 2), (1, 3)), ((1, 2), (2, 2)), ((0, 0), (0, 1)), ((0, 1), (2, 4)), ((2, 4), (0, 0)), ((1, 0), (1, 4))],
 )
-def test_coherence(realisations, band, first, second):
-    frequency, coefficients = realisations
+def test_coherence(realizations, band, first, second):
+    frequency, coefficients = realizations
     inside = (frequency > BANDS[band]) & (frequency <= BANDS[band + 1])
     distance = math.hypot(50.0 * (first[0] - second[0]), 25.0 * (first[1] - second[1]))
     f = frequency[inside]
@@ -75,23 +75,23 @@ def test_coherence(realisations, band, first, second):
     np.testing.assert_allclose(coherency.imag.mean(axis=(0, 1)), 0.0, atol=tolerance)  # no phase between points
 
 
-def test_components_are_independent(realisations):
-    frequency, coefficients = realisations
+def test_components_are_independent(realizations):
+    frequency, coefficients = realizations
     hub = coefficients[:, :, 1, 2] / np.sqrt(formula(frequency))
     tolerance = STANDARD_ERRORS / math.sqrt(2.0 * hub[..., 0].size)
     for first, second in ((0, 1), (0, 2), (1, 2)):
         assert abs(np.mean((hub[..., first] * hub[..., second].conj()).real)) < tolerance
 
 
-def test_every_harmonic_at_the_hub_follows_the_spectrum(realisations):
+def test_every_harmonic_at_the_hub_follows_the_spectrum(realizations):
     """Without scaling, in each bin of every seed, to the rounding of float32."""
-    frequency, coefficients = realisations
+    frequency, coefficients = realizations
     power = np.abs(coefficients[:, :, 1, 2]) ** 2
     np.testing.assert_allclose(power / formula(frequency), np.ones(power.shape), rtol=2e-4)
 
 
-def test_phases_at_the_hub_are_uniform(realisations):
-    _, coefficients = realisations
+def test_phases_at_the_hub_are_uniform(realizations):
+    _, coefficients = realizations
     phase = np.angle(coefficients[:, :, 1, 2]).ravel()
     for order in (1, 2, 3):
         mean = np.exp(1j * order * phase).mean()
@@ -185,7 +185,7 @@ def test_lateral_components_without_coherence():
     frequency = np.fft.rfftfreq(2400, TIME_STEP)[1:-1]
     whitened = transform * math.sqrt(2.0 * TIME_STEP / 2400) / np.sqrt(formula(frequency))[:, None, None]
     product = (whitened[:, 1, 1] * whitened[:, 1, 2].conj()).real.mean(axis=0)
-    coherence = np.exp(-12.0 * np.hypot(frequency / SPEED, 0.12 / (8.1 * 42.0)))  # one metre apart
+    coherence = np.exp(-12.0 * np.hypot(frequency / SPEED, 0.12 / (8.1 * 42.0)))  # one meter apart
     tolerance = STANDARD_ERRORS * np.sqrt(np.array([np.mean(1.0 + coherence**2), 1.0, 1.0]) / 2.0 / frequency.size)
     assert np.all(np.abs(product - [coherence.mean(), 0.0, 0.0]) < tolerance)
 

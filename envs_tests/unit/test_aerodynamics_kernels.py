@@ -157,7 +157,7 @@ def test_ring_on_its_axis():
 
 
 def far_wake(*radii):
-    """Cylinders about z from the origin on, measured on rows one metre long, without strength yet."""
+    """Cylinders about z from the origin on, measured on rows one meter long, without strength yet."""
     # not a type of this module: what the kernels were compiled for is remembered in their cache by name
     wake = AeroArrays(**dict.fromkeys(AeroArrays._fields, np.zeros(1)))._replace(
         far=np.zeros(N_FAR), far_tube=np.zeros((N_TUBE, len(radii))), far_ring=np.zeros((N_CELL, len(radii)))
@@ -373,9 +373,9 @@ def test_velocity_behind_the_disc_is_a_mean_over_area_and_one_passing():
     induced = np.zeros_like(wake, dtype=np.float32)
     induced[..., 0], induced[..., 2] = -(1.0 + 0.5 * radii), 0.25
     induced[3] = 100.0
-    mean, centre, axis = np.full(3, 7.0), np.array([5.0, 0.0, 90.0]), np.array([1.0, 0.0, 0.0])
-    velocity_behind_disc(wake, induced, age, np.array([3]), centre, axis, -spin, mean)
+    mean, center, axis = np.full(3, 7.0), np.array([5.0, 0.0, 90.0]), np.array([1.0, 0.0, 0.0])
+    velocity_behind_disc(wake, induced, age, np.array([3]), center, axis, -spin, mean)
     expected = -(1.0 + 0.5 * (1.5 * 3.0 + 3.0 * 12.0) / 15.0)  # trapezoids over the rings 1..2 and 2..4
     np.testing.assert_allclose(mean, [expected, 0.0, 0.25], rtol=1e-6)
-    velocity_behind_disc(wake, induced, age, np.array([0]), centre, axis, spin, mean)
+    velocity_behind_disc(wake, induced, age, np.array([0]), center, axis, spin, mean)
     np.testing.assert_array_equal(mean, 0.0)

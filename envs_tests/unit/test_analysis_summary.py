@@ -18,7 +18,7 @@ from wt_gym.analysis.summary import (
     format_difference,
     format_value,
     headline,
-    summarise,
+    summarize,
     unseen,
 )
 
@@ -82,7 +82,7 @@ def test_what_a_difference_means(key, value, reference, expected):
 
 
 def agent_text(result):
-    return summarise(result)[1]
+    return summarize(result)[1]
 
 
 def test_lost_power_is_not_called_a_trade():
@@ -120,9 +120,9 @@ def test_an_early_end_is_told_and_not_compared(tmp_path):
 def test_short_training_is_named_as_such():
     result = evaluation(training={"PPO": record()})
     assert agent_text(result).startswith("PPO was trained for 3.0 min on 36\u202f000 control steps (2.0 h")
-    assert "the short training here" in summarise(result)[-1]
+    assert "the short training here" in summarize(result)[-1]
     long = evaluation(training={"PPO": record(steps=2_000_000)})
-    assert "short training" not in summarise(long)[-1]
+    assert "short training" not in summarize(long)[-1]
 
 
 def test_unseen_winds_are_only_those():
@@ -149,7 +149,7 @@ def test_seeds_that_nobody_knows_are_not_called_unseen():
 def test_notes_on_trainings_are_shown_and_no_wind_is_called_unseen_then(tmp_path):
     note = "PPO was trained on wind seed 1001 of this evaluation: <its> figures there are no test in unseen winds."
     result = replace(evaluation(training={"PPO": record()}), notes={"PPO": note})
-    assert note in summarise(result)
+    assert note in summarize(result)
     assert not unseen(result)
     assert result.to_json()["notes"] == {"PPO": note}
     page = write_report(result, tmp_path / "report.html").read_text(encoding="utf-8")
@@ -170,7 +170,7 @@ def test_runs_that_fail_at_once_are_reported(tmp_path):
         replace(one, data=one.data.isel(time=[0]), metrics={}, duration=0.0, ending="failure") for one in result.runs
     ]
     result = replace(result, runs=failed)
-    text = " ".join(summarise(result))
+    text = " ".join(summarize(result))
     assert "nan" not in text
     assert "the simulation failed after 0 s" in text
     write_report(result, tmp_path / "report.html")
@@ -180,7 +180,7 @@ def test_baseline_alone():
     runs = [run("Baseline", wind) for wind in WINDS]
     alone = Evaluation("Turbine", {}, runs, "Baseline")
     assert headline(alone) == "Baseline in two winds"
-    assert summarise(alone)[0].startswith("Baseline kept the turbine running in both winds.")
+    assert summarize(alone)[0].startswith("Baseline kept the turbine running in both winds.")
 
 
 def test_figures_hold_every_agent():
@@ -194,7 +194,7 @@ def test_figures_hold_every_agent():
     assert peak == pytest.approx(0.2, abs=0.02)
 
 
-def test_trailing_filaments_carry_the_difference_of_their_neighbours():
+def test_trailing_filaments_carry_the_difference_of_their_neighbors():
     circulation = np.array([[[1.0, 4.0, 2.0]]])
     np.testing.assert_array_equal(trailing_strength(circulation), [[[1.0, 3.0, 2.0, 2.0]]])
 

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from wt_gym.agents import benchmark_runs
-from wt_gym.agents.benchmark_runs import definition_of, jobs_of
-from wt_gym.agents.choices import controller_of
-from wt_gym.agents.entries import LEVELS, entries_of, entry_of
+from wt_gym.agents.benchmark_runs import definition_of, entries_of, entry_of, jobs_of
 from wt_gym.agents.front import (
     FAMILIES,
     distance_table,
@@ -21,6 +19,7 @@ from wt_gym.agents.front import (
     front_rows,
     write_csv,
 )
+from wt_gym.agents.names import LEVELS, controller_of
 from wt_gym.benchmark import (
     INTERFACE,
     BenchmarkTask,
@@ -41,7 +40,7 @@ from wt_gym.benchmark import (
 from wt_gym.benchmark.fingerprint import code_of, differing
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.errors import BenchmarkError
 
 TASK = load_task("load-reduction-15")
@@ -110,8 +109,8 @@ def test_the_digest_follows_what_scores_depend_on():
         ({"winds": [{"speed": 15.0, "seeds": [1, 2, 3]}]}, "at least 6 different winds"),
         ({"winds": [{"speed": 15.0, "seeds": [1] * 6}]}, "different winds"),
         ({"winds": [{"speed": 15.0, "transient": "tornado"}]}, "seeds or one of"),
-        ({"terms": {"blade_flap_del": {"scale": 1.0}}}, "has a weight"),
-        ({"limits": {"captured_power": {"about": 1.0}}}, "is one of least, most"),
+        ({"terms": {"blade_flap_del": {"scale": 1.0}}}, "must have a weight"),
+        ({"limits": {"captured_power": {"about": 1.0}}}, "must be one of least, most"),
     ],
 )
 def test_files_without_meaning_are_refused(wrong, message):
@@ -121,7 +120,7 @@ def test_files_without_meaning_are_refused(wrong, message):
 
 
 def test_unknown_tasks_are_refused_with_those_there_are():
-    with pytest.raises(BenchmarkError, match=r"no task 'nothing'; there are .*full-range"):
+    with pytest.raises(BenchmarkError, match=r"task must be one of .*full-range.*got 'nothing'"):
         load_task("nothing")
 
 
@@ -215,7 +214,7 @@ def test_an_agent_that_stops_the_turbine_cannot_score(reference):
     assert score(TASK, results(TASK, still), reference).score == TASK.clip[0]
 
 
-def test_what_the_baseline_does_itself_is_no_offence():
+def test_what_the_baseline_does_itself_is_no_offense():
     base = {"rotor_speed_ratio_max": 1.12}  # times 1.06 is above the limit
     reference = make_reference(TASK, results(TASK, base), {"x": results(TASK, base | {"blade_flap_del": 0.9})})
     assert score(TASK, results(TASK, base), reference).score == 0.0
@@ -272,7 +271,10 @@ def test_tasks_without_reference_or_changed_since_are_refused(reference):
 
 def test_references_need_a_baseline_that_lasts_and_a_better_agent():
     better = results(TASK, {"blade_flap_del": 0.9})
-    with pytest.raises(BenchmarkError, match=r"baseline controller does not last in 15 m/s, seed 1007 \(overspeed\)"):
+    with pytest.raises(
+        BenchmarkError,
+        match=r"baseline controller must complete every wind, it ended in 15 m/s, seed 1007 \(overspeed\)",
+    ):
         make_reference(TASK, results(TASK, ending="overspeed"), {"x": better})
     with pytest.raises(BenchmarkError, match="no candidate is better"):
         make_reference(TASK, results(TASK), {"x": results(TASK, {"blade_flap_del": 1.1})})
@@ -361,7 +363,7 @@ def test_tables_find_their_place_in_a_page():
 
 def test_results_of_unknown_tasks_are_refused():
     (first, *_) = results(TASK).values()
-    with pytest.raises(BenchmarkError, match="unknown tasks: other"):
+    with pytest.raises(BenchmarkError, match=r"tasks of results must be among .*, got other"):
         leaderboard([first | {"definition": first["definition"] | {"task": "other"}}])
 
 
@@ -376,7 +378,7 @@ def test_entries_of_words():
     assert entry_of("planner:horizon=1.0").definition["parameters"] == {"horizon": 1.0}
     with pytest.raises(ValueError, match="a planner must be at most 600 s"):  # before anything is compiled
         entry_of("planner:horizon=1e9")
-    with pytest.raises(ValueError, match="a planner has no fish; it has horizon, hold"):
+    with pytest.raises(ValueError, match=r"parameters of a planner must be among horizon, hold, .*; got fish"):
         entry_of("planner:fish=1")
     assert controller_of("ipc+yaw:ipc__limit=0.1") == ("ipc+yaw", {"ipc__limit": 0.1})
 
@@ -384,8 +386,8 @@ def test_entries_of_words():
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        (["nothing"], "'nothing' is no agent: give zero"),
-        (["ipc:level"], "is key=value"),
+        (["nothing"], "an agent must be zero"),
+        (["ipc:level"], "must be key=value"),
         (["zero:x=1"], "'zero:x=1' takes no parameters"),
         (["ipc:limit=many"], "must be a number"),
         (["a=ipc", "a=retuned"], "two agents are called 'a'"),
@@ -410,7 +412,7 @@ def test_the_front_is_a_table_and_a_figure(tmp_path):
     assert len(lines) == 1 + len(runs)
     assert "<svg" in draw_front(rows, tmp_path / "front.svg").read_text(encoding="utf-8")
     runs[strongest] = results(TASK, ending="overspeed")
-    with pytest.raises(ValueError, match="did not last in 15 m/s, seed 1007"):
+    with pytest.raises(ValueError, match=r"must complete every wind of .*, it ended early in 15 m/s, seed 1007"):
         front_rows(TASK, runs)
 
 

@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.bridges.compiler import CompilerError, find_compiler
 from wt_gym.bridges.openfast import OpenFASTSimulator, find_library, write_model
 from wt_gym.bridges.openfast.input_text import InputFile
 from wt_gym.bridges.openfast.library import VARIABLE
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, Measurement, elastodyn_outputs
 from wt_gym.bridges.openfast.mode_shapes import TopBody, bending_shapes
 from wt_gym.bridges.openfast.pitch_path import PitchPath
-from wt_gym.bridges.openfast.relay import compiler, relay_library
+from wt_gym.bridges.openfast.relay import relay_library
 from wt_gym.bridges.openfast.sections import blade_sections, tower_sections
 from wt_gym.bridges.openfast.start import BentTurbine
 from wt_gym.bridges.openfast.wind_file import sampled, write_wind
@@ -37,7 +38,15 @@ from wt_gym.turbines.openfast import read_openfast
 from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, bts
 from wt_gym.wind.turning import TurningInflow
 
-needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler: install gcc or pip install ziglang")
+
+def has_compiler():
+    try:
+        return bool(find_compiler())
+    except CompilerError:
+        return False
+
+
+needs_compiler = pytest.mark.skipif(not has_compiler(), reason="no C compiler: install gcc or pip install ziglang")
 
 
 @pytest.fixture(scope="module")
@@ -403,7 +412,7 @@ class TestProcess:
         source = source.replace("SPEED", str(NAMES.index("RotSpeed"))).replace("PITCH", str(NAMES.index("BldPitch1")))
         path, library = place / "fake.c", place / f"fake{way}.so"
         path.write_text(source)
-        subprocess.run([*compiler(), "-shared", "-fPIC", "-o", str(library), str(path)], check=True)
+        subprocess.run([*find_compiler(), "-shared", "-fPIC", "-o", str(library), str(path)], check=True)
         wind = SteadyInflow(8.0, 90.0)
         return OpenFASTSimulator(turbine, wind, openfast_library=library, commands="inputs", **options)
 

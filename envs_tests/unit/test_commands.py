@@ -44,10 +44,20 @@ def test_the_help_lists_every_command(capsys):
     assert all(f"  {command} " in text for command in COMMANDS)
 
 
-@pytest.mark.parametrize("words", [[], ["fly"], ["train", "--colour", "red"]])
+@pytest.mark.parametrize("words", [[], ["fly"], ["train", "--color", "red"]])
 def test_wrong_words_take_one_line_and_status_2(words, capsys):
     assert ended(main, words) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.skipif(not hasattr(select, "poll"), reason="the system does not say whether a pipe is read")
+def test_output_that_nobody_reads_ends_without_a_word():
+    reader, writer = os.pipe()
+    os.close(reader)
+    words = [sys.executable, "-m", "wt_gym", "list", "controllers"]
+    done = subprocess.run(words, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
 
 
 def test_in_a_clone_commands_are_called_as_scripts(monkeypatch):
@@ -151,7 +161,7 @@ def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
         return recorder
 
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
-    monkeypatch.setattr("wt_gym.agents.closed_loop.run_baseline", run)
+    monkeypatch.setattr("wt_gym.runs.playing.run_baseline", run)
     out = tmp_path / "new" / "run.nc"
     assert ended(simulate.main, ["--wind-speed", "8", "12", "15", "--out", str(out)]) == 128 + number
     assert sorted(file.name for file in out.parent.iterdir()) == ["run_12.nc", "run_8.nc"]
@@ -176,7 +186,7 @@ def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
         (["--average", "400"], "--average must lie above 0 and at most at the --duration of 300 s, got 400"),
         (["--wind-speed", "8", "1e9"], "--wind-speed must lie between 0 and 50 m/s, got 1e+09"),
         (["--turbulent", "--seed", "-1"], "--seed must lie between 0 and"),
-        (["--fidelity", "none"], "fidelity 'none' is unknown"),
+        (["--fidelity", "none"], "got 'none'"),
     ],
 )
 def test_simulate_refuses_numbers_without_meaning_before_it_prints(words, message, capsys):
@@ -231,7 +241,7 @@ def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch,
 
     metrics = {"mean_power": 1e6, "blade_flap_del": 1e6, "pitch_duty_cycle": 0.1}
     metrics |= dict.fromkeys(key for key, _ in comparison.COLUMNS if key not in metrics) | metrics
-    monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
+    monkeypatch.setattr(comparison, "Simulator", ScriptedSimulator)
     monkeypatch.setattr(comparison, "run_controller", run)
     monkeypatch.setattr(comparison, "benchmark_metrics", lambda *_: {key: 1e6 for key in metrics})
     words = ["compare-controllers", "discon", "ipc", "--winds", "8", "12", "15", "--seeds", "--json"]
@@ -338,7 +348,7 @@ def test_a_full_disk_ends_in_one_line_and_what_was_written_stays(monkeypatch, tm
         return recorder
 
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
-    monkeypatch.setattr("wt_gym.agents.closed_loop.run_baseline", run)
+    monkeypatch.setattr("wt_gym.runs.playing.run_baseline", run)
     out = tmp_path / "run.nc"
     with files_of_at_most(400_000):
         error = ended(simulate.main, ["--wind-speed", "8", "12", "--out", str(out)])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wt_gym.control import ActionMap, Demand
-from wt_gym.control.actions import Aim
+from wt_gym.control.actions import AgentSetpoint
 from wt_gym.errors import ActionError
 from wt_gym.turbines import load_turbine
 
@@ -80,34 +80,34 @@ class TestResidual:
     def test_zero_is_the_controller(self, turbine, hold):
         for pitch in ("collective", "individual", "fixed-frame"):
             action_map = self.map(turbine, pitch=pitch)
-            aim = action_map.decode(np.zeros(action_map.size), action_map.start(hold))
-            demand = action_map.demand(aim, self.base, azimuth=1.0, rotor_speed=1.2)
+            setpoint = action_map.decode(np.zeros(action_map.size), action_map.start(hold))
+            demand = action_map.demand(setpoint, self.base, azimuth=1.0, rotor_speed=1.2)
             np.testing.assert_array_equal(demand.pitch, self.base.pitch)
             assert (demand.yaw_rate, demand.generator_torque) == (1e-3, 40e3)
 
     def test_offsets_move_with_the_action_and_end_at_their_limits(self, turbine, hold):
         action_map = self.map(turbine)
         assert action_map.names == ("pitch_offset_rate", "yaw_rate", "generator_torque_offset_rate")
-        aim = action_map.decode(np.array([1.0, 0.0, -1.0]), action_map.start(hold))
+        setpoint = action_map.decode(np.array([1.0, 0.0, -1.0]), action_map.start(hold))
         rated = 5_296_610.0 / 121.6805
-        assert aim.pitch[0] == pytest.approx(math.radians(1.5) * DT)
-        assert aim.generator_torque == pytest.approx(-0.05 * rated * DT, rel=1e-3)
+        assert setpoint.pitch[0] == pytest.approx(math.radians(1.5) * DT)
+        assert setpoint.generator_torque == pytest.approx(-0.05 * rated * DT, rel=1e-3)
         for _ in range(100):
-            aim = action_map.decode(np.array([1.0, 0.0, -1.0]), aim)
-        assert aim.pitch[0] == pytest.approx(math.radians(4.0))
-        assert aim.generator_torque == pytest.approx(-0.1 * rated, rel=1e-3)
-        demand = action_map.demand(aim, self.base)
+            setpoint = action_map.decode(np.array([1.0, 0.0, -1.0]), setpoint)
+        assert setpoint.pitch[0] == pytest.approx(math.radians(4.0))
+        assert setpoint.generator_torque == pytest.approx(-0.1 * rated, rel=1e-3)
+        demand = action_map.demand(setpoint, self.base)
         np.testing.assert_allclose(demand.pitch, self.base.pitch + math.radians(4.0))
 
     def test_tilt_and_yaw_reach_the_blades_with_the_azimuth_ahead(self, turbine, hold):
         """Blade 1 up, a delay of 0.1 s: it gets the tilt of the azimuth that it has then."""
         action_map = self.map(turbine, pitch="fixed-frame", components=("pitch",), delay=0.1)
         assert action_map.names == ("pitch_mean_offset_rate", "pitch_tilt_offset_rate", "pitch_yaw_offset_rate")
-        aim = action_map.decode(np.array([0.0, 1.0, -0.5]), action_map.start(hold))
+        setpoint = action_map.decode(np.array([0.0, 1.0, -0.5]), action_map.start(hold))
         step = math.radians(1.5) * DT
         psi = 0.12 + 2.0 * np.pi / 3.0 * np.arange(3)
         expected = self.base.pitch + step * np.cos(psi) - 0.5 * step * np.sin(psi)
-        np.testing.assert_allclose(action_map.demand(aim, self.base, 0.0, 1.2).pitch, expected, rtol=1e-12)
+        np.testing.assert_allclose(action_map.demand(setpoint, self.base, 0.0, 1.2).pitch, expected, rtol=1e-12)
 
     def test_components_left_out_are_the_controllers(self, turbine, hold):
         for mode in ("rate", "absolute", "residual"):
@@ -122,17 +122,17 @@ class TestResidual:
 
     def test_spans_can_be_chosen(self, turbine, hold):
         action_map = self.map(turbine, spans={"pitch": 0.01, "pitch_rate": 0.1, "torque": 1e3})
-        aim = action_map.decode(np.ones(3), action_map.start(hold))
-        assert (aim.pitch[0], aim.generator_torque) == (0.01, pytest.approx(0.05 * 43528.0 * DT, rel=1e-2))
+        setpoint = action_map.decode(np.ones(3), action_map.start(hold))
+        assert (setpoint.pitch[0], setpoint.generator_torque) == (0.01, pytest.approx(0.05 * 43528.0 * DT, rel=1e-2))
         with pytest.raises(ValueError, match="action_spans has no 'blade'; there are"):
             self.map(turbine, spans={"blade": 1.0})
         with pytest.raises(ValueError, match=r"action_spans\['pitch_rate'\] must be positive and at most"):
             self.map(turbine, spans={"pitch_rate": 1.0})
 
     def test_controllers_run_beneath(self, turbine, hold):
-        with pytest.raises(ValueError, match="let it run beneath"):
+        with pytest.raises(ValueError, match="let it be the base controller"):
             self.map(turbine).encode(self.base, hold)
-        with pytest.raises(ValueError, match="let it run beneath"):
+        with pytest.raises(ValueError, match="let it be the base controller"):
             ActionMap(turbine, DT, pitch="fixed-frame").encode(self.base, hold)
 
     @pytest.mark.parametrize(
@@ -147,7 +147,9 @@ class TestResidual:
     )
     def test_residual_torque_does_not_overload(self, turbine, speed, beneath, offset, torque):
         action_map = self.map(turbine, spans={"torque": 5e3})
-        demand = action_map.demand(Aim(np.zeros(1), 0.0, offset), Demand(np.zeros(3), 0.0, beneath), 0.0, speed)
+        demand = action_map.demand(
+            AgentSetpoint(np.zeros(1), 0.0, offset), Demand(np.zeros(3), 0.0, beneath), 0.0, speed
+        )
         assert demand.generator_torque == pytest.approx(torque, rel=1e-6)
 
     def test_coordinates_whose_mean_is_that_of_the_blades(self, turbine):
@@ -159,11 +161,11 @@ def test_an_episode_starts_from_the_mean_of_the_blades_at_rest(turbine):
     previous = Demand(np.array([0.1, 0.2, 0.6]), 0.01, 20e3)
     wanted = {"collective": [0.3], "individual": [0.1, 0.2, 0.6], "fixed-frame": [0.3, 0.0, 0.0]}
     for pitch, angles in wanted.items():
-        aim = ActionMap(turbine, DT, pitch=pitch).start(previous)
-        np.testing.assert_allclose(aim.pitch, angles, rtol=1e-12)
-        assert (aim.yaw_rate, aim.generator_torque) == (0.0, 20e3)
-    aim = ActionMap(turbine, DT, "residual").start(previous)
-    assert (aim.pitch.tolist(), aim.yaw_rate, aim.generator_torque) == ([0.0], 0.0, 0.0)
+        setpoint = ActionMap(turbine, DT, pitch=pitch).start(previous)
+        np.testing.assert_allclose(setpoint.pitch, angles, rtol=1e-12)
+        assert (setpoint.yaw_rate, setpoint.generator_torque) == (0.0, 20e3)
+    setpoint = ActionMap(turbine, DT, "residual").start(previous)
+    assert (setpoint.pitch.tolist(), setpoint.yaw_rate, setpoint.generator_torque) == ([0.0], 0.0, 0.0)
 
 
 def test_absolute_tilt_and_yaw_lie_about_nothing(turbine):

@@ -8,9 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.agents.closed_loop import run_controller
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.reward_study import simulate
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.controllers import (
     Combined,
@@ -23,6 +21,7 @@ from wt_gym.control.controllers import (
     readings_of,
 )
 from wt_gym.control.operating_point import operating_point
+from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.damper import with_damper
@@ -77,7 +76,7 @@ def test_in_a_steady_wind_it_is_the_base(turbine):
         assert np.array_equal(alone.step(now, 0.1).pitch, wrapped.step(now, 0.1).pitch)
 
 
-@pytest.mark.parametrize("name", ["discon", "retuned", "rosco"])
+@pytest.mark.parametrize("name", ["discon", "retuned", "tsr_tracking"])
 def test_a_shift_moves_the_next_demand(name, turbine):
     now = {f"pitch_{b}": 0.25 for b in (1, 2, 3)}
     now |= {"generator_speed": 97 * RATED, "rotor_speed": RATED, "generator_torque": 40_000.0}
@@ -92,7 +91,7 @@ def test_a_shift_moves_the_next_demand(name, turbine):
     assert np.subtract(*made[::-1]) == pytest.approx(np.full((3, 3), 0.004), rel=2e-2)
 
 
-@pytest.mark.parametrize("name", ["discon", "rosco"])
+@pytest.mark.parametrize("name", ["discon", "tsr_tracking"])
 def test_a_shift_ends_at_the_limit(name, turbine):
     now = {f"pitch_{b}": 0.0 for b in (1, 2, 3)}
     now |= {"generator_speed": 97 * RATED, "rotor_speed": RATED, "generator_torque": 40_000.0}
@@ -156,7 +155,7 @@ def test_it_keeps_what_it_needs_of_the_readings(mean, turbine):
     for _ in range(4000):
         controller.step(now, 0.1)
     assert 2 < len(controller._at) <= 100 * controller.wavenumber * controller.lidar.ranges[-1] + 3
-    kept = controller._travelled - controller._at[0]
+    kept = controller._traveled - controller._at[0]
     assert kept == pytest.approx(min(mean * 400.0, controller.lidar.ranges[-1] - 1 / controller.wavenumber), rel=0.2)
 
 
@@ -201,7 +200,7 @@ def test_the_air_comes_at_the_speed_of_the_mean_wind(turbine):
 
 
 def test_what_is_below_the_schedule_does_not_jump(turbine):
-    controller = make_controller("rosco", turbine, thrust_limit=0.8)
+    controller = make_controller("tsr_tracking", turbine, thrust_limit=0.8)
     now = {"generator_speed": 97 * RATED, "rotor_speed": RATED, "generator_torque": 40_000.0}
     now |= {f"pitch_{b}": 0.0 for b in (1, 2, 3)}
     controller.start(now, demand(0.0))
@@ -307,8 +306,3 @@ def test_an_observation_has_the_lidar_of_the_controller_beneath():
     env.close()
     with pytest.raises(ValueError, match="the controller beneath reads Lidar"):
         gym.make("wt_gym/LoadReduction-v1", **more, lidar=Lidar((50.0,)))
-
-
-def test_the_reward_study_takes_it(turbine):
-    simulator = Simulator(turbine, SteadyInflow(14.0, turbine.hub_height))
-    assert np.isfinite(simulate("lidar", simulator, 1.0, 0.2)).all()

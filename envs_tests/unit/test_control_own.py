@@ -17,7 +17,7 @@ from wt_gym.control.controllers.discon import BaselineController, BaselineParame
 from wt_gym.control.controllers.filters import SecondOrderLowPass
 from wt_gym.control.controllers.own import own_parameters
 from wt_gym.control.controllers.pitch_law import GainTable, PitchLaw
-from wt_gym.control.controllers.rosco_like import RoscoLikeController
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
@@ -65,7 +65,7 @@ def test_notes_say_what_was_read_and_left():
     [
         ("{", "not JSON"),
         ("[1]", "must be a JSON object"),
-        ('{"kp": 1}', "unknown key 'kp'"),
+        ('{"kp": 1}', "keys must be among .*; got 'kp'"),
         ('{"fine_pitch_deg": "x"}', "must be numbers"),
         ('{"gain_doubling_pitch": 0.1}', "None unless gain_pitch is"),
     ],
@@ -95,7 +95,7 @@ def test_constants_beside_a_file_are_used(tmp_path):
 
 def test_published_gains_serve_the_turbines_that_have_them():
     controller = make_controller("discon", load_turbine("iea_22mw"))
-    assert isinstance(controller, RoscoLikeController)
+    assert isinstance(controller, TsrTrackingController)
     p, own = controller.parameters, load_turbine("iea_22mw").control
     assert p.torque_gain == own.torque_proportional_gain
     assert p.baseline.gain_table.proportional[0] == own.pitch_proportional_gain[0]
@@ -122,6 +122,33 @@ def test_second_order_filter_is_exact_for_any_step(dt):
     np.testing.assert_allclose(found, 2.0 + 3.0 * exact[1:], rtol=1e-6)
     with pytest.raises(ValueError, match="positive frequency and damping ratio"):
         SecondOrderLowPass(0.0, 0.7)
+
+
+def test_gains_of_the_pitch_law_halve_and_its_integral_holds_and_moves_the_demand():
+    """GK = 1 / (1 + θ / θ_K); the demand is GK (k_p e + k_i ∫e), within limits that the integral does not pass."""
+    law = PitchLaw(0.8, 0.1, 0.2)
+    assert (law.gains(0.0), law.gains(0.2)) == (pytest.approx((0.8, 0.1)), pytest.approx((0.4, 0.05)))
+    pitch, integral = law.step(0.2, 5.0, 0.02, 0.5, 0.0, 1.5)
+    assert integral == pytest.approx(5.0 + 0.02 * 0.5)
+    assert pitch == pytest.approx(0.5 * (0.8 * 0.02 + 0.1 * integral))
+    for error in (0.0, -0.03):
+        held, _ = law.step(0.3, law.holding(0.3, error), error, 0.0, 0.0, 1.5)
+        assert held == pytest.approx(0.3)
+    assert law.holding(0.3) == pytest.approx(law.holding(0.3, 0.0))
+    moved, _ = law.step(0.25, law.moved(0.2, 0.05, law.holding(0.2)), 0.0, 0.0, 0.0, 1.5)
+    assert moved == pytest.approx(0.25)
+    for error, limit in ((-9.0, 0.1), (9.0, 0.4)):
+        pitch, integral = law.step(0.2, law.holding(0.2), error, 5.0, 0.1, 0.4)
+        assert (pitch, law.factor(0.2) * 0.1 * integral) == (pytest.approx(limit), pytest.approx(limit))
+
+
+def test_with_a_table_the_integral_of_the_pitch_law_is_a_pitch():
+    law = PitchLaw(1.0, 1.0, 1.0, GainTable((0.0,), (0.8,), (0.1,)))
+    pitch, integral = law.step(0.2, 0.15, 0.02, 0.5, 0.0, 1.5)
+    assert integral == pytest.approx(0.15 + 0.1 * 0.02 * 0.5)
+    assert pitch == pytest.approx(0.8 * 0.02 + integral)
+    assert law.step(0.3, law.holding(0.3, -0.03), -0.03, 0.0, 0.0, 1.5)[0] == pytest.approx(0.3)
+    assert law.moved(0.3, 0.05, 0.3) == pytest.approx(0.35)
 
 
 def test_a_table_of_gains_does_not_move_the_demand():

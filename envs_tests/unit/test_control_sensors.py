@@ -85,7 +85,7 @@ def test_an_observation_stays_within_its_bounds_after_rounding():
         low, high = middle - reach, middle + reach
         layout = ObservationLayout([Channel("x", "-", offset, abs(scale), low, high, 0.0, "")])
         for value in (low, high, np.nextafter(low, high), np.nextafter(high, low), -np.inf, np.inf, 2 * high + 1.0):
-            observation, saturated = layout.normalise(np.array([value]))
+            observation, saturated = layout.normalize(np.array([value]))
             assert observation.dtype == np.float32
             assert layout.low <= observation <= layout.high
             assert bool(saturated) == (not low <= value <= high)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from wt_gym.agents.task_scores import RANDOM, STUDIES, score_table
-from wt_gym.envs.wind_sampler import GUSTS, TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
 from wt_gym.ids import present_id
 from wt_gym.tasks import TASKS
 
@@ -94,8 +94,8 @@ def test_runs_that_ended_early_are_counted_and_not_compared():
         made = {"agent": agent, "part": "", "wind": wind, "speed": 8.0, "ending": ending, "return": 330.0}
         return made | {"metrics": metrics if ending == "time" else {}}
 
-    runs = [run(agent, wind, 1e6) for agent in study.contenders if agent != "rosco" for wind in winds]
-    runs += [run("rosco", wind, 1.1e6, "time" if k else "overspeed") for k, wind in enumerate(winds)]
-    row = next(line for line in score_table("MaxPower", runs).splitlines() if "rosco" in line)
+    runs = [run(agent, wind, 1e6) for agent in study.contenders if agent != "tsr_tracking" for wind in winds]
+    runs += [run("tsr_tracking", wind, 1.1e6, "time" if k else "overspeed") for k, wind in enumerate(winds)]
+    row = next(line for line in score_table("MaxPower", runs).splitlines() if "tsr_tracking" in line)
     assert "| +10.00 % | 0.0 ± 0.0 % |" in row
     assert f"| {(330.0 + 5 * 60.0) / 6:.1f} | 5 of 6 |" in row

@@ -7,10 +7,10 @@ import pickle
 import numpy as np
 import pytest
 
-from wt_gym.control import ActionMap, Aim, Demand, Lidar
+from wt_gym.control import ActionMap, AgentSetpoint, Demand, Lidar
 from wt_gym.envs.observable import OBSERVATION_GROUPS, Observable
 from wt_gym.envs.observations import Observer
-from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Situation
+from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.turbines import load_turbine
 
@@ -30,10 +30,12 @@ def signals(step=0):
     return Signals(values, 3)
 
 
-def situation(now):
+def context(now):
     demand, base = Demand(np.array([0.1, 0.2, 0.3]), 0.0, 3e4), Demand(np.full(3, 0.15), 0.0, 2e4)
-    aim = Aim([0.01, 0.02, 0.03], 0.0, 4e3)
-    return Situation(now, demand, aim, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0]))
+    setpoint = AgentSetpoint([0.01, 0.02, 0.03], 0.0, 4e3)
+    return ObservationContext(
+        now, demand, setpoint, base, np.linspace(-1.0, 1.0, ACTION.size), np.array([9.0, 10.0, 11.0])
+    )
 
 
 @pytest.fixture(scope="module")
@@ -43,19 +45,19 @@ def observer():
 
 def observed(observer):
     """Physical values by name after a start and a step of 0.2 s."""
-    observer.reset(situation(signals(0)))
+    observer.reset(context(signals(0)))
     observer.advance(signals(1), 0.2)
-    values, kept = {}, observer.layout.normalise
+    values, kept = {}, observer.layout.normalize
     try:
-        observer.layout.normalise = lambda found: (values.update(zip(observer.layout.names, found, strict=True)), ())
-        observer.observe(situation(signals(1)), np.random.default_rng(0))
+        observer.layout.normalize = lambda found: (values.update(zip(observer.layout.names, found, strict=True)), ())
+        observer.observe(context(signals(1)), np.random.default_rng(0))
     finally:
-        observer.layout.normalise = kept
+        observer.layout.normalize = kept
     return values
 
 
 def test_each_channel_is_read_from_what_it_names(observer):
-    before, now, case, values = signals(0), signals(1), situation(signals(1)), observed(observer)
+    before, now, case, values = signals(0), signals(1), context(signals(1)), observed(observer)
     for name in ("rotor_speed", "generator_power", "tip_out_of_plane_2", "tower_top_side_side", "pitch_2",
                  "nacelle_acceleration_fore_aft", "tower_base_side_side_moment"):  # fmt: skip
         assert values[name] == now[name]
@@ -64,7 +66,7 @@ def test_each_channel_is_read_from_what_it_names(observer):
     assert [values["pitch_demand"], values["pitch_demand_1"]] == pytest.approx([0.2, 0.1])
     assert [values["controller_pitch"], values["controller_torque"]] == pytest.approx([0.15, 2e4])
     assert values["generator_torque_demand"] == 3e4
-    assert [values[f"pitch_offset_{k}"] for k in (1, 2, 3)] == case.aim.pitch
+    assert [values[f"pitch_offset_{k}"] for k in (1, 2, 3)] == case.setpoint.pitch
     assert values["torque_offset"] == 4e3
     assert [values[f"lidar_{k}"] for k in (1, 2, 3)] == [9.0, 10.0, 11.0]
     assert [values[f"previous_{name}"] for name in ACTION.names] == case.action.tolist()

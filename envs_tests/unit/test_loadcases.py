@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.agents import contenders
-from wt_gym.agents.executors import SerialExecutor
+from wt_gym.agents import pool
 from wt_gym.agents.loadcases import study
-from wt_gym.agents.loadcases.cases import CASES, Condition, digest, inflow_of, plan_of
+from wt_gym.agents.loadcases.cases import CASES, Condition, inflow_of, plan_of
 from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
 from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
 from wt_gym.agents.loadcases.run import EXTREMES
 from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases
-from wt_gym.agents.sweep_record import SWEEP_FILE
-from wt_gym.agents.workers import Tally
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
 from wt_gym.commands.loadcases import main
-from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
+from wt_gym.runs.definition import digest
+from wt_gym.runs.executors import SerialExecutor, Tally
+from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.turbines import load_turbine
 
@@ -113,7 +113,7 @@ def test_winds_are_those_of_the_models(turbine):
         ("2.3", 1.1 * 3.0),
     ],
 )
-def test_design_loads_are_means_of_realisations_times_the_factors(case, expected):
+def test_design_loads_are_means_of_realizations_times_the_factors(case, expected):
     values = [(12.0, result(x)) for x in (1.0, 2.0, 4.0, 5.0)] + [(18.0, result(2.9))] * 4
     value = results(case, values).value(case, "A", "blade_flap_max")
     assert value.design == pytest.approx(expected)
@@ -258,8 +258,8 @@ def sent(value):
 def elsewhere(monkeypatch):
     """An executor for which no kernels are compiled: the environments that would be are in its ``compiled``."""
     compiled = []
-    monkeypatch.setattr(contenders, "compile_kernels", compiled.append)
-    monkeypatch.setattr(contenders, "_play", None)  # of worker processes, which this one stands for
+    monkeypatch.setattr(pool, "compile_kernels", compiled.append)
+    monkeypatch.setattr(pool, "_play", None)  # of worker processes, which this one stands for
     executor = Elsewhere()
     executor.compiled = compiled
     return executor
@@ -302,10 +302,10 @@ def test_a_damaged_file_is_named(tmp_path, counted):
     [
         (["--case", "9.9"], "load cases must be some of 1.1, 1.2, 1.3, 1.4, 1.5, 2.1, 2.2, 2.3, 4.2, 6.1, got 9.9"),
         (["--jobs", "0"], "at least 1 job"),
-        (["--address", "auto"], "ask for the engine ray"),
-        (["nobody"], "'nobody' is no agent"),
+        (["--address", "auto"], "the engine must be ray"),
+        (["nobody"], "got 'nobody'"),
         (["--env-kwargs", '{"wind_speed": 9}'], "wind_speed follows from the load cases"),
-        (["--env-kwargs", '{"colour": 9}'], "the environment has no argument 'colour'"),
+        (["--env-kwargs", '{"color": 9}'], "the environment has no argument 'color'"),
         (["no controller=baseline"], "of a name other than 'no controller'"),
         (["--out", "/dev/null/there"], "/dev/null/there"),
         (["--mean-wind-speed", "-1"], "mean_speed of a wind climate must be positive and finite, got -1.0"),
@@ -314,7 +314,7 @@ def test_a_damaged_file_is_named(tmp_path, counted):
 )
 def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("wt_gym.agents.contenders.Contenders.results", lambda *_: pytest.fail("runs were begun"))
+    monkeypatch.setattr("wt_gym.agents.pool.AgentPool.results", lambda *_: pytest.fail("runs were begun"))
     with pytest.raises(SystemExit) as end:
         main(words)
     assert message in end.value.code

@@ -11,13 +11,13 @@ from wt_gym.multibody.tree import tree_kernels
 from wt_gym.multibody.tree.point_kernels import point_motion
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.model.blade_lattice import blade_planform
-from wt_gym.simulation.model.blade_pieces import add_pieces, cut_blade
+from wt_gym.simulation.model.blade_sub_bodies import add_sub_bodies, cut_blade
 from wt_gym.simulation.model.turbine_structure import build_structure
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import load_turbine
 
-PIECES = Fidelity(blade_bodies=4, blade_modes=(2, 1, 1), integrator="generalised_alpha")
+PIECES = Fidelity(blade_bodies=4, blade_modes=(2, 1, 1), integrator="generalized_alpha")
 DOFS = (0, 1, 3, 4, 5)
 
 
@@ -33,7 +33,9 @@ def blade():
 def clamped_chain(blade, beam, n):
     """A blade in n pieces on the ground, without gravity."""
     system, fidelity = MultibodySystem((0.0, 0.0, 0.0)), replace(PIECES, blade_bodies=n)
-    add_pieces(system, cut_blade(blade, beam, fidelity, DOFS), lambda body: system.add(body, Joint("fixed")), "blade")
+    add_sub_bodies(
+        system, cut_blade(blade, beam, fidelity, DOFS), lambda body: system.add(body, Joint("fixed")), "blade"
+    )
     return system.build()
 
 
@@ -81,14 +83,14 @@ def lattice(structure, y, n):
     system, work = structure.system, structure.system.new_work()
     tree_kernels.kinematics(y, system.tree, work)
     nodes = np.full((len(structure.parts), n, 3), np.nan)
-    points, pieces = structure.lattice_points, structure.piece_nodes
+    points, sub_bodies = structure.lattice_points, structure.sub_body_nodes
     for blade, parts in enumerate(structure.parts):
         for p, body in enumerate(parts):
             own = type(points)(*(shapes[p] for shapes in points))
             place, speed = np.zeros((own.position.shape[0], 3)), np.zeros((own.position.shape[0], 3))
             q, rate = structure.elastic(body, y)
             point_motion(work.rot[body], work.r[body], work.v[body], work.omega[body], q, rate, own, place, speed)
-            chosen = np.arange(n) if pieces is None else pieces.node[p, : pieces.count[p]]
+            chosen = np.arange(n) if sub_bodies is None else sub_bodies.node[p, : sub_bodies.count[p]]
             nodes[blade, chosen] = place[: len(chosen)]
     return nodes
 
@@ -102,10 +104,10 @@ def test_the_undeformed_lattice_is_that_of_one_body(turbines):
 
 def test_every_lattice_node_has_one_carrier(turbines):
     _, _, several, nodes = turbines
-    pieces = several.piece_nodes
-    carried = np.concatenate([row[:n] for row, n in zip(pieces.node, pieces.count, strict=True)])
+    sub_bodies = several.sub_body_nodes
+    carried = np.concatenate([row[:n] for row, n in zip(sub_bodies.node, sub_bodies.count, strict=True)])
     np.testing.assert_array_equal(np.sort(carried), np.arange(len(nodes)))
-    assert several.carriers.tolist() == [body for parts in several.parts for body in parts]
+    assert several.lattice_bodies.tolist() == [body for parts in several.parts for body in parts]
 
 
 def test_pieces_weigh_as_much_as_the_blade(turbines):
@@ -126,8 +128,8 @@ def test_a_bent_piece_carries_those_behind_it(turbines):
     turn = several.system.bodies[body].markers["tip"].rotation[1]
     y[q + int(np.abs(turn).argmax())] = 0.1  # radians about y
     bent = lattice(several, y, len(nodes))[0]
-    pieces = several.piece_nodes
-    outer = np.concatenate([row[:n] for row, n in zip(pieces.node[1:], pieces.count[1:], strict=True)])
+    sub_bodies = several.sub_body_nodes
+    outer = np.concatenate([row[:n] for row, n in zip(sub_bodies.node[1:], sub_bodies.count[1:], strict=True)])
     pairs = np.array([outer[:-1], outer[1:]])
     before, after = (np.linalg.norm(x[pairs[1]] - x[pairs[0]], axis=1) for x in (straight, bent))
     np.testing.assert_allclose(after, before, atol=1e-9)
@@ -141,7 +143,7 @@ def test_a_bent_piece_carries_those_behind_it(turbines):
         ({"integrator": "hamming"}, "an implicit integrator"),
         ({"blade_bodies": 0}, "blade_bodies is 0; a whole number"),
         ({"blade_bodies": 2.5}, "blade_bodies is 2.5"),
-        ({"spectral_radius": 1.5}, "spectral_radius is 1.5; allowed: None or 0 … 1"),
+        ({"spectral_radius": 1.5}, "spectral_radius is 1.5; must be None or 0 … 1"),
     ],
 )
 def test_pieces_without_meaning_are_refused(change, message):

@@ -70,7 +70,7 @@ def test_the_generator_gets_the_power_that_the_gearbox_leaves(turbine, make):
         ((0.0, 0.0, 0.0, 43e3), r"generator_torque is 43000\.0 N m; allowed at a rotor speed of 0 rad/s: 0 … 0 N m"),
         ((0.0, 0.0, RATED, -1.0), "generator_torque is -1"),
         ((0.0, 0.0, RATED, np.nan), "generator_torque"),
-        ((2.0, 0.0, RATED, None), "at the start; allowed"),
+        ((2.0, 0.0, RATED, None), "at the start; must be"),
         ((20.0, 0.0, RATED, None), "degrees"),
         (((0.0, 0.1), 0.0, RATED, None), "3 angles"),
         ((0.0, np.inf, RATED, None), "yaw"),

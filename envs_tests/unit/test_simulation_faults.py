@@ -95,7 +95,10 @@ def test_drives_are_sound_again_without_faults(drives, turbine):
         (lambda: SensorBias(1.0, ()), "channels of a sensor"),
         (lambda: SensorBias(1.0, "pitch_1"), "channels of a sensor"),
         (lambda: SensorBias(1.0, ("pitch_1",), math.inf), "factor"),
-        (lambda: checked_faults([SensorBias(1.0, ("colour",))], 3), r"no sensor reads \['colour'\]"),
+        (
+            lambda: checked_faults([SensorBias(1.0, ("color",))], 3),
+            r"channels of a sensor fault must be among .*; got \['color'\]",
+        ),
         (lambda: checked_faults(["stuck"], 3), "a fault is a StuckPitch"),
         (lambda: checked_faults(3, 3), "a fault is a StuckPitch"),
     ],

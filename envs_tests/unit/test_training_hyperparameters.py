@@ -18,9 +18,9 @@ def test_ppo_starts_with_what_was_found_for_load_reduction():
     values = hyperparameters_for("PPO", TASK)
     measured = {
         "gamma": 0.98, "n_steps": 1024, "batch_size": 256, "n_epochs": 6, "learning_rate": 4e-4, "gae_lambda": 0.95,
-        "log_std_init": -1.2, "net_arch": [64, 64], "normalise_observations": False,
+        "log_std_init": -1.2, "net_arch": [64, 64], "normalize_observations": False,
     }  # fmt: skip
-    assert values == measured | {"normalise_rewards": True}
+    assert values == measured | {"normalize_rewards": True}
     assert TrainingConfig().resolved == values
 
 
@@ -55,7 +55,7 @@ def test_files_lie_on_top_of_the_package_and_options_on_top_of_files(tmp_path):
         ("net_arch=[128, 64]", [128, 64]),
         ("ent_coef=auto", "auto"),
         ("learning_rate=lin_3e-4", "lin_3e-4"),
-        ("normalise_observations=true", True),
+        ("normalize_observations=true", True),
     ],
 )
 def test_options_of_the_command_line(text, value):
@@ -75,8 +75,8 @@ def test_options_that_cannot_be_read(text):
         ("", "must map environment ids"),
         ("[1, 2]", "must map environment ids"),
         ("default: 5", "must map names to values"),
-        ("default:\n  gama: 0.9", "PPO has no 'gama'; known are activation_fn, .*gamma"),
-        ("default:\n  tau: 0.9", "PPO has no 'tau'"),
+        ("default:\n  gama: 0.9", "names for PPO must be among activation_fn, .*gamma.*got 'gama'"),
+        ("default:\n  tau: 0.9", "names for PPO must be among .*; got 'tau'"),
         ("default:\n  gamma: 1.5", "gamma must be a number from 0 to 1, got 1.5"),
         ("default:\n  gamma: .nan", "gamma must be a number from 0 to 1, got nan"),
         ("default:\n  gamma: high", "gamma must be a number from 0 to 1, got 'high'"),
@@ -85,7 +85,7 @@ def test_options_that_cannot_be_read(text):
         ("default:\n  learning_rate: lin_fast", "learning_rate must be a number .* or lin_"),
         ("default:\n  net_arch: []", "net_arch must be a list"),
         ("default:\n  net_arch: 64", "net_arch must be a list"),
-        ("default:\n  normalise_observations: 1", "must be one of true, false"),
+        ("default:\n  normalize_observations: 1", "must be one of true, false"),
         ("default:\n  activation_fn: torch.nn.ReLU", "one of tanh, relu, elu"),
         ("CartPole: {gamma: 0.9}", "neither 'default' nor the id"),
         ("default: !!python/object/apply:os.getcwd []", "not valid YAML"),

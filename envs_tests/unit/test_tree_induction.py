@@ -31,7 +31,7 @@ def exact_velocity(sheet, points):
 
 
 def add_cores(sheet, radius):
-    """Write core radius times length, squared, of each segment; the radius in metres, scalar or one for each node."""
+    """Write core radius times length, squared, of each segment; the radius in meters, scalar or one for each node."""
     nodes = sheet[..., :3]
     radius2 = np.broadcast_to(np.square(radius), sheet.shape[:-1])
     sheet[1:, ..., 4] = radius2[1:] * ((nodes[1:] - nodes[:-1]) ** 2).sum(axis=-1)
@@ -80,10 +80,10 @@ def some_targets(sheet, n=400):
     """Nodes of the sheet, points among them and points up to five times as far out."""
     rng = np.random.default_rng(3)
     nodes = sheet[..., :3].reshape(-1, 3)
-    centre, size = nodes.mean(axis=0), np.abs(nodes - nodes.mean(axis=0)).max(axis=0)
+    center, size = nodes.mean(axis=0), np.abs(nodes - nodes.mean(axis=0)).max(axis=0)
     on = nodes[rng.choice(len(nodes), n // 2, replace=False)]
-    inside = centre + size * rng.uniform(-1.0, 1.0, (n // 4, 3))
-    outside = centre + size * rng.uniform(-5.0, 5.0, (n - n // 2 - n // 4, 3))
+    inside = center + size * rng.uniform(-1.0, 1.0, (n // 4, 3))
+    outside = center + size * rng.uniform(-5.0, 5.0, (n - n // 2 - n // 4, 3))
     return np.ascontiguousarray(np.concatenate([on, inside, outside]).T.astype(np.float32))
 
 

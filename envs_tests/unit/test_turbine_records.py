@@ -49,7 +49,7 @@ def test_a_new_turbine_is_one_file(tmp_path, monkeypatch):
         ({}, "source"),
         ({"source": {}}, "source must have one of file, windio_example, function and turbine"),
         ({"source": {"file": "a.yaml", "function": "a:b"}}, "source must have one of"),
-        ({"source": SOURCE, "colour": 1}, "unexpected keyword argument 'colour'"),
+        ({"source": SOURCE, "color": 1}, "unexpected keyword argument 'color'"),
         ({"source": SOURCE, "label": "New"}, "label and versions must both be given"),
         ({"source": SOURCE, "label": "New", "versions": {"first": {}}}, "invalid literal"),
     ],
@@ -66,7 +66,7 @@ def test_every_id_of_a_turbine_stands_in_its_record():
     assert ids == {name for name in own if "-Steady-" in name or "-Turbulent-" in name}
     assert gym.spec("wt_gym/NadaSmall-Steady-v1").kwargs == {
         "turbine": "nada_small", "inflow": "steady", "wind_speed": (6.0, 10.0), "control_dt": 0.02,
-        "episode_length": 4.0,
+        "episode_length": 4.0, "env_id": "wt_gym/NadaSmall-Steady-v1",
     }  # fmt: skip
 
 

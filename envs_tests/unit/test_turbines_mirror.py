@@ -44,7 +44,7 @@ def test_rotation_is_clockwise_unless_it_is_given():
     assert CLOCKWISE.rotation == "clockwise"
     assert OTHER.rotation == "counter-clockwise"
     assert load_turbine("nrel_5mw", rotation="clockwise") is CLOCKWISE
-    with pytest.raises(TurbineDefinitionError, match="rotation: got 'left', allowed is 'clockwise' or 'counter-clock"):
+    with pytest.raises(TurbineDefinitionError, match="rotation: got 'left', must be 'clockwise' or 'counter-clock"):
         load_turbine("nrel_5mw", rotation="left")
 
 

@@ -94,7 +94,7 @@ def test_edgewise_is_the_stiff_direction_and_twist_turns_it(nrel):
     assert nrel.blade.structure.shear_rigid
 
 
-def test_centre_of_mass_lies_behind_the_pitch_axis(nrel):
+def test_center_of_mass_lies_behind_the_pitch_axis(nrel):
     inertia = nrel.blade.structure.inertia[20]
     x, y = -inertia[2, 4] / inertia[0, 0], inertia[2, 3] / inertia[0, 0]
     assert y > 0.0

@@ -147,7 +147,7 @@ def test_inertia_matrix_is_the_kinetic_energy_of_its_particles():
 
 
 def test_matrices_in_the_frame_of_the_schema_text_give_the_same_blade(tmp_path):
-    """A blade whose axial centre lies 0.2 m aft and 0.05 m up, once with x to the suction side, once with y."""
+    """A blade whose axial center lies 0.2 m aft and 0.05 m up, once with x to the suction side, once with y."""
     ours, schema = small_turbine(), small_turbine()
     ea, back, up = 1e9, 0.2, 0.05
     structure = ours["components"]["blade"]["structure"]
@@ -529,7 +529,7 @@ def test_spikes_of_stiffness_are_refused(place, factor):
     if factor == 1e4 and place in (0, 4):  # a step at an end may be meant
         BeamStations(np.arange(5.0), stiffness, inertia)
         return
-    with pytest.raises(TurbineDefinitionError, match=r"stiffness\[\d, 4, 4\].*neighbours"):
+    with pytest.raises(TurbineDefinitionError, match=r"stiffness\[\d, 4, 4\].*neighbors"):
         BeamStations(np.arange(5.0), stiffness, inertia)
 
 

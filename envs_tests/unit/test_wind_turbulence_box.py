@@ -119,7 +119,7 @@ def test_second_build_reads_the_file(cache_folder, monkeypatch):
         *_, samples = (np.load(file) for _ in range(3))
     np.testing.assert_array_equal(samples, box.fluctuation)
     forget()
-    monkeypatch.setattr(turbulence_box, "synthesise", lambda _: pytest.fail("made again"))
+    monkeypatch.setattr(turbulence_box, "synthesize", lambda _: pytest.fail("made again"))
     assert TurbulenceBox.kaimal(**SMALL, seed=3) == box
 
 

@@ -1,12 +1,20 @@
 """Choices of the vortex-lattice solver, with the measured error of the presets' wakes."""
 
+from __future__ import annotations
+
 import math
 import numbers
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
 
 __all__ = ["ENGINEERING", "REFERENCE", "SEPARATION_LAG", "TRAINING", "AeroOptions"]
 
@@ -20,13 +28,13 @@ COUNTS = {
     "sparse_span": 1, "fresh_rows": 0, "refresh_stride": 1, "wind_stride": 1, "far_wake_rows": 1,
 }  # fmt: skip
 SEPARATION_LAG = 4.0
-"""Time constant of the separation point with ``dynamic_stall`` in chord lengths travelled [-], Øye's own (1991)."""
+"""Time constant of the separation point with ``dynamic_stall`` in chord lengths traveled [-], Øye's own (1991)."""
 NOT_NEGATIVE = ("bound_core", "wake_core", "viscosity", "squire", "stall_lag")
 
 
 @dataclass(frozen=True)
 class AeroOptions:
-    """Discretisation, wake treatment and physics of a `VortexLattice`.
+    """Discretization, wake treatment and physics of a `VortexLattice`.
 
     Always there: the force of the changing circulation (added mass), and the arcs for which the two segments stand that
     meet in a node of the wake, see `local_induction_kernels`: without them a wake moves the faster the longer its
@@ -51,7 +59,7 @@ class AeroOptions:
     sparse_from, sparse_stride, sparse_span : int
         From row ``sparse_from`` on (None: nowhere) only every ``sparse_stride``-th shed row is kept, and of its nodes
         only the last three, every ``sparse_span``-th inboard of them and the first carry vortices, rings between merged
-        by the areas that they sweep; the other nodes move with the velocities of these neighbours. With
+        by the areas that they sweep; the other nodes move with the velocities of these neighbors. With
         ``sparse_from=None`` both must be 1.
     fresh_rows, refresh_stride : int
         The induced velocity of the first ``fresh_rows`` rows is computed every step, that of an older row in turn every
@@ -68,7 +76,7 @@ class AeroOptions:
     viscous : bool
         Decambering from the airfoil polars, fed back into the boundary condition, with profile drag and moment.
     stall_lag : float
-        Time constant of the decambering in chord lengths travelled [-]. It only delays the approach to the polar: it
+        Time constant of the decambering in chord lengths traveled [-]. It only delays the approach to the polar: it
         selects one branch, continuously in time, where a stalled strip has several steady solutions. Not used with
         ``dynamic_stall``, whose separation point does the same.
     dynamic_stall : str or None
@@ -142,7 +150,7 @@ class AeroOptions:
     tree_tolerance: float = 1e-3
     ground_height: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Refuse values without meaning."""
         self._check_counts()
         for name in NOT_NEGATIVE:
@@ -157,28 +165,32 @@ class AeroOptions:
                 "AeroOptions.trailing_edge_wake and tip_wake are both False: a lattice that sheds no wake has no memory"
             )
         if self.dynamic_stall not in DYNAMIC_STALL:
-            raise AerodynamicsError(f"AeroOptions.dynamic_stall is {self.dynamic_stall!r}; allowed: None or 'oye'")
+            raise AerodynamicsError(f"AeroOptions.dynamic_stall is {self.dynamic_stall!r}; must be None or 'oye'")
         if self.dynamic_stall and not self.viscous:
             raise AerodynamicsError(
                 f"AeroOptions.dynamic_stall is {self.dynamic_stall!r} with viscous=False; it needs the polars: "
                 "viscous=True"
             )
         if self.load_form not in LOAD_FORMS:
-            raise AerodynamicsError(f"AeroOptions.load_form is {self.load_form!r}; allowed: {', '.join(LOAD_FORMS)}")
+            raise AerodynamicsError(
+                f"AeroOptions.load_form is {self.load_form!r}; must be one of {', '.join(LOAD_FORMS)}"
+            )
         if self.narrow_strips not in NARROW_STRIPS:
             raise AerodynamicsError(
-                f"AeroOptions.narrow_strips is {self.narrow_strips!r}; allowed: {', '.join(NARROW_STRIPS)}"
+                f"AeroOptions.narrow_strips is {self.narrow_strips!r}; must be one of {', '.join(NARROW_STRIPS)}"
             )
         if self.induction not in INDUCTIONS:
-            raise AerodynamicsError(f"AeroOptions.induction is {self.induction!r}; allowed: {', '.join(INDUCTIONS)}")
+            raise AerodynamicsError(
+                f"AeroOptions.induction is {self.induction!r}; must be one of {', '.join(INDUCTIONS)}"
+            )
 
-    def _check_number(self, name, within, allowed):
+    def _check_number(self, name: str, within: Callable[[float], bool], allowed: str) -> None:
         """Refuse a value that is no number or not within the range."""
         value = getattr(self, name)
-        if not isinstance(value, numbers.Real) or not within(value):
+        if not isinstance(value, numbers.Real) or not within(float(value)):
             raise AerodynamicsError(f"AeroOptions.{name} is {value!r}; {allowed}")
 
-    def _check_counts(self):
+    def _check_counts(self) -> None:
         """Refuse counts that are no whole numbers or too small, and thinning that contradicts itself."""
         for name, least in COUNTS.items():
             value = getattr(self, name)
@@ -193,7 +205,7 @@ class AeroOptions:
             return
         if not _is_count(self.sparse_from) or not self.full_rows < self.sparse_from:
             raise AerodynamicsError(
-                f"AeroOptions.sparse_from is {self.sparse_from!r}; allowed: None or more than full_rows, "
+                f"AeroOptions.sparse_from is {self.sparse_from!r}; must be None or more than full_rows, "
                 f"{self.full_rows}, a whole number"
             )
         if self.sparse_stride % self.coarse_stride:
@@ -202,7 +214,7 @@ class AeroOptions:
                 f"{self.coarse_stride}"
             )
 
-    def for_step(self, step_deg):
+    def for_step(self, step_deg: float) -> AeroOptions:
         """Options for a step that turns the rotor by another angle than the recommended one.
 
         What makes a thinned wake right is how far its rows lie apart and how many turns they reach, not how many steps
@@ -232,14 +244,15 @@ class AeroOptions:
             turns += 1
         return replace(thinned, wind_stride=turns)
 
-    def row_numbers(self):
+    def row_numbers(self) -> NDArray[np.int64]:
         """Steps since each row of a full wake was shed, newest first, given the thinning of old rows.
 
         Returns
         -------
         ndarray of int, shape (wake_rows,)
         """
-        numbers, step = [], 0
+        numbers: list[int] = []
+        step = 0
         while len(numbers) < self.wake_rows:
             row = len(numbers) + 1
             stride = self.coarse_stride if row > self.full_rows else 1
@@ -251,7 +264,7 @@ class AeroOptions:
         return np.array(numbers)
 
 
-def _is_count(value):
+def _is_count(value: object) -> bool:
     return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 

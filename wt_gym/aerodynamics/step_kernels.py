@@ -180,13 +180,13 @@ def answer_of_bodies(p, o, a, w, bodies, body_work):
     """Eliminate the bodies: influence of the rings and velocity of the wake with the sources that answer them."""
     n_rows = a.n_rows[0]
     for c in range(3):
-        for i in range(bodies.centre.shape[1]):
+        for i in range(bodies.center.shape[1]):
             body_work.wake_flow[c, i] = 0.0
     has_wake = 1 if n_rows > 0 else 0
     bound_influence(w.corners[: 2 if o.has_ground else 1], p.segments[has_wake], p.segment_core[has_wake],
-                    p.n_segments[has_wake], bodies.centre, body_work.rings, body_work.ring_influence)  # fmt: skip
+                    p.n_segments[has_wake], bodies.center, body_work.rings, body_work.ring_influence)  # fmt: skip
     if n_rows > 0:
-        velocity_at_points(p, o, a, w, w.bound_sheet[:0], 1, bodies.centre, body_work.wake_flow)
+        velocity_at_points(p, o, a, w, w.bound_sheet[:0], 1, bodies.center, body_work.wake_flow)
     couple_bodies(bodies, body_work, w.points, o.ground, o.has_ground, a.influence, a.wake_flow)
 
 

@@ -1,8 +1,10 @@
 """The unsteady vortex-lattice method: blades on their camber surfaces, free wake, loads."""
 
+from __future__ import annotations
+
 import math
 from numbers import Integral
-from typing import cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
@@ -18,6 +20,11 @@ from wt_gym.aerodynamics.state import AeroConstants, AeroState, AeroWork, Planfo
 from wt_gym.aerodynamics.wake.far_wake import cylinder_table
 from wt_gym.aerodynamics.wake.wake_kernels import place_newest_row, rows_for_wind, shedding_edge, store_wind
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.aerodynamics.state import AeroArrays
+
 __all__ = ["VortexLattice"]
 
 PASSES = 25
@@ -29,6 +36,13 @@ UNBALANCED = 0.05
 """Largest change of the circulation in the last of them, over the circulation."""
 SMALLEST_THRUST = 0.2
 """Thrust over an earlier one from which on the circulation of the wake is taken in proportion."""
+
+
+class UndisturbedWind(Protocol):
+    """A wind that the wake moves in."""
+
+    def velocity(self, points: NDArray[np.float64], time: float) -> ArrayLike:
+        """Velocity (..., 3) at points (..., 3) in global coordinates, at a time [s]."""
 
 
 class VortexLattice:
@@ -72,9 +86,9 @@ class VortexLattice:
         air_density: float = 1.225,
         bodies: BodySet | None = None,
         threads: int = 1,
-    ):
+    ) -> None:
         if not isinstance(cast(object, n_blades), Integral) or n_blades < 1:
-            raise AerodynamicsError(f"n_blades is {n_blades!r}; at least one blade is needed, a whole number")
+            raise AerodynamicsError(f"n_blades is {n_blades!r}; must be a whole number of at least 1")
         panels, chosen = (planform.n_chord, planform.n_span), (options.n_chord, options.n_span)
         if panels != chosen:
             raise AerodynamicsError(
@@ -109,7 +123,7 @@ class VortexLattice:
             self.body_arrays = bodies.arrays, work
             self.body_wind = work.wind
         if threads < 1:
-            raise AerodynamicsError(f"threads is {threads}; at least one is needed")
+            raise AerodynamicsError(f"threads is {threads}; must be at least one")
         # With the tree code the induction of the wake is done between the compiled calls instead of within them
         self.split = SplitInduction(self, threads) if options.induction == "tree" else None
 
@@ -117,7 +131,7 @@ class VortexLattice:
         """Return an empty state; call `reset` before using it."""
         return AeroState.empty(self.planform, self.n_blades, self.options, self.bodies.n_panels if self.bodies else 0)
 
-    def reset(self, state: AeroState, nodes, velocities, wind) -> None:
+    def reset(self, state: AeroState, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike) -> None:
         """Start from rest without a wake: the flow has just begun (impulsive start).
 
         Parameters
@@ -137,8 +151,15 @@ class VortexLattice:
         # An impulsive start is no level in time from which a rate could be taken.
         state.arrays.n_levels[0] = 0
 
-    def initialise_wake(
-        self, state: AeroState, nodes, velocities, wind, wake_rows, ages, far_wake: bool = False
+    def initialize_wake(
+        self,
+        state: AeroState,
+        nodes: ArrayLike,
+        velocities: ArrayLike,
+        wind: ArrayLike,
+        wake_rows: ArrayLike,
+        ages: ArrayLike,
+        far_wake: bool = False,
     ) -> None:
         """Start with a prescribed wake in steady state: all rings of a strip have its circulation.
 
@@ -171,7 +192,18 @@ class VortexLattice:
                 f"size after {PASSES} passes; rows of the wake may lie too close together"
             )
 
-    def _balance(self, state, nodes, velocities, wind, wake_rows, ages, far_wake, tolerance=BALANCED, guess=None):
+    def _balance(
+        self,
+        state: AeroState,
+        nodes: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+        wind: NDArray[np.float64],
+        wake_rows: NDArray[np.float64],
+        ages: NDArray[np.float64],
+        far_wake: bool,
+        tolerance: float = BALANCED,
+        guess: NDArray[np.float64] | None = None,
+    ) -> float:
         """Start with a prescribed wake, but for the velocities with which it moves on.
 
         Returns the change of the circulation in the last pass, over its size. Nodes, velocities and wind are checked
@@ -211,14 +243,25 @@ class VortexLattice:
         self._solve_anew(state, nodes, velocities, wind)
         return float(change / max(np.abs(before).max(), 1e-9))
 
-    def _shed_circulation(self, a):
+    def _shed_circulation(self, a: AeroArrays) -> NDArray[np.float64]:
         """Circulation that each part of the shedding edge continues, a copy (n_blades, n_edge)."""
         return a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings]
 
-    def initialise_helix(
-        self, state: AeroState, nodes, velocities, wind, centre, axis, rotor_speed, dt, passes=5, induced=None,
-        accept=True, thrust_before=None,
-    ) -> float:  # fmt: skip
+    def initialize_helix(
+        self,
+        state: AeroState,
+        nodes: ArrayLike,
+        velocities: ArrayLike,
+        wind: ArrayLike,
+        center: ArrayLike,
+        axis: ArrayLike,
+        rotor_speed: float,
+        dt: float,
+        passes: int = 5,
+        induced: float | None = None,
+        accept: bool = True,
+        wake_thrust: float | None = None,
+    ) -> float:
         """Start a rotor with a full wake of helices in the momentum balance of its own thrust, or of an earlier one.
 
         Without a wake where there is no such balance, as for a rotor that is driven backwards in still air.
@@ -227,8 +270,8 @@ class VortexLattice:
         ----------
         nodes, velocities, wind : ndarray, shape (n_blades, n_chord + 1, n_span + 1, 3)
             As for `reset`.
-        centre, axis : array_like, shape (3,)
-            Rotor centre [m] and unit vector of the shaft; positive rotation is about ``axis``, which points downwind.
+        center, axis : array_like, shape (3,)
+            Rotor center [m] and unit vector of the shaft; positive rotation is about ``axis``, which points downwind.
         rotor_speed : float
             [rad/s], positive about ``axis``.
         dt : float
@@ -241,7 +284,7 @@ class VortexLattice:
         accept : bool
             End the start with the velocities that move the wake on. False for a start that only serves another call:
             the state cannot be marched.
-        thrust_before : float, optional
+        wake_thrust : float, optional
             Mean thrust of the rotor over the time in which the wake was shed [N], where loads change: the wake then has
             circulation in the proportion of that thrust to the present one, the mean of the blades. Rows younger than a
             quarter of a turn keep the present circulation of their own blade, in a share that falls with their age.
@@ -257,23 +300,23 @@ class VortexLattice:
         AerodynamicsError
             As for `reset`, and for an axis without length, a time step that is not positive, values not finite.
         """
-        centre, axis = _vector("centre", centre), _vector("axis", axis)
+        center, axis = _vector("center", center), _vector("axis", axis)
         if not np.linalg.norm(axis) > 0.0:
             raise AerodynamicsError(f"axis is {axis}; it must have a length")
         if not 0.0 < dt < np.inf:
             raise AerodynamicsError(f"dt is {dt}; it must be positive and finite")
         if not math.isfinite(rotor_speed):
             raise AerodynamicsError(f"rotor_speed is {rotor_speed}; it must be finite")
-        if not isinstance(passes, Integral) or passes < 1:
-            raise AerodynamicsError(f"passes is {passes!r}; at least one is needed, a whole number")
+        if not isinstance(cast(object, passes), Integral) or passes < 1:
+            raise AerodynamicsError(f"passes is {passes!r}; must be a whole number of at least 1")
         nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
         check_areas(nodes)
         axis = axis / np.linalg.norm(axis)
         stream = wind.mean(axis=(0, 1, 2))
         speed = float(abs(stream @ axis))
-        radius = float(np.linalg.norm(np.cross(nodes - centre, axis), axis=-1).max())
+        radius = float(np.linalg.norm(np.cross(nodes - center, axis), axis=-1).max())
         numbers = self._row_numbers
-        ages = (numbers + self.options.shed_fraction) * dt
+        ages = np.asarray((numbers + self.options.shed_fraction) * dt, dtype=np.float64)
         edge = np.empty((self.n_blades, self.n_edge + 1, 3))
         shedding_edge(nodes, self.arrays.shed_nodes, edge)
         # Rows closer than those that a hundredth of the speed of the tips parts do not come to a balance.
@@ -282,7 +325,7 @@ class VortexLattice:
         if induced is None:
             induced = -0.2 * speed
         for k in range(passes):
-            rows = self._helix(edge, centre, axis, rotor_speed, ages, stream, induced, slowest, radius)
+            rows = self._helix(edge, center, axis, rotor_speed, ages, stream, induced, slowest, radius)
             enough = BALANCED if k == passes - 1 else ROUGHLY_BALANCED
             change = self._balance(state, nodes, velocities, wind, rows, ages, True, enough, guess)
             if not change <= UNBALANCED:
@@ -295,23 +338,23 @@ class VortexLattice:
             pressure = thrust / (2.0 * self.air_density * np.pi * radius**2) * np.copysign(1.0, stream @ axis)
             target = np.sqrt(0.25 * speed**2 - min(pressure, 0.24 * speed**2)) - 0.5 * speed
             induced, slowest = 0.5 * (induced + target), max(0.5 * np.sqrt(abs(pressure)), closest)
-        if thrust_before and thrust / thrust_before > SMALLEST_THRUST:
+        if wake_thrust and thrust / wake_thrust > SMALLEST_THRUST:
             own = state.arrays.wake_gamma[: len(numbers)]
             recent = np.exp(-ages * abs(rotor_speed) / (0.5 * np.pi))[:, None, None]
-            own[:] = recent * own + (1.0 - recent) * (thrust_before / thrust) * own.mean(axis=1, keepdims=True)
+            own[:] = recent * own + (1.0 - recent) * (wake_thrust / thrust) * own.mean(axis=1, keepdims=True)
             self._solve_anew(state, nodes, velocities, wind)
         if accept:
             self._accept(state, place=False, all_rows=True)
             state.arrays.shed[1:] = -numbers
         return float(induced)
 
-    def convect_wake(self, state: AeroState, inflow, time: float, dt: float) -> None:
+    def convect_wake(self, state: AeroState, inflow: UndisturbedWind, time: float, dt: float) -> None:
         """Move the free wake from ``time`` to ``time + dt``.
 
         Parameters
         ----------
-        inflow : object with ``velocity(points (..., 3), time) -> (..., 3)``
-            Undisturbed wind; evaluated once for all wake nodes.
+        inflow : UndisturbedWind
+            Evaluated once for all wake nodes.
 
         Raises
         ------
@@ -323,7 +366,7 @@ class VortexLattice:
         self.take_wind(state, inflow, time)
         step_kernels.convect_wake(self.constants, state.arrays, float(dt))
 
-    def take_wind(self, state: AeroState, inflow, time: float) -> None:
+    def take_wind(self, state: AeroState, inflow: UndisturbedWind, time: float) -> None:
         """Ask for the undisturbed wind at the wake, or at those of its rows whose turn it is; for `convect_wake`.
 
         Raises
@@ -342,12 +385,24 @@ class VortexLattice:
         if not store_wind(wind, w.rows, a.wind):
             raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
 
-    def turn_of_rows(self, state: AeroState) -> tuple:
+    def turn_of_rows(
+        self, state: AeroState
+    ) -> tuple[
+        NDArray[np.float64],
+        NDArray[np.int64],
+        NDArray[np.int64],
+        NDArray[np.int64],
+        int,
+        NDArray[np.int64],
+        NDArray[np.float64],
+    ]:
         """Arguments of `wake_kernels.rows_for_wind`: the same arrays in every step."""
         a, w = state.arrays, self.work
         return a.wake, a.shed, a.n_rows, a.n_steps, self.options.wind_stride, w.rows, w.row_points
 
-    def solve(self, state: AeroState, nodes, velocities, wind, dt: float) -> np.ndarray:
+    def solve(
+        self, state: AeroState, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike, dt: float
+    ) -> NDArray[np.float64]:
         """Circulation and loads for the given motion at the end of the step; may be repeated.
 
         The influence of the wake and of the rings on each other is computed at the first call of a step and kept.
@@ -377,7 +432,7 @@ class VortexLattice:
         """End the step: shed the newest ring and compute the velocities that move the wake next."""
         self._accept(state, place=True)
 
-    def induced_velocity(self, state: AeroState, points) -> np.ndarray:
+    def induced_velocity(self, state: AeroState, points: ArrayLike) -> NDArray[np.float64]:
         """Velocity of bound and wake vortices and of the bodies at any points (..., 3) [m/s]; accuracy of float32."""
         points = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3).T)
@@ -393,35 +448,47 @@ class VortexLattice:
         velocity = out.T.reshape(points.shape)
         return velocity + self.bodies.velocity(points, a.body_strength) if self.bodies else velocity
 
-    def _checked_nodes(self, nodes):
+    def _checked_nodes(self, nodes: ArrayLike) -> NDArray[np.float64]:
         """Contiguous nodes of the right shape, finite, of panels with an area."""
         nodes = numeric_array("nodes", nodes)
         if nodes.shape != self.nodes_shape:
-            raise AerodynamicsError(f"nodes have shape {nodes.shape}; {self.nodes_shape} is needed")
+            raise AerodynamicsError(f"nodes have shape {nodes.shape}; must be {self.nodes_shape}")
         if not np.isfinite(nodes.sum()):
             raise AerodynamicsError("nodes are not finite")
         check_areas(nodes)
         return nodes
 
     @staticmethod
-    def _clear(state, nodes):
+    def _clear(state: AeroState, nodes: NDArray[np.float64]) -> None:
         state.clear()
         state.arrays.origin[:] = nodes.mean(axis=(0, 1, 2))
         state.arrays.nodes[:] = nodes
 
-    def _solve(self, state, nodes, velocities, wind, dt, first):
+    def _solve(
+        self, state: AeroState, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike, dt: float, first: bool
+    ) -> NDArray[np.float64]:
         nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
         if not state.arrays.prepared[0]:
             check_areas(nodes)
             self.prepare(state, nodes)
         return self._solve_prepared(state, nodes, velocities, wind, dt, first)
 
-    def _solve_anew(self, state, nodes, velocities, wind):
+    def _solve_anew(
+        self, state: AeroState, nodes: NDArray[np.float64], velocities: NDArray[np.float64], wind: NDArray[np.float64]
+    ) -> None:
         """Steady solution with the wake as it stands, of arguments that are checked."""
         self.prepare(state, nodes, place=False)
         self._solve_prepared(state, nodes, velocities, wind, 0.0, first=True)
 
-    def _solve_prepared(self, state, nodes, velocities, wind, dt, first):
+    def _solve_prepared(
+        self,
+        state: AeroState,
+        nodes: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+        wind: NDArray[np.float64],
+        dt: float,
+        first: bool,
+    ) -> NDArray[np.float64]:
         a = state.arrays
         if not np.isfinite(self.body_wind.sum()):
             raise AerodynamicsError("the wind at the bodies is not finite")
@@ -430,20 +497,22 @@ class VortexLattice:
             raise AerodynamicsError(self._why_not_finite(state, nodes, velocities, wind))
         return a.forces
 
-    def _checked_motion(self, nodes, velocities, wind):
+    def _checked_motion(
+        self, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Contiguous arrays of what `reset` and `solve` take, of the right shape and finite."""
         given = {"nodes": nodes, "velocities": velocities, "wind": wind}
         arrays = []
         for name, values in given.items():
             array = numeric_array(name, values)
             if array.shape != self.nodes_shape:
-                raise AerodynamicsError(f"{name} have shape {array.shape}; {self.nodes_shape} is needed")
+                raise AerodynamicsError(f"{name} have shape {array.shape}; must be {self.nodes_shape}")
             if not np.isfinite(array.sum()):
                 raise AerodynamicsError(f"{name} are not finite")
             arrays.append(array)
-        return arrays
+        return arrays[0], arrays[1], arrays[2]
 
-    def _checked_rows(self, wake_rows, ages):
+    def _checked_rows(self, wake_rows: ArrayLike, ages: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Arrays of a prescribed wake, of the right shape, finite and in order."""
         wake_rows, ages = numeric_array("wake_rows", wake_rows), numeric_array("ages", ages)
         n_rows, needed = len(wake_rows), (self.n_blades, self.n_edge + 1, 3)
@@ -451,7 +520,7 @@ class VortexLattice:
             raise AerodynamicsError(f"{n_rows} wake rows given; between 1 and {self.options.wake_rows} are allowed")
         for name, array, shape in (("wake_rows", wake_rows, (n_rows, *needed)), ("ages", ages, (n_rows,))):
             if array.shape != shape:
-                raise AerodynamicsError(f"{name} have shape {array.shape}; {shape} is needed")
+                raise AerodynamicsError(f"{name} have shape {array.shape}; must be {shape}")
             if not np.all(np.isfinite(array)):
                 wrong = np.flatnonzero(~np.isfinite(array.reshape(n_rows, -1)).all(axis=1))
                 raise AerodynamicsError(f"{name} are not finite in rows {wrong[:8].tolist()}")
@@ -459,7 +528,9 @@ class VortexLattice:
             raise AerodynamicsError(f"ages are {ages} s; they must be positive and increase from row to row")
         return wake_rows, ages
 
-    def _why_not_finite(self, state, nodes, velocities, wind):
+    def _why_not_finite(
+        self, state: AeroState, nodes: NDArray[np.float64], velocities: NDArray[np.float64], wind: NDArray[np.float64]
+    ) -> str:
         """Message with the largest numbers that led to forces that are not finite."""
         a = state.arrays
         rows = slice(0, state.n_rows + 1)
@@ -473,28 +544,29 @@ class VortexLattice:
         parts = [f"{name} {np.abs(values).max():.3g} {unit}" for name, (values, unit) in largest.items()]
         return f"the forces are not finite; largest {', '.join(parts)}: all must be finite and of a physical size"
 
-    def prepare(self, state: AeroState, nodes, place: bool = True) -> None:
+    def prepare(self, state: AeroState, nodes: NDArray[np.float64], place: bool = True) -> None:
         """Compute what a step needs once, before its first `solve`; `solve` does it if it was not done."""
         p, o, a, w = self.arrays, self.constants, state.arrays, self.work
-        if self.split is None:
+        split = self.split
+        if split is None:
             step_kernels.prepare(p, o, a, w, nodes, place, *self.body_arrays)
             return
 
-        def wake_flow(n_threads=1):
+        def wake_flow(n_threads: int = 1) -> None:
             if state.n_rows:
-                self.split.at_points(state, n_threads)
+                split.at_points(state, n_threads)
 
-        def boundary():
+        def boundary() -> None:
             step_kernels.prepare_boundary(p, o, a, w, nodes, *self.body_arrays)
 
         step_kernels.prepare_wake(p, o, a, w, nodes, place, *self.body_arrays)
         if self.bodies:  # they answer the flow of the wake
-            wake_flow(self.split.threads)
+            wake_flow(split.threads)
             boundary()
         else:
-            run_beside(boundary, wake_flow, self.split.threads)
+            run_beside(boundary, wake_flow, split.threads)
 
-    def _accept(self, state, place, all_rows=False):
+    def _accept(self, state: AeroState, place: bool, all_rows: bool = False) -> None:
         p, o, a, w = self.arrays, self.constants, state.arrays, self.work
         if self.split is None:
             step_kernels.accept(p, o, a, w, place, all_rows, *self.body_arrays)
@@ -504,13 +576,23 @@ class VortexLattice:
         step_kernels.store_induced(p, o, a, w, n_target, *self.body_arrays)
 
     @staticmethod
-    def _helix(edge, centre, axis, rotor_speed, ages, stream, induced, slowest, radius):
+    def _helix(
+        edge: NDArray[np.float64],
+        center: NDArray[np.float64],
+        axis: NDArray[np.float64],
+        rotor_speed: float,
+        ages: NDArray[np.float64],
+        stream: NDArray[np.float64],
+        induced: float,
+        slowest: float,
+        radius: float,
+    ) -> NDArray[np.float64]:
         """Rows of trailing-edge nodes turned back and carried downstream, shape (n_rows, n_blades, n_node, 3).
 
         ``induced`` is the axial velocity at the rotor [m/s], twice that far away, positive downstream; the wake moves
         no slower than with ``slowest``.
         """
-        arm = edge - centre
+        arm = edge - center
         along = arm @ axis
         normal = arm - along[..., None] * axis
         sideways = np.cross(axis, normal)
@@ -526,12 +608,12 @@ class VortexLattice:
         drift = stream * age - axial_speed * age * axis
         turned = normal * np.cos(angle) + sideways * np.sin(angle) + along[..., None] * axis
         downstream = np.copysign(distances, axial_speed)[:, None] * axis
-        return centre + turned + drift[:, None, None] + downstream[:, None, None]
+        return center + turned + drift[:, None, None] + downstream[:, None, None]
 
 
-def _vector(name, values):
+def _vector(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Three finite numbers."""
     vector = numeric_array(name, values)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise AerodynamicsError(f"{name} is {values}; three finite numbers are needed")
+        raise AerodynamicsError(f"{name} must be three finite numbers, got {vector}")
     return vector

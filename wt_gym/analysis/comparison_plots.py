@@ -13,6 +13,8 @@ from wt_gym.analysis.plots import MUTED, agent_styles, style, titles_at_left
 from wt_gym.analysis.summary import format_estimate
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from wt_gym.analysis.paired import Estimate
     from wt_gym.analysis.results import Evaluation
 
@@ -26,7 +28,7 @@ _LOADS = {
 }
 _BETTER = "#e4f3ec"
 # Numbers stand beside the points of so many agents at most.
-_MOST_LABELLED = 3
+_MOST_LABELED = 3
 
 
 def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
@@ -56,7 +58,7 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
                 if (agent, key) in found:
                     heights.append(-k + 0.7 * ((len(agents) - 1) / 2 - i) / max(1, len(agents)))
                     shown.append((key, found[agent, key]))
-            _add_points(figure, row, agent, heights, shown, styles[agent], len(agents) <= _MOST_LABELLED)
+            _add_points(figure, row, agent, heights, shown, styles[agent], len(agents) <= _MOST_LABELED)
         # after the points: nothing is drawn into an empty panel
         figure.add_vrect(x0=0.0, x1=better * 2 * reach, fillcolor=_BETTER, line_width=0, layer="below", row=row, col=1)
         figure.add_vline(x=0.0, line={"color": MUTED, "width": 1}, row=row, col=1)
@@ -70,8 +72,8 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
 
 
 def _add_points(
-    figure: go.Figure, row: int, agent: str, heights: list[float], changes: list[tuple[str, Estimate]], look: dict,
-    labelled: bool,
+    figure: go.Figure, row: int, agent: str, heights: list[float], changes: list[tuple[str, Estimate]],
+    look: dict[str, Any], labeled: bool,
 ) -> None:  # fmt: skip
     """Changes of one agent as points with intervals, and numbers behind these."""
     estimates = [change for _, change in changes]
@@ -85,7 +87,7 @@ def _add_points(
         ),
         row=row, col=1,
     )  # fmt: skip
-    if labelled:
+    if labeled:
         figure.add_trace(
             go.Scatter(
                 x=[100 * (c.high if c.has_interval else c.value) for c in estimates], y=heights, mode="text",
@@ -97,11 +99,11 @@ def _add_points(
         )  # fmt: skip
 
 
-def _error_bar(estimates: list[Estimate], factor: float, colour: str) -> dict:
+def _error_bar(estimates: list[Estimate], factor: float, color: str) -> dict[str, Any]:
     """Interval as plotly draws it; nothing where there is none."""
     high = [factor * (e.high - e.value) if e.has_interval else 0.0 for e in estimates]
     low = [factor * (e.value - e.low) if e.has_interval else 0.0 for e in estimates]
-    return {"type": "data", "array": high, "arrayminus": low, "color": colour, "thickness": 1.8, "width": 4}
+    return {"type": "data", "array": high, "arrayminus": low, "color": color, "thickness": 1.8, "width": 4}
 
 
 def pareto_figure(evaluation: Evaluation) -> go.Figure | None:

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
         @property
         def agents(self) -> Sequence[str]: ...
 
+    from typing import Any
+
+    from numpy.typing import NDArray
+
 
 __all__ = [
     "FONT",
@@ -41,11 +45,11 @@ __all__ = [
 FONT = "Inter, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, MUTED, GRID = "#1c2733", "#465462", "#dde3ea"
 
-# Okabe & Ito (2008): told apart with every common colour vision; the dashes help in print.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+# Okabe & Ito (2008): told apart with every common color vision; the dashes help in print.
+_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 _DASHES = ("solid", "dash", "dot")
 _SYMBOLS = ("circle", "diamond", "square", "triangle-up", "x", "star", "triangle-down")
-_WIND_COLOUR = "#5f6b76"
+_WIND_COLOR = "#5f6b76"
 _RPM = 30 / np.pi
 
 
@@ -54,14 +58,15 @@ class _Row:
     """A row of the time-series figure: title with unit, how to get the values, and a reference line."""
 
     title: str
-    values: Callable[[xr.Dataset], np.ndarray]
+    values: Callable[[xr.Dataset], NDArray[np.float64]]
     limit: Callable[[dict[str, float]], float | None]
 
 
-def _largest_tip(run: xr.Dataset) -> np.ndarray:
+def _largest_tip(run: xr.Dataset) -> NDArray[np.float64]:
     """Downwind deflection of the tip that is bent most [m]."""
     names = [name for name in run.data_vars if str(name).startswith("tip_out_of_plane_")]
-    return np.max([run[name].values for name in names], axis=0)
+    out: NDArray[np.float64] = np.max([run[name].values for name in names], axis=0)
+    return out
 
 
 _ROWS = (
@@ -86,11 +91,11 @@ _ROWS = (
 
 
 def agent_styles(evaluation: _Compared) -> dict[str, dict[str, str]]:
-    """Colour, dash and symbol of each agent, the same in every figure and table."""
-    n = len(_COLOURS)
+    """Color, dash and symbol of each agent, the same in every figure and table."""
+    n = len(_COLORS)
     return {
         agent: {
-            "color": _COLOURS[i % n],
+            "color": _COLORS[i % n],
             "dash": _DASHES[i // n % len(_DASHES)],
             "symbol": _SYMBOLS[i % len(_SYMBOLS)],
         }
@@ -98,13 +103,13 @@ def agent_styles(evaluation: _Compared) -> dict[str, dict[str, str]]:
     }
 
 
-def _line(look: dict[str, str]) -> dict:
+def _line(look: dict[str, str]) -> dict[str, Any]:
     """Line of an agent."""
     return {"color": look["color"], "dash": look["dash"], "width": 1.6}
 
 
 def style(figure: go.Figure, height: int) -> go.Figure:
-    """Apply fonts, colours and margins common to all figures."""
+    """Apply fonts, colors and margins common to all figures."""
     figure.update_layout(
         template="plotly_white",
         height=height,
@@ -155,7 +160,7 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
         for i, row in enumerate(_ROWS, start=1):
             if i == 1 and agent != evaluation.agents[0]:
                 continue  # all agents meet the same wind
-            line = {"color": _WIND_COLOUR, "width": 1.4} if i == 1 else _line(styles[agent])
+            line = {"color": _WIND_COLOR, "width": 1.4} if i == 1 else _line(styles[agent])
             figure.add_trace(
                 go.Scatter(
                     x0=float(time[0]), dx=step, y=compact(row.values(run.data)), mode="lines", line=line,
@@ -205,10 +210,16 @@ def spectra_figure(evaluation: Evaluation, skip: float) -> go.Figure:
                 ),
                 row=i, col=1,
             )  # fmt: skip
-    for multiple, frequency in _rotor_frequencies(evaluation):
-        figure.add_vline(x=frequency, line={"color": MUTED, "width": 1, "dash": "dot"}, row="all", col=1)
+    for multiple, rotor_frequency in _rotor_frequencies(evaluation):
+        figure.add_vline(x=rotor_frequency, line={"color": MUTED, "width": 1, "dash": "dot"}, row="all", col=1)
         figure.add_annotation(
-            x=np.log10(frequency), y=1, xref="x", yref="y domain", text=multiple, showarrow=False, yanchor="bottom"
+            x=np.log10(rotor_frequency),
+            y=1,
+            xref="x",
+            yref="y domain",
+            text=multiple,
+            showarrow=False,
+            yanchor="bottom",
         )
     _title_at_left_of_first(figure, len(rows))
     style(figure, height=1000)
@@ -225,9 +236,11 @@ def _title_at_left_of_first(figure: go.Figure, count: int) -> None:
         annotation.update(x=0, xanchor="left", xref="paper", yshift=2)
 
 
-def _mean_spectra(evaluation: Evaluation, agent: str, names: list[str], skip: float) -> dict:
+def _mean_spectra(
+    evaluation: Evaluation, agent: str, names: list[str], skip: float
+) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Frequency and mean density of each signal over the complete runs of an agent."""
-    found: dict[str, list] = {}
+    found: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
     for run in evaluation.runs_of(agent):
         time = run.data["time"].values
         kept = time >= time[0] + skip - 1e-9
@@ -246,6 +259,6 @@ def _rotor_frequencies(evaluation: Evaluation) -> list[tuple[str, float]]:
     return [("1P", rotation), ("3P", 3 * rotation)]
 
 
-def compact(values: np.ndarray) -> np.ndarray:
+def compact(values: NDArray[np.float64]) -> NDArray[np.float32]:
     """float32 copy: half the size in the page, more digits than a screen shows."""
     return np.asarray(values, dtype=np.float32)

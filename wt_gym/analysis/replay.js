@@ -1,5 +1,5 @@
 // Replay of rotor, tower and wake on a canvas. The page holds one element ".replay" and its data as JSON; see
-// wt_gym/analysis/replay_section.py for the format. Coordinates: x downwind, y left, z up, metres.
+// wt_gym/analysis/replay_section.py for the format. Coordinates: x downwind, y left, z up, meters.
 (function () {
   'use strict';
   const root = document.querySelector('.replay');
@@ -36,11 +36,11 @@
   // ---------------------------------------------------------------- scene
   function camera(width, height) {
     const reach = data.size, scale = zoom * Math.min(height / (2.9 * reach), width / (3.6 * reach));
-    const centre = [0.75 * reach, 0, 0.9 * data.hub_height];
+    const center = [0.75 * reach, 0, 0.9 * data.hub_height];
     const ca = Math.cos(azimuth), sa = Math.sin(azimuth), ce = Math.cos(elevation), se = Math.sin(elevation);
     const distance = 9 * reach;
     return function (x, y, z) {
-      const dx = x - centre[0], dy = y - centre[1], dz = z - centre[2];
+      const dx = x - center[0], dy = y - center[1], dz = z - center[2];
       const right = -sa * dx + ca * dy, ahead = -(ca * dx + sa * dy);
       const depth = ce * ahead - se * dz, up = se * ahead + ce * dz;
       const k = scale * distance / Math.max(distance + depth, 0.2 * distance);
@@ -53,7 +53,7 @@
     return (1 - a) * shape.values[i] + a * shape.values[j];
   }
 
-  function wakeColour(strength, age) {
+  function wakeColor(strength, age) {
     const s = Math.min(1, Math.sqrt(strength)), fade = 1 - 0.75 * age;
     return 'rgba(' + Math.round(90 + 150 * s) + ',' + Math.round(170 + 75 * s) + ',' + Math.round(225 + 30 * s) + ',' +
       ((0.10 + 0.80 * s) * fade).toFixed(3) + ')';
@@ -75,7 +75,7 @@
           if (before) {
             const s = strength.values[frame * strength.size + node] / current.strongest;
             items.push({
-              depth: 0.5 * (before[2] + point[2]), line: [before, point], colour: wakeColour(s, r / rows),
+              depth: 0.5 * (before[2] + point[2]), line: [before, point], color: wakeColor(s, r / rows),
               width: 0.7 + 1.5 * s,
             });
           }
@@ -85,8 +85,8 @@
     }
   }
 
-  function quad(items, corners, colour, edge) {
-    items.push({depth: corners.reduce((sum, c) => sum + c[2], 0) / corners.length, face: corners, colour, edge});
+  function quad(items, corners, color, edge) {
+    items.push({depth: corners.reduce((sum, c) => sum + c[2], 0) / corners.length, face: corners, color, edge});
   }
 
   function addTurbine(items, project, frame, a) {
@@ -104,8 +104,8 @@
     // as far behind the tower axis as the hub is before it, at the height of the hub
     const at = (shape, index) => mixed(shape, frame, a, index), end = 3 * (n - 1);
     const tail = project(2 * at(tower, end) - at(hub, 0), 2 * at(tower, end + 1) - at(hub, 1), at(hub, 2) - 0.5);
-    items.push({depth: top[2], line: [nose, tail], colour: '#b9c6d1', width: 2 * data.tower_radius[n - 1] * top[3]});
-    items.push({depth: nose[2], disc: nose, radius: 0.9 * data.tower_radius[n - 1] * nose[3], colour: '#dfe7ee'});
+    items.push({depth: top[2], line: [nose, tail], color: '#b9c6d1', width: 2 * data.tower_radius[n - 1] * top[3]});
+    items.push({depth: nose[2], disc: nose, radius: 0.9 * data.tower_radius[n - 1] * nose[3], color: '#dfe7ee'});
     const [, count, , spans] = blades.shape;
     for (let b = 0; b < count; b++) {
       const edge = (side, s) => point(blades, 3 * ((2 * b + side) * spans + s));
@@ -167,19 +167,19 @@
     for (const item of items) {
       context.beginPath();
       if (item.line) {
-        context.strokeStyle = item.colour;
+        context.strokeStyle = item.color;
         context.lineWidth = item.width;
         context.moveTo(item.line[0][0], item.line[0][1]);
         context.lineTo(item.line[1][0], item.line[1][1]);
         context.stroke();
       } else if (item.disc) {
-        context.fillStyle = item.colour;
+        context.fillStyle = item.color;
         context.arc(item.disc[0], item.disc[1], item.radius, 0, 2 * Math.PI);
         context.fill();
       } else {
         item.face.forEach((p, k) => (k ? context.lineTo(p[0], p[1]) : context.moveTo(p[0], p[1])));
         context.closePath();
-        context.fillStyle = item.colour;
+        context.fillStyle = item.color;
         context.fill();
         context.strokeStyle = item.edge;
         context.lineWidth = 0.8;

@@ -24,7 +24,7 @@ from wt_gym.analysis.summary import (
     format_estimate,
     format_value,
     headline,
-    summarise,
+    summarize,
     unseen,
     verdict,
 )
@@ -60,7 +60,7 @@ def write_report(evaluation: Evaluation, path: str | Path, title: str | None = N
         "facts": _facts(evaluation),
         "question": escape(_question(evaluation)),
         "verdicts": _verdicts(evaluation),
-        "summary": "".join(f"<p>{escape(paragraph)}</p>" for paragraph in summarise(evaluation)),
+        "summary": "".join(f"<p>{escape(paragraph)}</p>" for paragraph in summarize(evaluation)),
         "table": _table(evaluation),
         "lifetime": _lifetime(evaluation),
         "sections": _sections(evaluation),
@@ -126,7 +126,7 @@ _SHORT = {
 
 
 def _estimate_tag(key: str, change: Estimate | None) -> str:
-    """Change against the baseline and below it its interval, coloured by what it means."""
+    """Change against the baseline and below it its interval, colored by what it means."""
     if change is None:
         return "<span class='diff none'>not compared</span>"
     value, _, interval = format_estimate(key, change).partition(" [")

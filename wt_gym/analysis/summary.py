@@ -23,7 +23,7 @@ __all__ = [
     "format_value",
     "headline",
     "results_table",
-    "summarise",
+    "summarize",
     "unseen",
     "verdict",
 ]
@@ -190,7 +190,7 @@ def verdict(evaluation: Evaluation, agent: str) -> Verdict:
     return Verdict("equal", "No difference")
 
 
-def summarise(evaluation: Evaluation) -> list[str]:
+def summarize(evaluation: Evaluation) -> list[str]:
     """Describe what was found, one paragraph an agent, one a note and one on how far the result carries.
 
     Returns

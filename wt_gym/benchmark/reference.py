@@ -90,7 +90,9 @@ def reference_of(task: BenchmarkTask) -> Reference:
 
 
 def make_reference(
-    task: BenchmarkTask, baseline: Mapping[str, Mapping], candidates: Mapping[str, Mapping[str, Mapping]]
+    task: BenchmarkTask,
+    baseline: Mapping[str, Mapping[str, Any]],
+    candidates: Mapping[str, Mapping[str, Mapping[str, Any]]],
 ) -> Reference:
     """Make reference numbers from runs.
 
@@ -111,7 +113,9 @@ def make_reference(
     ended = [f"{wind.label} ({baseline[wind.label]['ending']})" for wind in task.winds
              if baseline[wind.label]["ending"] != "time"]  # fmt: skip
     if ended:
-        raise BenchmarkError(f"task {task.name}: the baseline controller does not last in {', '.join(ended)}")
+        raise BenchmarkError(
+            f"task {task.name}: the baseline controller must complete every wind, it ended in {', '.join(ended)}"
+        )
     weights = [wind.weight for wind in task.winds]
     metrics = {wind.label: dict(baseline[wind.label]["metrics"]) for wind in task.winds}
     found: dict[str, float | None] = {}
@@ -130,8 +134,8 @@ def make_reference(
 def confirm_reference(
     task: BenchmarkTask,
     reference: Reference,
-    baseline: Mapping[str, Mapping],
-    best: Mapping[str, Mapping],
+    baseline: Mapping[str, Mapping[str, Any]],
+    best: Mapping[str, Mapping[str, Any]],
     fingerprint: Mapping[str, str],
 ) -> Reference:
     """Reference numbers for sources that have changed in a way that changes no number.

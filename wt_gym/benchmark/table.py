@@ -9,8 +9,9 @@ import numpy as np
 
 from wt_gym.benchmark.reference import reference_of
 from wt_gym.benchmark.scoring import score
-from wt_gym.benchmark.tasks import digest, load_task, task_names
+from wt_gym.benchmark.tasks import load_task, task_names
 from wt_gym.errors import BenchmarkError
+from wt_gym.runs.definition import digest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -54,7 +55,7 @@ def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
         runs.setdefault((definition["task"], entry), []).append(result)
     unknown = sorted({name for name, _ in runs} - set(task_names()))
     if unknown:
-        raise BenchmarkError(f"results of unknown tasks: {', '.join(unknown)}; there are {', '.join(task_names())}")
+        raise BenchmarkError(f"tasks of results must be among {', '.join(task_names())}, got {', '.join(unknown)}")
     tasks, references = {}, {}
     for name in sorted({name for name, _ in runs}):
         task = load_task(name)
@@ -68,8 +69,8 @@ def leaderboard(results: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 def _row(task: BenchmarkTask, results: list[Mapping[str, Any]]) -> dict[str, Any]:
     """One agent in one task."""
     labels = {digest(wind.definition): wind.label for wind in task.winds}
-    labelled = [(labels.get(digest(result["definition"]["wind"])), result) for result in results]
-    by_wind = {label: result for label, result in labelled if label is not None}
+    labeled = [(labels.get(digest(result["definition"]["wind"])), result) for result in results]
+    by_wind = {label: result for label, result in labeled if label is not None}
     row = {
         "agent": results[0]["agent"],
         "winds": f"{len(by_wind)} of {len(task.winds)}",
@@ -85,7 +86,7 @@ def _row(task: BenchmarkTask, results: list[Mapping[str, Any]]) -> dict[str, Any
     return row
 
 
-def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping], reference: Reference) -> dict[str, Any]:
+def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping[str, Any]], reference: Reference) -> dict[str, Any]:
     """Mean changes over the winds; none where a run ended early."""
     winds = [wind for wind in task.winds if by_wind[wind.label]["metrics"]]
     if len(winds) < len(task.winds):

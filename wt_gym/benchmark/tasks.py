@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.errors import BenchmarkError
+from wt_gym.runs.definition import digest
 from wt_gym.wind import TransientInflow
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["BenchmarkTask", "BenchmarkWind", "Limit", "Term", "digest", "load_task", "task_file", "task_names"]
+__all__ = ["BenchmarkTask", "BenchmarkWind", "Limit", "Term", "load_task", "task_file", "task_names"]
 
 _FOLDER = Path(__file__).parent / "data"
 _TRANSIENTS = ("EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal")
@@ -26,12 +26,6 @@ _KEYS = {
 }  # fmt: skip
 # What may change without making other runs or another score of it.
 _NOT_FROZEN = ("goal", "candidates", "reference")
-
-
-def digest(value: Any) -> str:
-    """Sixteen hexadecimal digits of the SHA-256 of a JSON value; the order of keys does not matter."""
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True)
@@ -245,7 +239,7 @@ def _winds(name: str, groups: list[dict[str, Any]]) -> tuple[BenchmarkWind, ...]
         if set(given) - {"speed", "transient", "sign", "start", "weight"} or (seeds is None) == (
             given.get("transient") not in _TRANSIENTS
         ):
-            raise BenchmarkError(f"task {name}: a group of winds has seeds or one of {_TRANSIENTS}, got {group}")
+            raise BenchmarkError(f"task {name}: a group of winds must have seeds or one of {_TRANSIENTS}, got {group}")
         if seeds is None:
             winds.append(BenchmarkWind(**given))
         else:
@@ -255,14 +249,16 @@ def _winds(name: str, groups: list[dict[str, Any]]) -> tuple[BenchmarkWind, ...]
 
 def _term(name: str, metric: str, given: dict[str, Any]) -> Term:
     if not {"weight"} <= set(given) <= {"weight", "scale"} or given.get("scale", 1.0) <= 0.0:
-        raise BenchmarkError(f"task {name}: the term {metric} has a weight and maybe a positive scale, got {given}")
+        raise BenchmarkError(
+            f"task {name}: the term {metric} must have a weight and may have a positive scale, got {given}"
+        )
     return Term(metric, **given)
 
 
 def _limit(name: str, metric: str, given: dict[str, float]) -> Limit:
     kinds = {"least": (True, False), "most": (False, False), "least_ratio": (True, True), "most_ratio": (False, True)}
     if len(given) != 1 or not set(given) <= set(kinds):
-        raise BenchmarkError(f"task {name}: the limit of {metric} is one of {', '.join(kinds)}, got {given}")
+        raise BenchmarkError(f"task {name}: the limit of {metric} must be one of {', '.join(kinds)}, got {given}")
     ((kind, bound),) = given.items()
     return Limit(metric, float(bound), *kinds[kind])
 
@@ -281,7 +277,7 @@ def task_file(name: str) -> Path:
         If there is no such task.
     """
     if name not in task_names():
-        raise BenchmarkError(f"there is no task {name!r}; there are {', '.join(task_names())}")
+        raise BenchmarkError(f"task must be one of {', '.join(task_names())}, got {name!r}")
     return _FOLDER / f"{name}.json"
 
 

@@ -21,13 +21,13 @@ COMMANDS = {
     "dataset": "record an agent at work as a Minari data set",
     "compare-controllers": "controllers side by side in the same winds, without environments",
     "tune": "tune the parameters of a controller",
+    "export": "write a trained agent as an ONNX file",
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",
     "import": "read an OpenFAST model as a turbine, and write it as a windIO file",
     "list": "controllers with their parameters, turbines, tasks, channels, trained agents",
     "compile": "compile the simulator ahead of the first run, in two processes",
     "bench": "speed and memory on this machine",
-    "fuzz": "drawn policies, winds and turbines against the contract of the environment",
 }
 
 

@@ -82,8 +82,8 @@ def main(words: list[str] | None = None) -> None:
     with user_errors(), stoppable(hint):
         if other == OWN_SIMULATOR:
             raise ValueError(f"--simulator must be another one than {OWN_SIMULATOR}, which the crosscheck runs anyway")
-        from wt_gym.agents.choices import named_choices, own_controller, with_model_options
         from wt_gym.agents.evaluation import evaluate
+        from wt_gym.agents.names import named_choices, own_controller, with_model_options
         from wt_gym.analysis.crosscheck import Crosscheck
         from wt_gym.analysis.crosscheck_page import tables, write_page
 

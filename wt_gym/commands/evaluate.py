@@ -119,11 +119,11 @@ def main(words: list[str] | None = None) -> None:
     without = " without --overwrite" if arguments.overwrite else ""
     hint = f"the same command{without} goes on with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
-        from wt_gym.agents.choices import named_choices, own_controller, with_model_options
         from wt_gym.agents.evaluation import evaluate
         from wt_gym.agents.evaluation_folder import REPORT_FILE
+        from wt_gym.agents.names import named_choices, own_controller, with_model_options
         from wt_gym.analysis.report import write_report
-        from wt_gym.analysis.summary import results_table, summarise
+        from wt_gym.analysis.summary import results_table, summarize
 
         chosen = configuration(arguments)
         agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)
@@ -133,7 +133,7 @@ def main(words: list[str] | None = None) -> None:
         )  # fmt: skip
         if not arguments.no_report:
             write_report(evaluation, out / REPORT_FILE, arguments.title)
-    print("\n".join([*results_table(evaluation), "", *summarise(evaluation)]))
+    print("\n".join([*results_table(evaluation), "", *summarize(evaluation)]))
     print(f"metrics and signals: {out}")
     if not arguments.no_report:
         print(f"report: {out / REPORT_FILE}")

@@ -5,7 +5,7 @@
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
     wt-gym train --engine ray --address ray-head:6379 --n-envs 64 --out runs/rllib
     wt-gym train --resume runs/ppo --steps 500000
-    wt-gym train --config wind.yml --go-on
+    wt-gym train --config wind.yml --resume-if-exists
 
 Writes the model, the statistics of its rewards, checkpoints, the best model by evaluations in other winds, figures for
 TensorBoard and a record of the training into a folder that wt-gym evaluate takes. Ctrl-C and SIGTERM end the training
@@ -25,11 +25,12 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.engine_options import add_address_options
 from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
-from wt_gym.commands.training_file import words_of
+from wt_gym.commands.training_file import present_option, words_of
 from wt_gym.commands.training_options import add_training_options, config_from
 
 if TYPE_CHECKING:
     from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.agents.training.learners import Learner
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -44,8 +45,8 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--config", metavar="FILE", help="YAML file with any of these options, by name; those typed "
         "come after them")  # fmt: skip
     parser.add_argument(
-        "--go-on", action=argparse.BooleanOptionalAction, default=False, help="resume where the folder holds this "
-        "training already, else begin: the same words again and again"
+        "--resume-if-exists", action=argparse.BooleanOptionalAction, default=False, help="resume where the folder "
+        "holds this training already, else begin: the same words again and again"
     )  # fmt: skip
     options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
     options.add_argument("--steps", type=int, help="environment steps (default: 200000)")
@@ -69,17 +70,19 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
         "(default: the processors of the cluster, at most --n-envs)",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the record of the training as JSON at the end")
-    words = sys.argv[1:] if words is None else words
+    words = [present_option(word) for word in (sys.argv[1:] if words is None else words)]
     arguments = parser.parse_args(words)
     if arguments.config is not None:
         with user_errors():
             in_file = words_of(arguments.config, words)
         arguments = parser.parse_args([*in_file, *words])
-    if arguments.go_on and arguments.overwrite:
-        parser.error("--go-on keeps the training that is in the folder, --overwrite removes it: give one of them")
+    if arguments.resume_if_exists and arguments.overwrite:
+        parser.error(
+            "--resume-if-exists keeps the training that is in the folder, --overwrite removes it: give one of them"
+        )
     if arguments.resume is not None:
         kept = {"resume", "steps", "max_seconds", "json", "overwrite", "engine", "address", "runners"}
-        kept |= {name for name in ("config", "go_on") if not getattr(arguments, name)}
+        kept |= {name for name in ("config", "resume_if_exists") if not getattr(arguments, name)}
         fixed = [f"--{name.replace('_', '-')}" for name in vars(arguments) if name not in kept]
         fixed += ["--overwrite"] * arguments.overwrite
         if fixed:
@@ -87,7 +90,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     return arguments
 
 
-def learner_of(arguments: argparse.Namespace):
+def learner_of(arguments: argparse.Namespace) -> Learner | None:
     """Who learns; None for stable-baselines3 in this process."""
     if arguments.engine == "ray":
         from wt_gym.agents.distributed.rllib_learner import RllibLearner
@@ -108,23 +111,23 @@ def configuration(arguments: argparse.Namespace) -> TrainingConfig:
     return config_from(arguments, **{field: given[name] for name, field in names.items() if name in given})
 
 
-def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
+def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Train; give the folder and the record, or the summary of several seeds."""
     from wt_gym.agents.train import train  # torch takes seconds to import: not for --help
-    from wt_gym.agents.training.again import train_or_go_on
+    from wt_gym.agents.training.resume import resume_or_train
     from wt_gym.agents.training.seeds import train_seeds
 
     given, config = vars(arguments), configuration(arguments)
     folder = Path(given.get("out", f"runs/{config.algorithm.lower()}"))
     seeds, learner = given.get("seeds"), learner_of(arguments)
-    if arguments.go_on:
-        return folder, train_or_go_on(config, folder, seeds, learner=learner)
+    if arguments.resume_if_exists:
+        return folder, resume_or_train(config, folder, seeds, learner=learner)
     if seeds is not None:
         return folder, train_seeds(config, folder, seeds, overwrite=arguments.overwrite, learner=learner)
     return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner)
 
 
-def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
+def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Resume; as `start`."""
     from wt_gym.agents.train import resume
     from wt_gym.agents.training.run_folder import SEEDS_FILE
@@ -138,10 +141,10 @@ def go_on(arguments: argparse.Namespace) -> tuple[Path, dict]:
     return folder, go(folder, **limits, learner=learner_of(arguments))
 
 
-def report(folder: Path, record: dict) -> None:
+def report(folder: Path, record: dict[str, Any]) -> None:
     """Say what has come out."""
-    from wt_gym.agents.training.held_back import FIGURES
     from wt_gym.agents.training.seeds import seeds_table
+    from wt_gym.agents.training.selection import FIGURES
 
     if "runs" in record:
         print("\n".join(seeds_table(record["runs"])))
@@ -159,7 +162,7 @@ def main(words: list[str] | None = None) -> None:
     """Train."""
     arguments = parse_arguments(words)
     with user_errors():
-        folder, record = (start if arguments.resume is None else go_on)(arguments)
+        folder, record = (start if arguments.resume is None else resume_folder)(arguments)
     report(folder, record)
     if record["status"] == "interrupted":
         print(f"ended by {record['stopped_by']}; go on with: {as_called('wt-gym train')} --resume {folder}")

@@ -1,23 +1,30 @@
-"""From a normalised action to the demands on pitch drives, yaw drive and generator, and back."""
+"""From a normalized action to the demands on pitch drives, yaw drive and generator, and back."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.control.coleman import FIXED_FRAME, harmonic_of_blades, to_blades
 from wt_gym.control.operating_point import operating_point, torque_curve
+from wt_gym.deprecated import renamed_names
 from wt_gym.errors import ActionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "ActionMap", "Aim", "Demand"]
+__all__ = ["ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "ActionMap", "AgentSetpoint", "Demand"]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
 
 ACTION_MODES = ("rate", "absolute", "residual")
 PITCH_FORMS = ("collective", "individual", "fixed-frame", "cyclic")
@@ -53,13 +60,13 @@ class Demand:
         Torque on the high-speed shaft [N m].
     """
 
-    pitch: np.ndarray
+    pitch: NDArray[np.float64]
     yaw_rate: float
     generator_torque: float
 
 
 @dataclass(frozen=True)
-class Aim:
+class AgentSetpoint:
     """What the actions of an agent ask for, in the coordinates of its action; offsets in mode "residual".
 
     Attributes
@@ -72,7 +79,7 @@ class Aim:
         [N m]
     """
 
-    pitch: np.ndarray
+    pitch: NDArray[np.float64]
     yaw_rate: float
     generator_torque: float
 
@@ -208,7 +215,7 @@ class ActionMap:
         """Of how many pitch coordinates, the first ones, the mean is that of the blades: none of tilt and yaw."""
         return {"fixed-frame": 1, "cyclic": 0}.get(self.pitch, self.n_pitch)
 
-    def _chosen(self, components, turbine) -> tuple[str, ...]:
+    def _chosen(self, components: Sequence[str] | None, turbine: Turbine) -> tuple[str, ...]:
         if components is None:
             components = COMPONENTS if self.takes_torque else ("pitch", "yaw")
         components = components if isinstance(components, str) else tuple(components)
@@ -227,7 +234,7 @@ class ActionMap:
             raise ValueError("action_components is ('yaw',), but this turbine has no yaw drive (greatest rate 0)")
         return tuple(name for name in chosen if name != "yaw")
 
-    def _chosen_spans(self, spans, turbine) -> dict[str, float]:
+    def _chosen_spans(self, spans: Mapping[str, float] | None, turbine: Turbine) -> dict[str, float]:
         """Spans of this mode, with those that the user wants otherwise."""
         curve = torque_curve(turbine)
         rated_torque = curve.rated_power / curve.rated_generator_speed
@@ -252,7 +259,7 @@ class ActionMap:
             chosen[name] = float(value)
         return {"pitch_mean": chosen["pitch"]} | chosen
 
-    def _pitch_range(self) -> tuple[np.ndarray, np.ndarray]:
+    def _pitch_range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Limits of the pitch coordinates (n_pitch,) [rad]."""
         around = np.full(self.n_pitch, self._spans["pitch"])
         if self.pitch in ("collective", "fixed-frame"):
@@ -263,7 +270,7 @@ class ActionMap:
             low[:own], high[:own] = self.pitch_limits
         return low, high
 
-    def _rows(self, turbine, wind_speeds) -> list[tuple[str, str, float, float]]:
+    def _rows(self, turbine: Turbine, wind_speeds: tuple[float, float] | None) -> list[tuple[str, str, float, float]]:
         """Name, unit, and value at -1 and +1 of each component."""
         spans, rows = self._spans, []
         suffix = "_offset_rate" if self.mode == "residual" else "_rate"
@@ -283,7 +290,7 @@ class ActionMap:
             rows.append(torque)
         return rows
 
-    def _operating_range(self, turbine, wind_speeds) -> tuple[float, float, float]:
+    def _operating_range(self, turbine: Turbine, wind_speeds: tuple[float, float] | None) -> tuple[float, float, float]:
         """Lowest and highest absolute pitch [rad], highest torque [N m]."""
         low, high = wind_speeds or (turbine.cut_in, turbine.cut_out)
         least_wind = max(turbine.cut_in, 0.1)  # below cut-in the turbine stands ready as at cut-in
@@ -296,7 +303,7 @@ class ActionMap:
 
     # ---- from actions to demands ----
 
-    def validate(self, action) -> np.ndarray:
+    def validate(self, action: ArrayLike) -> NDArray[np.float64]:
         """Return an action as float64, or refuse it.
 
         Parameters
@@ -327,26 +334,26 @@ class ActionMap:
             raise ActionError(f"action components must be finite and within [-1, 1], got {wrong}")
         return np.array([min(max(value, -1.0), 1.0) for value in numbers])
 
-    def start(self, demand: Demand) -> Aim:
+    def start(self, demand: Demand) -> AgentSetpoint:
         """Aim with which an episode starts from a demand."""
         if self.mode == "residual":
-            return Aim(np.zeros(self.n_pitch), 0.0, 0.0)
+            return AgentSetpoint(np.zeros(self.n_pitch), 0.0, 0.0)
         pitch = np.asarray(demand.pitch, dtype=np.float64)
         mean = pitch[0] + (pitch - pitch[0]).mean()  # exactly that of equal blades
         if self.pitch == "collective":
             pitch = np.array([mean])
         elif self.pitch == "fixed-frame":
             pitch = np.array([mean, 0.0, 0.0])
-        return Aim(pitch.copy(), 0.0, demand.generator_torque)
+        return AgentSetpoint(pitch.copy(), 0.0, demand.generator_torque)
 
-    def decode(self, action: np.ndarray, previous: Aim) -> Aim:
+    def decode(self, action: NDArray[np.float64], previous: AgentSetpoint) -> AgentSetpoint:
         """Aim at the end of the next control step.
 
         Parameters
         ----------
         action : numpy.ndarray, shape (size,)
             A validated action.
-        previous : Aim
+        previous : AgentSetpoint
             At the end of the step before.
 
         Returns
@@ -371,14 +378,16 @@ class ActionMap:
             limit = self._spans["torque"]
             low, high = (-limit, limit) if self.mode == "residual" else self.torque_limits
             torque = min(max(torque + wanted * dt if moves else wanted, low), high)
-        return Aim(pitch, yaw_rate, torque)
+        return AgentSetpoint(pitch, yaw_rate, torque)
 
-    def demand(self, aim: Aim, base: Demand | None = None, azimuth: float = 0.0, rotor_speed: float = 0.0) -> Demand:
+    def demand(
+        self, setpoint: AgentSetpoint, base: Demand | None = None, azimuth: float = 0.0, rotor_speed: float = 0.0
+    ) -> Demand:
         """Demand on the drives.
 
         Parameters
         ----------
-        aim : Aim
+        setpoint : AgentSetpoint
         base : Demand, optional
             Of the controller beneath; needed where `needs_controller`.
         azimuth, rotor_speed : float
@@ -389,13 +398,14 @@ class ActionMap:
         Demand
         """
         # numbers one by one: arrays of three are slow
-        pitch, yaw_rate, torque = aim.pitch.tolist(), aim.yaw_rate, aim.generator_torque
+        pitch, yaw_rate, torque = setpoint.pitch.tolist(), setpoint.yaw_rate, setpoint.generator_torque
         if self.pitch == "fixed-frame":
             pitch = to_blades(pitch, azimuth + rotor_speed * self.delay, self.n_blades)
         elif self.pitch == "cyclic":
             cosine, sine = pitch
             pitch = harmonic_of_blades(cosine, sine, azimuth + rotor_speed * self.delay, self.n_blades)
-        residual, beneath = self.mode == "residual", cast(Demand, base)  # which is not asked where nothing is beneath
+        residual = self.mode == "residual"
+        beneath: Any = base  # which is not asked where no controller runs; a cast would take time
         if len(pitch) != self.n_blades:
             pitch *= self.n_blades
         if "pitch" not in self.components:
@@ -423,7 +433,7 @@ class ActionMap:
             return base + offset
         return min(base + offset, max(base, self._most_shaft_power / rotor_speed))
 
-    def encode(self, demand: Demand, previous: Demand | Aim) -> np.ndarray:
+    def encode(self, demand: Demand, previous: Demand | AgentSetpoint) -> NDArray[np.float64]:
         """Give the action whose demand is the wanted one, or the nearest one that the spans allow.
 
         Parameters
@@ -444,7 +454,7 @@ class ActionMap:
         if self.mode == "residual" or self.turns_with_rotor:
             raise ValueError(
                 f"a controller's demand cannot be written as an action of mode {self.mode!r} with pitch "
-                f"{self.pitch!r}; let it run beneath: controller=..., and take zero actions"
+                f"{self.pitch!r}; let it be the base controller: controller=..., and take zero actions"
             )
         pitch, torque = np.asarray(demand.pitch, dtype=np.float64), demand.generator_torque
         if self.mode == "rate":
@@ -454,9 +464,10 @@ class ActionMap:
             pitch = pitch.mean(keepdims=True)
         parts = {"pitch": pitch, "yaw": [demand.yaw_rate], "torque": [torque]}
         physical = np.concatenate([parts[name] for name in self.components])
-        return np.clip(2.0 * (physical - self.low) / (self.high - self.low) - 1.0, -1.0, 1.0)
+        out: NDArray[np.float64] = np.clip(2.0 * (physical - self.low) / (self.high - self.low) - 1.0, -1.0, 1.0)
+        return out
 
-    def table(self) -> list[dict]:
+    def table(self) -> list[dict[str, Any]]:
         """Rows (name, unit, value at -1, value at +1) of the action vector, for documentation and reports."""
         rows = zip(self.names, self.units, self.low, self.high, strict=True)
         return [{"name": n, "unit": u, "min": float(low), "max": float(high)} for n, u, low, high in rows]

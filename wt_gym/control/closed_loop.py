@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from wt_gym.control.actions import Demand
     from wt_gym.simulation import Signals, Simulator
 
-__all__ = ["advance_under"]
+__all__ = ["advance_controlled"]
 
 
-def advance_under(
+def advance_controlled(
     demand_at: Callable[[int, Signals], Demand], simulator: Simulator, signals: Signals, step: float, count: int
 ) -> Signals:
     """Simulate several steps, each under a demand of its own.
@@ -37,5 +37,5 @@ def advance_under(
     """
     for k in range(1, count + 1):
         demand = demand_at(k, signals)
-        signals = simulator.advance(step, demand.pitch, demand.yaw_rate, demand.generator_torque, go_on=k > 1)
+        signals = simulator.advance(step, demand.pitch, demand.yaw_rate, demand.generator_torque, accumulate=k > 1)
     return signals

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.envs.observation_kernels import normalise
+from wt_gym.deprecated import renamed_attribute
+from wt_gym.envs.observation_kernels import normalize
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from wt_gym.control import ActionMap, Channel, Lidar
     from wt_gym.turbines import Turbine
 
@@ -29,7 +32,7 @@ class ObservationLayout:
     channels : tuple of Channel
     names : tuple of str
     low, high : numpy.ndarray, float32, shape (n,)
-        Bounds of the normalised values.
+        Bounds of the normalized values.
     noise : numpy.ndarray, shape (n,)
         Standard deviations of the measurement noise in physical units.
     parity : numpy.ndarray, shape (n,)
@@ -37,7 +40,7 @@ class ObservationLayout:
         the other way.
     """
 
-    def __init__(self, channels) -> None:
+    def __init__(self, channels: Iterable[Channel]) -> None:
         self.channels: tuple[Channel, ...] = tuple(channels)
         self.names = tuple(channel.name for channel in self.channels)
         if len(set(self.names)) != len(self.names):
@@ -67,7 +70,7 @@ class ObservationLayout:
         except KeyError:
             raise KeyError(f"the observation has no channel {name!r}; it has {', '.join(self.names)}") from None
 
-    def value(self, observation: np.ndarray, name: str):
+    def value(self, observation: np.ndarray, name: str) -> Any:
         """Physical value of a channel.
 
         Parameters
@@ -83,7 +86,9 @@ class ObservationLayout:
         i = self.index(name)
         return observation[..., i] * self._scale[i] + self._offset[i]
 
-    def normalise(self, values: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    normalise = renamed_attribute("normalise", "normalize")  # rename: keep
+
+    def normalize(self, values: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
         """Observation from physical values.
 
         Parameters
@@ -100,7 +105,7 @@ class ObservationLayout:
         """
         observation = np.empty(len(self.names), dtype=np.float32)
         # It stays within the bounds: they were made by the same steps, each of which keeps the order of two values.
-        if not normalise(values, self._low, self._high, self._offset, self._scale, observation):
+        if not normalize(values, self._low, self._high, self._offset, self._scale, observation):
             return observation, ()
         outside = np.flatnonzero((values < self._low) | (values > self._high))
         return observation, tuple(self.names[i] for i in outside)
@@ -108,7 +113,7 @@ class ObservationLayout:
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {len(self)} channels, {_few(self.names)}>"
 
-    def table(self) -> list[dict]:
+    def table(self) -> list[dict[str, Any]]:
         """Rows (name, unit, offset, scale, min, max, description) for documentation and reports."""
         return [
             {"name": c.name, "unit": c.unit, "offset": c.offset, "scale": c.scale, "min": c.low, "max": c.high,
@@ -156,7 +161,7 @@ def _few(names: tuple[str, ...]) -> str:
     return ", ".join(names[:4]) + (", …" if len(names) > 4 else "")
 
 
-def layout_of(env) -> EnvLayout:
+def layout_of(env: Any) -> EnvLayout:
     """Layout of an environment behind any wrappers.
 
     Parameters
@@ -174,8 +179,9 @@ def layout_of(env) -> EnvLayout:
         If the environment is none of wt_gym's.
     """
     if hasattr(env, "num_envs"):
-        return env.unwrapped.get_attr("layout")[0]
-    layout = getattr(env.unwrapped, "layout", None)
+        layout = env.unwrapped.get_attr("layout")[0]
+    else:
+        layout = getattr(env.unwrapped, "layout", None)
     if not isinstance(layout, EnvLayout):
         raise TypeError(f"{env} is not a wt_gym environment: it has no layout")
     return layout

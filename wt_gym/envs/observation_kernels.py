@@ -40,7 +40,7 @@ def read_signals(signals, places, into, blades, parts, azimuth, cyclic_into, val
 
 
 @kernel(fastmath=False)
-def normalise(values, low, high, offset, scale, observation):
+def normalize(values, low, high, offset, scale, observation):
     """Kept within their range, less the offset and over the scale; returns how many lie outside of it.
 
     values, low, high, offset, scale : (n,); observation : float32 (n,)

@@ -6,7 +6,7 @@ import copy
 import math
 from collections import deque
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from wt_gym.envs.arguments import shown
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.envs.observable import DEFAULT_GROUPS, OBSERVATION_GROUPS, RESIDUAL_GROUPS, Observable
 from wt_gym.envs.observation_kernels import read_signals
-from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Sensors, Situation
+from wt_gym.envs.options.observations import MOST_READINGS
+from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext, Observed, Sensors
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DEFAULT_GROUPS", "MOST_READINGS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observer"]
 
-MOST_READINGS = 1000
-"""Most readings in an observation, and most control steps by which they are late: 200 s at the usual step of 0.2 s."""
 _MEMORY = ("_sensors", "_readings")
 
 
@@ -121,31 +120,31 @@ class Observer:
         self._directions = [k for k, one in enumerate(observed) if one.circular]
         self._size = len(observed)
 
-    def memory(self) -> dict:
+    def memory(self) -> dict[str, Any]:
         """Give what the sensors remember within an episode, a copy, for `recall`."""
         return copy.deepcopy({name: self.__dict__[name] for name in _MEMORY})
 
-    def recall(self, memory: dict) -> None:
+    def recall(self, memory: dict[str, Any]) -> None:
         """Continue with a memory."""
         self.__dict__.update(copy.deepcopy(memory))
 
     # ---- readings ----
 
-    def reset(self, situation: Situation) -> None:
+    def reset(self, context: ObservationContext) -> None:
         """Start the filters in steady state."""
-        self._sensors.reset(situation.signals)
+        self._sensors.reset(context.signals)
         self._readings: deque[np.ndarray] = deque(maxlen=self._delay + self._history)
 
     def advance(self, signals: Signals, dt: float) -> None:
         """Let the filters take the signals of a step of length ``dt`` [s]."""
         self._sensors.advance(signals, dt)
 
-    def observe(self, situation: Situation, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
+    def observe(self, context: ObservationContext, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
         """Measure once a control step.
 
         Parameters
         ----------
-        situation : Situation
+        context : ObservationContext
         rng : numpy.random.Generator
             Source of the measurement noise.
 
@@ -155,14 +154,14 @@ class Observer:
         saturated : tuple of str
             Sensors at the end of their range.
         """
-        values, signals = np.empty(self._size), situation.signals
+        values, signals = np.empty(self._size), context.signals
         read_signals(
             signals.values, self._from, self._at, self._cyclic_from, self._cyclic_part, signals["azimuth"],
             self._cyclic_at, values,
         )  # fmt: skip
         sensors = self._sensors
         for k, function, index in self._functions:
-            values[k] = function(sensors, situation, index)
+            values[k] = function(sensors, context, index)
         if self._noise_level > 0:
             values += self._noise_level * self._noise * rng.standard_normal(self._size)
             for k in self._directions:
@@ -170,6 +169,6 @@ class Observer:
         readings = self._readings
         readings.append(values)
         if self._history == 1:
-            return self.layout.normalise(readings[0])
+            return self.layout.normalize(readings[0])
         late = [readings[max(len(readings) - 1 - self._delay - k, 0)] for k in range(self._history)]
-        return self.layout.normalise(np.concatenate(late))
+        return self.layout.normalize(np.concatenate(late))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -12,16 +12,16 @@ import numpy as np
 from wt_gym.control import NacelleAnemometer
 
 if TYPE_CHECKING:
-    from wt_gym.control import Aim, Channel, Demand
+    from wt_gym.control import AgentSetpoint, Channel, Demand
     from wt_gym.control.controllers.wind_estimator import WindEstimator
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.simulation import Signals
 
-__all__ = ["Computed", "FromSignals", "InFixedFrame", "Observed", "Reader", "Sensors", "Situation"]
+__all__ = ["Computed", "FromSignals", "InFixedFrame", "ObservationContext", "Observed", "Quantity", "Reader", "Sensors"]
 
 
 @dataclass(frozen=True)
-class Situation:
+class ObservationContext:
     """All that can be observed after a control step.
 
     Attributes
@@ -29,13 +29,13 @@ class Situation:
     signals : Signals
     demand : Demand
         Present demands on the actuators.
-    aim : Aim
+    setpoint : AgentSetpoint
         Of the agent; its offsets in mode "residual".
     base : Demand or None
         Of the controller beneath.
     action : numpy.ndarray, shape (n_act,)
         That led here.
-    seen : numpy.ndarray, shape (n_ranges,), optional
+    lidar : numpy.ndarray, shape (n_ranges,), optional
         By the lidar, for an observer that `wt_gym.envs.observations.Observer.sees_lidar` [m/s].
     residual : ResidualPitch, optional
         What residual pitch passes.
@@ -43,10 +43,10 @@ class Situation:
 
     signals: Signals
     demand: Demand
-    aim: Aim
+    setpoint: AgentSetpoint
     base: Demand | None
     action: np.ndarray
-    seen: np.ndarray | None = None
+    lidar: np.ndarray | None = None
     residual: ResidualPitch | None = None
 
 
@@ -87,6 +87,10 @@ class Sensors:
         if self.estimator is not None:
             self.estimator.update(signals, dt)
         self.pitch_before, self.pitch, self.dt = self.pitch, signals["pitch"].tolist(), dt
+
+
+Quantity: TypeAlias = Callable[[Sensors, ObservationContext, int], float]
+"""Reads a quantity of sensors and situation; the number is that of a blade, component or gate."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,7 @@ class Computed:
         What must be there for it.
     """
 
-    function: Callable[[Sensors, Situation, int], float]
+    function: Quantity
     index: int = 0
     needs: str = ""
 
@@ -157,7 +161,7 @@ class Observed:
     circular: bool = False
 
 
-def _mean(of_blades) -> float:
+def _mean(of_blades: Sequence[float] | np.ndarray) -> float:
     """Mean of one number a blade; of so few, numpy's own is slow."""
     return float(np.add.reduce(of_blades)) / len(of_blades)
 
@@ -166,96 +170,96 @@ def _mean(of_blades) -> float:
 # for are not called, so what they need is there.
 
 
-def previous_action(sensors, situation, k) -> float:
+def previous_action(sensors: Sensors, context: ObservationContext, k: int) -> float:
     """Component of the last action."""
-    return situation.action[k]
+    return float(context.action[k])
 
 
-def lidar(sensors, situation, k) -> float:
+def lidar(sensors: Sensors, context: ObservationContext, k: int) -> float:
     """Wind in a gate of the lidar [m/s]."""
-    return situation.seen[k]
+    return float(context.lidar[k])  # type: ignore[index]
 
 
-def wind_speed(sensors, situation, _) -> float:
+def wind_speed(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Nacelle anemometer [m/s]."""
     return sensors.wind_speed
 
 
-def yaw_error(sensors, situation, _) -> float:
+def yaw_error(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Wind vane [rad]."""
     return sensors.yaw_error
 
 
-def rotor_wind(sensors, situation, _) -> float:
+def rotor_wind(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Wind of the estimator [m/s]."""
-    return sensors.estimator.wind
+    return sensors.estimator.wind  # type: ignore[union-attr]
 
 
-def azimuth_sin(sensors, situation, _) -> float:
+def azimuth_sin(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Sine of the azimuth."""
-    return math.sin(situation.signals["azimuth"])
+    return math.sin(context.signals["azimuth"])
 
 
-def azimuth_cos(sensors, situation, _) -> float:
+def azimuth_cos(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Cosine of the azimuth."""
-    return math.cos(situation.signals["azimuth"])
+    return math.cos(context.signals["azimuth"])
 
 
-def pitch_rate(sensors, situation, b) -> float:
+def pitch_rate(sensors: Sensors, context: ObservationContext, b: int) -> float:
     """Rate of a blade over the last step [rad/s]."""
-    return (sensors.pitch[b] - sensors.pitch_before[b]) / sensors.dt
+    return float((sensors.pitch[b] - sensors.pitch_before[b]) / sensors.dt)
 
 
-def pitch_demand(sensors, situation, b) -> float:
+def pitch_demand(sensors: Sensors, context: ObservationContext, b: int) -> float:
     """Demand on a blade [rad]."""
-    return situation.demand.pitch[b]
+    return float(context.demand.pitch[b])
 
 
-def mean_pitch(sensors, situation, _) -> float:
+def mean_pitch(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean of the blades [rad]."""
     return _mean(sensors.pitch)
 
 
-def mean_pitch_rate(sensors, situation, _) -> float:
+def mean_pitch_rate(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean rate of the blades [rad/s]."""
     return _mean(np.subtract(sensors.pitch, sensors.pitch_before)) / sensors.dt
 
 
-def mean_pitch_demand(sensors, situation, _) -> float:
+def mean_pitch_demand(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean demand on the blades [rad]."""
-    return _mean(situation.demand.pitch)
+    return _mean(context.demand.pitch)
 
 
-def torque_demand(sensors, situation, _) -> float:
+def torque_demand(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Demand on the generator [N m]."""
-    return situation.demand.generator_torque
+    return context.demand.generator_torque
 
 
-def controller_pitch(sensors, situation, _) -> float:
+def controller_pitch(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean demand of the base controller on the blades [rad]."""
-    return _mean(situation.base.pitch)
+    return _mean(context.base.pitch)  # type: ignore[union-attr]
 
 
-def controller_torque(sensors, situation, _) -> float:
+def controller_torque(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Demand of the base controller on the generator [N m]."""
-    return situation.base.generator_torque
+    return context.base.generator_torque  # type: ignore[union-attr]
 
 
-def pitch_offset(sensors, situation, k) -> float:
+def pitch_offset(sensors: Sensors, context: ObservationContext, k: int) -> float:
     """Coordinate of the residual pitch [rad]."""
-    return situation.aim.pitch[k]
+    return float(context.setpoint.pitch[k])
 
 
-def torque_offset(sensors, situation, _) -> float:
+def torque_offset(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Residual torque [N m]."""
-    return situation.aim.generator_torque
+    return context.setpoint.generator_torque
 
 
-def residual_share(sensors, situation, _) -> float:
+def residual_share(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Share of the residual pitch that acts."""
-    return situation.residual.share
+    return context.residual.share  # type: ignore[union-attr]
 
 
-def residual_mean(sensors, situation, _) -> float:
+def residual_mean(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean of the residual pitch that acts [rad]."""
-    return situation.residual.mean
+    return context.residual.mean  # type: ignore[union-attr]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Renderer"]
 
 _INK, _STEEL, _LINE, _LIMIT = "#1c2733", "#9aa7b3", "#0072B2", "#8a96a3"
-_WAKE_COLOURS = LinearSegmentedColormap.from_list("wake", ["#d3dde6", "#7fb2d6", "#0072b2", "#06213a"])
+_WAKE_COLORS = LinearSegmentedColormap.from_list("wake", ["#d3dde6", "#7fb2d6", "#0072b2", "#06213a"])
 _WINDOW = 60.0
 _RPM = 30 / np.pi
 
@@ -50,11 +50,11 @@ class Renderer:
         self._build_scene(width, height)
         self._build_strips(turbine)
 
-    def __getstate__(self):
+    def __getstate__(self) -> tuple[Any, ...]:
         """What a copy or a pickle takes along: figures can be made anew, but not all be copied."""
         return self._arguments, self._history
 
-    def __setstate__(self, kept) -> None:
+    def __setstate__(self, kept: tuple[Any, ...]) -> None:
         """Make the figure and take over the course of the signals."""
         arguments, history = kept
         Renderer.__init__(self, *arguments)
@@ -104,18 +104,18 @@ class Renderer:
         axes = self._figure.add_axes((0.0, 0.0, 0.62, 1.0))
         axes.set_axis_off()
         axes.set_aspect("equal")
-        size, centre = self._diameter, self._project(np.array([0.4 * self._diameter, 0.0, 0.0]))
+        size, center = self._diameter, self._project(np.array([0.4 * self._diameter, 0.0, 0.0]))
         bottom, top = -0.2 * self._hub_height, self._hub_height + 0.8 * size
         half_width = 0.5 * (top - bottom) * 0.62 * width / height
-        axes.set_xlim(centre[0] - half_width, centre[0] + half_width)
+        axes.set_xlim(center[0] - half_width, center[0] + half_width)
         axes.set_ylim(bottom, top)
         angle = np.linspace(0.0, 2 * np.pi, 80)
         ground = 0.45 * size * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(80)])
         self._submerged = PolyCollection([], facecolors=_STEEL, edgecolors="none", alpha=0.5)
         axes.add_collection(self._submerged)
-        colour = "#e6ece4" if self._arguments[0].tower.support is None else "#cfe3f1cc"  # land, or a sea one looks into
-        axes.add_collection(PolyCollection([self._project(ground)], facecolors=colour, edgecolors="none"))
-        self._wake = LineCollection([], cmap=_WAKE_COLOURS)
+        color = "#e6ece4" if self._arguments[0].tower.support is None else "#cfe3f1cc"  # land, or a sea one looks into
+        axes.add_collection(PolyCollection([self._project(ground)], facecolors=color, edgecolors="none"))
+        self._wake = LineCollection([], cmap=_WAKE_COLORS)
         self._steel = PolyCollection([], facecolors=_STEEL, edgecolors="none")
         self._panels = PolyCollection([], facecolors="#f4f7fa", edgecolors="#1c2733", linewidths=0.8)
         for collection in (self._wake, self._steel, self._panels):
@@ -148,7 +148,7 @@ class Renderer:
         blades, wake = self._project(geometry["blades"]), self._project(geometry["wake"])
         corners = [blades[:, :-1, :-1], blades[:, :-1, 1:], blades[:, 1:, 1:], blades[:, 1:, :-1]]
         outlines = np.stack(corners, axis=-2).reshape(-1, 4, 2)
-        self._panels.set_verts(cast("Sequence", outlines))
+        self._panels.set_verts(cast("Sequence[Any]", outlines))
 
         tower, radius, hub = geometry["tower"], geometry["tower_radius"], geometry["hub"]
         nacelle = self._nacelle(np.asarray(tower)[-1], np.asarray(hub), float(radius[-1]))
@@ -160,9 +160,9 @@ class Renderer:
         strength = trailing_strength(geometry["wake_circulation"])[: len(segments)]
         segments = segments[: len(strength)]
         share = strength / max(float(np.quantile(strength, 0.995)), 1e-9) if strength.size else strength
-        self._wake.set_segments(cast("Sequence", segments.reshape(-1, 2, 2)))
+        self._wake.set_segments(cast("Sequence[Any]", segments.reshape(-1, 2, 2)))
         self._wake.set_array(np.clip(share, 0.0, 1.0).ravel())
-        self._wake.set_linewidth(cast("Sequence", 0.3 + 1.3 * np.clip(share, 0.0, 1.0).ravel()))
+        self._wake.set_linewidth(cast("Sequence[Any]", 0.3 + 1.3 * np.clip(share, 0.0, 1.0).ravel()))
 
     def _outline(self, column: np.ndarray) -> np.ndarray:
         """Outline of a column (n, 4): points of its axis and its radii there."""

@@ -1,14 +1,18 @@
 """Fidelities: how finely air and structure are resolved, and at what price."""
 
+from __future__ import annotations
+
 import math
 import numbers
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
+from wt_gym.deprecated import renamed_arguments, renamed_attribute
 from wt_gym.errors import SimulationError
 from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
-from wt_gym.multibody.integrators.stability import undamped_limit
+from wt_gym.multibody.integrators.schemes import INTEGRATORS, SchemeSettings, integrator_name
 from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
 
 __all__ = ["ELASTODYN_NREL_5MW_TOWER", "FIDELITIES", "Fidelity", "fidelity"]
@@ -19,7 +23,6 @@ RESERVE = 0.75
 
 
 COORDINATES = ("modal", "nodal", "rigid")
-INTEGRATORS = ("hamming", "newmark", "generalised_alpha")
 ELASTODYN_NREL_5MW_TOWER = (
     ((0.7004, 2.1963, -5.6202, 6.2275, -2.504), (-70.5319, -63.7623, 289.737, -176.513, 22.0706)),
     ((1.385, -1.7684, 3.0871, -2.2395, 0.5357), (-121.21, 184.415, -224.904, 298.536, -135.838)),
@@ -32,6 +35,7 @@ STEP_BASE = 0.2
 """Interval that the automatic time step divides [s]; control intervals are multiples of it."""
 
 
+@renamed_arguments(stabilisation="stabilization")  # rename: keep
 @dataclass(frozen=True)
 class Fidelity:
     """Resolution of a simulation.
@@ -82,10 +86,10 @@ class Fidelity:
         ``integrator``.
     integrator : str
         "hamming", explicit: the structural steps are as short as the highest frequency wants them. "newmark" (¼, ½) or
-        "generalised_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
+        "generalized_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
         nodal coordinates, torsion and blades of several bodies.
     spectral_radius : float, optional
-        Of the generalised-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
+        Of the generalized-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
         default 0.3 where blades twist (``blade_modes`` counts a torsion mode), else 0.8, see `scheme_radius`: the
         period of the twist is about the aerodynamic step, and with 0.8 it begins to shake in turbulence after minutes,
         which the balance of energy ends.
@@ -105,12 +109,12 @@ class Fidelity:
         "embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
         constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
         embedded form is several times faster. "observer": all bodies in local observer frames, held together by
-        constraint equations (Holm-Jørgensen, Nielsen & Rubak); the scheme is "generalised_alpha" where ``integrator``
+        constraint equations (Holm-Jørgensen, Nielsen & Rubak); the scheme is "generalized_alpha" where ``integrator``
         says so, else "newmark", with steps of at most ``max_substep``.
-    stabilisation : float
+    stabilization : float
         Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
     projection : bool
-        Put the state back onto the constraint equations after each structural step; without it the stabilisation alone
+        Put the state back onto the constraint equations after each structural step; without it the stabilization alone
         holds what steps drift by.
     moving_bodies : bool
         The closed bodies follow the deflected tower, and that of the tower bears the force of the air on it
@@ -138,22 +142,22 @@ class Fidelity:
     starter: str = "adams"
     coupling_iterations: int = 2
     coupling_tolerance: float = 1e-3
-    tower_modes: tuple = (2, 2, 1)
-    blade_modes: tuple = (2, 1, 0)
+    tower_modes: tuple[int, int, int] = (2, 2, 1)
+    blade_modes: tuple[int, int, int] = (2, 1, 0)
     tower_elements: int = 12
     blade_elements: int = 24
     tower_coordinates: str = "modal"
     blade_coordinates: str = "modal"
-    tower_shapes: tuple | None = None
+    tower_shapes: tuple[tuple[tuple[float, ...], ...], ...] | None = None
     yaw_drive: str = "stiff"
     blade_bodies: int = 1
     integrator: str = "hamming"
     tower_shadow: bool = True
-    tower_body: tuple | None = None
-    nacelle_body: tuple | None = None
+    tower_body: tuple[int, int] | None = None
+    nacelle_body: tuple[int, int] | None = None
     formulation: str = "embedded"
     spectral_radius: float | None = later_field(None)
-    stabilisation: float = later_field(10.0)
+    stabilization: float = later_field(10.0)
     projection: bool = later_field(True)
     moving_bodies: bool = later_field(False)
     blade_basis: str = later_field("fixed")
@@ -161,16 +165,19 @@ class Fidelity:
     frame_update: str | float = later_field("step")
     frame_displacement: str = later_field("second_order")
 
-    def __post_init__(self):
-        """Refuse values without meaning."""
+    stabilisation = renamed_attribute("stabilisation", "stabilization")  # rename: keep
+
+    def __post_init__(self) -> None:
+        """Refuse values without meaning; an earlier spelling of the integrator becomes the present one."""
+        object.__setattr__(self, "integrator", integrator_name(self.integrator))
         if self.time_step is not None and not 0.0 < self.time_step < 10.0:
-            raise SimulationError(f"Fidelity.time_step is {self.time_step}; allowed: None or 0 … 10 s")
+            raise SimulationError(f"Fidelity.time_step is {self.time_step}; must be None or 0 … 10 s")
         for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
             value = getattr(self, name)
             if not isinstance(value, numbers.Integral) or value < low:
-                raise SimulationError(f"Fidelity.{name} is {value!r}; a whole number of at least {low} is needed")
+                raise SimulationError(f"Fidelity.{name} is {value!r}; must be a whole number of at least {low}")
         if not 0.0 < self.max_substep <= 0.5:
-            raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; allowed: 0 … 0.5 s")
+            raise SimulationError(f"Fidelity.max_substep is {self.max_substep}; must be 0 … 0.5 s")
         for name, allowed in (
             ("formulation", ("embedded", "constrained", "observer")),
             ("reference_condition", REFERENCE_CONDITIONS),
@@ -178,49 +185,48 @@ class Fidelity:
             ("tower_coordinates", COORDINATES),
             ("blade_coordinates", COORDINATES),
             ("yaw_drive", ("stiff", "spring")),
-            ("integrator", INTEGRATORS),
+            ("integrator", tuple(INTEGRATORS)),
             ("starter", tuple(STARTERS)),
             ("blade_basis", ("fixed", "deformed")),
         ):
             if getattr(self, name) not in allowed:
                 raise SimulationError(
-                    f"Fidelity.{name} {getattr(self, name)!r} is unknown; allowed: {', '.join(allowed)}"
+                    f"Fidelity.{name} must be one of {', '.join(allowed)}, got {getattr(self, name)!r}"
                 )
         if self.spectral_radius is not None and not 0.0 <= self.spectral_radius <= 1.0:
-            raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; allowed: None or 0 … 1")
-        if not isinstance(self.blade_bodies, numbers.Integral) or self.blade_bodies < 1:
+            raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; must be None or 0 … 1")
+        if not isinstance(cast(object, self.blade_bodies), numbers.Integral) or self.blade_bodies < 1:
             raise SimulationError(
-                f"Fidelity.blade_bodies is {self.blade_bodies!r}; a whole number of at least 1 is needed"
+                f"Fidelity.blade_bodies is {self.blade_bodies!r}; must be a whole number of at least 1"
             )
-        if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self.integrator == "hamming"):
+        if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self._explicit):
+            implicit = " or ".join(repr(name) for name, entry in INTEGRATORS.items() if not entry.explicit)
             raise SimulationError(
                 f"Fidelity.blade_bodies is {self.blade_bodies} with blade_coordinates = {self.blade_coordinates!r} and "
                 f"integrator = {self.integrator!r}: several bodies want 'modal' or 'nodal' coordinates, and an "
-                "implicit integrator ('newmark' or 'generalised_alpha') for their high frequencies"
+                f"implicit integrator ({implicit}) for their high frequencies"
             )
         for name, low in (("tower_body", 3), ("nacelle_body", 5)):
             value = getattr(self, name)
             counts = value if isinstance(value, (tuple, list)) else ()
             if value is not None and not (
-                len(counts) == 2 and all(isinstance(count, numbers.Integral) and count >= low for count in counts)
+                len(counts) == 2 and all(isinstance(count, numbers.Integral) and int(count) >= low for count in counts)
             ):
-                raise SimulationError(f"Fidelity.{name} is {value}; allowed: None or two counts of at least {low}")
+                raise SimulationError(f"Fidelity.{name} is {value}; must be None or two counts of at least {low}")
         for name in ("tower_modes", "blade_modes"):
             modes = getattr(self, name)
-            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and count >= 0 for count in modes)
+            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and int(count) >= 0 for count in modes)
             if not whole or sum(modes) < 1:
-                raise SimulationError(
-                    f"Fidelity.{name} is {modes}; three whole counts with at least one mode are needed"
-                )
+                raise SimulationError(f"Fidelity.{name} is {modes}; must be three whole counts with at least one mode")
 
         self._check_shapes()
         self._check_bodies_and_basis()
         self._check_observer()
 
-    def _check_bodies_and_basis(self):
-        """Stabilisation, moving bodies and the basis of the blades have a meaning."""
-        if not (isinstance(self.stabilisation, numbers.Real) and 0.0 <= self.stabilisation < math.inf):
-            raise SimulationError(f"Fidelity.stabilisation is {self.stabilisation!r}; a finite number >= 0 is needed")
+    def _check_bodies_and_basis(self) -> None:
+        """Stabilization, moving bodies and the basis of the blades have a meaning."""
+        if not (isinstance(cast(object, self.stabilization), numbers.Real) and 0.0 <= self.stabilization < math.inf):
+            raise SimulationError(f"Fidelity.stabilization is {self.stabilization!r}; must be a finite number >= 0")
         if self.moving_bodies and self.tower_body is None and self.nacelle_body is None:
             raise SimulationError("Fidelity.moving_bodies needs a tower_body or a nacelle_body to move")
         if self.blade_basis == "deformed":
@@ -230,13 +236,21 @@ class Fidelity:
                         f"Fidelity.blade_basis 'deformed' needs {name} {needed!r}, not {getattr(self, name)!r}"
                     )
 
-    def _check_observer(self):
+    @property
+    def _explicit(self) -> bool:
+        return INTEGRATORS[self.integrator].explicit
+
+    def _check_observer(self) -> None:
         """Options of observer frames have a meaning, and stand beside that formulation only."""
         update = self.frame_update
-        positive = isinstance(update, numbers.Real) and not isinstance(update, bool) and 0.0 < update < math.inf
+        positive = (
+            not isinstance(update, str | bool)
+            and isinstance(cast(object, update), numbers.Real)
+            and 0.0 < update < math.inf
+        )
         if update != "step" and not positive:
             raise SimulationError(
-                f"Fidelity.frame_update is {update!r}; allowed: 'step' or a positive displacement in metres"
+                f"Fidelity.frame_update is {update!r}; must be 'step' or a positive displacement in meters"
             )
         if self.formulation == "observer":
             for name, needed in (("blade_bodies", 1), ("blade_basis", "fixed"), ("moving_bodies", False)):
@@ -256,7 +270,7 @@ class Fidelity:
                     "belongs to 'observer'"
                 )
 
-    def _check_shapes(self):
+    def _check_shapes(self) -> None:
         """Prescribed shapes of the tower, if any, fit the counted modes."""
         if self.tower_shapes is None:
             return
@@ -270,8 +284,8 @@ class Fidelity:
             )
 
     @property
-    def scheme_radius(self):
-        """Spectral radius of the generalised-α scheme: the one given, or that of blades that twist or only bend.
+    def scheme_radius(self) -> float:
+        """Spectral radius of the generalized-α scheme: the one given, or that of blades that twist or only bend.
 
         A radius of 0.3 takes out of the twist what the aerodynamic step, as long as its period, cannot couple: with 0.8
         blades of the NREL 5-MW begin to shake in gusts. Against 0.8 with structural steps of 8 ms and a coupling
@@ -283,23 +297,29 @@ class Fidelity:
         return 0.3 if self.blade_modes[2] > 0 else 0.8
 
     @property
-    def takes_motion(self):
+    def scheme_settings(self) -> SchemeSettings:
+        """What the integrator of the structure takes from here (`SchemeSettings`)."""
+        return SchemeSettings(corrections=self.corrections, starter=self.starter, spectral_radius=self.scheme_radius)
+
+    @property
+    def takes_motion(self) -> bool:
         """Whether `Simulator.reset` can begin amid a motion: modal coordinates, embedded form, Hamming integrator."""
         modal = (self.blade_coordinates, self.tower_coordinates) == ("modal", "modal") and self.blade_bodies == 1
         return modal and self.formulation == "embedded" and self.integrator == "hamming"
 
-    def step_for(self, rated_speed):
+    def step_for(self, rated_speed: float) -> float:
         """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
         if self.time_step is not None:
             return self.time_step
         longest = math.radians(self.aero.azimuth_step_deg) / rated_speed
         return STEP_BASE / math.ceil(STEP_BASE / longest - 1e-9)
 
-    def aero_for(self, rated_speed):
+    def aero_for(self, rated_speed: float) -> AeroOptions:
         """Lattice and wake for a rotor with this rated speed [rad/s], see :meth:`AeroOptions.for_step`."""
-        return self.aero.for_step(math.degrees(self.step_for(rated_speed) * rated_speed))
+        out: AeroOptions = self.aero.for_step(math.degrees(self.step_for(rated_speed) * rated_speed))
+        return out
 
-    def substeps_for(self, time_step, highest):
+    def substeps_for(self, time_step: float, highest: float | None) -> int:
         """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: no limit.
 
         One, two and three corrector passes are stable up to ω h = 0.276, 0.78 and 1.08 without damping; a quarter is
@@ -307,7 +327,7 @@ class Fidelity:
         """
         if highest is None:
             return math.ceil(time_step / self.max_substep - 1e-9)
-        phase = RESERVE * undamped_limit(self.corrections)
+        phase: float = RESERVE * INTEGRATORS[self.integrator].phase_limit(self.scheme_settings)
         return math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
 
 
@@ -337,14 +357,14 @@ _TRAINING = Fidelity("training", TRAINING)
 _ENGINEERING = Fidelity("engineering", ENGINEERING, max_substep=0.025, coupling_iterations=3, blade_modes=(3, 2, 0))
 
 
-def _with_torsion(rung):
+def _with_torsion(rung: Fidelity) -> Fidelity:
     """A rung whose blades twist, by an implicit scheme that need not resolve the frequency of the twist."""
     flap, edge, _ = rung.blade_modes
     return replace(
         rung,
         name=f"{rung.name}-torsion",
         blade_modes=(flap, edge, 1),
-        integrator="generalised_alpha",
+        integrator="generalized_alpha",
     )
 
 
@@ -375,7 +395,7 @@ FIDELITIES = {
         moving_bodies=True,
     ),
     # the mixed coordinates of Nada & Al-Shahrani 2019, for their small turbine: modal tower, rigid nacelle and hub,
-    # nodal blades whose frames are free, with Euler parameters; the stabilisation is that of their rig's time scale
+    # nodal blades whose frames are free, with Euler parameters; the stabilization is that of their rig's time scale
     "mixed": Fidelity(
         "mixed",
         TRAINING,
@@ -386,12 +406,12 @@ FIDELITIES = {
         blade_coordinates="nodal",
         integrator="newmark",
         formulation="constrained",
-        stabilisation=200.0,
+        stabilization=200.0,
     ),
 }
 
 
-def fidelity(choice):
+def fidelity(choice: str | Fidelity) -> Fidelity:
     """Fidelity from a name or a :class:`Fidelity`.
 
     Raises
@@ -402,5 +422,5 @@ def fidelity(choice):
     if isinstance(choice, Fidelity):
         return choice
     if not isinstance(choice, str) or choice not in FIDELITIES:
-        raise SimulationError(f"fidelity {choice!r} is unknown; allowed: {', '.join(FIDELITIES)} or a Fidelity")
+        raise SimulationError(f"fidelity must be one of {', '.join(FIDELITIES)} or a Fidelity, got {choice!r}")
     return FIDELITIES[choice]

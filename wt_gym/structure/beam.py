@@ -106,9 +106,9 @@ class BeamSections(BeamStations):
         mass : float
             Mass per length [kg/m].
         Ix, Iy : float
-            Mass moments of inertia per length about the x and y axes through the mass centre [kg m].
+            Mass moments of inertia per length about the x and y axes through the mass center [kg m].
         offset : (float, float)
-            Mass centre relative to the axis [m].
+            Mass center relative to the axis [m].
         n : int
             Number of stations.
         """
@@ -325,7 +325,7 @@ class Beam:
         return total
 
     def _build_particles(self) -> None:
-        """Replace each Gauss point's section by four mass points with the same mass, centre and inertia."""
+        """Replace each Gauss point's section by four mass points with the same mass, center and inertia."""
         n_e, n_g = self.n_elements, N_GAUSS
         e = np.repeat(np.arange(n_e), n_g)
         xi = np.tile(self._xi, n_e)
@@ -335,7 +335,7 @@ class Beam:
         gauss_shape = self.shape(e, xi)
         self._gauss_shape = gauss_shape
         chord = np.diff(self.node_position, axis=0)
-        centre_line = self.node_position[e] + xi[:, None] * chord[e]
+        center_line = self.node_position[e] + xi[:, None] * chord[e]
 
         mass, position, shape, gauss = [], [], [], []
         for g in range(n_e * n_g):
@@ -346,7 +346,7 @@ class Beam:
                     [inertia[g, 4, 4] - rho * cx * cx, -inertia[g, 3, 4] - rho * cx * cy],
                     [-inertia[g, 3, 4] - rho * cx * cy, inertia[g, 3, 3] - rho * cy * cy],
                 ]
-            )  # ∫ (x², xy; xy, y²) dm about the mass centre
+            )  # ∫ (x², xy; xy, y²) dm about the mass center
             value, vector = np.linalg.eigh(second)
             if value[0] < -1e-6 * max(abs(value[1]), 1e-30):
                 raise ValueError(f"section inertia at {self.nodes[e[g]]:.3f} m is not positive: {value}")
@@ -356,7 +356,7 @@ class Beam:
                     offset2 = np.array([cx, cy]) + sign * reach * vector[:, k]
                     offset = self._frame[e[g]] @ np.array([offset2[0], offset2[1], 0.0])
                     mass.append(0.25 * rho * weight[g])
-                    position.append(centre_line[g] + offset)
+                    position.append(center_line[g] + offset)
                     row = np.zeros((3, self.n_dof))
                     row[:, 6 * e[g] : 6 * e[g] + 12] = gauss_shape[g, :3] - skew(offset) @ gauss_shape[g, 3:]
                     shape.append(row)
@@ -372,7 +372,7 @@ class Beam:
         self.particle_position = np.array(position)
         self.particle_shape = np.array(shape)
         self._particle_gauss = np.array(gauss)
-        self._particle_offset = self.particle_position - centre_line[self._particle_gauss]
+        self._particle_offset = self.particle_position - center_line[self._particle_gauss]
         weighted = self.particle_shape * self.particle_mass[:, None, None]
         self.mass = np.einsum("pia,pib->ab", weighted, self.particle_shape, optimize=True)
 

@@ -88,7 +88,7 @@ def body_from_beam(
         For coordinates that are not one of `COORDINATES`.
     """
     if coordinates not in COORDINATES:
-        raise ValueError(f"coordinates of body {name!r} are {coordinates!r}; allowed: {', '.join(COORDINATES)}")
+        raise ValueError(f"coordinates of body {name!r} are {coordinates!r}; must be one of {', '.join(COORDINATES)}")
     if coordinates == "modal":
         modes = clamped_modes(beam, n_modes, tip_mass=tip_mass, node_dofs=dofs)
         names = [f"{name}_mode_{i + 1}" for i in range(modes.shape.shape[1])]

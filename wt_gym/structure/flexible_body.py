@@ -119,15 +119,15 @@ class BodyInertia:
     m2: NDArray[np.float64]
 
     @classmethod
-    def rigid(cls, mass: float, centre: ArrayLike, inertia_about_centre: ArrayLike) -> BodyInertia:
-        """Inertia of a rigid body from mass, mass centre (3,) and inertia tensor (3, 3) about the mass centre."""
-        centre = np.asarray(centre, dtype=float)
-        r = skew(centre)
-        j0 = np.asarray(inertia_about_centre, dtype=float) - mass * r @ r
+    def rigid(cls, mass: float, center: ArrayLike, inertia_about_center: ArrayLike) -> BodyInertia:
+        """Inertia of a rigid body from mass, mass center (3,) and inertia tensor (3, 3) about the mass center."""
+        center = np.asarray(center, dtype=float)
+        r = skew(center)
+        j0 = np.asarray(inertia_about_center, dtype=float) - mass * r @ r
         z = np.zeros
         return cls(
             mass=mass,
-            c0=mass * centre,
+            c0=mass * center,
             c1=z((3, 0)),
             c2=z((3, 0, 0)),
             j0=j0,
@@ -280,8 +280,8 @@ class FlexibleBody:
         cls,
         name: str,
         mass: float,
-        centre: ArrayLike,
-        inertia_about_centre: ArrayLike,
+        center: ArrayLike,
+        inertia_about_center: ArrayLike,
         markers: Mapping[str, ArrayLike] | None = None,
     ) -> FlexibleBody:
         """A rigid body; markers are given as name → position (3,)."""
@@ -290,7 +290,7 @@ class FlexibleBody:
             key: Marker(np.asarray(p, dtype=float), none((3, 0)), none((3, 0, 0)), none((3, 0)))
             for key, p in (markers or {"origin": np.zeros(3)}).items()
         }
-        return cls(name, BodyInertia.rigid(mass, centre, inertia_about_centre), none((0, 0)), none((0, 0)), points)
+        return cls(name, BodyInertia.rigid(mass, center, inertia_about_center), none((0, 0)), none((0, 0)), points)
 
     @classmethod
     def from_beam(

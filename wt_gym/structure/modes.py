@@ -22,14 +22,14 @@ __all__ = ["Modes", "clamped_modes", "lowest_modes", "named_modes", "select_mode
 
 @dataclass(frozen=True)
 class Modes:
-    """Mass-normalised modes of a beam.
+    """Mass-normalized modes of a beam.
 
     Attributes
     ----------
     frequency : array (n,)
         Natural frequencies [Hz], ascending.
     shape : array (n_dof, n)
-        Nodal displacements, mass-normalised (shapeᵀ M shape = 1, attached masses included).
+        Nodal displacements, mass-normalized (shapeᵀ M shape = 1, attached masses included).
     kind : tuple of str
         "flap" (motion along x), "edge" (along y), "torsion" or "axial", by the largest share of kinetic energy.
     """
@@ -44,7 +44,7 @@ def clamped_modes(
     n: int = 20,
     tip_mass: NDArray[np.float64] | None = None,
     spin: ArrayLike = 0.0,
-    centre: ArrayLike | None = None,
+    center: ArrayLike | None = None,
     node_dofs: Sequence[int] = (0, 1, 2, 3, 4, 5),
 ) -> Modes:
     """Modes of a beam, clamped at node 0 or on its foundation, optionally spinning with a constant angular velocity.
@@ -58,7 +58,7 @@ def clamped_modes(
         Mass matrix of a rigid body fixed to the last node.
     spin : float or array (3,)
         Angular velocity [rad/s]; a number means about x (a rotor turning about +x).
-    centre : array (3,), optional
+    center : array (3,), optional
         A point on the spin axis in the body frame, default the origin.
     node_dofs : sequence of int
         Degrees of freedom of each node that may move; (0, 4) gives bending in the x–z plane, (1, 3) in the y–z plane.
@@ -74,7 +74,7 @@ def clamped_modes(
         mass[-6:, -6:] += tip_mass
     omega = np.array([spin, 0.0, 0.0]) if np.isscalar(spin) else np.asarray(spin, dtype=float)
     if np.any(omega != 0.0):
-        stiffness += spin_stiffness(beam, omega, centre)
+        stiffness += spin_stiffness(beam, omega, center)
     free = np.array([6 * node + k for node in range(beam.first_free, beam.n_dof // 6) for k in node_dofs])
     n = min(n, len(free))
     block = np.ix_(free, free)
@@ -85,7 +85,7 @@ def clamped_modes(
 
 
 def named_modes(beam: Beam, value: NDArray[np.float64], shape: NDArray[np.float64]) -> Modes:
-    """`Modes` from λ (n,) [rad²/s²] and mass-normalised shapes (n_dof, n), which receive the signs of their tips."""
+    """`Modes` from λ (n,) [rad²/s²] and mass-normalized shapes (n_dof, n), which receive the signs of their tips."""
     shape = shape * _tip_sign(shape)
     return Modes(np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), shape, tuple(_kind(beam, s) for s in shape.T))
 
@@ -122,19 +122,19 @@ def lowest_modes(stiffness: ArrayLike, mass: ArrayLike, n: int) -> tuple[NDArray
     return value[lowest], vectors[lowest].T
 
 
-def spin_stiffness(beam: Beam, omega: NDArray[np.float64], centre: ArrayLike | None = None) -> NDArray[np.float64]:
+def spin_stiffness(beam: Beam, omega: NDArray[np.float64], center: ArrayLike | None = None) -> NDArray[np.float64]:
     """Centrifugal stiffness (n_dof, n_dof): spin softening plus the geometric part of the centrifugal tension.
 
     From the potential −½ Σ m |ω × r|² of the mass points with r = x₀ + S q + ½ qᵀ H q, second order in q:
 
         K = Σ m (Sᵀ ω̃ ω̃ S + (ω̃ ω̃ x₀)·H).
     """
-    centre = np.zeros(3) if centre is None else np.asarray(centre, dtype=float)
+    center = np.zeros(3) if center is None else np.asarray(center, dtype=float)
     from wt_gym.structure.flexible_body import particle_fields  # circular by nature: fields know beams
 
     fields = particle_fields(beam, np.eye(beam.n_dof))
     w = skew(omega) @ skew(omega)
-    pull = (beam.particle_position - centre) @ w.T
+    pull = (beam.particle_position - center) @ w.T
     linear = np.einsum("p,pia,ij,pjb->ab", beam.particle_mass, fields.linear, w, fields.linear, optimize=True)
     out: NDArray[np.float64] = linear + fields.contract_second(beam.particle_mass[:, None] * pull)
     return out
@@ -163,7 +163,10 @@ def select_modes(modes: Modes, **count: int) -> list[int]:
     for kind, wanted in count.items():
         found = [i for i, k in enumerate(modes.kind) if k == kind]
         if len(found) < wanted:
-            raise ValueError(f"{wanted} {kind} modes wanted, {len(found)} among the {len(modes.kind)} computed modes")
+            raise ValueError(
+                f"{kind} modes must be at most {len(found)}, the number among the {len(modes.kind)} computed modes; "
+                f"got {wanted}"
+            )
         chosen += found[:wanted]
     return chosen
 

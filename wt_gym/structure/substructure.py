@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Piece", "add_chain", "cut_beam", "piece_at", "tip_and_interior_modes"]
+__all__ = ["SubBody", "add_chain", "cut_beam", "sub_body_at", "tip_and_interior_modes"]
 
 
 J = TypeVar("J", contravariant=True)
@@ -43,7 +43,7 @@ class SystemOfBodies(Protocol[J]):
 
 
 @dataclass(frozen=True)
-class Piece:
+class SubBody:
     """One piece of a cut beam.
 
     Attributes
@@ -86,7 +86,7 @@ def cut_beam(
     n_modes: int = 0,
     dofs: Sequence[int] = ALL_DOFS,
     stiffness_damping: float = 0.0,
-) -> tuple[Piece, ...]:
+) -> tuple[SubBody, ...]:
     """Cut a beam into pieces.
 
     Parameters
@@ -125,7 +125,7 @@ def cut_beam(
         nodes = np.linspace(sections.station[0], sections.station[-1], int(cast(float, nodes)) + 1)
     nodes = np.asarray(nodes, dtype=float)
     bounds = _bounds(nodes, cuts)
-    pieces = []
+    sub_bodies = []
     for k, (first, last) in enumerate(pairwise(bounds)):
         origin = sections.axis_at(nodes[first])
         own = BeamSections(sections.station, sections.stiffness, sections.inertia, sections.axis - origin)
@@ -139,8 +139,8 @@ def cut_beam(
         body = FlexibleBody.from_beam(f"{name}_{k + 1}", beam, basis)
         if stiffness_damping:
             body = replace(body, damping=stiffness_damping * body.stiffness)
-        pieces.append(Piece(body, beam, basis, float(nodes[first]), float(nodes[last])))
-    return tuple(pieces)
+        sub_bodies.append(SubBody(body, beam, basis, float(nodes[first]), float(nodes[last])))
+    return tuple(sub_bodies)
 
 
 def tip_and_interior_modes(beam: Beam, n_modes: int, dofs: Sequence[int] = ALL_DOFS) -> NDArray[np.float64]:
@@ -158,7 +158,7 @@ def tip_and_interior_modes(beam: Beam, n_modes: int, dofs: Sequence[int] = ALL_D
     -------
     array (n_dof, n)
         One static mode for each degree of freedom of the tip, with unit displacement [m] or rotation [rad] there and
-        the static shape between, then the vibration modes, mass-normalised, by ascending frequency.
+        the static shape between, then the vibration modes, mass-normalized, by ascending frequency.
     """
     last = len(beam.nodes) - 1
     interior = np.array([6 * node + dof for node in range(1, last) for dof in dofs], dtype=int)
@@ -178,14 +178,18 @@ def tip_and_interior_modes(beam: Beam, n_modes: int, dofs: Sequence[int] = ALL_D
 
 
 def add_chain(
-    system: SystemOfBodies[J], pieces: Sequence[Piece], joint: J, parent: int | None = None, marker: str = "origin"
+    system: SystemOfBodies[J],
+    sub_bodies: Sequence[SubBody],
+    joint: J,
+    parent: int | None = None,
+    marker: str = "origin",
 ) -> tuple[int, ...]:
     """Add the pieces of a cut beam to a multibody system, each fixed to the tip of the one before.
 
     Parameters
     ----------
     system : MultibodySystem
-    pieces : sequence of Piece
+    sub_bodies : sequence of SubBody
         From root to tip.
     joint : Joint
         Carries the first piece.
@@ -198,13 +202,13 @@ def add_chain(
         Body indices.
     """
     fixed = type(joint)()  # a joint without arguments is rigid
-    index = [system.add(pieces[0].body, joint, parent, marker)]
-    for piece in pieces[1:]:
-        index.append(system.add(piece.body, fixed, index[-1], "tip"))
+    index = [system.add(sub_bodies[0].body, joint, parent, marker)]
+    for sub_body in sub_bodies[1:]:
+        index.append(system.add(sub_body.body, fixed, index[-1], "tip"))
     return tuple(index)
 
 
-def piece_at(pieces: Sequence[Piece], s: float) -> int:
+def sub_body_at(sub_bodies: Sequence[SubBody], s: float) -> int:
     """Number of the piece that carries the arc length s [m] of the whole beam; a cut belongs to the outer piece.
 
     Raises
@@ -212,9 +216,9 @@ def piece_at(pieces: Sequence[Piece], s: float) -> int:
     ValueError
         When s lies outside the beam.
     """
-    if not pieces[0].start - 1e-9 <= s <= pieces[-1].end + 1e-9:
-        raise ValueError(f"arc length {s} lies outside the beam [{pieces[0].start}, {pieces[-1].end}]")
-    return max(0, int(np.searchsorted([p.start for p in pieces], s + 1e-9) - 1))
+    if not sub_bodies[0].start - 1e-9 <= s <= sub_bodies[-1].end + 1e-9:
+        raise ValueError(f"arc length {s} lies outside the beam [{sub_bodies[0].start}, {sub_bodies[-1].end}]")
+    return max(0, int(np.searchsorted([p.start for p in sub_bodies], s + 1e-9) - 1))
 
 
 def _bounds(nodes: NDArray[np.float64], cuts: int | Sequence[float] | NDArray[np.float64]) -> NDArray[np.int64]:

@@ -134,8 +134,8 @@ def _check_rigid_shear(stiffness: NDArray[np.float64]) -> None:
 
 
 def _check_spikes(diagonal: NDArray[np.float64]) -> None:
-    """Refuse stiffnesses (n, 6) that are slips of the pen: blades and towers change by at most 200 from one station
-    to the next, and hardly ever up and down again.
+    """Refuse stiffnesses (n, 6) with implausible jumps (probable typing errors): blades and towers change by at most
+    200 from one station to the next, and hardly ever up and down again.
     """
     decades = np.diff(np.log10(np.where(np.isinf(diagonal), 1.0, diagonal)), axis=0)
     there, back = decades[:-1], decades[1:]
@@ -144,7 +144,7 @@ def _check_spikes(diagonal: NDArray[np.float64]) -> None:
     spikes[1:] |= np.abs(decades) > 6.0
     if np.any(spikes):
         i, j = (int(v) for v in np.argwhere(spikes)[0])
-        allowed = "a stiffness within a factor of 100 of one of its neighbours, and of a million of both"
+        allowed = "a stiffness within a factor of 100 of one of its neighbors, and of a million of both"
         raise fail(f"BeamStations.stiffness[{i}, {j}, {j}]", float(diagonal[i, j]), allowed)
 
 
@@ -191,7 +191,7 @@ def inertia_matrix(
     mass : array_like
         Mass per length [kg/m].
     cm_x, cm_y : array_like
-        Centre of mass from the axis [m].
+        Center of mass from the axis [m].
     i_xx, i_yy : array_like
         Integrals of rho y^2 and rho x^2 over the section, about the reference axis [kg m].
     i_xy : array_like

@@ -30,7 +30,7 @@ def short(value: Any, limit: int = 80) -> str:
 
 def fail(field: str, value: Any, allowed: str) -> TurbineDefinitionError:
     """Build (not raise) the one error of this package: field, value given, values allowed."""
-    return TurbineDefinitionError(f"{field}: got {short(value)}, allowed is {allowed}")
+    return TurbineDefinitionError(f"{field}: got {short(value)}, must be {allowed}")
 
 
 def check_number(field: str, value: Any, low: float, high: float, *, open_low: bool = False) -> float:
@@ -158,13 +158,13 @@ class ArrayRecord:
     a turbine whose tables can be changed by accident.
     """
 
-    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field]]  # of the subclasses
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]  # of the subclasses
 
     def __copy__(self) -> "ArrayRecord":
         """Return the record itself: nothing in it changes."""
         return self
 
-    def __deepcopy__(self, memo: dict) -> "ArrayRecord":
+    def __deepcopy__(self, memo: dict[int, object]) -> "ArrayRecord":
         """Return the record itself: nothing in it changes."""
         return self
 

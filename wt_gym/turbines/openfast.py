@@ -142,7 +142,7 @@ def _require_wind_turbine(file: TextFile) -> None:
     if "EDFile" not in file:
         raise TurbineDefinitionError(f"{file.path.name}: EDFile: missing; is this the primary file of OpenFAST (.fst)?")
     if "MHK" in file and file.text("MHK").lower() not in ("0", "false", "f"):
-        raise file.fail("MHK", file.text("MHK"), "0 (turbines in water are not modelled)")
+        raise file.fail("MHK", file.text("MHK"), "0 (turbines in water are not modeled)")
     if "NRotors" in file and file.integer("NRotors") != 1:
         raise file.fail("NRotors", file.integer("NRotors"), "1")
     if file.integer("CompElast") not in (1, 2):

@@ -74,7 +74,8 @@ class _Planform:
 
     def thickness(self) -> NDArray[np.float64]:
         """Return the largest thickness of every node [m]."""
-        return self.chord * np.array([self.files[i].airfoil.relative_thickness for i in self.index])
+        out: NDArray[np.float64] = self.chord * np.array([self.files[i].airfoil.relative_thickness for i in self.index])
+        return out
 
 
 def read_openfast_blade(
@@ -303,7 +304,7 @@ def _elastodyn_sections(
     inertia = _symmetric(turn @ inertia_matrix(mass, 0.0, 0.0, deep, flat, 0.0) @ np.swapaxes(turn, -1, -2))
     notes.append(
         f"{file.path.name}: ElastoDyn's blade bends only; assumed: no shear, EA = 4 (FlpStff + EdgStff)/chord^2, "
-        "GJ = FlpStff + EdgStff (hardly twists), rotary inertia by radii of a quarter of chord and thickness, centres "
+        "GJ = FlpStff + EdgStff (hardly twists), rotary inertia by radii of a quarter of chord and thickness, centers "
         "of mass and shear on the pitch axis"
     )
     rotated = np.where(np.isinf(stiffness), np.inf, turned)

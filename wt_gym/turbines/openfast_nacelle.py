@@ -4,6 +4,10 @@ ElastoDyn counts along its shaft axis, which points downwind: an upwind rotor ha
 and cone are negative. Here all three are positive.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wt_gym.errors import TurbineDefinitionError
@@ -12,6 +16,9 @@ from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
 from wt_gym.turbines.openfast_control import Rating
 from wt_gym.turbines.openfast_text import TextFile
 from wt_gym.turbines.windio_nacelle import YAW_DAMPING, YAW_FREQUENCY
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = [
     "blade_files",
@@ -77,7 +84,7 @@ def read_openfast_nacelle(
     """
     overhang = file.number("OverHang")
     if overhang >= 0.0:
-        raise file.fail("OverHang", overhang, "a negative number: an upwind rotor (others are not modelled)")
+        raise file.fail("OverHang", overhang, "a negative number: an upwind rotor (others are not modeled)")
     mass = file.number("NacMass")
     cm = np.array([file.number(key) for key in ("NacCMxn", "NacCMyn", "NacCMzn")])
     vertical = file.number("NacYIner") - mass * float(cm[0] ** 2 + cm[1] ** 2)
@@ -110,7 +117,7 @@ def _yaw(
     servodyn: TextFile | None,
     vertical: float,
     mass: float,
-    cm: np.ndarray,
+    cm: NDArray[np.float64],
     blade: Blade,
     hub: Hub,
     n_blades: int,
@@ -215,13 +222,13 @@ def require_plain(file: TextFile) -> None:
     for i in range(file.integer("NumBl")):
         key = f"TipMass({i + 1})"
         if file.number(key, 0.0) != 0.0:
-            raise file.fail(key, file.number(key), "0 (masses at the blade tips are not modelled)")
+            raise file.fail(key, file.number(key), "0 (masses at the blade tips are not modeled)")
     if file.integer("NumBl") == 2 and file.flag("TeetDOF"):
-        raise file.fail("TeetDOF", True, "False (hubs that teeter are not modelled)")
+        raise file.fail("TeetDOF", True, "False (hubs that teeter are not modeled)")
     if file.integer("NumBl") == 2 and abs(file.number("UndSling", 0.0)) > 0.0:
         raise file.fail("UndSling", file.number("UndSling"), "0")
     if file.flag("Furling"):
-        raise file.fail("Furling", True, "False (rotors and tails that furl are not modelled)")
+        raise file.fail("Furling", True, "False (rotors and tails that furl are not modeled)")
 
 
 def blade_files(file: TextFile, keys: list[str]) -> str:

@@ -1,5 +1,7 @@
 """windIO files turned into turbines."""
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import replace
 from pathlib import Path
@@ -158,7 +160,7 @@ def _build(
         raise TurbineDefinitionError(text) from error
 
 
-def _default(node: Node, key: str, default, notes: list[str]):
+def _default(node: Node, key: str, default: object, notes: list[str]) -> Any:
     """Return an entry that the schema has checked, or the schema's default with a note."""
     if key in node:
         return node.data[key]
@@ -184,7 +186,7 @@ def _rated_wind_speed(root: Node, power: float, radius: float, speed: float, not
         return min(winds)
     if "control.optimal_tsr" not in root:
         raise TurbineDefinitionError(
-            "control.optimal_tsr: missing, and outputs.cases has no case at rated power; one of them is needed"
+            "control.optimal_tsr: missing, and outputs.cases has no case at rated power; one of them must be there"
         )
     wind = speed * radius / root.at("control").number("optimal_tsr", 0.1, 50.0)
     notes.append(f"rated wind speed: not in the file, {wind:.2f} m/s is where rated speed has control.optimal_tsr")

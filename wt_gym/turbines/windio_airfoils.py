@@ -43,7 +43,7 @@ class AirfoilLibrary:
             if name in self.nodes:
                 raise fail(node.where("name"), name, "a name that occurs once")
             self.nodes[name] = node
-        self._done: dict[tuple, Airfoil] = {}
+        self._done: dict[tuple[object, ...], Airfoil] = {}
 
     def _node(self, entry: Node) -> Node:
         name = entry.text("name")
@@ -126,11 +126,11 @@ def _nearest(polar: Node, reynolds: float) -> Node:
 def _airfoil(node: Node, sets: list[tuple[Node, float]]) -> Airfoil:
     contour = _contour(node.at("coordinates", "a mapping with x and y"))
     x, camber, _ = camber_line(contour)
-    centre = node.number("aerodynamic_center", 0.0, 1.0) if "aerodynamic_center" in node else 0.25
+    center = node.number("aerodynamic_center", 0.0, 1.0) if "aerodynamic_center" in node else 0.25
     total = 0.0
     polar: Polar | None = None
     for table, weight in sets:
-        new = _polar(table, centre)
+        new = _polar(table, center)
         total += weight
         polar = new if polar is None else blend_polars(polar, new, weight / total if total > 0.0 else 0.0)
     with within(node.path):
@@ -159,11 +159,11 @@ def _contour(node: Node) -> NDArray[np.float64]:
     return contour if area > 0.0 else contour[::-1].copy()
 
 
-def _polar(table: Node, centre: float) -> Polar:
-    """Return one polar on the union of the three angle grids, its moment moved from ``centre`` to the quarter chord.
+def _polar(table: Node, center: float) -> Polar:
+    """Return one polar on the union of the three angle grids, its moment moved from ``center`` to the quarter chord.
 
-    With the normal force c_n = c_l cos(alpha) + c_d sin(alpha) acting at x/c = ``centre``,
-    c_m(1/4) = c_m(centre) - c_n (centre - 1/4).
+    With the normal force c_n = c_l cos(alpha) + c_d sin(alpha) acting at x/c = ``center``,
+    c_m(1/4) = c_m(center) - c_n (center - 1/4).
     """
     curves = {}
     for key in ("cl", "cd", "cm"):
@@ -183,4 +183,4 @@ def _polar(table: Node, centre: float) -> Polar:
     alpha = np.radians(degrees)
     normal = cl * np.cos(alpha) + cd * np.sin(alpha)
     with within(table.path):
-        return Polar(alpha, cl, cd, cm - normal * (centre - 0.25))
+        return Polar(alpha, cl, cd, cm - normal * (center - 0.25))

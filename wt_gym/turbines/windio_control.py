@@ -194,7 +194,7 @@ def with_own_constants(control: ControlData | None, text: str, name: str, notes:
     for key, value in content.items():
         plain = key.removesuffix("_deg")
         if plain not in known:
-            raise TurbineDefinitionError(f"{name}: unknown key {key!r}; allowed: {', '.join(sorted(known))}")
+            raise TurbineDefinitionError(f"{name}: keys must be among {', '.join(sorted(known))}; got {key!r}")
         try:
             values[plain] = np.radians(value) if key != plain else value
         except TypeError as error:

@@ -1,7 +1,7 @@
 """Hub, nacelle, drivetrain and pitch system of a windIO file.
 
-Rigid bodies of windIO: ``inertia`` is the tensor (xx, yy, zz, xy, xz, yz) about the body's own centre of mass and
-``location`` that centre (in the file of the IEA 15-MW turbine the inertia about the tower top, ``inertia_tt``, differs
+Rigid bodies of windIO: ``inertia`` is the tensor (xx, yy, zz, xy, xz, yz) about the body's own center of mass and
+``location`` that center (in the file of the IEA 15-MW turbine the inertia about the tower top, ``inertia_tt``, differs
 from ``inertia`` by just the parallel-axis terms). Tools write 0 where they leave a number to be computed. What a file
 leaves out is estimated (see `windio_estimates`) and said in a note.
 """

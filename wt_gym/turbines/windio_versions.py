@@ -71,7 +71,8 @@ def _convert(data: dict[str, Any]) -> dict[str, Any]:
         from windIO.converters.windIO2windIO import v1p0_to_v2p0
     except ImportError as error:
         raise TurbineDefinitionError(
-            "windIO_version: got 1.x, and the windIO that is installed has no converter; allowed is 2.x, or windIO 2.1"
+            "windIO_version: got 1.x, and the windIO that is installed has no converter; must be 2.x, or "
+            "read with windIO 2.1"
         ) from error
     converter = v1p0_to_v2p0.__new__(v1p0_to_v2p0)  # its constructor makes a folder for its output
     new = copy.deepcopy(data)
@@ -91,7 +92,8 @@ def _convert(data: dict[str, Any]) -> dict[str, Any]:
         steps.append(("components.monopile", lambda: converter.convert_monopile(new)))
     for part, step in steps:
         _run(part, step)
-    return _plain(new)
+    out: dict[str, Any] = _plain(new)
+    return out
 
 
 def _run(part: str, step: Callable[[], Any]) -> None:

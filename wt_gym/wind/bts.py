@@ -5,14 +5,20 @@ columns towards +y, components u, v, w) followed by the tower points (downwards)
 (integer − offset)/slope with one slope and offset a component. Described by the readers NREL publishes with TurbSim.
 """
 
+from __future__ import annotations
+
 import os
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.errors import InflowError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["BtsContent", "read", "write"]
 
@@ -27,11 +33,11 @@ class BtsContent:
     """Content of a ``.bts`` file.
 
     ``grid`` (n_times, n_z, n_y, 3) and ``tower`` (n_times, n_tower, 3) are full velocities [m/s] in float32, the mean
-    included; lengths in metres, times in seconds.
+    included; lengths in meters, times in seconds.
     """
 
-    grid: np.ndarray
-    tower: np.ndarray
+    grid: NDArray[np.float32]
+    tower: NDArray[np.float32]
     time_step: float
     spacing_y: float
     spacing_z: float
@@ -42,19 +48,19 @@ class BtsContent:
     description: str
 
 
-def read(path: str | os.PathLike) -> BtsContent:
+def read(path: str | os.PathLike[str]) -> BtsContent:
     """Read a file; raise InflowError if it is missing, truncated or something else."""
     try:
         data = Path(path).read_bytes()
     except OSError as error:
         raise InflowError(f"cannot read the turbulence file {path}: {error}") from error
     if len(data) < _HEADER.size:
-        raise InflowError(f"{path} is no .bts file: {len(data)} bytes are less than its header of {_HEADER.size}")
+        raise InflowError(f"{path} is not a .bts file: {len(data)} bytes are less than its header of {_HEADER.size}")
     identifier, n_z, n_y, n_tower, n_times, *numbers, n_characters = _HEADER.unpack_from(data)
     spacing_z, spacing_y, time_step, mean_speed, hub_height, z_bottom = numbers[:6]
     slope, offset = np.array(numbers[6::2]), np.array(numbers[7::2])
     if identifier not in (_NOT_PERIODIC, _PERIODIC):
-        raise InflowError(f"{path} is no .bts file: it starts with {identifier}, not {_NOT_PERIODIC} or {_PERIODIC}")
+        raise InflowError(f"{path} is not a .bts file: it starts with {identifier}, not {_NOT_PERIODIC} or {_PERIODIC}")
     if min(n_z, n_y, n_times) < 2 or n_tower < 0 or not 0 <= n_characters <= _MAX_DESCRIPTION:
         raise InflowError(
             f"{path} has an impossible header: {n_y} x {n_z} grid points (at least 2 x 2), {n_tower} tower points, "
@@ -76,7 +82,7 @@ def read(path: str | os.PathLike) -> BtsContent:
     velocity = ((packed - offset) / slope).astype(np.float32)
     fastest = float(np.abs(velocity).max())
     if not fastest <= _FASTEST:
-        raise InflowError(f"{path} holds velocities of up to {fastest:.3g} m/s; allowed are {_FASTEST:g} m/s")
+        raise InflowError(f"{path} holds velocities of up to {fastest:.3g} m/s; must be at most {_FASTEST:g} m/s")
     return BtsContent(
         grid=velocity[:, : n_z * n_y].reshape(n_times, n_z, n_y, 3),
         tower=velocity[:, n_z * n_y :],
@@ -91,7 +97,7 @@ def read(path: str | os.PathLike) -> BtsContent:
     )
 
 
-def write(path: str | os.PathLike, content: BtsContent) -> None:
+def write(path: str | os.PathLike[str], content: BtsContent) -> None:
     """Write a file; velocities are rounded to 1/65535 of each component's range."""
     n_times, n_z, n_y, _ = content.grid.shape
     velocity = np.concatenate([content.grid.reshape(n_times, n_z * n_y, 3), content.tower], axis=1)
@@ -116,7 +122,7 @@ def write(path: str | os.PathLike, content: BtsContent) -> None:
     Path(path).write_bytes(header + description + packed.tobytes())
 
 
-def _scaling(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _scaling(velocity: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Slope and offset of each component that map its range to −32768 … 32767, as the file's float32 holds them.
 
     A range below a hundredth of the largest speed is widened: float32 could not hold its offset to one count.

@@ -31,12 +31,16 @@ from wt_gym.wind.iec import length_scale
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike, NDArray
+
     from wt_gym.wind.turbulence_box import TurbulenceBox
 
 __all__ = ["coherence_along", "evolved_boxes"]
 
 
-def coherence_along(distance, wavenumber, intensity: float, hub_height: float) -> np.ndarray:
+def coherence_along(
+    distance: ArrayLike, wavenumber: ArrayLike, intensity: float, hub_height: float
+) -> NDArray[np.float64]:
     """Coherence of the wind at two points along its direction, gamma (the root of the magnitude-squared one).
 
     Parameters
@@ -57,7 +61,8 @@ def coherence_along(distance, wavenumber, intensity: float, hub_height: float) -
     """
     decay = 8.4 * intensity + 0.05
     offset = 0.25 * (8.1 * length_scale(hub_height)) ** -1.24
-    return np.exp(-0.5 * decay * np.asarray(distance) * np.hypot(wavenumber, offset))
+    out: NDArray[np.float64] = np.exp(-0.5 * decay * np.asarray(distance) * np.hypot(wavenumber, offset))
+    return out
 
 
 def evolved_boxes(box: TurbulenceBox, distances: Sequence[float]) -> tuple[TurbulenceBox, ...]:
@@ -83,8 +88,9 @@ def evolved_boxes(box: TurbulenceBox, distances: Sequence[float]) -> tuple[Turbu
     intensity = box.scale * math.sqrt(max(0.0, float(variance.mean(axis=(0, 1)).sum()))) / box.mean_speed
     wavenumber = fft.rfftfreq(n_times, box.time_step * box.mean_speed)
     arriving = fft.rfft(samples, axis=0)
-    # the phases belong to the box: other turbulence, other changes
-    rng = np.random.default_rng(np.ascontiguousarray(samples[0, 0, 0]).view(np.uint32))
+    # the phases belong to the box: other turbulence, other changes, but the same in its mirror image at y = 0
+    corners = np.sort(np.abs(samples[0, [0, -1], 0]), axis=0)
+    rng = np.random.default_rng(corners.view(np.uint32).ravel())
     filters, transfer, reached = {}, np.ones(wavenumber.size, dtype=np.complex128), 0.0
     for distance in sorted(set(distances)):
         kept = coherence_along(distance - reached, wavenumber, intensity, box.hub_height)

@@ -1,6 +1,6 @@
 """Compiled evaluation of the wind at many points: the mean profile, and frozen turbulence on top of it.
 
-Angles in radians, lengths in metres, speeds in m/s. Those of velocities fill ``out`` (n, 3) and return the index of the
+Angles in radians, lengths in meters, speeds in m/s. Those of velocities fill ``out`` (n, 3) and return the index of the
 first point that is not finite, or -1.
 """
 
@@ -8,7 +8,7 @@ import math
 
 from wt_gym.compiled import kernel
 
-# No nnan, ninf or reassoc: each lets the optimiser drop a check for NaN (isfinite(x) is x - x == 0 to the compiler).
+# No nnan, ninf or reassoc: each lets the optimizer drop a check for NaN (isfinite(x) is x - x == 0 to the compiler).
 _FASTMATH = {"contract", "afn", "arcp", "nsz"}
 
 

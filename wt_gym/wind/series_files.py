@@ -24,6 +24,9 @@ from wt_gym.wind.series import COLUMNS, SeriesInflow
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Sequence
+    from os import PathLike
+    from typing import Any
 
 __all__ = ["read_csv", "read_uniform"]
 
@@ -34,7 +37,7 @@ _UNIFORM = (
 )  # fmt: skip
 
 
-def read_csv(path: str | os.PathLike, **more) -> SeriesInflow:
+def read_csv(path: str | os.PathLike[str], **more: Any) -> SeriesInflow:
     """Read a CSV file.
 
     Parameters
@@ -60,11 +63,11 @@ def read_csv(path: str | os.PathLike, **more) -> SeriesInflow:
     (_, names), *body = rows
     _check_names(path, names)
     if not body:
-        raise InflowError(f"{path} has names of columns but no numbers")
+        raise InflowError(f"{path} must have lines of numbers below the names of its columns")
     return _series(path, names, body, 1.0, more)
 
 
-def read_uniform(path: str | os.PathLike, **more) -> SeriesInflow:
+def read_uniform(path: str | os.PathLike[str], **more: Any) -> SeriesInflow:
     """Read a uniform wind file of InflowWind.
 
     Parameters
@@ -82,14 +85,16 @@ def read_uniform(path: str | os.PathLike, **more) -> SeriesInflow:
     body = [(number, words.split()) for number, line in _lines(path) if (words := line.split("!")[0].replace(",", " "))]
     body = [(number, cells) for number, cells in body if cells]
     if not body:
-        raise InflowError(f"{path} holds no numbers: a uniform wind file has lines of 8 or 9 of them")
+        raise InflowError(f"{path} must have lines of 8 or 9 numbers (uniform wind file), got none")
     width = len(body[0][1])
     if width not in (8, 9):
-        raise InflowError(f"{path}, line {body[0][0]}: a uniform wind file has 8 or 9 numbers a line; got {width}")
+        raise InflowError(
+            f"{path}, line {body[0][0]}: lines of a uniform wind file must have 8 or 9 numbers, got {width}"
+        )
     return _series(path, _UNIFORM[:width], body, -1.0, more)
 
 
-def _lines(path: str | os.PathLike) -> list[tuple[int, str]]:
+def _lines(path: str | os.PathLike[str]) -> list[tuple[int, str]]:
     """Lines that hold something, with their numbers from 1."""
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
@@ -103,21 +108,27 @@ def _lines(path: str | os.PathLike) -> list[tuple[int, str]]:
     return [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
 
 
-def _check_names(path: str | os.PathLike, names: list[str]) -> None:
+def _check_names(path: str | os.PathLike[str], names: list[str]) -> None:
     allowed = ("time", *COLUMNS)
     for name in names:
         if name not in allowed:
             near = difflib.get_close_matches(name.lower(), allowed, 1, 0.5)
-            hint = f"; did you mean {near[0]!r}?" if near else "."
-            raise InflowError(f"{path}: no column is called {name!r}{hint} There are {', '.join(allowed)}")
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise InflowError(f"{path}: columns must be among {', '.join(allowed)}; got {name!r}{hint}")
         if names.count(name) > 1:
-            raise InflowError(f"{path}: the column {name!r} stands twice")
+            raise InflowError(f"{path}: every column must be named once, got {name!r} twice")
     for name in ("time", "speed"):
         if name not in names:
-            raise InflowError(f"{path}: the column {name!r} is missing; there are {', '.join(names)}")
+            raise InflowError(f"{path}: the column {name!r} must be there, got {', '.join(names)}")
 
 
-def _series(path, names, body, sign: float, more: dict) -> SeriesInflow:
+def _series(
+    path: str | PathLike[str],
+    names: Sequence[str],
+    body: Sequence[tuple[int, list[str]]],
+    sign: float,
+    more: dict[str, Any],
+) -> SeriesInflow:
     """Series of the rows of a file; ``sign`` turns its directions into ours."""
     values = np.empty((len(body), len(names)))
     for row, (number, cells) in enumerate(body):

@@ -77,7 +77,7 @@ def near_velocity(corners, normal, x, y, z):
 @kernel(fastmath=FAST)
 def panel_velocity(bodies, p, points, ground, has_ground, out):
     """Velocity of panel ``p`` (and its image) of unit strength at points (3, n), written into out (3, n)."""
-    cx, cy, cz = bodies.centre[0, p], bodies.centre[1, p], bodies.centre[2, p]
+    cx, cy, cz = bodies.center[0, p], bodies.center[1, p], bodies.center[2, p]
     area, qxx, qyy, qzz = bodies.far[p, 0], bodies.far[p, 1], bodies.far[p, 2], bodies.far[p, 3]
     qxy, qyz, qzx, limit = bodies.far[p, 4], bodies.far[p, 5], bodies.far[p, 6], bodies.far[p, 7]
     trace = 1.5 * (qxx + qyy + qzz)
@@ -121,7 +121,7 @@ def normal_matrix(bodies, ground, has_ground, part, matrix):
     a cylinder of 12 panels the deficit is 1 % off instead of 12 %.
     """
     for p in range(matrix.shape[0]):
-        panel_velocity(bodies, p, bodies.centre, ground, has_ground, part)
+        panel_velocity(bodies, p, bodies.center, ground, has_ground, part)
         missing = bodies.far[p, 0]
         for i in range(matrix.shape[0]):
             n = bodies.normal[i]
@@ -163,11 +163,11 @@ def add_body_velocity(bodies, strength, targets, velocity, n_target, origin, gro
             qxx, qyy, qzz = np.float32(s * f[1]), np.float32(s * f[2]), np.float32(s * f[3])
             qxy, qyz, qzx = np.float32(s * f[4]), np.float32(s * f[5]), np.float32(s * f[6])
             trace = np.float32(1.5) * (qxx + qyy + qzz)
-            cx = np.float32(bodies.centre[0, p] - origin[0])
-            cy = np.float32(bodies.centre[1, p] - origin[1])
+            cx = np.float32(bodies.center[0, p] - origin[0])
+            cy = np.float32(bodies.center[1, p] - origin[1])
             for image in range(2 if has_ground else 1):
                 flip = -one if image == 1 else one
-                cz = np.float32(bodies.centre[2, p] - (2.0 * ground - origin[2] if image == 1 else origin[2]))
+                cz = np.float32(bodies.center[2, p] - (2.0 * ground - origin[2] if image == 1 else origin[2]))
                 near = zero
                 for i in range(tx.shape[0]):
                     x, y, z = tx[i] - cx, ty[i] - cy, flip * tz[i] - cz
@@ -186,8 +186,8 @@ def add_body_velocity(bodies, strength, targets, velocity, n_target, origin, gro
                     for i in range(tx.shape[0]):
                         x, y, z = tx[i] - cx, ty[i] - cy, flip * tz[i] - cz
                         if x * x + y * y + z * z < limit:
-                            u, v, w = near_velocity(bodies.corners[p], bodies.normal[p], bodies.centre[0, p] + x,
-                                                    bodies.centre[1, p] + y, bodies.centre[2, p] + z)  # fmt: skip
+                            u, v, w = near_velocity(bodies.corners[p], bodies.normal[p], bodies.center[0, p] + x,
+                                                    bodies.center[1, p] + y, bodies.center[2, p] + z)  # fmt: skip
                             vx[i] += s * u
                             vy[i] += s * v
                             vz[i] += flip * (s * w)

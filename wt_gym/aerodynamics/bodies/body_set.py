@@ -5,9 +5,11 @@ body of vortex rings would lack one rank. The strengths are eliminated from the 
 `body_kernels.couple_bodies`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,11 @@ from wt_gym.aerodynamics.bodies import body_kernels
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.lattice.bound_kernels import invert
 from wt_gym.aerodynamics.lattice.ring_work import RingWork
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "BodyArrays",
@@ -36,39 +43,42 @@ MAX_WARP = 0.05
 class TowerAxis(NamedTuple):
     """Straight axis and radii of a tower."""
 
-    ends: np.ndarray  # (2, 3) base and top [m]
-    stations: np.ndarray  # (n,) distances from the base [m]
-    radii: np.ndarray  # (n,) [m]
+    ends: NDArray[np.float64]  # (2, 3) base and top [m]
+    stations: NDArray[np.float64]  # (n,) distances from the base [m]
+    radii: NDArray[np.float64]  # (n,) [m]
 
 
 class BodyArrays(NamedTuple):
     """What the kernels need of the panels of all bodies."""
 
-    corners: np.ndarray  # (n_panel, 4, 3) in the mean plane, counter-clockwise about the normal [m]
-    centre: np.ndarray  # (3, n_panel) control points: centroids [m]
-    normal: np.ndarray  # (n_panel, 3) unit, out of the body
-    far: np.ndarray  # (n_panel, 8): area [m^2], xx, yy, zz, xy, yz, zx about the centroid [m^4], all over 4 pi,
+    corners: NDArray[np.float64]  # (n_panel, 4, 3) in the mean plane, counter-clockwise about the normal [m]
+    center: NDArray[np.float64]  # (3, n_panel) control points: centroids [m]
+    normal: NDArray[np.float64]  # (n_panel, 3) unit, out of the body
+    # (n_panel, 8): area [m^2], xx, yy, zz, xy, yz, zx about the centroid [m^4], all over 4 pi,
+    far: NDArray[np.float64]
     # and the square of the distance [m^2] below which the exact velocity is computed
-    motion: np.ndarray  # (3, n_panel) velocity of the control points [m/s]
-    owner: np.ndarray  # int64 (n_panel,) number of the body
-    axis: np.ndarray  # (2, 3) base and top of the tower [m]
-    stations: np.ndarray  # (n,) distances from its base [m]; none without a tower
-    radii: np.ndarray  # (n,) its radii there [m]
-    inverse: np.ndarray  # (n_panel, n_panel): strengths = inverse @ normal velocities that the panels must induce
+    motion: NDArray[np.float64]  # (3, n_panel) velocity of the control points [m/s]
+    owner: NDArray[np.int64]  # (n_panel,) number of the body
+    axis: NDArray[np.float64]  # (2, 3) base and top of the tower [m]
+    stations: NDArray[np.float64]  # (n,) distances from its base [m]; none without a tower
+    radii: NDArray[np.float64]  # (n,) its radii there [m]
+    # (n_panel, n_panel): strengths = inverse @ normal velocities that the panels must induce
+    inverse: NDArray[np.float64]
 
 
 class BodyWork(NamedTuple):
     """Work arrays of `body_kernels.couple_bodies`; the first three are its input."""
 
-    ring_influence: np.ndarray  # (n_ring, 3, n_panel) velocity of each unit ring at the control points
-    wind: np.ndarray  # (n_panel, 3) undisturbed wind there [m/s]
-    wake_flow: np.ndarray  # (3, n_panel) velocity of the wake there [m/s]
-    through: np.ndarray  # (n_panel,) normal velocities [m/s]
-    source_influence: np.ndarray  # (n_panel, 3, n_point) velocity of each unit panel at the points of the blades
-    eliminated: np.ndarray  # (n_ring, n_panel) strengths that answer a unit ring, with opposite sign
-    start: np.ndarray  # (n_panel,) strengths without rings [m/s]
+    ring_influence: NDArray[np.float64]  # (n_ring, 3, n_panel) velocity of each unit ring at the control points
+    wind: NDArray[np.float64]  # (n_panel, 3) undisturbed wind there [m/s]
+    wake_flow: NDArray[np.float64]  # (3, n_panel) velocity of the wake there [m/s]
+    through: NDArray[np.float64]  # (n_panel,) normal velocities [m/s]
+    # (n_panel, 3, n_point) velocity of each unit panel at the points of the blades
+    source_influence: NDArray[np.float64]
+    eliminated: NDArray[np.float64]  # (n_ring, n_panel) strengths that answer a unit ring, with opposite sign
+    start: NDArray[np.float64]  # (n_panel,) strengths without rings [m/s]
     rings: RingWork
-    flags: np.ndarray  # int8 (n_max + 1, n_blade, n_edge + 1), see tower_kernels.flag_wake_segments
+    flags: NDArray[np.int8]  # (n_max + 1, n_blade, n_edge + 1), see tower_kernels.flag_wake_segments
 
 
 @dataclass(frozen=True)
@@ -92,7 +102,7 @@ class BodySurface:
     ----------
     corners : ndarray, shape (n_panel, 4, 3)
         Corners moved into the mean plane of their panel [m].
-    centre, normal : ndarray, shape (n_panel, 3)
+    center, normal : ndarray, shape (n_panel, 3)
         Centroids [m] and unit normals out of the body.
     area : ndarray, shape (n_panel,)
         [m^2].
@@ -105,18 +115,18 @@ class BodySurface:
         If a panel has no area or is far from flat, if the surface is not closed, or if normals point inwards.
     """
 
-    vertices: np.ndarray
-    quads: np.ndarray
+    vertices: NDArray[np.float64]
+    quads: NDArray[np.int64]
     ground: float | None = None
     name: str = "body"
     tower: TowerAxis | None = None
-    corners: np.ndarray = field(init=False, repr=False)
-    centre: np.ndarray = field(init=False, repr=False)
-    normal: np.ndarray = field(init=False, repr=False)
-    area: np.ndarray = field(init=False, repr=False)
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+    center: NDArray[np.float64] = field(init=False, repr=False)
+    normal: NDArray[np.float64] = field(init=False, repr=False)
+    area: NDArray[np.float64] = field(init=False, repr=False)
     volume: float = field(init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the mesh and compute its panels."""
         vertices, quads = np.array(self.vertices, dtype=np.float64), np.array(self.quads, dtype=np.int64)
         if vertices.ndim != 2 or vertices.shape[1:] != (3,) or not np.isfinite(vertices).all():
@@ -132,7 +142,7 @@ class BodySurface:
         if not volume > 0.0:
             raise AerodynamicsError(f"the normals of {self.name} point inwards: its volume is {volume:.4g} m^3")
         for name, value in zip(
-            ("vertices", "quads", "corners", "centre", "normal", "area"), (vertices, quads, *panels), strict=True
+            ("vertices", "quads", "corners", "center", "normal", "area"), (vertices, quads, *panels), strict=True
         ):
             value.flags.writeable = False
             object.__setattr__(self, name, value)
@@ -143,7 +153,7 @@ class BodySurface:
         """Number of panels."""
         return len(self.quads)
 
-    def _check_edges(self, vertices, quads):
+    def _check_edges(self, vertices: NDArray[np.float64], quads: NDArray[np.int64]) -> None:
         """Each edge must be passed once in each direction, or lie on the ground."""
         start, end = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
         panel = np.repeat(np.arange(len(quads)), 4)
@@ -154,7 +164,7 @@ class BodySurface:
         if count.max() > 1:
             k = first[count > 1][0]
             raise AerodynamicsError(
-                f"panel {panel[k]} of {self.name} and a neighbour run along their edge {start[k]}-{end[k]} in the same "
+                f"panel {panel[k]} of {self.name} and a neighbor run along their edge {start[k]}-{end[k]} in the same "
                 "direction: the normal of one of them is inverted"
             )
         is_open = ~np.isin(key, reverse)
@@ -165,12 +175,14 @@ class BodySurface:
         if is_open.any():
             k = np.flatnonzero(is_open)[0]
             raise AerodynamicsError(
-                f"{self.name} is not closed: panel {panel[k]} has no neighbour at its edge {start[k]}-{end[k]} "
+                f"{self.name} is not closed: panel {panel[k]} has no neighbor at its edge {start[k]}-{end[k]} "
                 f"({vertices[start[k]]} to {vertices[end[k]]})"
             )
 
 
-def _panel_geometry(corners, name):
+def _panel_geometry(
+    corners: NDArray[np.float64], name: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Corners (n, 4, 3) in their mean planes, centroids, unit normals and areas."""
     diagonals = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     normal = 0.5 * np.cross(*diagonals)
@@ -193,23 +205,28 @@ def _panel_geometry(corners, name):
     corners = corners - out_of_plane[..., None] * normal[:, None]
     thirds, areas = _triangles(corners, normal)
     area = areas.sum(axis=1)
-    centre = np.einsum("pti,pt->pi", thirds.mean(axis=2), areas) / area[:, None]
-    return corners, centre, normal, area
+    center = np.einsum("pti,pt->pi", thirds.mean(axis=2), areas) / area[:, None]
+    return corners, center, normal, area
 
 
-def _triangles(corners, normal):
+def _triangles(
+    corners: NDArray[np.float64], normal: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Two triangles (n, 2, 3, 3) of each panel and their areas (n, 2), negative beyond a re-entrant corner."""
     triangles = np.stack([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]], axis=1)
     a, b, c = (triangles[:, :, k] for k in range(3))
     return triangles, 0.5 * np.einsum("pti,pi->pt", np.cross(b - a, c - a), normal)
 
 
-def _second_moments(corners, centre, normal):
+def _second_moments(
+    corners: NDArray[np.float64], center: NDArray[np.float64], normal: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Integrals of x_i x_j about the centroid, (n, 3, 3) [m^4]."""
-    triangles, areas = _triangles(corners - centre[:, None], normal)
+    triangles, areas = _triangles(corners - center[:, None], normal)
     total = triangles.sum(axis=2)
     pairs = np.einsum("ptki,ptkj->ptij", triangles, triangles) + np.einsum("pti,ptj->ptij", total, total)
-    return np.einsum("ptij,pt->pij", pairs, areas) / 12.0
+    out: NDArray[np.float64] = np.einsum("ptij,pt->pij", pairs, areas) / 12.0
+    return out
 
 
 class BodySet:
@@ -240,7 +257,7 @@ class BodySet:
         If there is no body, if a body reaches below the ground or is open on another ground, or if two intersect.
     """
 
-    def __init__(self, bodies, ground: float | None = None):
+    def __init__(self, bodies: Iterable[BodySurface], ground: float | None = None) -> None:
         bodies = tuple(bodies)
         if not bodies:
             raise AerodynamicsError("a set of bodies needs at least one BodySurface")
@@ -250,13 +267,13 @@ class BodySet:
             if body.ground is not None and body.ground != ground:
                 raise AerodynamicsError(f"{body.name} stands on a ground at {body.ground} m, the set has {ground}")
         self.first_panel = np.concatenate([[0], np.cumsum([body.n_panels for body in bodies])])
-        towers = [body for body in bodies if body.tower is not None]
+        towers = [(body.name, body.tower) for body in bodies if body.tower is not None]
         if len(towers) > 1:
-            raise AerodynamicsError(f"the bodies {[body.name for body in towers]} are towers; one is allowed")
-        tower = towers[0].tower if towers else TowerAxis(np.zeros((2, 3)), np.zeros(0), np.zeros(0))
+            raise AerodynamicsError(f"the bodies {[name for name, _ in towers]} are towers; one is allowed")
+        tower = towers[0][1] if towers else TowerAxis(np.zeros((2, 3)), np.zeros(0), np.zeros(0))
         n = self.n_panels
         self.arrays = BodyArrays(
-            corners=np.zeros((n, 4, 3)), centre=np.zeros((3, n)), normal=np.zeros((n, 3)), far=np.zeros((n, 8)),
+            corners=np.zeros((n, 4, 3)), center=np.zeros((3, n)), normal=np.zeros((n, 3)), far=np.zeros((n, 8)),
             motion=np.zeros((3, n)), owner=np.repeat(np.arange(len(bodies)), np.diff(self.first_panel)),
             axis=tower.ends.copy(), stations=tower.stations.copy(), radii=tower.radii.copy(), inverse=np.zeros((n, n)),
         )  # fmt: skip
@@ -272,16 +289,22 @@ class BodySet:
         return int(self.first_panel[-1])
 
     @property
-    def control_points(self) -> np.ndarray:
+    def control_points(self) -> NDArray[np.float64]:
         """Control points, shape (n_panel, 3) [m]; where the wind is needed."""
-        return np.ascontiguousarray(self.arrays.centre.T)
+        return np.ascontiguousarray(self.arrays.center.T)
 
     @property
-    def area(self) -> np.ndarray:
+    def area(self) -> NDArray[np.float64]:
         """Panel areas, shape (n_panel,) [m^2]."""
         return 4.0 * np.pi * self.arrays.far[:, 0]
 
-    def place(self, rotations, origins, velocities=None, angular_velocities=None) -> bool:
+    def place(
+        self,
+        rotations: ArrayLike,
+        origins: ArrayLike,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+    ) -> bool:
         """Move the bodies.
 
         A body of revolution that spins about its axis need not be turned: its surface stays where it is.
@@ -310,7 +333,7 @@ class BodySet:
             raise AerodynamicsError(f"frames of {self.names} must be finite, {len(self.bodies)} of them")
         elsewhere = np.flatnonzero((frames != self._frames).any(axis=(1, 2)))
         self._frames[elsewhere] = np.nan  # should a refusal leave the panels between two places
-        for k in elsewhere:
+        for k in elsewhere.tolist():
             self._move(k, frames[k, :, :3], frames[k, :, 3])
         self._frames[:] = frames
         moved, self._bent = self._bent or len(elsewhere) > 0, False
@@ -326,11 +349,11 @@ class BodySet:
         velocities = np.zeros_like(frames[:, :, 3]) if velocities is None else np.asarray(velocities)
         spins = np.zeros_like(velocities) if angular_velocities is None else np.asarray(angular_velocities)
         for b, panels in enumerate(self._panels()):
-            arm = self.arrays.centre[:, panels].T - frames[b, :, 3]
+            arm = self.arrays.center[:, panels].T - frames[b, :, 3]
             self.arrays.motion[:, panels] = (velocities[b] + np.cross(spins[b], arm)).T
         return moved
 
-    def bend(self, body, vertices) -> None:
+    def bend(self, body: int, vertices: ArrayLike) -> None:
         """Deform a body; the influences follow in the next call of `place`, which must not turn or shift it.
 
         Parameters
@@ -346,8 +369,8 @@ class BodySet:
         """
         surface, a = self.bodies[body], self.arrays
         vertices = np.asarray(vertices, dtype=np.float64)
-        corners, centre, normal, area = _panel_geometry(vertices[surface.quads], surface.name)
-        self._set_panels(body, corners, centre, normal, area)
+        corners, center, normal, area = _panel_geometry(vertices[surface.quads], surface.name)
+        self._set_panels(body, corners, center, normal, area)
         if surface.tower is not None:
             low, high = surface.vertices[:, 2].min(), surface.vertices[:, 2].max()
             level = surface.vertices[:, 2]
@@ -366,7 +389,7 @@ class BodySet:
             start=np.zeros(n), rings=RingWork.empty(n_ring, n_corner, n), flags=np.zeros(wake_shape, dtype=np.int8),
         )  # fmt: skip
 
-    def strengths(self, flow) -> np.ndarray:
+    def strengths(self, flow: ArrayLike) -> NDArray[np.float64]:
         """Source strengths that make the bodies impermeable, shape (n_panel,) [m/s].
 
         Parameters
@@ -375,9 +398,10 @@ class BodySet:
             Velocity of everything but the bodies at the control points [m/s].
         """
         relative = np.asarray(flow) - self.arrays.motion.T
-        return -self.arrays.inverse @ np.einsum("pi,pi->p", self.arrays.normal, relative)
+        out: NDArray[np.float64] = -self.arrays.inverse @ np.einsum("pi,pi->p", self.arrays.normal, relative)
+        return out
 
-    def velocity(self, points, strengths) -> np.ndarray:
+    def velocity(self, points: ArrayLike, strengths: ArrayLike) -> NDArray[np.float64]:
         """Velocity of the sources at points (..., 3) [m/s]; at a control point, that on the outside."""
         points = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3).T)
@@ -386,41 +410,48 @@ class BodySet:
         body_kernels.panels_velocity(self.arrays, strengths, flat, self.ground, self.has_ground, part, out)
         return out.T.reshape(points.shape)
 
-    def _panels(self):
+    def _panels(self) -> list[slice]:
         """Slice of the panels of each body."""
         return [slice(*ends) for ends in pairwise(self.first_panel)]
 
-    def _move(self, b, rotation, origin):
+    def _move(self, b: int, rotation: NDArray[np.float64], origin: NDArray[np.float64]) -> None:
         body = self.bodies[b]
-        corners, centre = body.corners @ rotation.T + origin, body.centre @ rotation.T + origin
+        corners, center = body.corners @ rotation.T + origin, body.center @ rotation.T + origin
         if body.tower is not None:
             self.arrays.axis[:] = body.tower.ends @ rotation.T + origin
-        self._set_panels(b, corners, centre, body.normal @ rotation.T, body.area)
+        self._set_panels(b, corners, center, body.normal @ rotation.T, body.area)
 
-    def _set_panels(self, b, corners, centre, normal, area):
+    def _set_panels(
+        self,
+        b: int,
+        corners: NDArray[np.float64],
+        center: NDArray[np.float64],
+        normal: NDArray[np.float64],
+        area: NDArray[np.float64],
+    ) -> None:
         """Panels of a body: corners (n, 4, 3), centroids, normals (n, 3) and areas (n,)."""
         body, panels, a = self.bodies[b], self._panels()[b], self.arrays
-        a.corners[panels], a.centre[:, panels], a.normal[panels] = corners, centre.T, normal
+        a.corners[panels], a.center[:, panels], a.normal[panels] = corners, center.T, normal
         if self.has_ground:
             lowest = float(a.corners[panels][..., 2].min())
             if lowest < self.ground - 1e-9 * np.ptp(body.vertices, axis=0).max():
                 raise AerodynamicsError(f"{body.name} reaches to {lowest:.3f} m, below the ground at {self.ground} m")
-        centre = a.centre[:, panels].T
-        q = _second_moments(a.corners[panels], centre, a.normal[panels])
-        near = FAR**2 * np.max(np.sum((a.corners[panels] - centre[:, None]) ** 2, axis=2), axis=1)
+        center = a.center[:, panels].T
+        q = _second_moments(a.corners[panels], center, a.normal[panels])
+        near = FAR**2 * np.max(np.sum((a.corners[panels] - center[:, None]) ** 2, axis=2), axis=1)
         a.far[panels] = np.column_stack(
             [area, q[:, 0, 0], q[:, 1, 1], q[:, 2, 2], q[:, 0, 1], q[:, 1, 2], q[:, 2, 0], 4.0 * np.pi * near]
         ) / (4.0 * np.pi)
 
-    def _check_apart(self):
+    def _check_apart(self) -> None:
         """No control point may lie in another body: the flux of a uniformly strong surface tells inside and outside."""
         parts, a = list(zip(self.names, self._panels(), strict=True)), self.arrays
         for (name, mine), (other, theirs) in permutations(parts, 2):
-            if _inside(a.corners[theirs], a.centre[:, mine].T).any():
+            if _inside(a.corners[theirs], a.center[:, mine].T).any():
                 raise AerodynamicsError(f"the bodies {name} and {other} intersect")
 
 
-def _inside(corners, points):
+def _inside(corners: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether points (n, 3) are enclosed by panels (m, 4, 3): the panels' solid angles then sum to -4 pi."""
     arms = points[:, None, None] - corners
     sizes = np.linalg.norm(arms, axis=-1)
@@ -435,7 +466,13 @@ def _inside(corners, points):
 
 
 def revolution_body(
-    stations, radii, n_around: int, origin=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0), name="body", ground=None
+    stations: ArrayLike,
+    radii: ArrayLike,
+    n_around: int,
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+    name: str = "body",
+    ground: float | None = None,
 ) -> BodySurface:
     """Body of revolution from its profile; flat ends are closed by discs.
 
@@ -468,7 +505,7 @@ def revolution_body(
     """
     stations, radii, origin, axis = (np.asarray(x, dtype=np.float64) for x in (stations, radii, origin, axis))
     if n_around < 3:
-        raise AerodynamicsError(f"n_around of {name} is {n_around}; at least 3 panels are needed")
+        raise AerodynamicsError(f"n_around of {name} is {n_around}; must be at least 3 panels")
     if stations.ndim != 1 or stations.shape != radii.shape or len(stations) < 2 or np.any(np.diff(stations) <= 0.0):
         raise AerodynamicsError(f"{name} needs at least two radii {radii} at increasing stations {stations}")
     if not (np.all(radii[1:-1] > 0.0) and radii[0] >= 0.0 and radii[-1] >= 0.0 and radii.max() > 0.0):
@@ -481,7 +518,7 @@ def revolution_body(
     angle = 2.0 * np.pi / n_around * (np.arange(n_around) + 0.5)
     circle = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * np.cross(axis, side)
     scale = np.sqrt(2.0 * np.pi / n_around / np.sin(2.0 * np.pi / n_around))
-    vertices: list[np.ndarray] = []
+    vertices: list[NDArray[np.float64]] = []
     rings = []
     for s, r in zip(stations, radii, strict=True):
         rings.append(len(vertices) + (np.arange(n_around) if r > 0.0 else np.zeros(n_around, dtype=int)))
@@ -502,7 +539,9 @@ def revolution_body(
     return BodySurface(np.array(vertices), np.array(quads), ground if standing else None, name)
 
 
-def ellipsoid_body(semi_axes, n_around: int, n_along: int, origin=(0.0, 0.0, 0.0), name="ellipsoid") -> BodySurface:
+def ellipsoid_body(
+    semi_axes: ArrayLike, n_around: int, n_along: int, origin: ArrayLike = (0.0, 0.0, 0.0), name: str = "ellipsoid"
+) -> BodySurface:
     """Ellipsoid with its poles on the x axis of its frame, for hubs, nacelles and tests.
 
     Parameters
@@ -512,7 +551,7 @@ def ellipsoid_body(semi_axes, n_around: int, n_along: int, origin=(0.0, 0.0, 0.0
     n_around, n_along : int
         Panels around the x axis, and from pole to pole (at equal steps of the eccentric angle).
     origin : array_like, shape (3,)
-        Centre [m].
+        Center [m].
     name : str
         For messages.
 
@@ -527,9 +566,9 @@ def ellipsoid_body(semi_axes, n_around: int, n_along: int, origin=(0.0, 0.0, 0.0
     """
     semi_axes = np.asarray(semi_axes, dtype=np.float64)
     if semi_axes.shape != (3,) or not np.all(semi_axes > 0.0):
-        raise AerodynamicsError(f"semi-axes of {name} are {semi_axes}; three positive ones are needed")
+        raise AerodynamicsError(f"semi-axes of {name} are {semi_axes}; must be three positive lengths [m]")
     if n_along < 2:
-        raise AerodynamicsError(f"n_along of {name} is {n_along}; at least 2 panels are needed")
+        raise AerodynamicsError(f"n_along of {name} is {n_along}; must be at least 2 panels")
     angle = np.linspace(np.pi, 0.0, n_along + 1)
     radii = np.sin(angle)
     radii[[0, -1]] = 0.0
@@ -537,7 +576,16 @@ def ellipsoid_body(semi_axes, n_around: int, n_along: int, origin=(0.0, 0.0, 0.0
     return BodySurface(ball.vertices * semi_axes + np.asarray(origin), ball.quads, name=name)
 
 
-def tower_body(stations, diameters, base, top, n_around: int, n_along: int, ground=None, name="tower") -> BodySurface:
+def tower_body(
+    stations: ArrayLike,
+    diameters: ArrayLike,
+    base: ArrayLike,
+    top: ArrayLike,
+    n_around: int,
+    n_along: int,
+    ground: float | None = None,
+    name: str = "tower",
+) -> BodySurface:
     """Tower as a closed body: frusta between base and top, discs at free ends.
 
     Parameters
@@ -563,14 +611,15 @@ def tower_body(stations, diameters, base, top, n_around: int, n_along: int, grou
         If base and top coincide or the diameters are not positive at increasing stations.
     """
     base, stations, diameters = (np.asarray(x, dtype=np.float64) for x in (base, stations, diameters))
-    axis = np.asarray(top, dtype=np.float64) - base
+    end = np.asarray(top, dtype=np.float64)
+    axis = end - base
     height = float(np.linalg.norm(axis))
     if not height > 0.0:
-        raise AerodynamicsError(f"the {name} has no height: base {base}, top {top}")
+        raise AerodynamicsError(f"the top of the {name} must be above its base, got base {base} and top {end}")
     if stations.shape != diameters.shape or np.any(np.diff(stations) <= 0.0) or not np.all(diameters > 0.0):
         raise AerodynamicsError(f"{name} diameters {diameters} must be positive, at increasing stations {stations}")
     if n_along < 1:
-        raise AerodynamicsError(f"n_along of {name} is {n_along}; at least 1 panel is needed")
+        raise AerodynamicsError(f"n_along of {name} is {n_along}; must be at least 1 panel")
     along = np.linspace(0.0, height, n_along + 1)
     body = revolution_body(along, 0.5 * np.interp(along, stations, diameters), n_around, base, axis, name, ground)
     return replace(body, tower=TowerAxis(np.array([base, base + axis]), stations, 0.5 * diameters))

@@ -4,7 +4,7 @@ A smooth-core segment from x1 to x2 with circulation G induces, with r1 = x - x1
 
     v = G / (4 pi) (|r1| + |r2|) (r1 x r2) / (|r1| |r2| (|r1| |r2| + r1 . r2) + (rc |x2 - x1|)^2),
 
-which is the Biot-Savart law of a straight segment, regularised without a branch (van Garrel, ECN-C--03-079, eq. A.9).
+which is the Biot-Savart law of a straight segment, regularized without a branch (van Garrel, ECN-C--03-079, eq. A.9).
 
 A sheet is an array ``(n_row, n_sheet, n_node, 7)`` float32 of nodes, each with the two segments that end in it:
 x, y, z, trailing strength, trailing core, spanwise strength, spanwise core. The trailing segment comes from the same
@@ -60,7 +60,7 @@ def direct_induction(sheet, targets, velocity, first, last, scratch):
         for s in range(n_sheet):
             before = 0
             here = 4 * WIDTH * n_node
-            # Vectors of zero length and distance one stand for the neighbours that the first row and node lack.
+            # Vectors of zero length and distance one stand for the neighbors that the first row and node lack.
             for at in range(before, here, 4 * WIDTH):
                 store(scratch, at, zero)
                 store(scratch, at + WIDTH, zero)

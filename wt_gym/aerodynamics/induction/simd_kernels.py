@@ -1,6 +1,6 @@
 """Vectors of 16 float32 numbers as values in kernels, for inner loops that must keep their sums in registers.
 
-The compiler's own vectorisation of a loop over targets keeps every sum in memory, and re-reads it at each source. With
+The compiler's own vectorization of a loop over targets keeps every sum in memory, and re-reads it at each source. With
 a vector as one value the loop over sources is the inner one and the sums stay in registers. The vectors are those of
 LLVM, so every processor runs them: one register with AVX-512, two with AVX2, four with SSE or NEON.
 """

@@ -1,15 +1,15 @@
 """Velocity induced by sheets of vortex segments at a cost that grows as N log N: a tree of clusters.
 
 The sheet (layout: see `induction_kernels`) is cut into tiles of a few rows and nodes. The tiles, put in the order of a
-Hilbert curve through their centres, are the leaves of a tree in which every cluster is `BRANCHES` neighbours on that
-curve. A cluster far away acts through the expansion of the Biot-Savart law of its straight segments about its centre
+Hilbert curve through their centers, are the leaves of a tree in which every cluster is `BRANCHES` neighbors on that
+curve. A cluster far away acts through the expansion of the Biot-Savart law of its straight segments about its center
 to second order,
 
-    A(x) = M0 / d + (M1 d) / d^3 + (d Q d) / d^5,    v = curl A,    d = x - centre,
+    A(x) = M0 / d + (M1 d) / d^3 + (d Q d) / d^5,    v = curl A,    d = x - center,
     M0 = sum g l,  M1 = sum g l s,  Q = sum g l (3 s s - |s|^2 I) / 2
 
 with g = G / (4 pi), l the vector along the segment, and s s averaged over its length, not only taken at the middle.
-Targets too are put in the order of a Hilbert curve, and blocks of neighbours are served together: one walk through the
+Targets too are put in the order of a Hilbert curve, and blocks of neighbors are served together: one walk through the
 tree gathers the clusters that are far enough from the whole block and the tiles that are not; those act exactly, with
 their smooth core.
 
@@ -33,7 +33,7 @@ SHARE = 0.15  # of the ordered error that one cluster may make: hundreds add up,
 BITS = 10  # of each coordinate in a key
 DIGIT = 1 << BITS  # the sort takes the key in three digits
 STACK = 256  # clusters waiting in the walk
-# A cluster's record of moments: centre 0:3, M0 3:6, M1 6:15, Q 15:30 (xx, yy, 2 xy, 2 xz, 2 yz for each component of
+# A cluster's record of moments: center 0:3, M0 3:6, M1 6:15, Q 15:30 (xx, yy, 2 xy, 2 xz, 2 yz for each component of
 # l; zz = -xx - yy), curl of the first-order polynomial 30:33, of the second-order one 33:42.
 RECORD = 42
 # Its measures: radius, sum |g l|, sum |g l| |s|^2, sum |g l| (rc l)^2 / 2.
@@ -156,7 +156,7 @@ def _leaf(sheet, bounds, segments, record, measures):
                 x = sheet[k, s, j, 0] - np.float32(0.5) * lx
                 y = sheet[k, s, j, 1] - np.float32(0.5) * ly
                 z = sheet[k, s, j, 2] - np.float32(0.5) * lz
-                # Without strength anywhere the centre is the mean position.
+                # Without strength anywhere the center is the mean position.
                 weight = abs(g) * np.sqrt(lx * lx + ly * ly + lz * lz) + TINY
                 cx += weight * x
                 cy += weight * y
@@ -295,8 +295,8 @@ def order_tiles(sheet, tree):
     for tile in range(n):
         k0, k1, s, j0, j1 = _tile_bounds(sheet, tile)
         for c in range(3):
-            tree.centres[c, tile] = sheet[(k0 + k1) // 2, s, (j0 + j1) // 2, c]
-    hilbert_keys(tree.centres, n, tree.keys)
+            tree.centers[c, tile] = sheet[(k0 + k1) // 2, s, (j0 + j1) // 2, c]
+    hilbert_keys(tree.centers, n, tree.keys)
     sort_by_key(n, tree.keys, tree.tiles, tree.spare_keys, tree.spare_order, tree.count)
     return n
 
@@ -409,7 +409,7 @@ def _add_tiles(sheet, bounds, chosen, n_chosen, targets, velocity, o, scratch):
         for k in range(k0 - 1, k1):
             for j in range(j0 - 1, j1):
                 if k < 0 or j < 0:
-                    # Vectors of zero length and distance one stand for the neighbours that the first ones lack.
+                    # Vectors of zero length and distance one stand for the neighbors that the first ones lack.
                     store(scratch, at, zero)
                     store(scratch, at + WIDTH, zero)
                     store(scratch, at + 2 * WIDTH, zero)
@@ -471,7 +471,7 @@ def order_targets(targets, n_target, tree):
 
 @kernel
 def _sphere(points, first, last, sphere):
-    """Centre of the box around points, and the distance of the farthest one from it."""
+    """Center of the box around points, and the distance of the farthest one from it."""
     for c in range(3):
         low, high = points[c, first], points[c, first]
         for i in range(first, last):

@@ -97,7 +97,7 @@ def bernoulli_loads(nodes, gamma, rate, flow, normal, area, density, edge_wake, 
     """Pressure jump of every panel along its normal, at the nodes (Gebhardt et al. 2012, section 3).
 
     With the vorticity vector of a panel w = sum of G l over its sides, half of each side that it shares with a
-    neighbour, the jump of the tangential velocity is w x n / A and the unsteady Bernoulli equation gives the force
+    neighbor, the jump of the tangential velocity is w x n / A and the unsteady Bernoulli equation gives the force
     rho (V . (w x n) + A d gamma/dt) n, V being the mean velocity at the collocation point. The suction at the
     leading edge, which lies in the panels' planes, is missing. The panel lies a quarter of its chord before its ring.
     """

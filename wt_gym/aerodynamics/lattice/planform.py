@@ -1,14 +1,19 @@
 """The geometry of a blade or wing as a vortex lattice on its camber surface."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from numbers import Integral
-from typing import cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "LatticePlanform",
@@ -23,6 +28,8 @@ __all__ = [
 MOST_LISTED = 8  # panels that a message names
 SECTION_FIELDS = ("alpha0_lattice", "lift_slope", "moment0_lattice", "slope_angle")
 ARRAY_FIELDS = ("nodes", "chord", "edge_chord", "span_edges", "polars", *SECTION_FIELDS)
+Camber: TypeAlias = "Callable[[float, ArrayLike], tuple[ArrayLike, ArrayLike]]"
+"""Height and slope of a camber line, in chords, at a span coordinate [m] and chord fractions."""
 FINE_PANELS = 48  # the zero-lift angle of measured camber lines is converged to 0.05 degrees
 
 
@@ -44,7 +51,7 @@ class SectionLattice:
         Direction from the first to the last ring node against the chord line [rad].
     """
 
-    heights: np.ndarray
+    heights: NDArray[np.float64]
     zero_lift_angle: float
     lift_slope: float
     zero_lift_moment: float
@@ -79,29 +86,29 @@ class LatticePlanform:
         and nodes that do not run from root to tip and from the leading to the trailing edge.
     """
 
-    nodes: np.ndarray
-    chord: np.ndarray
-    edge_chord: np.ndarray
-    span_edges: np.ndarray
-    polars: np.ndarray
-    alpha0_lattice: np.ndarray
-    lift_slope: np.ndarray
-    moment0_lattice: np.ndarray
-    slope_angle: np.ndarray
+    nodes: NDArray[np.float64]
+    chord: NDArray[np.float64]
+    edge_chord: NDArray[np.float64]
+    span_edges: NDArray[np.float64]
+    polars: NDArray[np.float64]
+    alpha0_lattice: NDArray[np.float64]
+    lift_slope: NDArray[np.float64]
+    moment0_lattice: NDArray[np.float64]
+    slope_angle: NDArray[np.float64]
     root_radius: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check shapes, orientation and values, then make the arrays read-only."""
         arrays = {name: numeric_array(name, getattr(self, name)) for name in ARRAY_FIELDS}
         for name, array in arrays.items():
             object.__setattr__(self, name, array)
         n_span = self.chord.size
         if self.nodes.ndim != 3 or self.nodes.shape[1:] != (n_span + 1, 3) or self.nodes.shape[0] < 2:
-            raise AerodynamicsError(f"nodes have shape {self.nodes.shape}; (n_chord + 1, {n_span + 1}, 3) is needed")
+            raise AerodynamicsError(f"nodes have shape {self.nodes.shape}; must be (n_chord + 1, {n_span + 1}, 3)")
         of_edges, of_strips = ("edge_chord", "span_edges"), ("chord", *SECTION_FIELDS)
         for name, n in (*((x, n_span + 1) for x in of_edges), *((x, n_span) for x in of_strips)):
             if arrays[name].shape != (n,):
-                raise AerodynamicsError(f"{name} has shape {arrays[name].shape}; ({n},) is needed")
+                raise AerodynamicsError(f"{name} has shape {arrays[name].shape}; must be ({n},)")
             if not np.all(np.isfinite(arrays[name])):
                 raise AerodynamicsError(f"{name} is not finite: {arrays[name]}")
         if not np.all(np.diff(self.span_edges) > 0.0):
@@ -109,23 +116,23 @@ class LatticePlanform:
         if not np.all(self.chord > 0.0):
             raise AerodynamicsError(f"every chord must be positive; given {self.chord}")
         if np.any(self.edge_chord < 0.0):
-            raise AerodynamicsError(f"no edge chord may be negative; given {self.edge_chord}")
+            raise AerodynamicsError(f"edge chords must be at least 0, got {self.edge_chord}")
         if not np.all(self.ring_chord > 0.0):
             raise AerodynamicsError(f"of the two edge chords of a strip one must be positive; given {self.edge_chord}")
         if not np.all(self.lift_slope > 0.0):
             raise AerodynamicsError(f"every lift_slope must be positive; given {self.lift_slope}")
         if self.polars.ndim != 3 or self.polars.shape[0] != n_span or self.polars.shape[2] != 3:
-            raise AerodynamicsError(f"polars have shape {self.polars.shape}; ({n_span}, n_alpha, 3) is needed")
+            raise AerodynamicsError(f"polars have shape {self.polars.shape}; must be ({n_span}, n_alpha, 3)")
         if self.polars.shape[1] < 8 or not np.all(np.isfinite(self.polars)):
-            raise AerodynamicsError("polars need at least 8 angles and finite coefficients")
+            raise AerodynamicsError("polars must have at least 8 angles and finite coefficients")
         if np.any(self.polars[:, :, 1] < 0.0):
-            raise AerodynamicsError("a polar has a negative drag coefficient")
+            raise AerodynamicsError("drag coefficients of polars must be at least 0")
         _check_panels(self.nodes)
         for array in arrays.values():
             array.setflags(write=False)
 
     @property
-    def ring_chord(self) -> np.ndarray:
+    def ring_chord(self) -> NDArray[np.float64]:
         """Chord of the rings of each strip, which join its two edges, shape (n_span,) [m].
 
         The mean of the edges; not that of the strip where the chord is curved or has a kink, as at the tip of a blade.
@@ -135,15 +142,15 @@ class LatticePlanform:
     @property
     def n_chord(self) -> int:
         """Panels along the chord."""
-        return self.nodes.shape[0] - 1
+        return int(self.nodes.shape[0]) - 1
 
     @property
     def n_span(self) -> int:
         """Panels along the span."""
-        return self.nodes.shape[1] - 1
+        return int(self.nodes.shape[1]) - 1
 
 
-def numeric_array(name, values):
+def numeric_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Contiguous array of double precision; `AerodynamicsError` with this name for anything else than numbers."""
     try:
         return np.ascontiguousarray(values, dtype=np.float64)
@@ -151,13 +158,13 @@ def numeric_array(name, values):
         raise AerodynamicsError(f"{name} must be an array of numbers: {error}") from error
 
 
-def _panel_sides(nodes):
+def _panel_sides(nodes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean vectors along chord and span of every panel, shape (..., n_chord, n_span, 3)."""
     along, across = nodes[..., 1:, :, :] - nodes[..., :-1, :, :], nodes[..., 1:, :] - nodes[..., :-1, :]
     return 0.5 * (along[..., 1:, :] + along[..., :-1, :]), 0.5 * (across[..., 1:, :, :] + across[..., :-1, :, :])
 
 
-def check_areas(nodes) -> None:
+def check_areas(nodes: NDArray[np.float64]) -> None:
     """Refuse panels without area.
 
     Parameters
@@ -176,23 +183,23 @@ def check_areas(nodes) -> None:
     flat = ~(area > 1e-6 * np.maximum(scale, 1e-12))
     if np.any(flat):
         where = "(blade, chord, span)" if nodes.ndim > 3 else "(chord, span)"
-        raise AerodynamicsError(f"panels {where} without area: {_listed(flat)}; every panel needs some")
+        raise AerodynamicsError(f"every panel must have an area; panels {where} have none: {_listed(flat)}")
 
 
-def _listed(wrong):
+def _listed(wrong: NDArray[np.bool_]) -> str:
     """Indices of the first panels for which ``wrong`` holds, as text."""
     places = np.argwhere(wrong).tolist()
     return f"{places[:MOST_LISTED]}" + (f" and {len(places) - MOST_LISTED} more" if places[MOST_LISTED:] else "")
 
 
-def _check_panels(nodes):
+def _check_panels(nodes: NDArray[np.float64]) -> None:
     """Refuse non-finite nodes, rings without area, rings turned inside out and blades against their own frame."""
     if not np.all(np.isfinite(nodes)):
-        raise AerodynamicsError("the lattice has nodes that are not finite")
+        raise AerodynamicsError("nodes of the lattice must be finite")
     check_areas(nodes)
     chordwise, spanwise = _panel_sides(nodes)
     if np.any(np.einsum("ijk,ijk->ij", chordwise[:, 1:], chordwise[:, :-1]) < 0.0):
-        raise AerodynamicsError("the chord direction turns by more than 90 degrees between neighbouring strips")
+        raise AerodynamicsError("the chord direction must turn by at most 90 degrees between neighboring strips")
     folded = np.einsum("ijk,ijk->ij", chordwise[1:], chordwise[:-1]) <= 0.0
     if np.any(folded):
         raise AerodynamicsError(
@@ -211,7 +218,9 @@ def _check_panels(nodes):
             raise AerodynamicsError(f"in the blade frame {need}; panels (chord, span) that do not: {_listed(wrong)}")
 
 
-def section_lattice(slope: Callable, n_chord: int, height: Callable | None = None) -> SectionLattice:
+def section_lattice(
+    slope: Callable[[NDArray[np.float64]], ArrayLike], n_chord: int, height: Callable[[float], ArrayLike] | None = None
+) -> SectionLattice:
     """Build the lattice of one camber line and solve it in two dimensions.
 
     Every panel gets the slope of the camber line at its collocation point (three quarters of the panel), which with
@@ -229,7 +238,7 @@ def section_lattice(slope: Callable, n_chord: int, height: Callable | None = Non
     height : callable, optional
         Camber h(x) in chords, used at the first node; zero if not given.
     """
-    start = 0.0 if height is None else float(height(0.25 / n_chord))
+    start = 0.0 if height is None else float(np.asarray(height(0.25 / n_chord)))
     slopes = _collocation_slopes(slope, n_chord)
     exact = _solve_section(0.0, _collocation_slopes(slope, FINE_PANELS)).zero_lift_angle
     for _ in range(3):  # the zero-lift angle turns with the panels almost one to one
@@ -237,11 +246,11 @@ def section_lattice(slope: Callable, n_chord: int, height: Callable | None = Non
     return _solve_section(start, slopes)
 
 
-def _collocation_slopes(slope, n_chord):
+def _collocation_slopes(slope: Callable[[NDArray[np.float64]], ArrayLike], n_chord: int) -> NDArray[np.float64]:
     return np.asarray(slope((np.arange(n_chord) + 0.75) / n_chord), dtype=np.float64)
 
 
-def _solve_section(start: float, slopes: np.ndarray) -> SectionLattice:
+def _solve_section(start: float, slopes: NDArray[np.float64]) -> SectionLattice:
     """Solve the lattice that begins at height ``start`` and has these panel slopes."""
     panel = 1.0 / slopes.size
     heights = start + np.concatenate(([0.0], np.cumsum(slopes * panel)))
@@ -270,7 +279,7 @@ def span_distribution(
     refinement: float = 0.3,
     inset: tuple[float, float] = (0.0, 0.25),
     towards: str = "ends",
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Span edges of a lattice between root and tip.
 
     Parameters
@@ -301,24 +310,25 @@ def span_distribution(
     if not tip > root:
         raise AerodynamicsError(f"the tip ({tip}) must lie beyond the root ({root})")
     if towards not in ("ends", "tip"):
-        raise AerodynamicsError(f"towards is {towards!r}; allowed: 'ends', 'tip'")
+        raise AerodynamicsError(f"towards is {towards!r}; must be 'ends' or 'tip'")
     even = np.linspace(0.0, 1.0, n_span + 1)
     uneven = 0.5 * (1.0 - np.cos(np.pi * even)) if towards == "ends" else np.sin(0.5 * np.pi * even)
     edges = (1.0 - refinement) * even + refinement * uneven
     before, behind = inset[0] * (edges[1] - edges[0]), inset[1] * (edges[-1] - edges[-2])
-    return root + (tip - root) * (edges + before) / (1.0 + before + behind)
+    out: NDArray[np.float64] = root + (tip - root) * (edges + before) / (1.0 + before + behind)
+    return out
 
 
 def build_planform(
-    span_edges,
-    axis,
-    chord,
-    twist,
-    le_offset,
-    polars,
+    span_edges: ArrayLike,
+    axis: ArrayLike,
+    chord: ArrayLike,
+    twist: ArrayLike,
+    le_offset: ArrayLike,
+    polars: ArrayLike,
     n_chord: int,
-    camber: Callable | None = None,
-    strip_chord=None,
+    camber: Camber | None = None,
+    strip_chord: ArrayLike | None = None,
     root_radius: float | None = None,
 ) -> LatticePlanform:
     """Lattice of a blade from its planform at the span edges.
@@ -375,7 +385,7 @@ def build_planform(
         chord=0.5 * (chord[1:] + chord[:-1]) if strip_chord is None else numeric_array("strip_chord", strip_chord),
         edge_chord=chord,
         span_edges=span_edges,
-        polars=polars,
+        polars=numeric_array("polars", polars),
         alpha0_lattice=np.array([s.zero_lift_angle for s in strips]),
         lift_slope=np.array([s.lift_slope for s in strips]),
         moment0_lattice=np.array([s.zero_lift_moment for s in strips]),
@@ -384,7 +394,7 @@ def build_planform(
     )
 
 
-def _edge_section(camber, z, n_chord) -> SectionLattice:
+def _edge_section(camber: Camber | None, z: float, n_chord: int) -> SectionLattice:
     if camber is None:
         return section_lattice(np.zeros_like, n_chord)
     return section_lattice(lambda x: camber(z, x)[1], n_chord, lambda x: camber(z, x)[0])

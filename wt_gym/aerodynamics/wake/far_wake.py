@@ -1,21 +1,29 @@
 """The velocity of a semi-infinite vortex cylinder as a table: what lies behind the last row of a rotor wake."""
 
+from __future__ import annotations
+
 from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ellipe, ellipkm1
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 __all__ = ["cylinder_table", "ring_velocity"]
 
 
-def ring_velocity(axial, radial, core):
+def ring_velocity(
+    axial: NDArray[np.float64], radial: NDArray[np.float64], core: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Velocity of a vortex ring of unit radius and unit circulation.
 
     Parameters
     ----------
     axial, radial : ndarray
-        Position relative to the ring's centre, in ring radii.
+        Position relative to the ring's center, in ring radii.
     core : float
         Softening of the distance to the ring, in ring radii.
 
@@ -36,7 +44,7 @@ def ring_velocity(axial, radial, core):
 
 
 @lru_cache(maxsize=2)
-def cylinder_table(n_axial: int = 193, n_radial: int = 129, core: float = 0.05) -> np.ndarray:
+def cylinder_table(n_axial: int = 193, n_radial: int = 129, core: float = 0.05) -> NDArray[np.float32]:
     """Velocity of the cylinder r = 1, z > 0 with unit tangential vorticity per length.
 
     The rings of the cylinder are summed along z. Far upstream it acts as a sink of strength pi in its first disc;
@@ -52,7 +60,7 @@ def cylinder_table(n_axial: int = 193, n_radial: int = 129, core: float = 0.05) 
     limit = 0.998
     z_grid = np.clip(p, -limit, limit) / (1.0 - np.abs(np.clip(p, -limit, limit)))
     r_grid = (np.minimum(q, limit) / (1.0 - np.minimum(q, limit)))[:, None]
-    # Between neighbouring table lines a dozen steps, fine where the ring is near.
+    # Between neighboring table lines a dozen steps, fine where the ring is near.
     steps = np.unique(np.concatenate([np.linspace(a, b, 13) for a, b in pairwise(z_grid)]))
     u, v = ring_velocity(steps, r_grid, core)
     dz = np.diff(steps)

@@ -38,7 +38,7 @@ from wt_gym.compiled import kernel
 
 N_CELL = 5
 # entries of AeroArrays.far: 1 or 0, three coordinates, three components, share of each cell that acts
-ACTIVE, CENTRE, AXIS, SHARE, N_FAR = 0, 1, 4, 7, 7 + N_CELL
+ACTIVE, CENTER, AXIS, SHARE, N_FAR = 0, 1, 4, 7, 7 + N_CELL
 END, RADIUS, LENGTH, SWEPT, LINE, N_TUBE = 0, 1, 2, 3, 4, 5  # rows of AeroArrays.far_tube
 WANDERED, FLUX = 0, 1  # rows of AeroWork.lines
 FIRST_CELL, GROWTH = 0.5, 1.4  # length of the first cell, in radii, and of each over the one before
@@ -51,7 +51,7 @@ STEADY_PASSES = 30
 def measure_far_wake(p, a, w, n_tail, dt):
     """Bring the cylinders up to date with the last ``n_tail`` rows, ``dt`` later; 0: as they are in steady flow.
 
-    The axis runs from the centre of the shedding edges to the centre of these rows; each cylinder starts at the last
+    The axis runs from the center of the shedding edges to the center of these rows; each cylinder starts at the last
     row of its span boundary. Cylinders stand at the nodes that carry the sparse part of the wake, all nodes if there is
     none, and rings between them are merged as there. What is measured follows with the time that the rows span.
     """
@@ -95,19 +95,19 @@ def measure_far_wake(p, a, w, n_tail, dt):
 
 @kernel(fastmath=False, separate=True)
 def find_axis(p, a, first):
-    """Write centre and axis of the rows from ``first`` on; returns their distance from the shedding edges [m]."""
+    """Write center and axis of the rows from ``first`` on; returns their distance from the shedding edges [m]."""
     n_rows, n_blade, n_node = a.n_rows[0], a.wake.shape[1], p.sparse_nodes.shape[0]
     way2 = 0.0
     for c in range(3):
-        foot, centre = 0.0, 0.0
+        foot, center = 0.0, 0.0
         for b in range(n_blade):
             for j in p.sparse_nodes:
                 foot += a.wake[0, b, j, c]
                 for k in range(first, n_rows + 1):
-                    centre += a.wake[k, b, j, c]
-        centre /= n_blade * n_node * (n_rows - first + 1)
-        a.far[CENTRE + c] = centre - a.origin[c]
-        a.far[AXIS + c] = centre - foot / (n_blade * n_node)
+                    center += a.wake[k, b, j, c]
+        center /= n_blade * n_node * (n_rows - first + 1)
+        a.far[CENTER + c] = center - a.origin[c]
+        a.far[AXIS + c] = center - foot / (n_blade * n_node)
         way2 += a.far[AXIS + c] ** 2
     way = math.sqrt(way2)
     if way > 0.0:
@@ -139,7 +139,7 @@ def measure_tubes(p, a, wandered, first, duration, keep):
     """
     tube, n_rows, n_blade, n_node = a.far_tube, a.n_rows[0], a.wake.shape[1], p.sparse_nodes.shape[0]
     ax, ay, az = a.far[AXIS], a.far[AXIS + 1], a.far[AXIS + 2]
-    cx, cy, cz = a.far[CENTRE] + a.origin[0], a.far[CENTRE + 1] + a.origin[1], a.far[CENTRE + 2] + a.origin[2]
+    cx, cy, cz = a.far[CENTER] + a.origin[0], a.far[CENTER + 1] + a.origin[1], a.far[CENTER + 2] + a.origin[2]
     # directions across the axis: level, and the third
     level = math.sqrt(ax * ax + ay * ay)
     ex, ey = (-ay / level, ax / level) if level > 1e-6 else (1.0, 0.0)

@@ -16,7 +16,7 @@ Without it a wake moves the faster the longer its segments are, by a logarithm t
 short as their cores: Bhagwat & Leishman, J. Am. Helicopter Soc. 59 (2014); Wood, Wind Energ. Sci. 3, 345 (2018).
 
 The velocity is asked for where the node is, on the smooth curve, while the corners of the sheet lie outside of it
-(`curved_filaments`). A corner would see its neighbours from outside: between turns h apart, a distance e from the
+(`curved_filaments`). A corner would see its neighbors from outside: between turns h apart, a distance e from the
 sheet changes the mean of the speeds on its two sides by (pi / 3) e / h of half their difference, several per cent at
 24 degrees. At the node the two segments that meet in the corner are near and mean nothing: they are taken away.
 """

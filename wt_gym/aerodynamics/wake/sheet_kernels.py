@@ -40,18 +40,18 @@ def build_bound_sheet(a, p, o, sheet):
                 for c in range(3):
                     sheet[k, b, j, c] = here[c] - a.origin[c]
                 core2 = (o.wake_core * p.edge_chord[j]) ** 2
-                trail, trail_core, span, span_core = 0.0, 1.0, 0.0, 1.0
+                trailing, trailing_core, span, span_core = 0.0, 1.0, 0.0, 1.0
                 if k > 0:
-                    trail = chordwise_strength(gamma, b, k - 1, j, False)
+                    trailing = chordwise_strength(gamma, b, k - 1, j, False)
                     if wake and o.tip_wake and j == n_span:
-                        trail -= a.wake_gamma[0, b, n_trailing + n_chord - k]
-                    trail_core = core2 * _length2(here, nodes[b, k - 1, j])
+                        trailing -= a.wake_gamma[0, b, n_trailing + n_chord - k]
+                    trailing_core = core2 * _length2(here, nodes[b, k - 1, j])
                 if j > 0:
                     span = spanwise_strength(gamma, b, k, j - 1, False)
                     if wake and o.edge_wake and k == n_chord:
                         span += a.wake_gamma[0, b, j - 1]
                     span_core = core2 * _length2(here, nodes[b, k, j - 1])
-                _segment(sheet[k, b, j], 3, trail, trail_core)
+                _segment(sheet[k, b, j], 3, trailing, trailing_core)
                 _segment(sheet[k, b, j], 5, span, span_core)
 
 
@@ -119,9 +119,9 @@ def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
                     _segment(here, 5, 0.0, 1.0)
                     continue
                 _place_corner(a, k, b, j, middle, fore, aft, here)
-                trail, span = 0.0, 0.0
+                trailing, span = 0.0, 0.0
                 if newest or k > 1:
-                    trail = (a.wake_gamma[k - 1, b, j - 1] if j > 0 else 0.0) - (
+                    trailing = (a.wake_gamma[k - 1, b, j - 1] if j > 0 else 0.0) - (
                         a.wake_gamma[k - 1, b, j] if j < n_node - 1 else 0.0
                     )
                 if j > 0:
@@ -134,7 +134,7 @@ def build_wake_sheet(a, p, o, first, last, grow, newest, sheet):
                     row, column = p.shed_nodes[j] // n_bound, p.shed_nodes[j] % n_bound
                     start = a.nodes[b, row, column]
                 for side in range(2):
-                    strength = trail if side == 0 else span
+                    strength = trailing if side == 0 else span
                     if side == 1:
                         start = wake[k, b, max(j - 1, 0)]
                     length2 = _length2(wake[k, b, j], start)

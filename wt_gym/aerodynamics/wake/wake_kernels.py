@@ -225,7 +225,7 @@ def mean_induced(a, n_row):
 
 
 @kernel(fastmath=False)
-def velocity_behind_disc(wake, induced, age, n_rows, centre, axis, spin, mean):
+def velocity_behind_disc(wake, induced, age, n_rows, center, axis, spin, mean):
     """Mean induced velocity close behind the disc of a rotor, into ``mean`` (3,) [m/s]; zero without a wake.
 
     The rows that a blade has left since the one before it passed cover the disc once. Over them the near fields of the
@@ -240,7 +240,7 @@ def velocity_behind_disc(wake, induced, age, n_rows, centre, axis, spin, mean):
     age : (n_max + 1,)
         Of the rows [s].
     n_rows : int64 (1,)
-    centre, axis : (3,)
+    center, axis : (3,)
         Hub [m] and unit direction of the shaft.
     spin : float
         Angular velocity about it [rad/s].
@@ -255,7 +255,7 @@ def velocity_behind_disc(wake, induced, age, n_rows, centre, axis, spin, mean):
         for j in range(wake.shape[2]):
             along, outer = 0.0, 0.0
             for c in range(3):
-                off = wake[0, b, j, c] - centre[c]
+                off = wake[0, b, j, c] - center[c]
                 along += off * axis[c]
                 outer += off * off
             outer -= along * along
@@ -339,7 +339,7 @@ def choose_rows(a, o, rows, all_rows):
 
     The first third of the rows, where the wake slows down and answers the blades, has its turn four times as often. The
     rows at the joint of dense and sparse part keep the velocity with which they came: spanwise segments lie there that
-    close the merged rings, which stand for nothing in the flow and move the nodes beside them by metres per second.
+    close the merged rings, which stand for nothing in the flow and move the nodes beside them by meters per second.
     """
     count = 0
     for k in range(a.n_rows[0] + 1):

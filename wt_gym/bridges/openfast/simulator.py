@@ -105,7 +105,7 @@ class OpenFASTSimulator:
     -----
     Every signal is there. ``tip_clearance`` follows from tip deflections and the motion of the tower top; extremes are
     over OpenFAST's steps. The start bends blades and tower as a steady wind would (`wt_gym.bridges.openfast.start`);
-    ``tower_top`` has an effect by its displacements, its rates and the arguments ``thrust_before`` and ``motion`` have
+    ``tower_top`` has an effect by its displacements, its rates and the arguments ``wake_thrust`` and ``motion`` have
     none: OpenFAST starts with a steady wake and a structure at rest but for the rotor. There are no snapshots, no
     linearization, no pictures.
 
@@ -220,7 +220,7 @@ class OpenFASTSimulator:
         return self._running()[1].signals(parities(self.turbine.n_blades) if self.mirrored else None)
 
     def reset(
-        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, thrust_before=None,
+        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, wake_thrust=None,
         motion=None,
     ) -> Signals:  # fmt: skip
         """Start OpenFAST at time zero.
@@ -229,7 +229,7 @@ class OpenFASTSimulator:
         ----------
         rotor_speed, pitch, azimuth, yaw, generator_torque, tower_top
             As of `Simulator.reset`. Without a torque it is what balances the air at time zero.
-        thrust_before, motion
+        wake_thrust, motion
             Not used: OpenFAST takes no such start.
 
         Raises
@@ -282,12 +282,12 @@ class OpenFASTSimulator:
         measurement.take(0.0, process.outputs[None, :], command.item(0), command[PITCH], still, still, False)
         return self.signals
 
-    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0, go_on=False) -> Signals:
+    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0, accumulate=False) -> Signals:
         """Simulate for a while with constant demands; the drives follow them within their limits.
 
         Parameters
         ----------
-        duration, pitch, yaw_rate, generator_torque, go_on
+        duration, pitch, yaw_rate, generator_torque, accumulate
             As of `Simulator.advance`.
 
         Raises
@@ -327,7 +327,7 @@ class OpenFASTSimulator:
                 raise SimulationError(f"simulation failed at {failed_at:.3f} s: {error}") from error
             self._n_steps += 1
             travel = np.abs(np.diff(np.vstack([angle, path]), axis=0)).sum(axis=0)
-            going_on = go_on or k > 0 or self._n_steps == 1
+            going_on = accumulate or k > 0 or self._n_steps == 1
             measurement.take(self.time, rows, command.item(0), command[PITCH], self._path.rate, travel, going_on)
         return self.signals
 

@@ -48,7 +48,7 @@ class OpenFAST:
         step, output_step, end = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
         names = ctypes.create_string_buffer(_NAME * _MOST_CHANNELS + 1)
         path = ctypes.create_string_buffer(os.fsencode(model), _TEXT)
-        refs = map(ctypes.byref, (fatal, count, step, output_step, end, self.error))
+        refs = [ctypes.byref(value) for value in (fatal, count, step, output_step, end, self.error)]
         self.lib.FAST_Sizes(ctypes.byref(self.turbine), path, *refs, self.message, names, None, None)
         self.check("FAST_Sizes")
         self.fatal = fatal.value or _FATAL
@@ -82,15 +82,15 @@ class OpenFAST:
     def start(self, row):
         """Initialise at the first row of demands."""
         self.demand(row)
-        n_in, n_out = map(ctypes.byref, self.sizes)
+        n_in, n_out = (ctypes.byref(size) for size in self.sizes)
         turbine, error = ctypes.byref(self.turbine), ctypes.byref(self.error)
         self.lib.FAST_Start(turbine, n_in, n_out, self.inputs, self.outputs, error, self.message)
         self.check("FAST_Start")
 
     def advance(self, rows):
         """One step a row of demands; the bytes of all outputs."""
-        n_in, n_out = map(ctypes.byref, self.sizes)
-        turbine, over, error = map(ctypes.byref, (self.turbine, self.over, self.error))
+        n_in, n_out = (ctypes.byref(size) for size in self.sizes)
+        turbine, over, error = ctypes.byref(self.turbine), ctypes.byref(self.over), ctypes.byref(self.error)
         taken = []
         for k in range(0, len(rows), N_DEMANDS):
             self.demand(rows[k : k + N_DEMANDS])
@@ -108,18 +108,21 @@ def main():
     log = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
     for stream in (1, 2):  # what OpenFAST prints must not get among the answers
         os.dup2(log, stream)
-    simulation = None
+    simulation: OpenFAST | None = None
     while True:
         try:
             request, *values = pickle.load(requests)
         except EOFError:
             return
+        answer: tuple
         try:
             if request == "start":
                 library, model, relay, row = values
                 simulation = OpenFAST(library, model, relay)
                 simulation.start(row)
                 answer = ("started", simulation.step, simulation.names, bytes(simulation.outputs))
+            elif simulation is None:
+                raise Failure("nothing was started")
             else:
                 answer = ("advanced", simulation.advance(values[0]))
         except (Failure, OSError, AttributeError, ValueError) as error:

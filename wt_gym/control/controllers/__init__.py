@@ -3,10 +3,13 @@
 `make_controller` makes any of them by name. docs/baselines.md says what each does and what it was measured to do.
 """
 
+from typing import TYPE_CHECKING
+
 from wt_gym.control.coleman import from_harmonic, to_harmonic
 from wt_gym.control.controllers.catalogue import (
     ADDITIONS,
     BASES,
+    COMPILED,
     CONTROLLERS,
     WRAPPERS,
     controller_parameters,
@@ -37,15 +40,17 @@ from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.names import Name, make_controller, name_and_parameters, parse_name
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.retuned import retuned_parameters
-from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.wind_estimator import WindEstimator
 from wt_gym.control.controllers.yaw import YawByDeadBand
 from wt_gym.control.rotor_table import RotorTable, rotor_table
+from wt_gym.deprecated import renamed_names
 
 __all__ = [
     "ADDITIONS",
     "BASES",
+    "COMPILED",
     "CONTROLLERS",
     "WRAPPERS",
     "AboveRated",
@@ -65,10 +70,10 @@ __all__ = [
     "Name",
     "Parameter",
     "Readings",
-    "RoscoLikeController",
-    "RoscoLikeParameters",
     "RotorTable",
     "SideSideDamper",
+    "TsrTrackingController",
+    "TsrTrackingParameters",
     "WindEstimator",
     "WithLidar",
     "YawByDeadBand",
@@ -88,3 +93,6 @@ __all__ = [
     "rotor_table",
     "to_harmonic",
 ]
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)

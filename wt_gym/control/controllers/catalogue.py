@@ -7,17 +7,30 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.controllers import individual_pitch, lidar_feedforward, own, retuned, rosco_like, tower_dampers, yaw
+from wt_gym.control.bladed import controller as bladed
+from wt_gym.control.bladed import rosco
+from wt_gym.control.bladed.controller import BladedController
+from wt_gym.control.bladed.rosco import RoscoController, rosco_library
+from wt_gym.control.controllers import (
+    individual_pitch,
+    lidar_feedforward,
+    own,
+    retuned,
+    tower_dampers,
+    tsr_tracking,
+    yaw,
+)
 from wt_gym.control.controllers.controller import Addition, Combined, Controller
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import own_controller, own_parameters
-from wt_gym.control.controllers.parameters import Parameter, did_you_mean, with_defaults
+from wt_gym.control.controllers.parameters import PATH, Parameter, did_you_mean, with_defaults
 from wt_gym.control.controllers.retuned import retuned_controller
-from wt_gym.control.controllers.rosco_like import RoscoLikeController, RoscoLikeParameters
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
 from wt_gym.control.controllers.yaw import YawByDeadBand
 
@@ -27,16 +40,18 @@ if TYPE_CHECKING:
 __all__ = [
     "ADDITIONS",
     "BASES",
+    "COMPILED",
     "CONTROLLERS",
     "WRAPPERS",
     "catalogue_controller",
+    "compiled_files",
     "controller_parameters",
     "controller_summary",
     "declared_parameters",
 ]
 
 
-def _discon(turbine: Turbine, **parameters) -> Controller:
+def _discon(turbine: Turbine, **parameters: Any) -> Controller:
     """The turbine's own controller, with published constants where its data have them (`own`)."""
     return own_controller(turbine, **parameters)
 
@@ -46,47 +61,65 @@ def _retuned(turbine: Turbine, gain_factor: float | None = None) -> Controller:
     return retuned_controller(turbine, gain_factor)
 
 
-def _rosco(turbine: Turbine, **parameters) -> Controller:
-    """Tip-speed-ratio tracking with a wind estimate, set-point smoothing, peak shaving (`rosco_like`)."""
-    return RoscoLikeController.of_turbine(turbine, **parameters)
+def _rosco(turbine: Turbine, **parameters: Any) -> Controller:
+    """Tip-speed-ratio tracking with a wind estimate, set-point smoothing, peak shaving (`tsr_tracking`)."""
+    return TsrTrackingController.of_turbine(turbine, **parameters)
 
 
-def _ipc(turbine: Turbine, **parameters) -> Addition:
+def _ipc(turbine: Turbine, **parameters: Any) -> Addition:
     """Individual pitch against the load once per revolution (`individual_pitch`)."""
     return IndividualPitch.of_turbine(turbine, **parameters)
 
 
-def _ipc_2p(turbine: Turbine, second_harmonic: float = 0.5, **parameters) -> Addition:
+def _ipc_2p(turbine: Turbine, second_harmonic: float = 0.5, **parameters: Any) -> Addition:
     """Individual pitch against the loads once and twice per revolution."""
     return IndividualPitch.of_turbine(turbine, second_harmonic=second_harmonic, **parameters)
 
 
-def _constrained_ipc(turbine: Turbine, level: float = 0.1, **parameters) -> Addition:
+def _constrained_ipc(turbine: Turbine, level: float = 0.1, **parameters: Any) -> Addition:
     """Individual pitch that acts only where the moment in the fixed frame leaves a band of this level."""
     return IndividualPitch.of_turbine(turbine, level=level, **parameters)
 
 
-def _fore_aft_damper(turbine: Turbine, **parameters) -> Addition:
+def _fore_aft_damper(turbine: Turbine, **parameters: Any) -> Addition:
     """Damper of the tower's fore-aft motion by collective pitch (`tower_dampers`)."""
     return ForeAftDamper.of_turbine(turbine, **parameters)
 
 
-def _side_side_damper(turbine: Turbine, **parameters) -> Addition:
+def _side_side_damper(turbine: Turbine, **parameters: Any) -> Addition:
     """Damper of the tower's side-side motion by generator torque (`tower_dampers`)."""
     return SideSideDamper.of_turbine(turbine, **parameters)
 
 
-def _yaw(turbine: Turbine, **parameters) -> Addition:
+def _yaw(turbine: Turbine, **parameters: Any) -> Addition:
     """Yaw by dead-band (`yaw`)."""
     return YawByDeadBand.of_turbine(turbine, **parameters)
 
 
-def _lidar(turbine: Turbine, base: Controller, **parameters) -> Controller:
+def _lidar(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
     """Collective pitch ahead of the wind that a lidar sees (`lidar_feedforward`)."""
     return LidarFeedforward.of_turbine(turbine, base, **parameters)  # type: ignore[arg-type]  # checked by the class
 
 
-BASES: dict[str, Callable[..., Controller]] = {"discon": _discon, "retuned": _retuned, "rosco": _rosco}
+def _bladed(turbine: Turbine, library: str | None = None, **parameters: Any) -> Controller:
+    """A compiled controller with the Bladed interface (`wt_gym.control.bladed`)."""
+    if library is None:
+        raise ValueError("the controller 'bladed' must be given a library: bladed:path/of/the/library.so")
+    return BladedController.of_turbine(turbine, library, **parameters)
+
+
+def _real_rosco(turbine: Turbine, **parameters: Any) -> Controller:
+    """NREL's reference open-source controller itself, from the package rosco (`wt_gym.control.bladed`)."""
+    return RoscoController.of_turbine(turbine, **parameters)
+
+
+BASES: dict[str, Callable[..., Controller]] = {
+    "discon": _discon,
+    "retuned": _retuned,
+    "tsr_tracking": _rosco,
+    "rosco": _real_rosco,
+    "bladed": _bladed,
+}
 """Controllers that decide on pitch and torque."""
 ADDITIONS: dict[str, Callable[..., Addition]] = {
     "ipc": _ipc,
@@ -103,11 +136,15 @@ SHORT_FOR = {"tower_dampers": ("fore_aft_damper", "side_side_damper"), **TUNED}
 """Names that stand for several parts; those of `TUNED` bring parameters with them."""
 CONTROLLERS = (*BASES, *WRAPPERS, *ADDITIONS, *SHORT_FOR)
 """Every name; what is no base stands on "discon" where there is none."""
+COMPILED = ("rosco", "bladed")
+"""Names of controllers that are libraries of others."""
 
 _DECLARED: dict[str, tuple[tuple[Parameter, ...], tuple[Callable[..., Any], ...]]] = {
     "discon": (own.PARAMETERS, (own_controller, own_parameters)),
     "retuned": (retuned.PARAMETERS, (_retuned,)),
-    "rosco": (rosco_like.PARAMETERS, (RoscoLikeController.of_turbine, RoscoLikeParameters.from_turbine)),
+    "tsr_tracking": (tsr_tracking.PARAMETERS, (TsrTrackingController.of_turbine, TsrTrackingParameters.from_turbine)),
+    "rosco": (rosco.PARAMETERS, (RoscoController.of_turbine,)),
+    "bladed": (bladed.PARAMETERS, (_bladed, BladedController)),
     "lidar": (lidar_feedforward.PARAMETERS, (LidarFeedforward.of_turbine,)),
     "ipc": (individual_pitch.PARAMETERS, (IndividualPitch.of_turbine,)),
     "ipc_2p": (individual_pitch.PARAMETERS, (_ipc_2p, IndividualPitch.of_turbine)),
@@ -186,7 +223,7 @@ def controller_summary(name: str) -> str:
 def _unknown(choice: str, unknown: list[str]) -> str:
     """Message for names that are none."""
     return (
-        f"unknown controller {choice!r}: {', '.join(map(repr, unknown))} is none of {', '.join(CONTROLLERS)}; "
+        f"a controller must be among {', '.join(CONTROLLERS)}; got {', '.join(map(repr, unknown))} in {choice!r}; "
         f"several are joined with '+', for example 'retuned+ipc+yaw'{did_you_mean(unknown[0], CONTROLLERS)}"
     )
 
@@ -232,6 +269,34 @@ def catalogue_controller(choice: str, turbine: Turbine, parameters: dict[str, An
             base = WRAPPERS[part](turbine, base, **given[part])
     additions = [ADDITIONS[part](turbine, **given[part]) for part in parts if part in ADDITIONS]
     return Combined(base, *additions) if additions else base
+
+
+def compiled_files(choice: str, parameters: dict[str, Any]) -> tuple[Path, ...]:
+    """Files of others that decide on what a controller does: libraries and their input files.
+
+    Parameters
+    ----------
+    choice : str
+        Names of `CONTROLLERS` joined with "+".
+    parameters : dict
+        As of `catalogue_controller`.
+
+    Raises
+    ------
+    ValueError
+        See `wt_gym.control.controllers.make_controller`.
+    wt_gym.errors.ControllerError
+        If the package ``rosco`` is needed and not installed.
+    """
+    parts = _parts(choice)
+    given = _distribute(parts, parameters)
+    paths = [
+        Path(value)
+        for part in parts
+        for parameter in declared_parameters(part)
+        if parameter.word == PATH and (value := given[part].get(parameter.name))
+    ]
+    return (*paths, rosco_library()) if "rosco" in parts else tuple(paths)
 
 
 def _distribute(parts: tuple[str, ...], parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:

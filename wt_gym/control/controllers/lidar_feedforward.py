@@ -17,6 +17,8 @@ from wt_gym.control.sensors import Lidar, LowPass
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
@@ -87,14 +89,14 @@ class LidarFeedforward:
     def __init__(
         self,
         base: ShiftablePitch,
-        winds,
-        pitch,
+        winds: ArrayLike,
+        pitch: ArrayLike,
         lidar: Lidar,
         wavenumber: float,
         delay: float = 0.5,
         fade: AboveRated | None = None,
         gain: float = 1.0,
-    ):
+    ) -> None:
         if not isinstance(lidar, Lidar):
             raise ValueError(f"lidar must be a wt_gym.control.Lidar, got {lidar!r}")
         if not isinstance(base, ShiftablePitch):
@@ -149,7 +151,7 @@ class LidarFeedforward:
         """
         if not turbine.drivetrain.takes_torque:
             raise ValueError(
-                f"{turbine.name} has a damper as generator: its steady pitch is no curve to follow a wind by"
+                f"{turbine.name} has a damper as generator: its steady pitch must be a function of the wind speed"
             )
         if not 0.0 < filter_length < math.inf:
             raise ValueError(f"filter_length must be positive and finite, got {filter_length!r}")
@@ -180,12 +182,12 @@ class LidarFeedforward:
         else:
             step = self.wavenumber * max(self._travel_speed.value, 0.0) * dt
             before, self.wind = self.wind, coming + math.exp(-step) * (self.wind - coming)
-            if self._travelled >= max(self.lidar.ranges) and self._share > 0.0:
+            if self._traveled >= max(self.lidar.ranges) and self._share > 0.0:
                 self.base.shift_pitch(self._share * (self._pitch_in(self.wind) - self._pitch_in(before)))
         demand = self.base.step(signals, dt)
         if self.fade is not None:
             self._share = self.fade.update(list(map(float, demand.pitch)), signals["rotor_speed"], dt)
-        self._travelled += max(self._travel_speed.update(self._mean(self._seen[-1]), dt), 0.0) * dt
+        self._traveled += max(self._travel_speed.update(self._mean(self._seen[-1]), dt), 0.0) * dt
         return demand
 
     def _forget(self) -> None:
@@ -193,7 +195,7 @@ class LidarFeedforward:
         self.wind = math.nan
         self._at: list[float] = []  # travel X of the air at each reading [m]
         self._seen: list[tuple[float, ...]] = []  # readings of all gates [m/s]
-        self._travelled = 0.0
+        self._traveled = 0.0
         self._share = 0.0 if self.fade is not None else 1.0
 
     def _coming(self, signals: Readings) -> float:
@@ -201,18 +203,18 @@ class LidarFeedforward:
         seen = tuple(signals[name] for name in self._readings)
         if not self._seen:
             self._travel_speed.reset(self._mean(seen))
-        if self._at and self._travelled - self._at[-1] < _SPACING / self.wavenumber:  # in a calm the last one counts
+        if self._at and self._traveled - self._at[-1] < _SPACING / self.wavenumber:  # in a calm the last one counts
             self._seen[-1] = seen
         else:
-            self._at.append(self._travelled)
+            self._at.append(self._traveled)
             self._seen.append(seen)
         ahead = 1.0 / self.wavenumber - max(self._travel_speed.value, 0.0) * self.delay
-        places = [self._travelled - (gate - ahead) for gate in self.lidar.ranges]
+        places = [self._traveled - (gate - ahead) for gate in self.lidar.ranges]
         self._drop(min(places))
         return self._mean([self._read(k, place) for k, place in enumerate(places)])
 
     def _read(self, gate: int, place: float) -> float:
-        """What a gate saw when the air had travelled so far [m/s]; outside of what is kept the nearest reading."""
+        """What a gate saw when the air had traveled so far [m/s]; outside of what is kept the nearest reading."""
         at, seen = self._at, self._seen
         k = bisect_left(at, place)
         if k in (0, len(at)):

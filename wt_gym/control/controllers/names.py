@@ -2,10 +2,11 @@
 
 ======================================  ===========================================================================
 ``NAME+NAME:key=value,...``             controllers of the catalogue; ``controller:`` may stand in front
+``bladed:LIBRARY:key=value,...``        a compiled controller with the Bladed interface
 ``path/file.py:Class:key=value,...``    a class of one's own, or a function, in a file
 ``module:Class:key=value,...``          the same in a module
 ``FOLDER``, ``FILE.zip:key=value,...``  a trained model
-another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.agents.choices`
+another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.agents.names`
 ======================================  ===========================================================================
 """
 
@@ -19,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.control.controllers.catalogue import CONTROLLERS, catalogue_controller
+from wt_gym.control.controllers.catalogue import CONTROLLERS, catalogue_controller, declared_parameters
 from wt_gym.control.controllers.controller import Combined, Controller, is_addition, is_controller
 from wt_gym.control.controllers.own_class import classes_in, load_class
 from wt_gym.control.controllers.parameters import did_you_mean
@@ -45,10 +46,17 @@ ALIASES = {"baseline": BASELINE, "Baseline PI": BASELINE}
 PREFIX = "controller:"
 """In front of a controller whose name could be something else's."""
 
+_LIBRARY = "bladed"
+"""Controller whose first parameter stands without its name."""
 _IDENTIFIER = r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*"
 _FILE_CLASS = re.compile(rf"(?P<target>.+\.py:{_IDENTIFIER})(?::(?P<rest>.*))?", re.DOTALL)
 _MODULE_CLASS = re.compile(rf"(?P<target>{_IDENTIFIER}:{_IDENTIFIER})(?::(?P<rest>.*))?")
 _MODEL = re.compile(r"(?P<target>.+\.zip)(?::(?P<rest>.*))?", re.DOTALL)
+
+
+_NAME_BEHIND_PARAMETERS = re.compile(
+    rf"\+(?P<name>{'|'.join(sorted(CONTROLLERS, key=len, reverse=True))})\b(?P<rest>.*)"
+)
 
 
 @dataclass(frozen=True)
@@ -127,12 +135,12 @@ def parse_name(text: str, words: Collection[str] = (), aliases: Mapping[str, str
         return Name("class", found["target"], _parameters(found["rest"], text, strings=True))
     if text.endswith(".zip") or "/" in text or "\\" in text:
         raise FileNotFoundError(
-            f"{text!r} is no agent: there is no trained model at {text}, nor a controller of that name"
+            f"an agent must be a controller or an existing path, got {text!r}: there is no trained model at {text}"
         )
     allowed = f"{', '.join(words)}, a controller" if words else "a controller"
     raise ValueError(
-        f"{text!r} is no agent: give {allowed} ({', '.join(CONTROLLERS)}, joined with '+', parameters behind ':'), "
-        "a class of your own (path/file.py:Class or module:Class), or the path of a trained model"
+        f"an agent must be {allowed} ({', '.join(CONTROLLERS)}, joined with '+', parameters behind ':'), "
+        f"a class of your own (path/file.py:Class or module:Class), or the path of a trained model; got {text!r}"
         + did_you_mean(head.rpartition("+")[2], (*words, *CONTROLLERS, *ALIASES))
     )
 
@@ -146,21 +154,35 @@ def _canonical(names: str) -> str:
     return "+".join(ALIASES.get(name, name) for name in names.split("+"))
 
 
-def _parameters(rest: str | None, text: str, strings: bool = False) -> dict[str, Any]:
-    """Parameters of ``key=value,key=value``: numbers, True, False, None, and words where they are allowed."""
+def _parameters(rest: str | None, text: str, strings: bool | Collection[str] = False) -> dict[str, Any]:
+    """Parameters of ``key=value,key=value``: numbers, True, False, None, and words, for all keys or for some."""
+    if not rest:
+        if text.endswith(":"):
+            raise ValueError(f"the colon of {text!r} must be followed by key=value, or left out")
+        return {}
+    if found := _NAME_BEHIND_PARAMETERS.search(rest):
+        head = text[: len(text) - len(rest)].rstrip(":")
+        pairs = [rest[: found.start()], *filter(None, [(found["rest"] or "").lstrip(":")])]
+        raise ValueError(
+            f"the names of {text!r} must all stand before the colon, the parameters of all parts behind it: "
+            f"{head}+{found['name']}:{','.join(pairs)}"
+        )
     parameters: dict[str, Any] = {}
-    for pair in filter(None, (rest or "").split(",")):
+    for pair in rest.split(","):
         key, separator, value = pair.partition("=")
         if not (separator and key):
-            raise ValueError(f"a parameter of a controller is key=value, got {pair!r} in {text!r}")
+            raise ValueError(f"a parameter of a controller must be key=value, got {pair!r} in {text!r}")
         if key in parameters:
-            raise ValueError(f"{key} stands twice in {text!r}")
+            raise ValueError(f"every parameter must be given once, got {key} twice in {text!r}")
         try:
             parameters[key] = ast.literal_eval(value)
         except (ValueError, SyntaxError):
             parameters[key] = value
-        if not isinstance(parameters[key], int | float | None) and not (strings and isinstance(parameters[key], str)):
-            words = ", a word" if strings else ""
+        worded = strings if isinstance(strings, bool) else key in strings
+        if worded and not isinstance(strings, bool):
+            parameters[key] = value
+        if not isinstance(parameters[key], int | float | None) and not (worded and isinstance(parameters[key], str)):
+            words = ", a word" if worded else ""
             raise ValueError(
                 f"the value of {key!r} in {text!r} must be a number{words}, True, False or None, got {value!r}"
             )
@@ -187,13 +209,36 @@ def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
     ('constrained_ipc+yaw', {'level': 0.1, 'dead_band': 0.05})
     >>> name_and_parameters("baseline")
     ('discon', {})
+    >>> name_and_parameters("bladed:lib/mine.so:interval=0.0125,input_file=mine.in")
+    ('bladed', {'library': 'lib/mine.so', 'interval': 0.0125, 'input_file': 'mine.in'})
     """
     if found := _FILE_CLASS.fullmatch(choice) or _MODULE_CLASS.fullmatch(choice):
         head = choice.partition(":")[0]
         if not _all_known(_canonical(head)):
             return found["target"], _parameters(found["rest"], choice, strings=True)
     name, _, rest = choice.partition(":")
-    return _canonical(name), _parameters(rest, choice)
+    name = _canonical(name)
+    declared = [
+        (f"{prefix}{parameter.name}", parameter)
+        for part in name.split("+")
+        if part in CONTROLLERS
+        for parameter in declared_parameters(part)
+        for prefix in ("", f"{part}__")
+    ]
+    words = {key for key, parameter in declared if parameter.word}
+    library, rest = _library(rest, {key for key, _ in declared}) if _LIBRARY in name.split("+") else ("", rest)
+    return name, ({"library": library} if library else {}) | _parameters(rest, choice, words)
+
+
+def _library(rest: str, keys: Collection[str]) -> tuple[str, str]:
+    """Path of a library, "" where a parameter names it, and the text of the parameters behind it.
+
+    The path may have colons and equality signs of its own.
+    """
+    path, separator, pairs = rest.rpartition(":")
+    if separator and pairs.partition("=")[0] in keys:
+        return path, pairs
+    return ("", rest) if rest.partition("=")[0] in keys else (rest, "")
 
 
 def is_agent_class(maker: Any) -> bool:
@@ -202,7 +247,7 @@ def is_agent_class(maker: Any) -> bool:
 
 
 def make_controller(
-    choice: str | Controller | Callable[[Turbine], Controller], turbine: Turbine, **parameters
+    choice: str | Controller | Callable[[Turbine], Controller], turbine: Turbine, **parameters: Any
 ) -> Controller:
     """Make a controller for a turbine.
 
@@ -211,8 +256,8 @@ def make_controller(
     choice : str, Controller or callable
         Names of `CONTROLLERS` joined with ``+``: one of `BASES` (by default "discon", which "baseline" means too) and
         additions, for example ``"discon"``, ``"ipc"`` (the same as ``"discon+ipc"``),
-        ``"rosco+constrained_ipc+tower_dampers+yaw"``; with parameters behind a colon as `name_and_parameters` reads
-        them: ``"constrained_ipc:level=0.1"``. Or a class or function of one's own, ``"path/file.py:Class"`` or
+        ``"tsr_tracking+constrained_ipc+tower_dampers+yaw"``; with parameters behind a colon as `name_and_parameters`
+        reads them: ``"constrained_ipc:level=0.1"``. Or a class or function of one's own, ``"path/file.py:Class"`` or
         ``"module:Class"``, whose code is run; it is made by its ``of_turbine(turbine, ...)`` where it has one, gets
         ``turbine`` where it takes an argument of this name, and stands on "discon" where it is an addition. Or a
         controller, which is returned as it is, or a function that makes one for the turbine.
@@ -301,7 +346,7 @@ def _of_own_class(target: str, turbine: Turbine, parameters: dict[str, Any]) -> 
     return made
 
 
-def _what(given) -> str:
+def _what(given: object) -> str:
     """Name a thing that is no controller."""
     if is_addition(given):
         return f"the addition {given!r}, which changes the demand of a controller: use Combined(controller, addition)"

@@ -2,7 +2,7 @@
 
 Two laws share one set of constants (`BaselineParameters`). A turbine whose data have the gains of a torque controller
 that tracks the tip-speed ratio, or a least pitch over the wind (peak shaving), gets the one that estimates the wind
-(`RoscoLikeController.published`); any other the torque curve of the NREL 5-MW's (`DisconController`).
+(`TsrTrackingController.published`); any other the torque curve of the NREL 5-MW's (`DisconController`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.controllers.pitch_law import GainTable
-from wt_gym.control.controllers.rosco_like import RoscoLikeController
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
 from wt_gym.control.rotor_table import blade_element_table
 from wt_gym.control.speed_loop import check_speed_loop
@@ -58,14 +58,8 @@ def _pole(name: str) -> Callable[[Turbine], float | None]:
     return in_use
 
 
-def _of_torque_curve(name: str) -> Callable[[Turbine], float | None]:
-    """A number that only a controller with a torque curve uses."""
-    return lambda turbine: None if tracks_tip_speed_ratio(turbine) else _field(name)(turbine)
-
-
-def _region_2_gain(turbine: Turbine) -> float | None:
-    tracks = tracks_tip_speed_ratio(turbine)
-    return None if tracks else BaselineParameters.from_turbine(turbine).torque.region_2_gain
+def _region_2_gain(turbine: Turbine) -> float:
+    return BaselineParameters.from_turbine(turbine).torque.region_2_gain
 
 
 def _tip_speed_ratio(turbine: Turbine) -> float:
@@ -73,6 +67,10 @@ def _tip_speed_ratio(turbine: Turbine) -> float:
         return design_point(turbine).tip_speed_ratio
     own = turbine.control
     return (own and own.optimal_tip_speed_ratio) or blade_element_table(turbine).optimum[0]
+
+
+def _has_torque_curve(turbine: Turbine) -> bool:
+    return not tracks_tip_speed_ratio(turbine)
 
 
 _ITS_OWN = "the turbine's own"
@@ -115,15 +113,15 @@ PARAMETERS = (
     ),
     Parameter(
         "min_pitch", "rad", "least pitch, of a controller with a torque curve", -math.pi, math.pi,
-        otherwise=_ITS_OWN, in_use=_of_torque_curve("min_pitch"),
+        otherwise=_ITS_OWN, in_use=_field("min_pitch"), only_of=_has_torque_curve,
     ),
     Parameter(
         "region_3_min_pitch", "rad", "pitch from which on region 3 holds, of a controller with a torque curve",
-        -math.pi, math.pi, otherwise=_ITS_OWN, in_use=_of_torque_curve("region_3_min_pitch"),
+        -math.pi, math.pi, otherwise=_ITS_OWN, in_use=_field("region_3_min_pitch"), only_of=_has_torque_curve,
     ),
     Parameter(
         "region_2_gain", "N m s²/rad²", "torque over generator speed squared below rated, of a torque curve", 0.0,
-        above=True, otherwise=_ITS_OWN, in_use=_region_2_gain,
+        above=True, otherwise=_ITS_OWN, in_use=_region_2_gain, only_of=_has_torque_curve,
     ),
     Parameter(
         "tip_speed_ratio", "-", "ratio that is run at below rated", 0.0, above=True, otherwise=_ITS_OWN,
@@ -132,6 +130,7 @@ PARAMETERS = (
     Parameter(
         "thrust_limit", "-", "largest steady thrust over the peak that it has without a limit, of a controller that "
         "estimates the wind", 0.0, 1.0, above=True, otherwise="the published least pitch, if any",
+        only_of=tracks_tip_speed_ratio,
     ),
 )  # fmt: skip
 """What can be chosen (`wt_gym.control.controllers.parameters`)."""
@@ -221,7 +220,7 @@ def own_controller(
     region_2_gain: float | None = None,
     tip_speed_ratio: float | None = None,
     thrust_limit: float | None = None,
-    **parameters,
+    **parameters: Any,
 ) -> Controller:
     """Make the turbine's own controller and look at its speed loop (`wt_gym.control.speed_loop.check_speed_loop`).
 
@@ -233,8 +232,8 @@ def own_controller(
     tip_speed_ratio : float, optional
         That below rated is run at [-]: tracked, or by the gain of region 2, which goes with its inverse cube.
     thrust_limit : float, optional
-        Peak shaving by rule in place of a published least pitch, see `wt_gym.control.controllers.rosco_like` [-]; for a
-        controller that estimates the wind.
+        Peak shaving by rule in place of a published least pitch, see `wt_gym.control.controllers.tsr_tracking` [-]; for
+        a controller that estimates the wind.
     **parameters
         Of `own_parameters`.
 
@@ -264,11 +263,11 @@ def own_controller(
             tracked["tip_speed_ratio"] = tip_speed_ratio
         if thrust_limit is not None:
             tracked["thrust_limit"] = thrust_limit
-        return RoscoLikeController.published(turbine, made, **tracked)
+        return TsrTrackingController.published(turbine, made, **tracked)
     if thrust_limit is not None:
         raise ValueError(
             f"thrust_limit must be left out for {turbine.name}, whose controller estimates no wind: give it to "
-            f"'rosco', got thrust_limit={thrust_limit!r}"
+            f"'tsr_tracking', got thrust_limit={thrust_limit!r}"
         )
     if region_2_gain is not None and tip_speed_ratio is not None:
         raise ValueError("region_2_gain and tip_speed_ratio say the same; one of them must be left out")

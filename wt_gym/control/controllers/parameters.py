@@ -11,6 +11,7 @@ import difflib
 import inspect
 import math
 import numbers
+import os
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["Parameter", "did_you_mean", "with_defaults"]
+__all__ = ["PATH", "Parameter", "did_you_mean", "with_defaults"]
+
+PATH = "a path"
+"""What words stand for that name files."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,11 @@ class Parameter:
     kind : str
         Name of a class whose objects are allowed too, from Python only; "" for none.
     only_object : bool
-        Whether no number is allowed, only such an object.
+        Whether no number is allowed, only such an object, a switch or a word.
+    only_of : callable or None
+        Whether the controller of a turbine takes it, from the turbine; None where that of every turbine does.
+    word : str
+        What a word stands for, as "a path"; "" where no word is allowed.
     default : object
         Of the function that takes the parameter.
     """
@@ -61,7 +69,13 @@ class Parameter:
     switch: bool = False
     kind: str = ""
     only_object: bool = False
+    only_of: Callable[[Turbine], bool] | None = None
+    word: str = ""
     default: Any = inspect.Parameter.empty
+
+    def taken(self, turbine: Turbine | None) -> bool:
+        """Whether the controller of a turbine takes it; without a turbine, whether that of any does."""
+        return turbine is None or self.only_of is None or self.only_of(turbine)
 
     @property
     def allowed(self) -> str:
@@ -70,7 +84,9 @@ class Parameter:
         words = []
         if self.switch:
             words += ["True", "False"]
-        if not self.only_object:
+        if self.word:
+            words.append(self.word)
+        elif not self.only_object:
             words.append(f"a number {_range(self.low, self.high, self.above)}{unit}".replace("  ", " "))
         if self.kind:
             words.append(f"a {self.kind} (from Python)")
@@ -111,9 +127,11 @@ class Parameter:
             return
         if isinstance(value, bool):
             fits = self.switch
+        elif isinstance(value, str | os.PathLike):
+            fits = bool(self.word)
         elif isinstance(value, numbers.Real):
             number = float(value)
-            fits = not self.only_object and math.isfinite(number) and self.low <= number <= self.high
+            fits = not (self.only_object or self.word) and math.isfinite(number) and self.low <= number <= self.high
             fits = fits and not (self.above and number == self.low)
         else:
             fits = bool(self.kind) and type(value).__name__ == self.kind

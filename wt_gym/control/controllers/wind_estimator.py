@@ -65,7 +65,7 @@ class WindEstimator:
     Notes
     -----
     A step takes measurements that are held over it. The estimate moves to the fixed point of the equation with the
-    exponential of the local rate, exact for the equation linearised in v.
+    exponential of the local rate, exact for the equation linearized in v.
     """
 
     def __init__(

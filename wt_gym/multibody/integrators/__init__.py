@@ -1,1 +1,1 @@
-"""Time integration: modified Hamming, Newmark, generalised-α, their limits of stability."""
+"""Time integration: modified Hamming, Newmark, generalized-α, their limits of stability."""

@@ -52,7 +52,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
     n = p.shape[0]
     for step in range(max(n_steps, 1)):
         tau = (step + 1.0) / n_steps if n_steps else h
-        filled = history.marks[0]
+        filled = history.counters[0]
         n_passes = n_corrections if filled >= 0 else 3
         for i in range(n):
             if n_steps == 0:
@@ -111,7 +111,7 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                         c[i] -= e[i]
                     if not abs(c[i]) < 1e12:
                         return DIVERGED
-                normalise_quaternions(c, tree.kind, tree.joint_q, work.drift)
+                normalize_quaternions(c, tree.kind, tree.joint_q, work.drift)
         prescribe_servos(c, tau, inputs, tree.n_q + tree.n_u)
         for i in range(n):
             y[0, i], y[1, i], y[2, i], y[3, i] = y[1, i], y[2, i], y[3, i], c[i]
@@ -121,12 +121,12 @@ def hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, cons
                 work.trail[step, i] = c[i]
                 work.trail_rate[step, i] = fn[i]
         if filled < 3:
-            history.marks[0] = filled + 1 if filled != -1 else 3
+            history.counters[0] = filled + 1 if filled != -1 else 3
     return OK
 
 
 @kernel
-def normalise_quaternions(y, kinds, joint_q, drift):
+def normalize_quaternions(y, kinds, joint_q, drift):
     """Scale the quaternions of spherical and free joints to unit length; drift[0] keeps the largest | |q| − 1 |."""
     for b in range(kinds.shape[0]):
         if kinds[b] == SPHERICAL or kinds[b] == FREE:

@@ -86,7 +86,7 @@ def add_loads(value, model, state, q, work, out):
 
 @kernel
 def add_section_load(b, model, q, work, out):
-    """Out (n_max,) += generalised loads of a body that are known for its section ``load_section``, by virtual work.
+    """Out (n_max,) += generalized loads of a body that are known for its section ``load_section``, by virtual work.
 
     work.body_load[b] holds the forces on the elastic coordinates for that section at rest, then force and moment at the
     section in its axes. The virtual turn of the section is T δφ for the rotation φ of the section from the frame.

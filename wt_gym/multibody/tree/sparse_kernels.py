@@ -1,7 +1,7 @@
-"""Compiled factorisation of the mass matrix of a tree, which leaves out what the branches keep zero.
+"""Compiled factorization of the mass matrix of a tree, which leaves out what the branches keep zero.
 
 An entry M_ij is zero unless one of the velocities i, j lies on the way of the other to the ground. With λ(i) the
-velocity next to i on that way the factorisation M = Lᵀ L, begun at the tips, fills nothing in: three blades cost three
+velocity next to i on that way the factorization M = Lᵀ L, begun at the tips, fills nothing in: three blades cost three
 times one (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.4).
 It serves any symmetric matrix of that pattern.
 """
@@ -12,7 +12,7 @@ from wt_gym.compiled import kernel
 
 
 @kernel
-def factorise_tree(a, parent):
+def factorize_tree(a, parent):
     """Replace the lower triangle of a = Lᵀ L by that of L; False if a is not positive definite.
 
     parent (n,) is λ, −1 at the ground.
@@ -39,7 +39,7 @@ def factorise_tree(a, parent):
 
 @kernel
 def solve_tree(a, parent, b):
-    """Solve with the factor of `factorise_tree`, in place of b."""
+    """Solve with the factor of `factorize_tree`, in place of b."""
     n = parent.shape[0]
     for i in range(n - 1, -1, -1):
         b[i] /= a[i, i]

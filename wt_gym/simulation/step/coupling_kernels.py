@@ -10,38 +10,38 @@ from wt_gym.multibody.tree.tree_kernels import kinematics
 
 
 @kernel
-def rotor_motion(rot, r, v, omega, elastic, rates, points, carriers, pieces, nodes, velocities):
+def rotor_motion(rot, r, v, omega, elastic, rates, points, lattice_bodies, sub_bodies, nodes, velocities):
     """Global positions and velocities (n_blades, n_points, 3) of the lattice points.
 
-    rot, r, v, omega are the frames of all bodies; elastic and rates (n_carriers, n_f) the coordinates of the carriers,
-    the blades or (pieces: `PieceNodes`) the bodies of one blade after the other.
+    rot, r, v, omega are the frames of all bodies; elastic and rates (n_lattice_bodies, n_f) the coordinates of the
+    bodies that carry the lattice: the blades or (`SubBodyNodes`) the sub-bodies of one blade after the other.
     """
-    if pieces is None:
-        for i in range(carriers.shape[0]):
-            b = carriers[i]
-            point_motion(rot[b], r[b], v[b], omega[b], elastic[i], rates[i], points_of_piece(points, 0), nodes[i],
+    if sub_bodies is None:
+        for i in range(lattice_bodies.shape[0]):
+            b = lattice_bodies[i]
+            point_motion(rot[b], r[b], v[b], omega[b], elastic[i], rates[i], points_of_sub_body(points, 0), nodes[i],
                          velocities[i])  # fmt: skip
     else:
-        for i in range(carriers.shape[0]):
-            b, p = carriers[i], i % pieces.count.shape[0]
-            n, blade = pieces.count[p], i // pieces.count.shape[0]
-            position, velocity = pieces.position[:n], pieces.velocity[:n]
-            point_motion(rot[b], r[b], v[b], omega[b], elastic[i], rates[i], points_of_piece(points, p), position,
+        for i in range(lattice_bodies.shape[0]):
+            b, p = lattice_bodies[i], i % sub_bodies.count.shape[0]
+            n, blade = sub_bodies.count[p], i // sub_bodies.count.shape[0]
+            position, velocity = sub_bodies.position[:n], sub_bodies.velocity[:n]
+            point_motion(rot[b], r[b], v[b], omega[b], elastic[i], rates[i], points_of_sub_body(points, p), position,
                          velocity)  # fmt: skip
             for k in range(n):
                 for c in range(3):
-                    nodes[blade, pieces.node[p, k], c] = position[k, c]
-                    velocities[blade, pieces.node[p, k], c] = velocity[k, c]
+                    nodes[blade, sub_bodies.node[p, k], c] = position[k, c]
+                    velocities[blade, sub_bodies.node[p, k], c] = velocity[k, c]
 
 
 @kernel(inline="always")
-def points_of_piece(points, p):
+def points_of_sub_body(points, p):
     """`Points` of one piece, views."""
     return Points(points.position[p], points.linear[p], points.second[p])
 
 
 @kernel
-def rotor_loads(forces, rot, elastic, points, carriers, pieces, loads):
+def rotor_loads(forces, rot, elastic, points, lattice_bodies, sub_bodies, loads):
     """Loads (n_b, 6 + n_f) of the bodies from forces (n_blades, n_points, 3) on the lattice points, by virtual work.
 
     Carriers and pieces as for `rotor_motion`.
@@ -49,21 +49,21 @@ def rotor_loads(forces, rot, elastic, points, carriers, pieces, loads):
     Returns the largest change of a force component against what ``loads`` held, divided by the largest component.
     """
     change, size = 0.0, 1e-30
-    for i in range(carriers.shape[0]):
-        b = carriers[i]
+    for i in range(lattice_bodies.shape[0]):
+        b = lattice_bodies[i]
         old0, old1, old2 = loads[b, 0], loads[b, 1], loads[b, 2]
         for k in range(loads.shape[1]):
             loads[b, k] = 0.0
-        if pieces is None:
-            point_loads(rot[b], elastic[i], points_of_piece(points, 0), forces[i], loads[b])
+        if sub_bodies is None:
+            point_loads(rot[b], elastic[i], points_of_sub_body(points, 0), forces[i], loads[b])
         else:
-            p, blade = i % pieces.count.shape[0], i // pieces.count.shape[0]
-            n = pieces.count[p]
-            force = pieces.position[:n]
+            p, blade = i % sub_bodies.count.shape[0], i // sub_bodies.count.shape[0]
+            n = sub_bodies.count[p]
+            force = sub_bodies.position[:n]
             for k in range(n):
                 for c in range(3):
-                    force[k, c] = forces[blade, pieces.node[p, k], c]
-            point_loads(rot[b], elastic[i], points_of_piece(points, p), force, loads[b])
+                    force[k, c] = forces[blade, sub_bodies.node[p, k], c]
+            point_loads(rot[b], elastic[i], points_of_sub_body(points, p), force, loads[b])
         change = max(change, abs(loads[b, 0] - old0), abs(loads[b, 1] - old1), abs(loads[b, 2] - old2))
         size = max(size, abs(loads[b, 0]), abs(loads[b, 1]), abs(loads[b, 2]))
     return change / size
@@ -98,13 +98,13 @@ def tower_drag(y, tree, work, tower, loads):
 
 
 @kernel
-def rotor_resultant(nodes, forces, centre, axis):
+def rotor_resultant(nodes, forces, center, axis):
     """Force along the shaft [N] and moment about it [N m] of the lattice forces."""
     thrust, torque = 0.0, 0.0
     for i in range(nodes.shape[0]):
         for n in range(nodes.shape[1]):
             fx, fy, fz = forces[i, n, 0], forces[i, n, 1], forces[i, n, 2]
-            rx, ry, rz = nodes[i, n, 0] - centre[0], nodes[i, n, 1] - centre[1], nodes[i, n, 2] - centre[2]
+            rx, ry, rz = nodes[i, n, 0] - center[0], nodes[i, n, 1] - center[1], nodes[i, n, 2] - center[2]
             thrust += fx * axis[0] + fy * axis[1] + fz * axis[2]
             torque += axis[0] * (ry * fz - rz * fy) + axis[1] * (rz * fx - rx * fz) + axis[2] * (rx * fy - ry * fx)
     return thrust, torque

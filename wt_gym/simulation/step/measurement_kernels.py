@@ -39,7 +39,7 @@ def measure(y, dy, body_loads, nodes, forces, tree, work, g):
     Parameters
     ----------
     y, dy, body_loads, nodes, forces
-        See `measurement.Instant`.
+        See `measurement.MeasuredState`.
     tree, work : arrays of the multibody system
     g : Gauges
     """
@@ -53,20 +53,20 @@ def fill_channels(y, nodes, forces, tree, work, g):
 
     Kinematics and gauges are up to date; arguments as for `measure`.
     """
-    n_y, places, values, at = tree.n_q + tree.n_u, g.places, g.values, g.at
-    _rotor(y, g, places, values, at)
+    n_y, indices, values, at = tree.n_q + tree.n_u, g.indices, g.values, g.at
+    _rotor(y, g, indices, values, at)
     thrust, moment = rotor_resultant(nodes, forces, work.r[g.hub], work.rot[g.hub, :, 0])
     values[at[AERO_THRUST]], values[at[AERO_TORQUE]] = thrust, moment
     values[at[AERO_POWER]] = moment * values[at[ROTOR_SPEED]]
     yaw, rate = y[n_y], y[n_y + tree.n_servo]
-    if places.yaw_q >= 0:
-        yaw, rate = yaw + y[places.yaw_q], rate + y[places.yaw_u]
+    if indices.yaw_q >= 0:
+        yaw, rate = yaw + y[indices.yaw_q], rate + y[indices.yaw_u]
     values[at[YAW]], values[at[YAW_RATE]] = yaw, rate
     for c in range(3):
         values[at[WIND_X] + c] = g.hub_wind[c]
     error = math.atan2(g.hub_wind[1], g.hub_wind[0]) - yaw
     values[at[YAW_ERROR]] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
-    _tower(work, g, places, values, at)
+    _tower(work, g, indices, values, at)
     _blades(y, n_y, tree.n_servo, g, values, at)
 
 
@@ -96,27 +96,27 @@ def measure_rest(time, torque, efficiency, command, values, at):
 
 
 @kernel(fastmath=False)
-def _rotor(y, g, places, values, at):
+def _rotor(y, g, indices, values, at):
     """Speeds and what the shaft bears."""
-    generator_speed, azimuth = y[places.azimuth_u], y[places.azimuth_q]
+    generator_speed, azimuth = y[indices.azimuth_u], y[indices.azimuth_q]
     speed = generator_speed
-    if places.torsion_q >= 0:
-        azimuth, speed = azimuth + y[places.torsion_q], speed + y[places.torsion_u]
+    if indices.torsion_q >= 0:
+        azimuth, speed = azimuth + y[indices.torsion_q], speed + y[indices.torsion_u]
     values[at[ROTOR_SPEED]] = values[at[ROTOR_SPEED_MAX]] = speed
     values[at[AZIMUTH]] = azimuth - 2.0 * math.pi * math.floor(azimuth / (2.0 * math.pi))
-    values[at[GENERATOR_SPEED]] = generator_speed * places.gear_ratio
+    values[at[GENERATOR_SPEED]] = generator_speed * indices.gear_ratio
     values[at[SHAFT_TORQUE]], values[at[ROTOR_THRUST]] = -g.wrench[g.hub, 3], -g.wrench[g.hub, 0]
 
 
 @kernel(fastmath=False)
-def _tower(work, g, places, values, at):
+def _tower(work, g, indices, values, at):
     """Tower-top motion and tower-base loads: along global axes, and along and across the heading of the nacelle.
 
     The heading is the level part of the nacelle's x axis. With the unit vectors f along it and s to its left the
     displacement d has the components d·f and d·s, and the moment M the components M·s (a push along f bends the tower
     about s) and M·f.
     """
-    base, axis = g.wrench[places.tower], work.rot[g.nacelle, :, 0]
+    base, axis = g.wrench[indices.tower], work.rot[g.nacelle, :, 0]
     level = 1.0 / math.hypot(axis[0], axis[1])
     cos, sin = axis[0] * level, axis[1] * level
     x, y, moment_x, moment_y = work.r[g.nacelle, 0], work.r[g.nacelle, 1], -base[3], -base[4]

@@ -1,0 +1,1 @@
+"""Trained agents in forms that need neither this package nor PyTorch."""

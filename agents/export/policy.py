@@ -1,0 +1,102 @@
+"""Export of a trained policy."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.agents.export.card import card_of, card_text
+from wt_gym.agents.export.network import network_of
+from wt_gym.agents.export.onnx_file import check_onnx, write_onnx
+from wt_gym.agents.pool import load_model
+from wt_gym.agents.trained_agent import model_card
+from wt_gym.agents.trained_environment import trained_arguments
+from wt_gym.control.controllers import parse_name
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.files import write_text_whole
+
+if TYPE_CHECKING:
+    from wt_gym.agents.trained_agent import TrainedAgent
+    from wt_gym.envs.layout import EnvLayout
+
+__all__ = ["CARD_FILE", "LARGEST_DIFFERENCE", "POLICY_FILE", "export_onnx", "training_layout"]
+
+POLICY_FILE, CARD_FILE = "policy.onnx", "README.md"
+LARGEST_DIFFERENCE = 1e-6
+"""Of the actions of the file against those of the policy [-]."""
+
+
+def training_layout(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> EnvLayout:
+    """Layout of the environment that an agent was trained in.
+
+    Parameters
+    ----------
+    agent : TrainedAgent
+    env_kwargs : dict
+        Arguments of the environment where the agent has no record of its training.
+
+    Raises
+    ------
+    ValueError
+        If neither says what the environment was.
+    """
+    arguments = trained_arguments(agent.record or {}) or env_kwargs
+    if not arguments:
+        raise ValueError(
+            "the environment of the training must be known: there is no training.json beside the model, nor a card "
+            'MODEL.json with "env_kwargs"'
+        )
+    env = WindTurbineEnv(**(arguments | {"relative_reward": False, "episode_length": None}))
+    try:
+        return env.layout
+    finally:
+        env.close()
+
+
+def export_onnx(choice: str, folder: str | Path) -> dict[str, Any]:
+    """Write a trained agent's policy as an ONNX file with a card beside it, and check it.
+
+    Parameters
+    ----------
+    choice : str
+        Name of a trained agent: a folder or a file.
+    folder : str or path
+
+    Returns
+    -------
+    dict
+        ``files`` and ``largest_difference`` of the actions of the file against those of the policy.
+
+    Raises
+    ------
+    ValueError
+        If the name is no trained agent, its policy cannot be exported (`network_of`), or the file gives other actions.
+    FileNotFoundError
+        If there is no model.
+    """
+    name = parse_name(choice)
+    if name.kind != "trained":
+        raise ValueError(f"only a trained agent has a policy to be exported, got the {name.kind} {choice!r}")
+    agent = load_model(name)
+    layout = training_layout(agent, model_card(name.target, name.parameters.get("env")).get("env_kwargs", {}))
+    network = network_of(agent, layout)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    card = card_of(Path(name.target).stem, agent.record or {}, layout, network)
+    write_onnx(network, folder / POLICY_FILE, {key: card[key] for key in _KEPT})
+    difference = check_onnx(network, folder / POLICY_FILE)
+    if difference > LARGEST_DIFFERENCE:
+        raise ValueError(
+            f"the actions of {folder / POLICY_FILE} must be those of the policy within {LARGEST_DIFFERENCE:g}, "
+            f"they differ by {difference:g}"
+        )
+    write_text_whole(folder / "card.json", json.dumps(card, indent=1) + "\n")
+    write_text_whole(folder / CARD_FILE, card_text(card, [POLICY_FILE, "card.json"]))
+    return {
+        "files": [str(folder / file) for file in (POLICY_FILE, "card.json", CARD_FILE)],
+        "largest_difference": difference,
+    }
+
+
+_KEPT = ("agent", "turbine", "control_step_s", "reading_delay_steps", "action_mode", "base_controller", "wt_gym")

@@ -1,0 +1,287 @@
+"""Controllers with the Bladed interface, with a small library of our own and with ROSCO."""
+
+import copy
+import importlib.util
+import math
+import pickle
+import re
+
+import numpy as np
+import pytest
+
+from wt_gym.agents.names import fingerprint
+from wt_gym.bridges.compiler import CompilerError, compile_library, find_compiler, library_name
+from wt_gym.control import Demand
+from wt_gym.control.bladed import RECORDS, BladedController, rosco_library
+from wt_gym.control.bladed.records import channels_read
+from wt_gym.control.bladed.rosco import tuned_input
+from wt_gym.control.bladed.rosco_input import PERFORMANCE_FILE, write_rosco_input
+from wt_gym.control.controllers import make_controller, parse_name
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.errors import ControllerError, SimulationError
+from wt_gym.runs.playing import run_controller
+from wt_gym.simulation import Simulator
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
+
+SOURCE = r"""
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+static int calls;
+void DISCON(float *s, int *fail, const char *in, const char *out, char *message) {
+    (void)out;
+    calls = s[0] == 0.0f ? 1 : calls + 1;
+    *fail = 0;
+    message[0] = 0;
+    s[41] = s[29];                          /* My of blade 1 of the blade that does not pitch */
+    s[42] = s[68];                          /* its Mx */
+    s[43] = s[2];                           /* interval */
+    s[44] = s[1];                           /* time */
+    s[46] = (float)calls;
+    s[47] = s[59];                          /* azimuth */
+    if (strstr(in, "dry.in") && calls > 2) { *fail = -1; strcpy(message, "the pump is dry"); }
+    if (strstr(in, "noisy.in")) { *fail = 1; strcpy(message, "the pump is noisy"); }
+    if (strstr(in, "nan.in") && calls > 2) s[46] = (float)INFINITY;
+    if (strstr(in, "abort.in") && calls > 2) { fprintf(stderr, "now it comes\n"); abort(); }
+    if (strstr(in, "memory.in")) {          /* elsewhere than in its readings */
+        FILE *f = fopen(in, "a+");
+        if (s[0] == 0.0f) fputc('x', f);
+        fseek(f, 0, SEEK_END);
+        s[46] = (float)ftell(f);
+        fclose(f);
+    }
+}
+void OTHER(float *s, int *fail, const char *in, const char *out, char *message) {
+    (void)in; (void)out; *fail = 0; message[0] = 0; s[46] = 7.0f;
+}
+"""
+TURBINE = load_turbine("nrel_5mw")
+HELD = Demand(np.full(3, 0.1), 0.0, 4e4)
+needs_rosco = pytest.mark.skipif(importlib.util.find_spec("rosco") is None, reason="the package rosco is not installed")
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    """A compiled library that answers with what it reads."""
+    try:
+        find_compiler()
+    except CompilerError as error:
+        pytest.skip(str(error))
+    folder = tmp_path_factory.mktemp("library")
+    (folder / "echo.c").write_text(SOURCE, encoding="utf-8")
+    path = folder / library_name("echo")
+    compile_library(folder / "echo.c", path, flags=("-Wno-format",))
+    return path
+
+
+def readings(time=0.0, **changed):
+    """Readings of an instant, zero but for those given."""
+    return dict.fromkeys(channels_read(3), 0.0) | {"time": time} | changed
+
+
+def started(library, signals=None, **options):
+    controller = BladedController(TURBINE, library, **options)
+    controller.start(signals or readings(), HELD)
+    return controller
+
+
+def input_file(tmp_path, name):
+    (tmp_path / name).write_text("", encoding="utf-8")
+    return tmp_path / name
+
+
+def test_root_moments_belong_to_the_blade_that_does_not_pitch(library):
+    signals = readings(pitch_1=math.pi / 2, root_flap_moment_1=3e6, root_edge_moment_1=1e6)
+    pitch = started(library, signals).step(signals, 0.1).pitch
+    assert pitch[:2] == pytest.approx([-1e6, 3e6], rel=1e-6)  # turned by a quarter
+    signals = readings(root_flap_moment_1=3e6, root_edge_moment_1=1e6)
+    assert started(library, signals).step(signals, 0.1).pitch[:2] == pytest.approx([3e6, 1e6])
+
+
+def test_calls_come_at_the_step_or_more_often(library):
+    steps = [readings(0.1 * k) for k in range(3)]
+    controller = started(library, steps[0])
+    demands = [controller.step(signals, 0.1) for signals in steps]
+    assert [d.generator_torque for d in demands] == [1, 2, 3]
+    assert [d.pitch[2] for d in demands] == pytest.approx([0.1] * 3)
+    controller = started(library, steps[0], interval=0.03)
+    demands = [controller.step(signals, 0.1) for signals in steps]
+    assert [d.generator_torque for d in demands] == [1, 5, 9]
+    assert [d.pitch[2] for d in demands] == pytest.approx([0.025] * 3)
+
+
+def test_readings_between_steps_go_linearly_and_the_azimuth_across_a_turn(library, monkeypatch):
+    seen = []
+    answer = BladedController._answer
+
+    def noting(self, swap):
+        seen.append((float(swap[1]), float(swap[19]), float(swap[59])))
+        answer(self, swap)
+
+    monkeypatch.setattr(BladedController, "_answer", noting)
+    first, second = readings(generator_speed=100.0, azimuth=6.2), readings(0.1, generator_speed=104.0, azimuth=0.1)
+    controller = started(library, first, interval=0.05)
+    controller.step(first, 0.1)
+    controller.step(second, 0.1)
+    half = 6.2 + 0.5 * (0.1 + 2 * math.pi - 6.2)
+    expected = np.array([(0.0, 100.0, 6.2), (0.05, 102.0, half), (0.1, 104.0, 0.1)])
+    assert np.array(seen) == pytest.approx(expected)
+
+
+def test_each_instance_has_a_memory_of_its_own(library):
+    one, other = started(library), started(library)
+    for k in range(1, 4):
+        one.step(readings(0.1 * k), 0.1)
+    assert other.step(readings(0.1), 0.1).generator_torque == 2
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda controller: pickle.loads(pickle.dumps(controller))])
+def test_copies_go_on_where_the_original_was(library, copied, isolated):
+    controller = started(library, isolated=isolated)
+    for k in range(4):
+        controller.step(readings(0.1 * k), 0.1)
+    twin = copied(controller)
+    later = readings(0.4, root_flap_moment_1=5.0)
+    ours, theirs = controller.step(later, 0.1), twin.step(later, 0.1)
+    assert ours.generator_torque == theirs.generator_torque == 5
+    assert np.array_equal(ours.pitch, theirs.pitch)
+
+
+def test_a_copy_of_a_library_with_another_memory_is_refused(library, tmp_path):
+    controller = started(library, input_file=input_file(tmp_path, "memory.in"))
+    controller.step(readings(), 0.1)
+    with pytest.raises(SimulationError, match="does not repeat its demands"):
+        copy.deepcopy(controller).step(readings(0.1), 0.1)
+
+
+def test_collective_pitch_reads_the_one_record(library):
+    signals = [readings(), readings(0.2)]
+    controller = started(library, individual_pitch=False)
+    controller.step(signals[0], 0.1)
+    assert controller.step(signals[1], 0.1).pitch == pytest.approx([0.2] * 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "isolated", "message"),
+    [
+        ("dry.in", False, "failed: the pump is dry"),
+        ("dry.in", True, "failed: the pump is dry"),
+        ("nan.in", False, "demands what is not finite: .* torque inf"),
+        ("abort.in", True, "ended its process by signal 6: now it comes"),
+    ],
+)
+def test_a_library_that_fails_ends_the_episode_with_its_message(library, tmp_path, name, isolated, message):
+    text = f"bladed:{library}:input_file={input_file(tmp_path, name)},isolated={isolated}"
+    env = WindTurbineEnv("nrel_5mw", inflow="steady", wind_speed=12.0, action_mode="residual", controller=text)
+    env.reset(seed=0)
+    terminated, count = False, 0
+    while not terminated:
+        *_, terminated, _, info = env.step(np.zeros(env.action_space.shape))
+        count += 1
+        assert count < 4
+    assert info["termination"] == "failure"
+    assert re.search(message, info["failure"])
+    env.reset(seed=1)  # and can be used on
+
+
+def test_a_warning_is_logged_once(library, tmp_path, caplog):
+    controller = started(library, input_file=input_file(tmp_path, "noisy.in"))
+    for k in range(3):
+        controller.step(readings(0.1 * k), 0.1)
+    assert [record.message for record in caplog.records] == ["controller library echo.so: the pump is noisy"]
+
+
+def test_what_cannot_be_loaded_is_refused(library, tmp_path):
+    with pytest.raises(FileNotFoundError, match="no controller library"):
+        BladedController(TURBINE, tmp_path / "nothing.so")
+    with pytest.raises(ValueError, match="must be a shared library"):
+        BladedController(TURBINE, input_file(tmp_path, "empty.so"))
+    with pytest.raises(ValueError, match="no function 'CONTROL'"):
+        BladedController(TURBINE, library, function="CONTROL")
+    with pytest.raises(FileNotFoundError, match="no input file"):
+        BladedController(TURBINE, library, tmp_path / "nothing.in")
+    with pytest.raises(ValueError, match="must be given a library"):
+        make_controller("bladed", TURBINE)
+    assert started(library, function="OTHER").step(readings(), 0.1).generator_torque == 7
+
+
+def test_names(library, tmp_path):
+    found = parse_name(f"bladed+yaw:{library}:interval=0.02,isolated=True")
+    assert found.parameters == {"library": str(library), "interval": 0.02, "isolated": True}
+    assert parse_name(found.text) == found
+    odd = tmp_path / "a:b=c" / library.name
+    assert parse_name(f"bladed:{odd}").parameters == {"library": str(odd)}
+    made = make_controller(f"bladed+yaw:{library}:interval=0.02", TURBINE)
+    assert made.base.interval == 0.02
+    with pytest.raises(ValueError, match="interval of controller 'bladed' must be a number above 0 s"):
+        make_controller(f"bladed:{library}:interval=0", TURBINE)
+
+
+def test_another_library_is_another_agent(library, tmp_path):
+    """A stopped evaluation goes on only with the same files."""
+    copied, read = tmp_path / library.name, input_file(tmp_path, "mine.in")
+    copied.write_bytes(library.read_bytes())
+    first = fingerprint(f"bladed:{copied}:input_file={read}")
+    assert set(first["sha256"]) == {str(copied), str(read)}
+    read.write_text("changed", encoding="utf-8")
+    second = fingerprint(f"bladed:{copied}:input_file={read}")
+    assert second != first
+    assert second["choice"] == first["choice"]
+
+
+def test_the_table_of_records_counts_none_twice():
+    numbers = [number for record in RECORDS for number in record.numbers]
+    assert len(set(numbers)) == len(numbers)
+
+
+@needs_rosco
+@pytest.mark.parametrize("turbine", ["nrel_5mw", "iea_22mw", "gebhardt_45m"])
+def test_rosco_takes_an_input_file_made_from_any_turbine(turbine, tmp_path):
+    turbine = load_turbine(turbine)
+    write_rosco_input(turbine, tmp_path / "DISCON.IN")
+    assert (tmp_path / PERFORMANCE_FILE).is_file()
+    controller = BladedController(turbine, rosco_library(), tmp_path / "DISCON.IN")
+    speed = turbine.drivetrain.rated_rotor_speed
+    signals = readings(wind_x=15.0, rotor_speed=speed, generator_speed=speed * turbine.drivetrain.gear_ratio)
+    controller.start(signals, HELD)
+    demand = controller.step(signals, 0.1)
+    assert 0.0 < demand.generator_torque <= 1.2 * turbine.drivetrain.max_generator_torque
+
+
+@needs_rosco
+def test_rosco_runs_the_5mw_as_its_input_file_says():
+    """λ = 7.5 below rated (``VS_TSRopt``), rated speed and power above; no prints on the way."""
+    source = tuned_input(TURBINE)
+    assert source is not None
+    assert source.name == "DISCON.IN"
+    steady = {}
+    for wind in (8.0, 16.0):
+        simulator = Simulator(TURBINE, SteadyInflow(wind, TURBINE.hub_height), "training")
+        record = run_controller(simulator, make_controller("rosco", TURBINE), 60.0).to_dataset()
+        steady[wind] = record.isel(time=slice(-100, None)).mean()
+    assert float(steady[8.0].rotor_speed) * 63.0 / 8.0 == pytest.approx(7.5, rel=0.03)
+    assert float(steady[16.0].generator_power) == pytest.approx(5e6, rel=2e-3)
+    assert float(steady[16.0].rotor_speed) * 30 / math.pi == pytest.approx(12.1, rel=2e-3)
+
+
+@needs_rosco
+def test_rosco_prints_nothing_and_copies_repeat(capfd):
+    controller = make_controller("rosco", TURBINE)
+    signals = readings(wind_x=15.0, rotor_speed=1.267, generator_speed=122.9)
+    controller.start(signals, HELD)
+    controller.step(signals, 0.1)
+    twin = copy.deepcopy(controller)
+    later = readings(0.1, wind_x=15.5, rotor_speed=1.28, generator_speed=124.0)
+    ours, theirs = controller.step(later, 0.1), twin.step(later, 0.1)
+    assert np.array_equal(ours.pitch, theirs.pitch)
+    assert ours.generator_torque == theirs.generator_torque
+    assert capfd.readouterr() == ("", "")
+
+
+def test_without_the_package_rosco_says_how_to_get_it(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ControllerError, match=r"pip install 'wt_gym\[rosco\]'"):
+        rosco_library()

@@ -1,0 +1,258 @@
+"""A library with the Bladed interface as a controller."""
+
+from __future__ import annotations
+
+import logging
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wt_gym.control.actions import Demand
+from wt_gym.control.bladed.library import DEFAULT_FUNCTION, Library, check_library
+from wt_gym.control.bladed.records import (
+    AZIMUTH,
+    FIRST_CALL,
+    LAST_CALL,
+    MAX_BLADES,
+    RECORDS,
+    STEP,
+    channels_read,
+    demand_of,
+    new_swap,
+    write_demand,
+    write_readings,
+    write_turbine,
+)
+from wt_gym.control.controllers.parameters import PATH, Parameter
+from wt_gym.errors import ControllerError, SimulationError
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.turbines import Turbine
+
+__all__ = ["PARAMETERS", "BladedController"]
+
+_log = logging.getLogger(__name__)
+
+PARAMETERS = (
+    Parameter("library", "-", "path of the library", word=PATH, otherwise="must be given"),
+    Parameter("input_file", "-", "path of its parameter file", word=PATH, otherwise="none"),
+    Parameter("function", "-", "name of its function", word="a name"),
+    Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
+    Parameter("individual_pitch", "-", "whether each blade has its own demand", switch=True, only_object=True),
+    Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
+)
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+
+
+def _indices(given_by: str) -> np.ndarray:
+    """Indices of all records that one side writes."""
+    return np.array(sorted(n - 1 for record in RECORDS if record.given_by == given_by for n in record.numbers))
+
+
+_READ = _indices("simulation")
+"""Readings, status, time and interval among them."""
+_DEMANDS = _indices("controller")
+_AZIMUTH = int(np.flatnonzero(_READ == AZIMUTH)[0])
+_KEPT = np.concatenate([_READ, _DEMANDS])
+"""What is noted of a call."""
+
+
+class BladedController:
+    """A compiled controller with the Bladed interface (``DISCON``) behind the contract of controllers.
+
+    The library is called with the readings of `wt_gym.control.bladed.records`, and its demands hold until the next
+    call. Pitch drives, rate limits and torque limits are the simulator's.
+
+    A library has one memory and cannot be copied. So that snapshots and copies of environments work all the same, this
+    object keeps all readings since the start: a copy loads the library anew and repeats the calls when it is first
+    asked for a demand. A library that depends on anything but its readings is refused then.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    library : str or path
+    input_file : str or path, optional
+        Handed to the library by its absolute path.
+    function : str
+    interval : float, optional
+        Longest time between calls [s]. Within a longer step of the controller the readings go linearly from the last to
+        the present ones. By default the step.
+    individual_pitch : bool
+        Whether records 42 to 44 or record 45 are read.
+    isolated : bool
+        Whether the library runs in a process of its own, so that a crash of it ends the episode and not this process.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a file does not exist.
+    ValueError
+        If the library cannot be loaded.
+    wt_gym.errors.ControllerError
+        For a turbine with more than three blades.
+    """
+
+    def __init__(
+        self,
+        turbine: Turbine,
+        library: str | Path,
+        input_file: str | Path = "",
+        *,
+        function: str = DEFAULT_FUNCTION,
+        interval: float | None = None,
+        individual_pitch: bool = True,
+        isolated: bool = False,
+    ):
+        if turbine.n_blades > MAX_BLADES:
+            raise ControllerError(
+                f"the Bladed interface has records for at most {MAX_BLADES} blades, the turbine has {turbine.n_blades}"
+            )
+        self.turbine = turbine
+        self.library = Path(library).expanduser().resolve()
+        self.input_file = str(Path(input_file).expanduser().resolve()) if str(input_file) else ""
+        if self.input_file and not Path(self.input_file).is_file():
+            raise FileNotFoundError(f"there is no input file {self.input_file} of the controller library")
+        self.function, self.interval = function, interval
+        self.individual_pitch, self.isolated = individual_pitch, isolated
+        check_library(self.library, function)
+        self.channels = channels_read(turbine.n_blades)
+        self._loaded: Library | None = None
+        self._swap = new_swap()
+        self._calls: list[np.ndarray] = []  # records of each call, up to the last one that is not zero
+        self._begin = self._now = math.nan
+        self._readings = self._swap[_READ]
+        self._warned: set[str] = set()
+
+    @classmethod
+    def of_turbine(cls, turbine: Turbine, library: str | Path, **parameters: Any) -> BladedController:
+        """Make one by name; parameters as of the class."""
+        return cls(turbine, library, **parameters)
+
+    # ---- the contract ----------------------------------------------------------------------------------------------
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Load the library afresh; the present demand holds where it demands nothing.
+
+        Its first call waits for the first step, which tells the interval of the calls: libraries make their filters
+        for it.
+        """
+        self.close()
+        self._begin = self._now = signals["time"]
+        self._calls = []
+        self._load(demand)
+        write_readings(self._swap, signals, self.turbine.n_blades)
+        self._readings = self._swap[_READ]
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand for the next ``dt`` [s].
+
+        Raises
+        ------
+        wt_gym.errors.SimulationError
+            If the library says that it failed, or demands what is not finite.
+        """
+        self._revive()
+        if not self._calls:
+            self._call(FIRST_CALL, 0.0, dt / self._count(dt))
+        time = signals["time"]
+        elapsed = time - self._now
+        if elapsed > 1e-9:
+            swap, before, count = self._swap, self._readings, self._count(elapsed)
+            write_readings(swap, signals, self.turbine.n_blades)
+            after = swap[_READ]
+            change = after - before
+            change[_AZIMUTH] = math.remainder(change[_AZIMUTH], 2.0 * math.pi)
+            for k in range(1, count + 1):
+                swap[_READ] = after if k == count else before + np.float32(k / count) * change
+                self._call(STEP, self._now + k / count * elapsed - self._begin, elapsed / count)
+            self._readings, self._now = after, time
+        pitch, yaw_rate, torque = demand_of(self._swap, self.turbine.n_blades, self.individual_pitch)
+        return Demand(pitch, yaw_rate, torque)
+
+    def close(self) -> None:
+        """Make the last call and unload the library."""
+        if self._loaded is None:
+            return
+        loaded, self._loaded = self._loaded, None
+        self._swap[0] = LAST_CALL
+        try:
+            if loaded.alive and self._calls:
+                loaded.call(self._swap, self.input_file)
+        finally:
+            loaded.close()
+
+    # ---- calls -----------------------------------------------------------------------------------------------------
+
+    def _load(self, demand: Demand | None) -> None:
+        """Load the library, and write what the turbine is and what is demanded before the first call."""
+        self._loaded = Library(self.library, self.function, self.isolated)
+        self._swap = new_swap()
+        write_turbine(self._swap, self.turbine, self.individual_pitch, (self.input_file, self._loaded.output_name))
+        if demand is not None:
+            write_demand(self._swap, demand)
+
+    def _count(self, elapsed: float) -> int:
+        """Calls in an interval of the controller."""
+        return 1 if self.interval is None else max(1, math.ceil(elapsed / self.interval - 1e-6))
+
+    def _call(self, status: int, time: float, interval: float) -> None:
+        """Call the library, and note the call."""
+        swap = self._swap
+        swap[0], swap[1], swap[2] = status, time, interval
+        self._calls.append(swap[_KEPT].copy())
+        self._answer(swap)
+
+    def _answer(self, swap: np.ndarray) -> None:
+        """Have the library answer to records, and look at what it says."""
+        assert self._loaded is not None
+        flag, message = self._loaded.call(swap, self.input_file)
+        if flag < 0:
+            raise SimulationError(
+                f"the controller library {self.library.name} failed: {message or 'without a message'}"
+            )
+        if flag > 0 and message not in self._warned:
+            self._warned.add(message)
+            _log.warning("controller library %s: %s", self.library.name, message)
+        demanded = swap[41:48].tolist()
+        if not math.isfinite(sum(demanded)):
+            raise SimulationError(
+                f"the controller library {self.library.name} demands what is not finite: pitch {demanded[:4]} rad, "
+                f"torque {demanded[5]} N m, yaw rate {demanded[6]} rad/s"
+            )
+
+    # ---- copies ----------------------------------------------------------------------------------------------------
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the loaded library; noted calls never change and are shared."""
+        return self.__dict__ | {
+            "_loaded": None,
+            "_swap": self._swap.copy(),
+            "_calls": list(self._calls),
+            "_warned": set(self._warned),
+        }
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> BladedController:
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__getstate__())
+        return made
+
+    def _revive(self) -> None:
+        """Bring a library of its own to where the one was of which this is a copy."""
+        if self._loaded is not None:
+            return
+        if math.isnan(self._begin):
+            raise RuntimeError(f"{type(self).__name__}.step was called before start")
+        expected = self._swap
+        self._load(None)
+        self._swap[_KEPT] = expected[_KEPT]
+        for call in self._calls:
+            self._swap[_KEPT] = call
+            self._answer(self._swap)
+        if not np.array_equal(self._swap[_DEMANDS], expected[_DEMANDS]):
+            raise SimulationError(
+                f"a copy of the controller library {self.library.name} does not repeat its demands: it depends on more "
+                "than its readings, so that neither snapshots nor copies of it are possible"
+            )

@@ -1,0 +1,193 @@
+"""The records of the Bladed interface: what a simulation and a controller library exchange in the array ``avrSWAP``.
+
+Record numbers count from 1, as in the Bladed documentation (DNV, Bladed User Manual, appendix A, "Communication between
+Bladed and external controllers") and in OpenFAST's ServoDyn (``BladedInterface.f90``). All values are single precision,
+in SI units and radians.
+
+Root moments belong to the axes of the coned blade that does not pitch (OpenFAST's RootMyc and RootMxc), while the
+channels `root_flap_moment` and `root_edge_moment` belong to the pitched blade. With the pitch angle θ of a blade
+
+``My_c = M_flap cos θ − M_edge sin θ``,   ``Mx_c = M_flap sin θ + M_edge cos θ``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from wt_gym.control.actions import Demand
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.turbines import Turbine
+
+__all__ = [
+    "AZIMUTH", "FIRST_CALL", "LAST_CALL", "MAX_BLADES", "MESSAGE_LENGTH", "RECORDS", "SIZE", "STEP", "Record",
+    "channels_read", "demand_of", "new_swap", "write_demand", "write_readings", "write_turbine",
+]  # fmt: skip
+
+SIZE = 3500
+"""Length of ``avrSWAP``; OpenFAST's extended interface uses records up to 3300."""
+MAX_BLADES = 3
+"""Blades that the interface has records for."""
+FIRST_CALL, STEP, LAST_CALL = 0, 1, -1
+"""Status of a call, record 1."""
+MESSAGE_LENGTH = 1025
+"""Characters of the message that a library may return, with the final null."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One record.
+
+    Attributes
+    ----------
+    numbers : tuple of int
+        From 1; one per blade where the record is given per blade.
+    unit : str
+    given_by : {"simulation", "controller", "turbine"}
+        Who writes it: the simulation in each call, the controller, or the simulation once from the turbine's data.
+    meaning : str
+    """
+
+    numbers: tuple[int, ...]
+    unit: str
+    given_by: str
+    meaning: str
+
+
+RECORDS = (
+    Record((1,), "-", "simulation", "status: 0 first call, 1 later calls, -1 last call"),
+    Record((2,), "s", "simulation", "time since the start of the controller"),
+    Record((3,), "s", "simulation", "time between calls"),
+    Record((4, 33, 34), "rad", "simulation", "pitch of blades 1 to 3"),
+    Record((5,), "rad", "turbine", "fine pitch"),
+    Record((6, 7), "rad", "turbine", "least and greatest pitch"),
+    Record((8, 9), "rad/s", "turbine", "least and greatest pitch rate"),
+    Record((10,), "-", "turbine", "0: the pitch drives follow angles"),
+    Record((14,), "W", "simulation", "shaft power"),
+    Record((15,), "W", "simulation", "electrical power"),
+    Record((16,), "N m s²/rad²", "turbine", "torque over the square of the generator speed below rated; 0 if unknown"),
+    Record((17, 18), "rad/s", "turbine", "least generator speed and generator speed at rated"),
+    Record((19,), "rad/s", "turbine", "rated generator speed"),
+    Record((20,), "rad/s", "simulation", "generator speed"),
+    Record((21,), "rad/s", "simulation", "rotor speed"),
+    Record((22,), "N m", "turbine", "rated generator torque"),
+    Record((23,), "N m", "simulation", "generator torque"),
+    Record((24,), "rad", "simulation", "yaw error: wind direction minus nacelle yaw"),
+    Record((27,), "m/s", "simulation", "horizontal wind speed at the hub"),
+    Record((28,), "-", "turbine", "1: individual pitch, 0: collective pitch"),
+    Record((29,), "-", "turbine", "0: yaw is commanded as a rate"),
+    Record((30, 31, 32), "N m", "simulation", "out-of-plane root moments of the coned blade, not pitched"),
+    Record((35,), "-", "controller", "generator contactor: 1 on; the simulation writes 1"),
+    Record((37,), "rad", "simulation", "nacelle yaw"),
+    Record((42, 43, 44), "rad", "controller", "pitch demands of blades 1 to 3, with individual pitch"),
+    Record((45,), "rad", "controller", "pitch demand, with collective pitch"),
+    Record((47,), "N m", "controller", "generator torque demand"),
+    Record((48,), "rad/s", "controller", "yaw rate demand"),
+    Record((49, 50, 51), "-", "turbine", "lengths of message, input file name and output name, with the final null"),
+    Record((53, 54), "m/s²", "simulation", "tower-top acceleration, fore-aft and side-side"),
+    Record((60,), "rad", "simulation", "azimuth of blade 1, 0 when it points up"),
+    Record((61,), "-", "turbine", "number of blades"),
+    Record((62, 63, 64), "-", "turbine", "values for logging: most, first record, characters of their names"),
+    Record((69, 70, 71), "N m", "simulation", "in-plane root moments of the coned blade, not pitched"),
+    Record((95,), "kg/m³", "turbine", "air density"),
+    Record((109,), "N m", "simulation", "torque in the low-speed shaft"),
+    Record((110,), "N", "simulation", "axial force in the low-speed shaft"),
+    Record((129,), "-", "turbine", "length of the array"),
+)
+"""Records that are exchanged; every other one is zero."""
+
+AZIMUTH = 60 - 1
+"""Index of the azimuth, the one reading that wraps."""
+_PITCH, _OUT_OF_PLANE, _IN_PLANE = (4, 33, 34), (30, 31, 32), (69, 70, 71)
+_SINGLE = (
+    (20, "generator_speed"), (21, "rotor_speed"), (15, "generator_power"), (23, "generator_torque"),
+    (24, "yaw_error"), (37, "yaw"), (53, "nacelle_acceleration_fore_aft"), (54, "nacelle_acceleration_side_side"),
+    (60, "azimuth"), (109, "shaft_torque"), (110, "rotor_thrust"),
+)  # fmt: skip
+"""Records that are a channel as it is."""
+
+
+def channels_read(n_blades: int) -> tuple[str, ...]:
+    """Channels behind the readings of a turbine with so many blades."""
+    per_blade = ("pitch", "root_flap_moment", "root_edge_moment")
+    blades = [f"{name}_{b}" for name in per_blade for b in range(1, n_blades + 1)]
+    return ("time", "wind_x", "wind_y", *(name for _, name in _SINGLE), *blades)
+
+
+def new_swap() -> np.ndarray:
+    """Give an empty array, shape (`SIZE`,), float32."""
+    return np.zeros(SIZE, dtype=np.float32)
+
+
+def write_turbine(swap: np.ndarray, turbine: Turbine, individual_pitch: bool, strings: Sequence[str]) -> None:
+    """Write what does not change.
+
+    Parameters
+    ----------
+    swap : numpy.ndarray, shape (`SIZE`,), float32
+    turbine : Turbine
+    individual_pitch : bool
+    strings : sequence of str
+        Input file name and output name that the calls get.
+    """
+    drive, pitch, own = turbine.drivetrain, turbine.pitch, turbine.control
+    gear = drive.gear_ratio
+    rated = drive.rated_rotor_speed * gear
+    fine = own.fine_pitch if own is not None and own.fine_pitch is not None else pitch.min_pitch
+    gain = own.region_2_gain if own is not None and own.region_2_gain is not None else 0.0
+    efficiency = drive.gearbox_efficiency * drive.generator_efficiency
+    values = {
+        5: fine, 6: pitch.min_pitch, 7: pitch.max_pitch, 8: -pitch.max_rate, 9: pitch.max_rate, 10: 0.0, 16: gain,
+        17: drive.min_rotor_speed * gear, 18: rated, 19: rated,
+        22: drive.rated_power / efficiency / rated * drive.gearbox_efficiency,
+        28: float(individual_pitch), 29: 0.0, 35: 1.0, 49: MESSAGE_LENGTH,
+        50: len(strings[0].encode()) + 1, 51: len(strings[1].encode()) + 1, 61: turbine.n_blades,
+        62: 300, 63: 163, 64: 12001, 95: turbine.air_density, 129: swap.size,
+    }  # fmt: skip
+    for number, value in values.items():
+        swap[number - 1] = value
+
+
+def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:
+    """Write the readings of an instant, without status, time and interval.
+
+    Parameters
+    ----------
+    swap : numpy.ndarray, shape (`SIZE`,), float32
+    signals : Readings
+        With the channels of `channels_read`.
+    n_blades : int
+    """
+    for number, name in _SINGLE:
+        swap[number - 1] = signals[name]
+    swap[14 - 1] = signals["shaft_torque"] * signals["rotor_speed"]
+    swap[27 - 1] = math.hypot(signals["wind_x"], signals["wind_y"])
+    for b in range(n_blades):
+        pitch, flap, edge = (signals[f"{name}_{b + 1}"] for name in ("pitch", "root_flap_moment", "root_edge_moment"))
+        c, s = math.cos(pitch), math.sin(pitch)
+        swap[_PITCH[b] - 1] = pitch
+        swap[_OUT_OF_PLANE[b] - 1] = flap * c - edge * s
+        swap[_IN_PLANE[b] - 1] = flap * s + edge * c
+
+
+def write_demand(swap: np.ndarray, demand: Demand) -> None:
+    """Write a demand where a library reads and writes its own: what holds until it writes another one."""
+    for b, angle in enumerate(np.asarray(demand.pitch).tolist()):
+        swap[42 - 1 + b] = angle
+    swap[45 - 1] = float(np.mean(demand.pitch))
+    swap[47 - 1], swap[48 - 1] = demand.generator_torque, demand.yaw_rate
+
+
+def demand_of(swap: np.ndarray, n_blades: int, individual_pitch: bool) -> tuple[np.ndarray, float, float]:
+    """Demand that a library wrote: pitch (n_blades,) [rad], yaw rate [rad/s] and generator torque [N m]."""
+    if individual_pitch:
+        pitch = swap[42 - 1 : 42 - 1 + n_blades].astype(np.float64)
+    else:
+        pitch = np.full(n_blades, float(swap[45 - 1]))
+    return pitch, float(swap[48 - 1]), float(swap[47 - 1])

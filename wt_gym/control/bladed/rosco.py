@@ -1,0 +1,167 @@
+"""ROSCO, NREL's reference open-source controller, as the PyPI package ``rosco`` brings it.
+
+N. J. Abbas, D. S. Zalkind, L. Pao and A. Wright, A reference open-source controller for fixed and floating offshore
+wind turbines, Wind Energ. Sci. 7 (2022) 53. The package brings the library, and input files that were tuned for some
+turbines; any other turbine gets an input file by `wt_gym.control.bladed.rosco_input`.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wt_gym.control.bladed.controller import BladedController
+from wt_gym.control.bladed.rosco_input import write_rosco_input
+from wt_gym.control.controllers.parameters import PATH, Parameter
+from wt_gym.control.controllers.rotor_rules import same_rotor
+from wt_gym.errors import ControllerError
+from wt_gym.turbines import load_turbine
+
+if TYPE_CHECKING:
+    from wt_gym.turbines import Turbine
+
+__all__ = ["PARAMETERS", "RoscoController", "rosco_library", "tuned_input"]
+
+LONGEST_INTERVAL = 0.0125
+"""Longest time between calls [s], the step with which ROSCO is used in OpenFAST."""
+
+PARAMETERS = (
+    Parameter(
+        "input_file", "-", "path of a DISCON.IN", word=PATH,
+        otherwise="the one that the package brings for the turbine, else one made from its data",
+    ),
+    Parameter("interval", "s", "longest time between calls", 0.0, above=True, otherwise="the controller's step"),
+    Parameter("isolated", "-", "whether it runs in a process of its own", switch=True, only_object=True),
+)  # fmt: skip
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+
+_TUNED = {
+    "nrel_5mw": "NREL-5MW/DISCON.IN",
+    "iea_15mw": "IEA-15-240-RWT/IEA-15-240-RWT-Monopile/IEA-15-240-RWT-Monopile_DISCON.IN",
+}
+"""Input files of the package's test cases for turbines with the rotor of one of the catalogue."""
+
+
+def _package() -> Path:
+    """Folder of the package.
+
+    Raises
+    ------
+    wt_gym.errors.ControllerError
+        If it is not installed.
+    """
+    spec = importlib.util.find_spec("rosco")
+    if spec is None or not spec.submodule_search_locations:
+        raise ControllerError(
+            "the controller 'rosco' needs the package rosco: pip install 'wt_gym[rosco]' (without its tuning tools: "
+            "pip install --no-deps rosco)"
+        )
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+def rosco_library() -> Path:
+    """Path of ROSCO's library.
+
+    Raises
+    ------
+    wt_gym.errors.ControllerError
+        If the package ``rosco`` is not installed, or brings no library for this machine.
+    """
+    folder = _package() / "lib"
+    ending = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
+    library = folder / f"libdiscon.{ending}"
+    if not library.is_file():
+        raise ControllerError(f"the package rosco must bring {library.name}; there is none in {folder}")
+    return library
+
+
+def tuned_input(turbine: Turbine) -> Path | None:
+    """Input file of the package for a turbine; None where it brings none."""
+    for name, case in _TUNED.items():
+        known = _known(name)
+        if known.rotor_diameter == turbine.rotor_diameter and same_rotor(known, turbine):
+            path = _package().parent / "Examples" / "Test_Cases" / case
+            return path if path.is_file() else None
+    return None
+
+
+_known = cache(load_turbine)
+
+
+class RoscoController(BladedController):
+    """ROSCO's library behind the contract of controllers.
+
+    The library gets a copy of the input file with logging switched off and paths made absolute.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    input_file : str or path, optional
+        By default the one that the package brings for the turbine, else one that is made from its data.
+    interval : float, optional
+        Longest time between calls [s].
+    isolated : bool
+        See `BladedController`.
+
+    Raises
+    ------
+    wt_gym.errors.ControllerError
+        If the package ``rosco`` is not installed.
+    FileNotFoundError
+        If there is no such input file.
+    """
+
+    def __init__(
+        self,
+        turbine: Turbine,
+        input_file: str | Path | None = None,
+        *,
+        interval: float | None = LONGEST_INTERVAL,
+        isolated: bool = False,
+    ):
+        library = rosco_library()
+        folder = tempfile.TemporaryDirectory(prefix="wt_gym_rosco_")
+        target = Path(folder.name) / "DISCON.IN"
+        source = tuned_input(turbine) if input_file is None else Path(input_file).expanduser()
+        if source is None:
+            write_rosco_input(turbine, target)
+        elif source.is_file():
+            target.write_text(quiet_input(source), encoding="utf-8")
+        else:
+            raise FileNotFoundError(f"there is no input file {source} of ROSCO")
+        super().__init__(turbine, library, target, interval=interval, isolated=isolated)
+        self.input_folder = folder
+        """Holds the input file as long as this controller or a copy of it lives."""
+
+    @classmethod
+    def of_turbine(  # type: ignore[override]  # its library is known
+        cls,
+        turbine: Turbine,
+        input_file: str | Path | None = None,
+        interval: float | None = LONGEST_INTERVAL,
+        isolated: bool = False,
+    ) -> RoscoController:
+        """Make one by name; parameters as of the class."""
+        return cls(turbine, input_file, interval=interval, isolated=isolated)
+
+
+def quiet_input(source: Path) -> str:
+    """Text of an input file without logging and echo, and with the absolute path of its performance table."""
+    lines = []
+    for line in source.read_text(encoding="utf-8", errors="replace").splitlines():
+        value, mark, comment = line.partition("!")
+        match re.match(r"\s*(\w+)", comment):
+            case None:
+                pass
+            case found if found[1] in ("LoggingLevel", "Echo"):
+                line = f"0 {mark}{comment}"
+            case found if found[1] == "PerfFileName":
+                path = Path(value.strip().strip("\"'"))
+                line = f'"{(source.parent / path).resolve()}" {mark}{comment}'
+        lines.append(line)
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,408 @@
+"""A controller of the kind of ROSCO: it tracks the best tip-speed ratio with an estimate of the wind.
+
+After the description of NREL's reference open-source controller (Abbas, Zalkind, Pao and Wright, Wind Energ. Sci. 7
+(2022) 53), written anew and smaller: a proportional-integral law for the torque that follows the tip-speed ratio, the
+gain-scheduled pitch law of the baseline, set points of both moved apart so that only one acts at a time (section 3.4),
+and a lower limit of the pitch that rises with the estimated wind: for power where the rotor cannot turn slowly enough,
+and near rated to cut the peak of the thrust ("peak shaving", section 3.3).
+
+A turbine whose data publish such a controller gets its own numbers (`TsrTrackingParameters.published`): gains of torque
+and pitch, filters, tip-speed ratio, least pitch over the wind. Its wind estimate then reads a table by blade
+elements, as the published controller does. What is not published follows by the rules of
+`TsrTrackingParameters.from_turbine`. Times and rates of those rules were chosen for a rotor of 12.1 rpm, and go with
+the turn of the rotor.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.discon import PITCH_OF_REGION_3, BaselineParameters
+from wt_gym.control.controllers.parameters import Parameter
+from wt_gym.control.controllers.rotor_rules import slower_than_reference
+from wt_gym.control.controllers.wind_estimator import WindEstimator, bandwidth_of
+from wt_gym.control.design import fine_pitch, rated_mechanical_power
+from wt_gym.control.operating_point import least_pitch, rotor_inertia
+from wt_gym.control.rotor_table import RotorTable, blade_element_table, rotor_table
+from wt_gym.control.sensors import LowPass, Notch
+from wt_gym.deprecated import renamed_names
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from wt_gym.control.controllers.controller import Readings
+    from wt_gym.turbines import Turbine
+
+__all__ = ["PARAMETERS", "TsrTrackingController", "TsrTrackingParameters", "pitch_schedule"]
+
+_TORQUE_FREQUENCY, _WIND_TIME, _SMOOTHING_TIME = 0.25, 3.0, 5.0
+"""Of a rotor of 12.1 rpm [rad/s], [s], [s]."""
+
+PARAMETERS = (
+    Parameter(
+        "tip_speed_ratio", "-", "ratio that is tracked below rated", 0.0, above=True,
+        otherwise="of the largest power in the turbine's table",
+        in_use=lambda turbine: rotor_table(turbine).optimum[0],
+    ),
+    Parameter(
+        "thrust_limit", "-", "largest steady thrust over the peak that it has without a limit (peak shaving); 1: none",
+        0.0, 1.0, above=True,
+    ),
+    Parameter(
+        "torque_frequency", "rad/s", "poles of the rotor speed under the torque law below rated", 0.0, above=True,
+        otherwise="0.25 rad/s for a rotor of 12.1 rpm", in_use=lambda t: _TORQUE_FREQUENCY / slower_than_reference(t),
+    ),
+    Parameter("torque_damping", "-", "damping ratio of these poles", 0.0),
+    Parameter(
+        "wind_time_constant", "s", "of the filter on the estimated wind", 0.0, above=True,
+        otherwise="3 s for a rotor of 12.1 rpm", in_use=lambda t: _WIND_TIME * slower_than_reference(t),
+    ),
+    Parameter("pitch_to_speed", "-", "shift of the torque's set point, in rated speeds, for pitch over its range", 0.0),
+    Parameter(
+        "torque_to_speed", "-", "shift of the pitch's set point, in rated speeds, for torque missing to rated", 0.0
+    ),
+    Parameter(
+        "smoothing_time_constant", "s", "of the filter on these shifts", 0.0, above=True,
+        otherwise="5 s for a rotor of 12.1 rpm", in_use=lambda t: _SMOOTHING_TIME * slower_than_reference(t),
+    ),
+    Parameter(
+        "estimator_bandwidth", "rad/s", "rate at which an error of the estimated wind decays", 0.0, above=True,
+        otherwise="0.5 rad/s for a rotor of 12.1 rpm", in_use=bandwidth_of,
+    ),
+    Parameter(
+        "baseline", "-", "speed filter, pitch gains and limits", otherwise="those of `discon` without parameters",
+        kind="BaselineParameters", only_object=True,
+    ),
+    Parameter(
+        "table", "-", "coefficients behind the least pitch and the gains", otherwise="the turbine's table",
+        kind="RotorTable", only_object=True,
+    ),
+)  # fmt: skip
+"""What can be chosen (`wt_gym.control.controllers.parameters`)."""
+
+
+def pitch_schedule(
+    table: RotorTable, turbine: Turbine, tip_speed_ratio: float, thrust_limit: float = 1.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least pitch over the wind: the best one below rated, and what keeps the thrust below a limit.
+
+    Parameters
+    ----------
+    table : RotorTable
+    turbine : Turbine
+    tip_speed_ratio : float
+        That is tracked while the rotor's speed range allows.
+    thrust_limit : float
+        Largest steady thrust over the peak that it has without a limit [-]; 1 limits nothing.
+
+    Returns
+    -------
+    wind : numpy.ndarray, shape (n,)
+        [m/s].
+    pitch : numpy.ndarray, shape (n,)
+        [rad].
+    """
+    drivetrain, radius = turbine.drivetrain, table.radius
+    winds = np.linspace(turbine.cut_in, turbine.cut_out, 89)
+    speeds = np.clip(tip_speed_ratio * winds / radius, drivetrain.min_rotor_speed, drivetrain.rated_rotor_speed)
+    fine = fine_pitch(turbine)
+    # where the rotor tracks the best ratio, fine pitch is best; only a ratio above it, at low wind, asks for more
+    ratios = speeds * radius / winds
+    best = np.array([table.best_pitch(r) if r > 1.02 * tip_speed_ratio else fine for r in ratios])
+    best = np.maximum(best, fine)
+    rated = rated_mechanical_power(turbine)
+    powers = [table.torque(*point) * point[1] for point in zip(winds, speeds, best, strict=True)]
+    below_rated = np.array(powers) < rated
+    peak = max(
+        table.thrust_force(*p) for p in zip(winds[below_rated], speeds[below_rated], best[below_rated], strict=True)
+    )
+    pitch = []
+    for wind, speed, least in zip(winds, speeds, best, strict=True):
+        angles = np.linspace(least, table.pitch[-1], 241)
+        within = [table.thrust_force(wind, speed, a) <= thrust_limit * peak for a in angles]
+        pitch.append(angles[int(np.argmax(within))] if thrust_limit < 1.0 and any(within) else least)
+    return winds, np.array(pitch)
+
+
+@dataclass(frozen=True)
+class TsrTrackingParameters:
+    """Constants of the controller.
+
+    Attributes
+    ----------
+    baseline : BaselineParameters
+        Speed filter, pitch gains and limits.
+    speed_per_wind : float
+        Generator speed to be tracked per wind speed [rad/m]: tip-speed ratio times gear ratio over radius.
+    torque_gain, torque_integral_gain : float
+        From generator speed error to torque [N m s], [N m].
+    min_speed, rated_speed : float
+        Of the generator [rad/s].
+    rated_torque : float
+        [N m].
+    wind_time_constant : float
+        Of the filter on the estimated wind [s].
+    pitch_to_speed, torque_to_speed : float
+        Set-point smoothing: how far the set points move, in rated speeds, for pitch over its range and for torque
+        missing to rated [-].
+    smoothing_time_constant : float
+        [s].
+    schedule_wind, schedule_pitch : numpy.ndarray, shape (n,)
+        Least pitch over the wind [m/s], [rad].
+    table : RotorTable
+        Behind the estimated wind.
+    constant_power_pitch : float
+        Pitch above the least one from which on the torque may pass rated torque by a tenth, so that power is held while
+        the speed is below rated [rad]; 0: always.
+    """
+
+    baseline: BaselineParameters
+    speed_per_wind: float
+    torque_gain: float
+    torque_integral_gain: float
+    min_speed: float
+    rated_speed: float
+    rated_torque: float
+    wind_time_constant: float
+    pitch_to_speed: float
+    torque_to_speed: float
+    smoothing_time_constant: float
+    schedule_wind: NDArray[np.float64]
+    schedule_pitch: NDArray[np.float64]
+    table: RotorTable
+    constant_power_pitch: float = 0.0
+
+    @classmethod
+    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters: Any) -> TsrTrackingParameters:
+        """Numbers of the turbine's own controller, by rule where its data say nothing.
+
+        Parameters
+        ----------
+        turbine : Turbine
+        baseline : BaselineParameters
+            Of the pitch law, the filter and the limits.
+        **parameters
+            Of `from_turbine`; one that is given goes before what is published.
+        """
+        own = turbine.control
+        assert own is not None  # asked for such turbines only
+        if parameters.get("tip_speed_ratio") is None:
+            parameters["tip_speed_ratio"] = own.optimal_tip_speed_ratio
+        made = cls.from_turbine(turbine, baseline=baseline, table=blade_element_table(turbine), **parameters)
+        # below region 3 the published torque ends at rated torque, and the speed rises to rated
+        given: dict[str, object] = {"constant_power_pitch": PITCH_OF_REGION_3}
+        if own.torque_proportional_gain and own.torque_integral_gain:
+            given["torque_gain"] = own.torque_proportional_gain
+            given["torque_integral_gain"] = own.torque_integral_gain
+        if own.min_pitch_wind is not None and "thrust_limit" not in parameters:
+            given["schedule_wind"] = own.min_pitch_wind
+            given["schedule_pitch"] = np.array([least_pitch(turbine, wind) for wind in own.min_pitch_wind.tolist()])
+        return replace(made, **given)  # type: ignore[arg-type]  # each by its own field
+
+    @classmethod
+    def from_turbine(
+        cls,
+        turbine: Turbine,
+        tip_speed_ratio: float | None = None,
+        thrust_limit: float = 1.0,
+        torque_frequency: float | None = None,
+        torque_damping: float = 1.0,
+        wind_time_constant: float | None = None,
+        pitch_to_speed: float = 1.0,
+        torque_to_speed: float = 0.1,
+        smoothing_time_constant: float | None = None,
+        *,
+        baseline: BaselineParameters | None = None,
+        table: RotorTable | None = None,
+    ) -> TsrTrackingParameters:
+        """By rule.
+
+        The torque gains place the poles of the rotor speed at ``torque_frequency`` [rad/s] and ``torque_damping``:
+        ``J dw/dt = Q(w) - N M`` with ``dQ/dw = -P/w^2`` at the best power in half the rated wind.
+
+        Parameters
+        ----------
+        turbine : Turbine
+        tip_speed_ratio : float, optional
+            By default that of the largest power in the turbine's table.
+        thrust_limit : float
+            Peak shaving, see `pitch_schedule`.
+        torque_frequency, torque_damping : float
+            [rad/s], [-]; by default 0.25 rad/s for a rotor of 12.1 rpm.
+        wind_time_constant, smoothing_time_constant : float, optional
+            [s]; by default 3 s and 5 s for a rotor of 12.1 rpm.
+        pitch_to_speed, torque_to_speed : float
+        baseline : BaselineParameters, optional
+            By default `BaselineParameters.from_turbine`.
+        table : RotorTable, optional
+            By default `rotor_table`.
+        """
+        table, drivetrain = rotor_table(turbine) if table is None else table, turbine.drivetrain
+        baseline = BaselineParameters.from_turbine(turbine) if baseline is None else baseline
+        slower = slower_than_reference(turbine)
+        torque_frequency = _TORQUE_FREQUENCY / slower if torque_frequency is None else torque_frequency
+        wind_time_constant = _WIND_TIME * slower if wind_time_constant is None else wind_time_constant
+        smoothing_time_constant = (
+            _SMOOTHING_TIME * slower if smoothing_time_constant is None else smoothing_time_constant
+        )
+        ratio = table.optimum[0] if tip_speed_ratio is None else tip_speed_ratio
+        inertia, gear = rotor_inertia(turbine), drivetrain.gear_ratio
+        wind = 0.5 * turbine.rated_wind_speed
+        speed = ratio * wind / table.radius
+        slope = -table.torque(wind, speed, float(table.pitch[0])) / speed
+        to_generator = drivetrain.gearbox_efficiency / gear**2
+        gain = max(2.0 * torque_damping * torque_frequency * inertia + slope, 0.0) * to_generator
+        winds, pitch = pitch_schedule(table, turbine, ratio, thrust_limit)
+        rated_speed = baseline.reference_speed
+        return cls(
+            baseline=baseline,
+            speed_per_wind=ratio * gear / table.radius,
+            torque_gain=gain,
+            torque_integral_gain=torque_frequency**2 * inertia * to_generator,
+            min_speed=drivetrain.min_rotor_speed * gear,
+            rated_speed=rated_speed,
+            rated_torque=baseline.torque.rated_power / rated_speed,
+            wind_time_constant=wind_time_constant,
+            pitch_to_speed=pitch_to_speed,
+            torque_to_speed=torque_to_speed,
+            smoothing_time_constant=smoothing_time_constant,
+            schedule_wind=winds,
+            schedule_pitch=pitch,
+            table=table,
+        )
+
+
+class TsrTrackingController:
+    """Tip-speed-ratio tracking, set-point smoothing and a least pitch over the estimated wind.
+
+    Each step, with the filtered generator speed w and estimated wind v:
+
+    1. set points: ``w_torque = clip(lambda v N / R, w_min, w_rated)`` and ``w_pitch = w_rated``. The shift
+       ``d = k_p (theta - theta_min)/(theta_max - theta_min) - k_t (M_rated - M)/M_rated``, low-pass filtered, lowers
+       ``w_torque`` where positive (pitched: the torque stays at its upper end) and raises ``w_pitch`` where negative;
+    2. torque ``M = K_P (w - w_torque) + I``, I its integral with K_I; both within 0 and the torque of rated power,
+       ``P/w``, at most a tenth above rated torque (rated torque where region 3 holds the torque, and with published
+       numbers while the pitch is the least one); limited in rate;
+    3. pitch: the baseline's gain-scheduled law on ``w - w_pitch``, within theta_min(v) and the upper limit, limited in
+       rate.
+
+    Parameters
+    ----------
+    parameters : TsrTrackingParameters
+    estimator : WindEstimator
+
+    Attributes
+    ----------
+    wind : float
+        Estimated rotor-effective wind behind the filter [m/s].
+    """
+
+    def __init__(self, parameters: TsrTrackingParameters, estimator: WindEstimator):
+        self.parameters, self.estimator = parameters, estimator
+        self.channels = tuple(dict.fromkeys(("generator_speed", *estimator.channels)))
+        self._notch = Notch(parameters.baseline.notch_frequency)
+        self._speed = parameters.baseline.speed_filter()
+        self._wind = LowPass(parameters.wind_time_constant)
+        self._shift = LowPass(parameters.smoothing_time_constant)
+        self._pitch = self._torque = self._pitch_integral = self._torque_integral = math.nan
+
+    @property
+    def wind(self) -> float:
+        """Estimated rotor-effective wind behind the filter [m/s]."""
+        return self._wind.value
+
+    @classmethod
+    def of_turbine(
+        cls, turbine: Turbine, estimator_bandwidth: float | None = None, **parameters: Any
+    ) -> TsrTrackingController:
+        """By rule; parameters as those of `TsrTrackingParameters.from_turbine`.
+
+        The bandwidth of the estimator is by default that of `bandwidth_of` [rad/s].
+        """
+        made = TsrTrackingParameters.from_turbine(turbine, **parameters)
+        return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth))
+
+    @classmethod
+    def published(
+        cls, turbine: Turbine, baseline: BaselineParameters, estimator_bandwidth: float | None = None, **parameters: Any
+    ) -> TsrTrackingController:
+        """With the turbine's own numbers, see `TsrTrackingParameters.published`."""
+        made = TsrTrackingParameters.published(turbine, baseline, **parameters)
+        return cls(made, WindEstimator.of_turbine(turbine, estimator_bandwidth, made.table))
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start bumplessly from the mean of the pitch demands and the torque demand."""
+        p = self.parameters
+        self._speed.reset(self._notch.reset(signals["generator_speed"]))
+        self._wind.reset(self.estimator.start(signals))
+        self._pitch, self._torque = float(np.mean(demand.pitch)), float(demand.generator_torque)
+        self._shift.reset(self._wanted_shift(self._least_pitch()))
+        torque_error, pitch_error = self._errors()
+        self._torque_integral = self._torque - p.torque_gain * torque_error
+        self._pitch_integral = p.baseline.pitch_law.holding(self._pitch, pitch_error)
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand for the next ``dt`` [s]."""
+        p, b = self.parameters, self.parameters.baseline
+        speed = self._speed.update(self._notch.update(signals["generator_speed"], dt), dt)
+        self._wind.update(self.estimator.update(signals, dt), dt)
+        least = self._least_pitch()
+        self._shift.update(self._wanted_shift(least), dt)
+        torque_error, pitch_error = self._errors()
+
+        highest = min(b.torque.rated_power / max(speed, 1e-3), self._most_torque(least), b.max_torque)
+        integral = self._torque_integral + p.torque_integral_gain * torque_error * dt
+        self._torque_integral = min(max(integral, 0.0), highest)
+        torque = min(max(p.torque_gain * torque_error + self._torque_integral, 0.0), highest)
+        self._torque += min(max(torque - self._torque, -b.max_torque_rate * dt), b.max_torque_rate * dt)
+
+        pitch, self._pitch_integral = b.pitch_law.step(
+            self._pitch, self._pitch_integral, pitch_error, dt, least, b.max_pitch
+        )
+        self._pitch += min(max(pitch - self._pitch, -b.max_pitch_rate * dt), b.max_pitch_rate * dt)
+        return Demand(np.full(b.n_blades, self._pitch), 0.0, self._torque)
+
+    def shift_pitch(self, change: float) -> None:
+        """Move the present demand and its integral, and with them the next one, by so much [rad], within the limits."""
+        b, before = self.parameters.baseline, self._pitch
+        least = min(before, self._least_pitch())  # what is below the schedule rises to it at the limit of the rate
+        self._pitch = min(max(before + change, least), b.max_pitch)
+        self._pitch_integral = b.pitch_law.moved(before, self._pitch - before, self._pitch_integral)
+
+    def _most_torque(self, least: float) -> float:
+        """Largest torque while the speed is below rated [N m]: a tenth above rated to hold the power of region 3."""
+        p = self.parameters
+        if not p.baseline.constant_power:
+            return p.rated_torque
+        if p.constant_power_pitch == 0.0:
+            return 1.1 * p.rated_torque
+        pitched = (self._pitch - least) / p.constant_power_pitch
+        return (1.0 + 0.1 * min(max(pitched, 0.0), 1.0)) * p.rated_torque
+
+    def _errors(self) -> tuple[float, float]:
+        """Generator speed errors of torque and pitch [rad/s]."""
+        p, speed = self.parameters, self._speed.value
+        shift = self._shift.value * p.rated_speed
+        tracked = min(max(p.speed_per_wind * self.wind, p.min_speed), p.rated_speed)
+        return speed - (tracked - max(shift, 0.0)), speed - (p.rated_speed - min(shift, 0.0))
+
+    def _wanted_shift(self, least: float) -> float:
+        """Shift of the set points in rated speeds [-]."""
+        p, b = self.parameters, self.parameters.baseline
+        pitched = (self._pitch - least) / (b.max_pitch - b.min_pitch)
+        return p.pitch_to_speed * pitched - p.torque_to_speed * (p.rated_torque - self._torque) / p.rated_torque
+
+    def _least_pitch(self) -> float:
+        """Lower limit of the pitch [rad]."""
+        return float(np.interp(self.wind, self.parameters.schedule_wind, self.parameters.schedule_pitch))
+
+
+if not TYPE_CHECKING:  # which would take every name for one of this module
+    __getattr__ = renamed_names(__name__)
