@@ -98,7 +98,7 @@ class TestSections:
         axis = blade.axis_at(np.interp(structure.station, blade.axis_station, blade.axis[:, 2]))
         beam = Beam(BeamSections(structure.station, structure.stiffness, structure.inertia, axis), 30)
         speed, root = turbine.drivetrain.rated_rotor_speed, np.array([0.0, 0.0, -turbine.hub.radius])
-        flap_1, edge_1, flap_2 = clamped_modes(beam, 3, spin=speed, centre=root).frequency
+        flap_1, edge_1, flap_2 = clamped_modes(beam, 3, spin=speed, center=root).frequency
         assert blade_sections(turbine).frequencies == pytest.approx([flap_1, flap_2, edge_1], rel=near)
 
     def test_fore_aft_of_the_nrel_5mw(self, turbine):

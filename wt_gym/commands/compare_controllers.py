@@ -83,7 +83,7 @@ def main(words: list[str] | None = None) -> None:
             run_cases(
                 with_site(load_turbine(arguments.turbine), dict(arguments.site or ())), controllers, cases,
                 arguments.duration, arguments.skip, arguments.fidelity, arguments.control_dt, progress, runs,
-                arguments.simulator,
+                simulator=arguments.simulator,
             )  # fmt: skip
         finally:  # of a stopped series too
             if any(run.done for run in runs):

@@ -25,9 +25,9 @@ class TopBody:
     mass : float
         [kg].
     height : float
-        Of its centre of mass above the end of the beam [m].
+        Of its center of mass above the end of the beam [m].
     inertia : float
-        About the axis of bending through the centre of mass [kg m²].
+        About the axis of bending through the center of mass [kg m²].
     """
 
     def __init__(self, mass: float, height: float, inertia: float):

@@ -80,7 +80,7 @@ def blade_sections(turbine: Turbine) -> BladeSections:
 
     The bending stiffness is that of a section on which neither an axial force nor a torque acts; its principal axes
     give the structural twist. Mass and stiffness of a curved blade are laid out along z: the mass is kept, the twist
-    and the offsets of the centres of mass are lost.
+    and the offsets of the centers of mass are lost.
     """
     blade = turbine.blade
     z = _thinned(np.interp(blade.structure.station, blade.axis_station, blade.axis[:, 2]), blade.length)
