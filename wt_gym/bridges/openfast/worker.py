@@ -80,7 +80,7 @@ class OpenFAST:
             self.inputs[4:7] = pitch
 
     def start(self, row):
-        """Initialise at the first row of demands."""
+        """Initialize at the first row of demands."""
         self.demand(row)
         n_in, n_out = (ctypes.byref(size) for size in self.sizes)
         turbine, error = ctypes.byref(self.turbine), ctypes.byref(self.error)
