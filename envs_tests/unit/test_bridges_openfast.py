@@ -344,9 +344,9 @@ class TestSignals:
 
     def test_extremes_go_on(self, turbine):
         measurement, still = Measurement(turbine, NAMES), np.zeros(3)
-        for k, (moment, go_on) in enumerate([(5.0, False), (3.0, True)]):
+        for k, (moment, accumulate) in enumerate([(5.0, False), (3.0, True)]):
             rows = np.array([outputs(RootMyb1=-moment, RotSpeed=moment)])
-            measurement.take(float(k), rows, 0.0, still, still, np.full(3, 0.1), go_on)
+            measurement.take(float(k), rows, 0.0, still, still, np.full(3, 0.1), accumulate)
         signals = measurement.signals()
         assert signals["root_flap_moment_max_1"] == 5e3
         assert signals["root_flap_moment_1"] == -3e3

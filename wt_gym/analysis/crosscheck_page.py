@@ -60,7 +60,7 @@ def tables(check: Crosscheck) -> str:
     lines += ["", "Correlation sample by sample, mean over the winds.", "", *_heading(["agent", *SERIES])]
     for agent in (check.baseline, *check.agents):
         lines.append(_line([agent, *(_number(check.sample_correlation(agent, name)) for name in SERIES)]))
-    lines += ["", f"{check.baseline}, mean over all winds.", "", *_heading(["simulator", *map(_labelled, COMPARED)])]
+    lines += ["", f"{check.baseline}, mean over all winds.", "", *_heading(["simulator", *map(_labeled, COMPARED)])]
     for name, evaluation in zip(check.names, check.evaluations, strict=True):
         metrics = evaluation.overall_metrics(check.baseline)
         lines.append(_line([name, *(format_value(key, metrics[key]) if key in metrics else "" for key in COMPARED)]))
@@ -187,7 +187,7 @@ def _pair(check: Crosscheck, agent: str, key: str, speed: float) -> str:
     return " / ".join(shown)
 
 
-def _labelled(key: str) -> str:
+def _labeled(key: str) -> str:
     return f"{_COLUMNS[key]} [{METRICS[key].unit}]"
 
 
