@@ -144,7 +144,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
     """
     layout, action, residual = env.layout, env.layout.action, env._residual
     if action.mode != "residual":
-        raise ValueError(f"an agent to be exported as a controller must have residual actions, got {action.mode!r}")
+        raise ValueError(f"an agent must have residual actions to be exported as a controller, got {action.mode!r}")
     parts.groups.add("agent")
     n_pitch, torque = _n_pitch(layout), "torque" in action.components
     forms = {"collective": "COLLECTIVE", "individual": "INDIVIDUAL", "fixed-frame": "FIXED_FRAME", "cyclic": "CYCLIC"}

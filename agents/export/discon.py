@@ -109,7 +109,7 @@ def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Se
     try:
         if env.layout.action.mode != "residual":
             raise ValueError(
-                f"an agent to be exported as a controller must have residual actions, got {env.layout.action.mode!r}"
+                f"an agent must have residual actions to be exported as a controller, got {env.layout.action.mode!r}"
             )
         assert env.controller is not None  # residual actions have one
         parts = controller_parts(env.controller, env.turbine, env._inner_dt)

@@ -562,6 +562,11 @@ static double setpoint_limit(const struct parameters *p, int k) {
     return k < N_PITCH ? p->offset_pitch_limit[k] : p->offset_torque_limit;
 }
 
+/* Whether the offsets return to zero: a reading is missing, or the agent is switched off. */
+static int rests(const struct parameters *p, const struct state *s) {
+    return (s->bad_users & FOR_AGENT) != 0 || p->agent == 0.0;
+}
+
 /* Component of the action that belongs to a coordinate of the setpoint: pitch comes first, torque last. */
 static int action_of(int k) { return k < N_PITCH ? k : N_ACT - 1; }
 
@@ -606,7 +611,7 @@ static void agent_act(const struct parameters *p, struct state *s) {
     for (int k = 0; k < N_CHANNELS; k++) row[k] = observed(s, &CHANNELS[k], p->control_step);
     s->n_history++;
     policy(s, action);
-    if ((s->bad_users & FOR_AGENT) || p->agent == 0.0) { /* the offsets return to zero at their greatest rate */
+    if (rests(p, s)) { /* at the greatest rate */
         memset(action, 0, sizeof action);
         for (int k = 0; k < N_COORDINATES; k++) action[action_of(k)] = clip(-s->to[k] / setpoint_move(p, k), -1.0, 1.0);
     }
@@ -628,9 +633,10 @@ static void agent_add(const struct parameters *p, struct state *s, double part, 
         s->share = above_rated(p, s->fade, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed);
     }
     if (N_PITCH > 0 && N_MEAN > 0 && p->offset_washout > 0.0) {
-        double mean = 0.0;
-        for (int k = 0; k < N_MEAN; k++) mean += offset[k] / N_MEAN;
-        s->lasting = low_pass(s->lasting, mean, dt, p->offset_washout);
+        double mean = 0.0, count = N_MEAN;
+        for (int k = 0; k < N_MEAN; k++) mean += offset[k] / count;
+        if (rests(p, s)) s->lasting -= clip(s->lasting, -p->offset_pitch_rate * dt, p->offset_pitch_rate * dt);
+        else s->lasting = low_pass(s->lasting, mean, dt, p->offset_washout);
         s->mean = s->share * (mean - s->lasting);
         for (int k = 0; k < N_MEAN; k++) offset[k] -= s->lasting;
     }
