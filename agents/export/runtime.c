@@ -677,7 +677,8 @@ static void drives_take(const struct parameters *p, struct state *s) {
     for (int b = 0; b < N_BLADES; b++) {
         double turn = p->drive_pitch_rate * dt;
         turn = clip(clip(s->demand.pitch[b], p->drive_min_pitch, p->drive_max_pitch) - s->command[b], -turn, turn);
-        s->angle_start[b] = s->angle[b];
+        /* where the last step ends, whether or not a call came at its end */
+        s->angle_start[b] += 0.5 * (s->rate_before[b] + s->rate[b]) * dt;
         s->rate_before[b] = s->rate[b];
         s->rate[b] = turn / dt;
         s->command[b] += turn;

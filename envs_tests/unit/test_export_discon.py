@@ -317,6 +317,25 @@ def test_drives_in_the_library_keep_the_limits_of_the_turbine(exported):
     assert abs(np.diff(torques)).max() <= turbine.drivetrain.max_torque_rate * DT / parts * 1.001
 
 
+def test_drives_do_not_drift_where_steps_of_the_caller_fit_none_of_the_controller(exported):
+    turbine, signals = recorded(200)
+    _, library, parameters, _ = exported(WHOLE, drive=True)
+    held = start_demand(signals[0], turbine)
+    even, odd = Exported(library, turbine, parameters, held), Exported(library, turbine, parameters, held)
+    expected = pitches(run(even, signals))
+    found, k, dt = [], 0, 0.03
+    for call in range(round(200 * DT / dt)):
+        time = call * dt
+        if time >= DT * k - 0.5 * dt:  # the readings of the step that is due
+            odd.read(signals[k])
+            k += 1
+        found.append(odd.call(time, dt).pitch)
+    ends = dt * np.arange(1, len(found) + 1)
+    smooth = np.array([np.interp(ends, DT * np.arange(1, 201), column) for column in expected.T]).T
+    # the evenness of a step and half a step of the caller at the greatest rate
+    assert abs(np.array(found) - smooth).max() < 0.7 * dt * turbine.pitch.max_rate + 0.3 * DT * turbine.pitch.max_rate
+
+
 def test_drives_that_are_servos_settle_on_the_demand(tmp_path):
     turbine = load_turbine("iea_15mw")
     turbine = replace(turbine, pitch=replace(turbine.pitch, servo_frequency=2.0, servo_damping=0.7))
