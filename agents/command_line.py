@@ -8,7 +8,8 @@ import gymnasium as gym
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.envs.arguments import did_you_mean
-from wt_gym.envs.turbine_env import WindTurbineEnv, env_arguments
+from wt_gym.envs.options import env_arguments, flat_arguments, registered_arguments
+from wt_gym.envs.turbine_env import WindTurbineEnv
 
 __all__ = ["chosen_arguments", "environment_arguments"]
 
@@ -47,7 +48,7 @@ def environment_arguments(env_id: str, kwargs: dict[str, Any]) -> dict[str, Any]
                 f"the environment has no argument {name!r}{did_you_mean(name, arguments)} Its arguments are "
                 f"{', '.join(arguments)}"
             )
-    return {**spec.kwargs, **kwargs}
+    return registered_arguments(env_id, kwargs)
 
 
 def chosen_arguments(env_id: str, kwargs: dict[str, Any], fidelity: str | None) -> dict[str, Any]:
@@ -65,4 +66,4 @@ def chosen_arguments(env_id: str, kwargs: dict[str, Any], fidelity: str | None) 
         As `environment_arguments`.
     """
     environment_arguments(env_id, kwargs)
-    return kwargs | ({"fidelity": fidelity} if fidelity else {})
+    return flat_arguments(kwargs) | ({"fidelity": fidelity} if fidelity else {})

@@ -4,27 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import stdtrit
 
-from wt_gym.agents.choices import env_choices_of, is_base_controller, read_name
-from wt_gym.agents.closed_loop import run_controller
-from wt_gym.agents.environments import load_agent, load_model
+from wt_gym.agents.names import RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
+from wt_gym.agents.pool import load_agent, load_model
 from wt_gym.agents.trained_environment import environment_of_training
 from wt_gym.benchmark.run import INTERFACE, benchmark_metrics
 from wt_gym.control.controllers import Name, make_controller
 from wt_gym.deprecated import renamed_names
 from wt_gym.envs.arguments import check_duration
-from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
-from wt_gym.simulation import Recorder, Simulator
+from wt_gym.runs.playing import play, run_controller
+from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
+
+    import xarray as xr
 
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
@@ -47,9 +48,6 @@ __all__ = [
 
 if not TYPE_CHECKING:  # which would take every name for one of this module
     __getattr__ = renamed_names(__name__)
-
-RESIDUAL_INTERFACE: dict[str, Any] = {"action_mode": "residual", "pitch": "fixed-frame", "action_components": ["pitch"]}
-"""Arguments of an environment in which a controller runs beneath actions that rest."""
 
 COLUMNS = (
     ("mean_power", "power"),
@@ -136,6 +134,7 @@ def run_cases(
     control_dt: float | None = None,
     progress: Callable[[str, Case], None] | None = None,
     runs: list[ControllerRuns] | None = None,
+    make_simulator: Callable[..., Simulator] | None = None,
 ) -> list[ControllerRuns]:
     """Run every controller in every wind.
 
@@ -147,7 +146,7 @@ def run_cases(
     turbine : Turbine
     controllers : mapping
         From a label to name and parameters: of a controller as `make_controller` takes them, or of any agent that
-        `wt_gym.agents.choices.read_name` knows, which runs in an environment with the same wind.
+        `wt_gym.agents.names.read_name` knows, which runs in an environment with the same wind.
     cases : iterable of Case
     duration, skip : float
         Measured time and time before it [s].
@@ -158,6 +157,9 @@ def run_cases(
         Called with label and case after every run.
     runs : list of ControllerRuns, optional
         That get the metrics, by default new ones. Whoever gives them has what was done where the series is stopped.
+    make_simulator : callable, optional
+        Gives what simulates controllers from turbine, inflow and fidelity, by default `wt_gym.simulation.Simulator`;
+        see `wt_gym.runs.playing.run_controller`.
 
     Raises
     ------
@@ -177,17 +179,18 @@ def run_cases(
     for case in cases:
         inflow = inflow_of(turbine, case)
         if simulator is None:
-            simulator = Simulator(turbine, inflow, fidelity)
+            simulator = (make_simulator or Simulator)(turbine, inflow, fidelity)
         simulator.inflow = inflow
         for run, (choice, parameters) in zip(runs, controllers.values(), strict=True):
             try:
                 if in_environment:
                     agent = Name(read_name(choice).kind, choice, parameters)
-                    recorder = run_agent(turbine, agent, inflow, skip + duration, fidelity, control_dt)
+                    data = run_agent(turbine, agent, inflow, skip + duration, fidelity, control_dt)
                 else:
                     controller = make_controller(choice, turbine, **parameters)
                     recorder = run_controller(simulator, controller, skip + duration, control_dt, name=run.name)
-                run.metrics[case] = benchmark_metrics(recorder.to_dataset(), turbine, skip)
+                    data = recorder.to_dataset()
+                run.metrics[case] = benchmark_metrics(data, turbine, skip)
             except SimulationError as error:
                 run.failures[case] = str(error)
             if progress is not None:
@@ -197,7 +200,7 @@ def run_cases(
 
 def run_agent(
     turbine: Turbine, name: Name, inflow: Inflow, duration: float, fidelity="training", control_dt: float | None = None
-) -> Recorder:
+) -> xr.Dataset:
     """Simulate under an agent in an environment: that of its training, or the one that it chooses.
 
     A controller runs beneath actions that rest, and so do words without an environment of their own.
@@ -216,7 +219,7 @@ def run_agent(
 
     Returns
     -------
-    Recorder
+    xarray.Dataset
         Signals at the start and after every control step.
 
     Raises
@@ -242,18 +245,10 @@ def run_agent(
         agent = load_agent(name.text, env.layout, env) if found is None else found
         if found is not None:
             found.enter(env.layout)
-        observation, _ = env.reset(seed=0, options={"azimuth": 0.0})
-        recorder = Recorder(env.simulator)
-        recorder.append(env.signals)
-        steps = episode_steps(env, agent, observation)
-        for _ in range(round(duration / env.control_dt)):
-            step_made = next(steps)
-            if step_made.failed or step_made.terminated:
-                info = step_made.info
-                ended = info.get("failure") or info.get("termination")
-                raise SimulationError(f"ended after {info['time']:g} s: {ended}")
-            recorder.append(env.signals)
-        return recorder
+        episode = play(env, agent, seed=0, options={"azimuth": 0.0}, duration=duration)
+        if episode.ending != "time":
+            raise SimulationError(f"ended after {episode.time:g} s: {episode.failure or episode.ending}")
+        return episode.data
     finally:
         env.close()
 

@@ -13,8 +13,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 import wt_gym
-from wt_gym.agents.choices import env_choices_of, read_name
-from wt_gym.agents.environments import load_agent, load_model
+from wt_gym.agents.names import env_choices_of, read_name
+from wt_gym.agents.pool import load_agent, load_model
 from wt_gym.agents.trained_environment import check_environment
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.envs.episode import episode_steps

@@ -13,31 +13,31 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.agent_pool import AgentPool
 from wt_gym.agents.evaluation_config import FIRST_SEED, LEAST_MEASURED, EvaluationConfig
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS, actual_wind
-from wt_gym.agents.executors import SerialExecutor
 from wt_gym.agents.oscillation_notes import oscillation_notes
-from wt_gym.agents.progress import ProgressLine, clock
+from wt_gym.agents.pool import AgentPool
 from wt_gym.agents.training_notes import training_notes
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.analysis.metrics import run_metrics
-from wt_gym.analysis.replay import ReplayRecorder
 from wt_gym.analysis.results import Evaluation, Run, Wind
-from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.simulation import Recorder
+from wt_gym.runs.executors import SerialExecutor
+from wt_gym.runs.playing import play
+from wt_gym.runs.progress import ProgressLine, clock
+from wt_gym.runs.table import make_runs
 from wt_gym.wind.iec import REFERENCE_SPEED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from wt_gym.agents.executors import Executor
-    from wt_gym.envs.episode import Agent
+    from wt_gym.envs.episode import Agent, EpisodeStep
     from wt_gym.envs.layout import EnvLayout
+    from wt_gym.envs.turbine_env import WindTurbineEnv
+    from wt_gym.runs.executors import Executor
     from wt_gym.turbines import Turbine
 
 __all__ = ["DEFAULT_WIND_SEEDS", "FIRST_SEED", "EvaluationConfig", "evaluate"]
@@ -71,7 +71,7 @@ def evaluate(
         Take trained models into an environment with other noise, action spans or controller beneath than in their
         training, see `wt_gym.agents.trained_environment`.
     executor : Executor, optional
-        Of `wt_gym.agents.executors`, entered: does the runs, by default one after another. The numbers are the same.
+        Of `wt_gym.runs.executors`, entered: does the runs, by default one after another. The numbers are the same.
         One that does them in other processes needs agents by word or path.
     progress : bool
         Show progress on standard error.
@@ -105,17 +105,18 @@ def evaluate(
         if store:  # nothing else can be refused any more
             store.begin(code_fingerprint(layout.turbine, turbine_env_of(env).fidelity), overwrite)
         jobs = [(name, wind) for wind in config.winds for name in agents]
-        runs = {job: run for job in jobs if (run := store.find(*job) if store else None) is not None}
-        line, left = ProgressLine(progress), [job for job in jobs if job not in runs]
-        play = partial(_run, config=config, line=ProgressLine(progress and not executor.beside))
-        with store.session(executor.tally, len(runs)) if store else nullcontext():
-            for job, run in pool.results(play, left, executor, code_fingerprint):
-                runs[job] = run
-                if store:
-                    name, asked = job
-                    store.keep(name, asked, run)
-                if executor.beside:
-                    line.show(f"{len(runs)} of {len(jobs)}: {run.agent} at {run.wind.name}", final=True)
+        line, shown = ProgressLine(progress), ProgressLine(progress and not executor.beside)
+
+        def told(job: tuple[str, Wind], run: Run, there: int) -> None:
+            if executor.beside:
+                line.show(f"{there} of {len(jobs)}: {run.agent} at {run.wind.name}", final=True)
+
+        made = make_runs(
+            jobs, partial(pool.results, partial(_run, config=config, line=shown), executor, code_fingerprint),
+            tally=executor.tally, store=store, define=store.definition if store else None,
+            label=lambda job: f"{job[0]} at {job[1].label}", told=told,
+        )  # fmt: skip
+        runs = dict(zip(jobs, made, strict=True))
         _require_common_winds(runs, agents, config.winds)
         turbine = layout.turbine
         swinging = oscillation_notes(runs.values(), turbine.drivetrain.rated_rotor_speed, config.skip)
@@ -168,61 +169,53 @@ def _require_common_winds(runs: Mapping[tuple[str, Wind], Run], agents: Iterable
 def _run(pool: AgentPool, job: tuple[str, Wind], config: EvaluationConfig, line: ProgressLine) -> Run:
     """One agent in one wind."""
     (name, asked), (env, agent) = job, pool[job[0]]
-    allowed = turbine_env_of(env).wind.options
+    turbine_env, began = turbine_env_of(env), time.monotonic()
+
+    def shown(step: EpisodeStep) -> None:
+        simulated, elapsed = step.info["time"], time.monotonic() - began
+        line.show(
+            f"evaluating {name} at {asked.name}: {simulated:.0f} of {config.duration:.0f} s simulated"
+            f" in {clock(elapsed)} min ({simulated / max(elapsed, 1e-9):.0f} x real time)",
+            final=step.done,
+        )
+
+    options = _options(turbine_env, asked, config)
+    replay = config.replay_in(asked)
+    found = play(env, agent, seed=config.seed_in(asked), options=options, replay=replay, on_step=shown)
+    wind = actual_wind(turbine_env, asked, config.winds)
+    seed = int(turbine_env.episode_wind.wind_seed)
+    return Run(
+        agent=name,
+        wind=wind,
+        data=found.data.assign_attrs(agent=name, wind_speed=wind.speed, wind_seed=seed),
+        metrics=_metrics(found.after_start, turbine_env.turbine, config.skip, found.time),
+        episode_return=found.episode_return,
+        reward_terms=found.reward_terms,
+        planned_duration=config.duration,
+        duration=found.time,
+        ending=found.ending,
+        failure=found.failure,
+        replay=found.replay,
+    )
+
+
+def _options(env: WindTurbineEnv, asked: Wind, config: EvaluationConfig) -> dict[str, Any]:
+    """How an episode begins: what of the wind that is asked for the environment knows."""
+    allowed = env.wind.options
     options: dict[str, Any] = {"azimuth": 0.0}
     if "wind_speed" in allowed:
         options["wind_speed"] = asked.speed
     if asked.seed is not None and "wind_seed" in allowed:
         options["wind_seed"] = asked.seed
-    if asked.draw is not None and (pieces := turbine_env_of(env).wind.windows(config.duration)):
+    if asked.draw is not None and (pieces := env.wind.windows(config.duration)):
         file, start = pieces[(asked.draw - 1) % len(pieces)]  # drawn ones would overlap, or be the same
         options["inflow"] = file.inflow(start)
-    observation, info = env.reset(seed=config.seed_in(asked), options=options)
-    turbine_env, started = turbine_env_of(env), time.monotonic()
-    wind = actual_wind(turbine_env, asked, config.winds)
-    recorder = Recorder(turbine_env.simulator, agent=name, wind_speed=wind.speed, wind_seed=info["wind_seed"])
-    recorder.append(turbine_env.signals)
-    kept = config.replay_in(asked)
-    shapes = ReplayRecorder(round(kept / turbine_env.control_dt))
-    total = 0.0
-    terms: dict[str, float] = {}
-    for step in episode_steps(env, agent, observation):
-        info = step.info
-        total += float(np.sum(step.reward))  # one number, or its terms with vector_reward
-        for key, value in info["reward_terms"].items():
-            terms[key] = terms.get(key, 0.0) + value
-        if not step.failed:
-            recorder.append(turbine_env.signals)
-            if kept:
-                shapes.append(info["time"], turbine_env.simulator.geometry())
-        simulated, elapsed = info["time"], time.monotonic() - started
-        line.show(
-            f"evaluating {name} at {wind.name}: {simulated:.0f} of {config.duration:.0f} s simulated"
-            f" in {clock(elapsed)} min ({simulated / max(elapsed, 1e-9):.0f} x real time)",
-            final=step.done,
-        )
-    data = recorder.to_dataset()
-    return Run(
-        agent=name,
-        wind=wind,
-        data=data,
-        metrics=_metrics(data, turbine_env.turbine, config.skip, info["time"]),
-        episode_return=float(total),
-        reward_terms=terms,
-        planned_duration=config.duration,
-        duration=float(info["time"]),
-        ending=info.get("termination", "time"),
-        failure=info.get("failure"),
-        replay=shapes.to_replay(),
-    )
+    return options
 
 
 def _metrics(data, turbine: Turbine, skip: float, duration: float) -> dict[str, float]:
-    """Metrics of a run, none if it ended before there was something to measure.
-
-    Each sample stands for the step that led to it, so the start at t = 0 is left out.
-    """
-    return run_metrics(data.isel(time=slice(1, None)), turbine, skip) if duration >= skip + LEAST_MEASURED else {}
+    """Metrics of a run, none if it ended before there was something to measure."""
+    return run_metrics(data, turbine, skip) if duration >= skip + LEAST_MEASURED else {}
 
 
 def _settings(config: EvaluationConfig, layout: EnvLayout, env: gym.Env) -> dict[str, Any]:

@@ -8,21 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import wt_gym.agents
-from wt_gym.agents.choices import fingerprint
-from wt_gym.agents.folder_lock import FolderLock
-from wt_gym.agents.sweep_record import SWEEP_FILE, sweep_recorded
+from wt_gym.agents.names import fingerprint
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing, sources_digest
-from wt_gym.benchmark.tasks import digest
 from wt_gym.envs.wind_files import wind_files_of
 from wt_gym.files import write_text_whole
+from wt_gym.runs.definition import RunDefinition, digest
+from wt_gym.runs.store import SWEEP_FILE, RunStore
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from contextlib import AbstractContextManager
 
     from wt_gym.agents.evaluation_config import EvaluationConfig
-    from wt_gym.agents.workers import Tally
     from wt_gym.envs.episode import Agent
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
@@ -32,8 +29,8 @@ __all__ = ["CONFIGURATION_FILE", "REPORT_FILE", "EvaluationFolder", "code_finger
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
 _AGENTS, _ENVS = Path(wt_gym.agents.__file__).parent, Path(wt_gym.__file__).parent / "envs"
 _SOURCES = (
-    "constant.py", "agent_pool.py", "controller_agent.py", "environments.py", "evaluation.py", "evaluation_config.py",
-    "evaluation_winds.py", "trained_agent.py",
+    "constant.py", "controller_agent.py", "evaluation.py", "evaluation_config.py", "evaluation_winds.py", "pool.py",
+    "trained_agent.py",
 )  # fmt: skip
 # These weigh what the runs gave, and change no run.
 _ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")
@@ -59,7 +56,7 @@ def code_fingerprint(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, st
     }
 
 
-class EvaluationFolder(FolderLock):
+class EvaluationFolder(RunStore):
     """Runs of one evaluation on disk; a context that holds the folder for this process.
 
     Parameters
@@ -77,8 +74,6 @@ class EvaluationFolder(FolderLock):
     FileNotFoundError
         If an agent's model does not exist.
     """
-
-    subfolders = (RUNS_FOLDER,)
 
     def __init__(self, path: str | Path, agents: Mapping[str, str | Agent], config: EvaluationConfig):
         objects = [name for name, agent in agents.items() if not isinstance(agent, str)]
@@ -126,37 +121,37 @@ class EvaluationFolder(FolderLock):
         text = json.dumps(self._configuration, indent=1) + "\n"
         write_text_whole(self.path / CONFIGURATION_FILE, text)
 
-    def find(self, agent: str, wind: Wind) -> Run | None:
-        """Run of an agent in a wind, None if it has not been done yet."""
-        file = self._file(agent, wind)
-        return Run.load(file) if file.exists() else None
+    def definition(self, job: tuple[str, Wind]) -> dict[str, Any]:
+        """What decides on the numbers of an agent in a wind that was asked for."""
+        (agent, wind), known = job, self._configuration
+        return RunDefinition(
+            agent={"name": agent, **known["agents"][agent]},
+            env_id=known["env_id"],
+            env_kwargs=known["env_kwargs"],
+            wind=asdict(wind),
+            duration=known["duration"],
+            skip=known["skip"],
+            seed=self._config.seed_in(wind),
+            replay=self._config.replay_in(wind),
+            wind_files=known["wind_files"],
+            fingerprint=known["code"],
+        ).to_json()
 
-    def keep(self, agent: str, wind: Wind, run: Run) -> None:
-        """Write the run of an agent in a wind that was asked for."""
-        run.save(self._file(agent, wind))
+    def name(self, definition: dict[str, Any]) -> str:
+        """Name of the file of a run."""
+        return run_file(digest(definition), definition["agent"]["name"])
+
+    def _read(self, file: Path) -> Run:
+        """Read a run; `Run.save` says what stands there."""
+        return Run.load(file)
+
+    def _write(self, file: Path, definition: dict[str, Any], result: Run) -> Run:
+        result.save(file)
+        return result
 
     def save_tables(self, evaluation: Evaluation, jobs: Sequence[tuple[str, Wind]]) -> None:
         """Write the tables beside the runs, whose agents and asked winds are given in their order."""
-        evaluation.save_tables(self.path, [self._name(agent, wind) for agent, wind in jobs])
-
-    def session(self, tally: Tally, found: int) -> AbstractContextManager[None]:
-        """Note in the folder what becomes of the runs that are made in this context."""
-        return sweep_recorded(self.path, tally, found, lambda job: f"{job[0]} at {job[1].label}")
-
-    def _file(self, agent: str, wind: Wind) -> Path:
-        return self.path / RUNS_FOLDER / self._name(agent, wind)
-
-    def _name(self, agent: str, wind: Wind) -> str:
-        """Name of the file of a run, by all that decides on what is in it."""
-        whole = {name: value for name, value in self._configuration.items() if name not in ("agents", "winds")}
-        definition = whole | {
-            "name": agent,
-            "agent": self._configuration["agents"][agent],
-            "wind": asdict(wind),
-            "seed": self._config.seed_in(wind),
-            "replay": self._config.replay_in(wind),
-        }
-        return run_file(digest(definition), agent)
+        evaluation.save_tables(self.path, [self.name(self.definition(job)) for job in jobs])
 
     @property
     def _used(self) -> bool:

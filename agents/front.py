@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.agents.entries import BASELINE, LEVELS, Entry, entry_of
+from wt_gym.agents.benchmark_runs import Entry, entry_of
+from wt_gym.agents.names import BASELINE, LEVELS
 from wt_gym.analysis.statistics import bootstrap_interval
 from wt_gym.files import whole_file
 

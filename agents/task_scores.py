@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.agents.comparison import half_width
-from wt_gym.agents.environments import Environments
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.pool import Environments
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.analysis.lifetime import WindClimate, lifetime_load, wind_weights
 from wt_gym.analysis.metrics import METRICS
@@ -76,7 +76,7 @@ class Study:
     task : str
         Of `wt_gym.tasks.TASKS`, whose newest id runs.
     contenders : tuple of str
-        Words and paths as for `wt_gym.agents.environments.load_agent`, or `RANDOM`; the controller beneath first.
+        Words and paths as for `wt_gym.agents.pool.load_agent`, or `RANDOM`; the controller beneath first.
     parts : tuple of Part
     columns : tuple of Column
     duration, skip : float

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
-from wt_gym.agents.choices import read_name
+from wt_gym.agents.names import read_name
 from wt_gym.envs.layout import layout_of
+from wt_gym.envs.options.environment import argument_default, flat_arguments, registered_arguments
 from wt_gym.envs.rewards import DEFAULT_WEIGHTS
-from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.ids import present_id
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, 
     gymnasium.error.Error
         If the environment is not registered.
     """
-    return json.loads(json.dumps({**gym.spec(env_id).kwargs, **env_kwargs}, default=str))
+    return json.loads(json.dumps(registered_arguments(env_id, env_kwargs), default=str))
 
 
 def with_pay(arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -57,7 +56,7 @@ def with_pay(arguments: Mapping[str, Any]) -> dict[str, Any]:
     arguments : mapping
         As of `resolved_arguments`; a reward of one's own terms stays as it is.
     """
-    weights, penalty = arguments.get("reward"), _default("termination_penalty")
+    weights, penalty = arguments.get("reward"), argument_default("termination_penalty")
     if weights is None or isinstance(weights, dict):
         weights = DEFAULT_WEIGHTS | (weights or {})
     return {"termination_penalty": penalty, **arguments, "reward": weights}
@@ -127,7 +126,7 @@ def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | Non
     """
     if not (record.get("config") and layout_of(env).action.needs_controller):
         return None
-    given = cast(EnvSpec, env.spec).kwargs
+    given = flat_arguments(cast(EnvSpec, env.spec).kwargs)
     trained, here = (_kept(arguments)["controller"] for arguments in (trained_arguments(record), given))
     if not isinstance(trained, str) or (isinstance(here, str) and read_name(trained) == read_name(here)):
         return None
@@ -157,7 +156,7 @@ def interface_of_training(record: Mapping[str, Any], env: gym.Env, meaning: bool
     residual = layout_of(env).action.mode == "residual"
     names = (*_SEEN, *_MEANT) if meaning and residual else _SEEN
     trained = environment_of_training(record, names)
-    here = _with_defaults(cast(EnvSpec, env.spec).kwargs, names)
+    here = _with_defaults(flat_arguments(cast(EnvSpec, env.spec).kwargs), names)
     return trained if trained != here else {}
 
 
@@ -178,7 +177,7 @@ def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
     """
     if not record.get("config"):
         return
-    trained, here = _kept(trained_arguments(record)), _kept(cast(EnvSpec, env.spec).kwargs)
+    trained, here = _kept(trained_arguments(record)), _kept(flat_arguments(cast(EnvSpec, env.spec).kwargs))
     if not layout_of(env).action.needs_controller:
         del trained["controller"], here["controller"]  # nothing runs beneath the actions
     differing = [f"{name} {trained[name]!r}, here {here[name]!r}" for name in trained if trained[name] != here[name]]
@@ -197,9 +196,5 @@ def _kept(arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 def _with_defaults(arguments: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """Arguments of these names, the environment's defaults where they are not given, as JSON values."""
-    values = {name: arguments.get(name, _default(name)) for name in names}
+    values = {name: arguments.get(name, argument_default(name)) for name in names}
     return json.loads(json.dumps(values, default=str))
-
-
-def _default(name: str) -> Any:
-    return inspect.signature(WindTurbineEnv).parameters[name].default

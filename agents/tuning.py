@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.choices import read_name
 from wt_gym.agents.comparison import Case, check_times, run_cases
+from wt_gym.agents.names import read_name
 from wt_gym.analysis.lifetime_cost import LIFETIME_COST_WEIGHTS
 from wt_gym.control.controllers.catalogue import SHORT_FOR
 from wt_gym.control.controllers.own_class import load_class

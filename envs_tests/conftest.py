@@ -2,7 +2,7 @@
 
 import pytest
 
-from wt_gym.envs import running_start
+from wt_gym.envs import running_record
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -11,7 +11,7 @@ def short_records():
 
     Processes that a test starts record it in full.
     """
-    full = running_start.RECORDING_PLAN
-    running_start.RECORDING_PLAN = running_start.RecordingPlan(runs=1, settling=10.0, recorded=20.0)
+    full = running_record.RECORDING_PLAN
+    running_record.RECORDING_PLAN = running_record.RecordingPlan(runs=1, settling=10.0, recorded=20.0)
     yield full
-    running_start.RECORDING_PLAN = full
+    running_record.RECORDING_PLAN = full

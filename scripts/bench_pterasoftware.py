@@ -434,8 +434,8 @@ def main() -> None:
             f"error: no Python environment in {environment}; --set-up makes it, --environment names another"
         )
 
-    from wt_gym.agents.progress import ProgressLine
     from wt_gym.commands.bench import processor
+    from wt_gym.runs.progress import ProgressLine
 
     line = ProgressLine(interval=2.0)
     line.show("reference: linear theory", final=True)

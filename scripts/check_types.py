@@ -18,6 +18,7 @@ def copy_sources() -> None:
     """Bring the copy up to date; files that are as they were keep their times, which spares mypy to read them."""
     shutil.rmtree(COPY, ignore_errors=True)
     rest = shutil.ignore_patterns("__pycache__", "data", "trained", "hyperparameters")
+    shutil.copytree(ROOT / "scripts" / "fuzzing", COPY / "fuzzing", ignore=rest)
     for name in ("wt_gym", "validation"):  # the package imports validation where a clone is at hand
         shutil.copytree(ROOT / name, COPY / name, ignore=rest)
     shutil.rmtree(COPY / "wt_gym" / "agents")
@@ -34,6 +35,6 @@ if __name__ == "__main__":
         "../../pyproject.toml",
         "--cache-dir",
         "../of_package",
-        *sys.argv[1:],
+        *(sys.argv[1:] or ("wt_gym", "fuzzing")),
     ]
     sys.exit(subprocess.run(command, cwd=COPY).returncode)

@@ -87,7 +87,6 @@ NAMES = (
     Name("controllers.rosco_like", "controllers.tsr_tracking"),
     # runs and training
     Name("Contenders", "AgentPool", "code"),
-    Name("agent_pool.Contenders", "agent_pool.AgentPool"),
     Name(
         "contenders",
         "pool",
@@ -162,7 +161,16 @@ NAMES = (
 """Names, those of certain files before the general ones where both are of one word."""
 
 MODULES = {
-    "wt_gym.agents.contenders": "wt_gym.agents.agent_pool",
+    "wt_gym.agents.choices": "wt_gym.agents.names",
+    "wt_gym.agents.closed_loop": "wt_gym.runs.playing",
+    "wt_gym.agents.contenders": "wt_gym.agents.pool",
+    "wt_gym.agents.entries": "wt_gym.agents.benchmark_runs",
+    "wt_gym.agents.environments": "wt_gym.agents.pool",
+    "wt_gym.agents.executors": "wt_gym.runs.executors",
+    "wt_gym.agents.folder_lock": "wt_gym.runs.folder_lock",
+    "wt_gym.agents.progress": "wt_gym.runs.progress",
+    "wt_gym.agents.sweep_record": "wt_gym.runs.store",
+    "wt_gym.agents.workers": "wt_gym.runs.executors",
     "wt_gym.agents.training.again": "wt_gym.agents.training.resume",
     "wt_gym.agents.training.held_back": "wt_gym.agents.training.selection",
     "wt_gym.simulation.model.blade_pieces": "wt_gym.simulation.model.blade_sub_bodies",

@@ -28,7 +28,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ellipe, ellipkm1
 
-from validation.case import CaseResult, Check, Curve, Figure, case
+from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.dynamic_inflow import DynamicRotor
 from validation.rotor_transients import WHOLE_FIELD, Ramp, five_megawatt_step, long_wake
 from validation.wind_step import ROTOR_SPEED, WIND
@@ -154,11 +154,11 @@ def carried_gust():
     for name, options in runs.items():
         whole, part = carried_part(options)
         for (low, high), wanted, got in zip(WINDOWS, at_once, whole, strict=True):
-            checks.append(Check(f"{name}, {low:g}–{high:g} s: thrust, wind everywhere at once", wanted, got, 0.04,
-                                relative=False, source=ELEMENTS))  # fmt: skip
+            checks.append(Check(f"{name}, {low:g}–{high:g} s: thrust, wind everywhere at once", wanted, got,
+                                absolute(0.04), source=ELEMENTS))  # fmt: skip
         for (low, high), wanted, got in zip(WINDOWS, added, part, strict=True):
-            checks.append(Check(f"{name}, {low:g}–{high:g} s: what carrying the wind adds", wanted, got, 0.03,
-                                relative=False, source=SOURCE))  # fmt: skip
+            checks.append(Check(f"{name}, {low:g}–{high:g} s: what carrying the wind adds", wanted, got, absolute(0.03),
+                                source=SOURCE))  # fmt: skip
         curves.append(Curve(middles, part, name, "o"))
         lines.append(f"{name}: at once {np.round(whole, 3)}, carrying adds {np.round(part, 3)}")
     lines.append(f"theory: at once {np.round(at_once, 3)}, carrying adds {np.round(added, 3)}")

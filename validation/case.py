@@ -4,9 +4,10 @@ A case is registered by decorating the function that computes it:
 
 >>> @case("pendulum", "Simple pendulum", "elementary mechanics")           # doctest: +SKIP
 ... def pendulum() -> list[Check]:
-...     return [Check("period", expected=2.006, obtained=measure(), tolerance=1e-3, unit="s")]
+...     return [Check("period", 2.006, measure(), 1e-3, "s"), Check("largest swing [rad]", "<= 0.1", swing())]
 
-The expected value comes from an exact solution, a publication or an independent computation, never from an
+Checks are the rows of a table: quantity, expected value or bound, what was obtained, tolerance, unit and source. The
+ expected value comes from an exact solution, a publication or an independent computation, never from an
 earlier output of this package.  A qualitative statement of a paper becomes a check with a numeric criterion: the
 criterion is written in ``quantity`` and the published statement in ``source``.
 """
@@ -21,7 +22,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["Case", "CaseResult", "Check", "Curve", "Figure", "all_cases", "case", "load_cases", "run_case"]
+import numpy as np
+
+__all__ = [
+    "Case", "CaseResult", "Check", "Curve", "Figure", "absolute", "all_cases", "case", "load_cases", "run_case",
+    "worst",
+]  # fmt: skip
+
+
+class absolute(float):  # a kind of number
+    """A tolerance in the unit of the quantity; plain numbers are fractions of the expected value."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +47,10 @@ class Check:
     obtained
         What this package computes.
     tolerance
-        Largest accepted ``error``.  For a bound it widens the bound by this much (absolute, usually 0).
+        Largest accepted ``error``, as a fraction of ``expected``; in its unit if it is `absolute`, if zero is expected,
+        and for a bound, which it widens.
     unit
         Unit of both numbers.
-    relative
-        Whether the error is divided by the magnitude of ``expected`` (never for a bound or an expected zero).
     source
         Where the expected value comes from.
     """
@@ -49,10 +58,14 @@ class Check:
     quantity: str
     expected: float | str
     obtained: float
-    tolerance: float
+    tolerance: float = 0.0
     unit: str = ""
-    relative: bool = True
     source: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "obtained", float(self.obtained))
+        if not isinstance(self.expected, str):
+            object.__setattr__(self, "expected", float(self.expected))
 
     @property
     def error(self) -> float:
@@ -61,12 +74,12 @@ class Check:
             low, high = _bounds(self.expected)
             return math.nan if math.isnan(self.obtained) else max(low - self.obtained, self.obtained - high, 0.0)
         difference = abs(self.obtained - self.expected)
-        return difference / abs(self.expected) if self.relative and self.expected != 0.0 else difference
+        return difference / abs(self.expected) if self.is_relative else difference
 
     @property
     def is_relative(self) -> bool:
         """Whether ``error`` and ``tolerance`` are fractions of the expected value."""
-        return bool(self.relative and not isinstance(self.expected, str) and self.expected != 0.0)
+        return not (isinstance(self.expected, str) or isinstance(self.tolerance, absolute) or self.expected == 0.0)
 
     @property
     def passed(self) -> bool:
@@ -86,6 +99,29 @@ class Check:
             "passed": self.passed,
             "source": self.source,
         }
+
+
+def worst(quantity, where, at, expected, obtained, tolerance, unit="", source="", chosen=None) -> Check:
+    """Check of a curve where it fits worst.
+
+    Parameters
+    ----------
+    quantity : str
+    where : str
+        What ``at`` counts and how a value of it is written: ``"winds: {:g} m/s"``.
+    at, expected, obtained : array (n,)
+        Abscissa, expected and obtained values.
+    tolerance : float
+        Relative, or `absolute`.
+    unit, source : str
+    chosen : array (n,) of bool, optional
+        Points that count; all by default.
+    """
+    chosen = np.ones(len(at), dtype=bool) if chosen is None else chosen
+    error = np.abs(obtained - expected) / (1.0 if isinstance(tolerance, absolute) else np.abs(expected))
+    k = int(np.argmax(np.where(chosen, error, -1.0)))
+    text = f"{quantity}, worst of {int(chosen.sum())} {where.format(at[k])}"
+    return Check(text, expected[k], obtained[k], tolerance, unit, source)
 
 
 def _finite(value: float) -> float | str:

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
-from validation.case import CaseResult, Check, Curve, Figure, case
+from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.constants import GRAVITY
 from wt_gym.multibody.system import Constraint, HammingIntegrator, Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
@@ -52,18 +52,11 @@ def simple_pendulum():
     crossing = (down + fine[down] / (fine[down] - fine[down + 1])) * step
     drift = float(np.abs(energy - energy[0]).max())
     checks = [
-        Check("largest energy drift in 10 s", "<= 5e-5", drift, 0.0, "J", False, "criterion of the benchmark library"),
-        Check("period", 4.0 * quarter / omega, float(np.diff(crossing)[0]), 1e-6, "s", True, "4 K(1/√2) √(L/g)"),
-        Check(
-            "largest error of the angle in 10 s",
-            0.0,
-            float(np.abs(states[:, 0] - exact).max()),
-            1e-5,
-            "rad",
-            False,
-            "elliptic functions",
-        ),
-    ]
+        Check("largest energy drift in 10 s", "<= 5e-5", drift, unit="J", source="criterion of the benchmark library"),
+        Check("period", 4.0 * quarter / omega, np.diff(crossing)[0], 1e-6, "s", source="4 K(1/√2) √(L/g)"),
+        Check("largest error of the angle in 10 s", 0.0, np.abs(states[:, 0] - exact).max(), absolute(1e-5), "rad",
+              source="elliptic functions"),
+    ]  # fmt: skip
     figure = Figure((Curve(times, states[:, 0], "simulated", "o"), Curve(times, exact, "exact")), "t [s]", "θ [rad]")
     return CaseResult(checks, {"simple pendulum": figure}, f"step {step} s, modified Hamming scheme")
 
@@ -146,15 +139,13 @@ def heavy_top_precession():
     depth = 2.0 * transverse * weight * np.sin(theta) / (axial * fast) ** 2
     goldstein = "fast top, leading order in 2 A m g l/(C ω₃)²"
     checks = [
+        Check("precession angle after 10 s", precession * 10.0, turned[-1], 1e-5, "rad", source="quadratic for Ω"),
+        Check("largest nutation of the steady top", 0.0, nods, absolute(1e-6), "rad", source="steady motion"),
         Check(
-            "precession angle after 10 s", precession * 10.0, float(turned[-1]), 1e-5, "rad", True, "quadratic for Ω"
+            "nutation frequency of the fast top", axial * fast / transverse, nutation, 0.01, "rad/s", source=goldstein
         ),
-        Check("largest nutation of the steady top", 0.0, float(nods), 1e-6, "rad", False, "steady motion"),
-        Check(
-            "nutation frequency of the fast top", axial * fast / transverse, nutation, 0.01, "rad/s", True, goldstein
-        ),
-        Check("nutation depth of the fast top", depth, float(angle.max() - angle.min()), 0.01, "rad", True, goldstein),
-        Check("mean precession of the fast top", weight / (axial * fast), float(mean), 0.01, "rad/s", True, goldstein),
+        Check("nutation depth of the fast top", depth, angle.max() - angle.min(), 0.01, "rad", source=goldstein),
+        Check("mean precession of the fast top", weight / (axial * fast), mean, 0.01, "rad/s", source=goldstein),
     ]
     return CaseResult(checks, {"nutation of the fast top": Figure((Curve(times_fast, angle),), "t [s]", "θ [rad]")})
 
@@ -184,15 +175,13 @@ def heavy_top_spherical():
     norm = np.abs(np.linalg.norm(states[:, :4], axis=1) - 1.0).max()
     source = "Lagrange's integrals, DOP853 with tolerance 1e-12"
     checks = [
-        Check(
-            "largest error of the mass center in 2 s", 0.0, float(np.abs(axes - exact).max()), 1e-5, "m", False, source
-        ),
-        Check(
-            "lowest height of the mass center", float(height.min()), float(axes[:, 2].min()), 1e-4, "m", True, source
-        ),
-        Check("relative energy drift in 2 s", 0.0, float(abs(energy[1] / energy[0] - 1.0)), 1e-6, "", False, "energy"),
-        Check("error of the quaternion norm", 0.0, float(norm), 1e-12, "", False, "unit quaternion"),
-    ]
+        Check("largest error of the mass center in 2 s", 0.0, np.abs(axes - exact).max(), absolute(1e-5), "m",
+              source=source),
+        Check("lowest height of the mass center", height.min(), axes[:, 2].min(), 1e-4, "m", source=source),
+        Check("relative energy drift in 2 s", 0.0, abs(energy[1] / energy[0] - 1.0), absolute(1e-6), "",
+              source="energy"),
+        Check("error of the quaternion norm", 0.0, norm, absolute(1e-12), "", source="unit quaternion"),
+    ]  # fmt: skip
     curves = tuple(Curve(times, axes[:, i], "xyz"[i]) for i in range(3))
     curves += tuple(Curve(times[::20], exact[::20, i], "", "o") for i in range(3))
     return CaseResult(checks, {"mass center of the heavy top (dots: exact)": Figure(curves, "t [s]", "m")})
@@ -300,10 +289,12 @@ def spatial_slider_crank():
     exchanged = float(np.abs(energy - energy[0]).max() / (0.5 * mechanism_energy(0.0)[0] * 36.0))
     source = "energy equation of the one degree of freedom, closed-form positions"
     checks = [
-        Check("largest error of the slider in 5 s", 0.0, error, 1e-5, "m", False, source),
-        Check("crank angle after 5 s", float(theta[-1]), float(states[-1, 0]), 1e-4, "rad", True, source),
-        Check("largest energy drift per kinetic energy at the start", 0.0, exchanged, 1e-4, "", False, "energy"),
-        Check("largest constraint drift", 0.0, drift, 1e-6, "m", False, "closed loop"),
-    ]  # fmt: skip
+        Check("largest error of the slider in 5 s", 0.0, error, absolute(1e-5), "m", source=source),
+        Check("crank angle after 5 s", theta[-1], states[-1, 0], 1e-4, "rad", source=source),
+        Check(
+            "largest energy drift per kinetic energy at the start", 0.0, exchanged, absolute(1e-4), "", source="energy"
+        ),
+        Check("largest constraint drift", 0.0, drift, absolute(1e-6), "m", source="closed loop"),
+    ]
     curves = (Curve(times, states[:, 1], "simulated"), Curve(times[::10], position[::10], "exact", "o"))
     return CaseResult(checks, {"slider of the spatial slider-crank": Figure(curves, "t [s]", "x [m]")})

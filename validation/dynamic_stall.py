@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from validation.case import CaseResult, Check, Curve, Figure, case
+from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.lifting_tools import UniformStream, WingFlow, two_dimensional_planform
 from validation.phase_vi import PhaseSixBlade
 from validation.unsteady_airfoil import exact_lift
@@ -192,23 +192,22 @@ def dynamic_stall():
         angle, alone = oye_loop(published, motion)
         names = ("largest cl", "cl at the mean, rising", "cl at the mean, falling")
         checks += [
-            Check(f"{label}, model alone: {name}", value, obtained, 0.03, relative=False, source=INDEPENDENT)
+            Check(f"{label}, model alone: {name}", value, obtained, absolute(0.03), source=INDEPENDENT)
             for name, value, obtained in zip(names, expected, landmarks(alone), strict=True)
         ]
         with_wake = oye_loop(section, motion, shed_wake=True)
         lattice = lattice_loop(motion, polar, dynamic_stall="oye")
         checks += [
-            Check(f"{label}, lattice: {name}", value, obtained, 0.05, relative=False, source="ODE with Jones's wake")
+            Check(f"{label}, lattice: {name}", value, obtained, absolute(0.05), source="ODE with Jones's wake")
             for name, value, obtained in zip(names, landmarks(with_wake[1]), landmarks(lattice[1]), strict=True)
         ]
         static = section.lift(np.radians(angle), section.static_point(np.radians(angle)))
-        figures[f"lift, {label}"] = Figure(
-            (
-                Curve(angle, static, "static polar", "k:"), Curve(angle, alone, "Øye's model alone", "--"),
-                Curve(*with_wake, "with a shed wake (ODE)"), Curve(*lattice, "vortex lattice"),
-            ),
-            "angle of attack [deg]", "cl",
-        )  # fmt: skip
+        figures[f"lift, {label}"] = Figure((
+            Curve(angle, static, "static polar", "k:"),
+            Curve(angle, alone, "Øye's model alone", "--"),
+            Curve(*with_wake, "with a shed wake (ODE)"),
+            Curve(*lattice, "vortex lattice"),
+        ), "angle of attack [deg]", "cl")  # fmt: skip
         quasi_static = landmarks(lattice_loop(motion, polar)[1])
         lines.append(
             f"{label}: largest cl {lattice[1].max():.3f} in the lattice, {quasi_static[0]:.3f} there without the model,"
@@ -218,8 +217,8 @@ def dynamic_stall():
     source = "Theodorsen 1935"
     checks += [
         Check("attached, k = 0.1: |C|", 0.850, abs(deficiency), 0.005, source=source),
-        Check("attached, k = 0.1: phase of C", -11.7, float(np.degrees(np.angle(deficiency))), 0.2, "deg",
-              relative=False, source=source),
+        Check("attached, k = 0.1: phase of C", -11.7, np.degrees(np.angle(deficiency)), absolute(0.2), "deg",
+              source=source),
         Check("attached, k = 0.1: lift over Theodorsen's", 1.0, abs(ratio), 0.002, source=source),
     ]  # fmt: skip
     lines.append(

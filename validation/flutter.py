@@ -51,7 +51,7 @@ AIR = AeroOptions(
 )  # fmt: skip
 RIGID_TOWER = Fidelity(
     "flutter", AIR, time_step=TIME_STEP, max_substep=0.005, stiffest_shaft=0.0, coupling_iterations=8,
-    coupling_tolerance=1e-6, tower_coordinates="rigid", blade_modes=(4, 2, 2), integrator="generalised_alpha",
+    coupling_tolerance=1e-6, tower_coordinates="rigid", blade_modes=(4, 2, 2), integrator="generalized_alpha",
     spectral_radius=0.8,  # these steps resolve the twist, whose damping is what is asked for
     tower_shadow=False,
 )  # fmt: skip
@@ -147,7 +147,7 @@ def _of_nrel_5mw(speeds, modes):
     critical = speeds[k - 1] + share * (speeds[k] - speeds[k - 1])
     frequency = (modes[k - 1] + share * (modes[k] - modes[k - 1])).imag / (2.0 * np.pi)
     return [
-        Check("5-MW, flutter", f"in [{STRIPS['nrel_5mw']}, {QUOTED}]", critical, 0.0, "rpm",
+        Check("5-MW, flutter", f"in [{STRIPS['nrel_5mw']}, {QUOTED}]", critical, unit="rpm",
               source="strip theory below, quoted figures above"),
         Check("5-MW, frequency of flutter", STRIP_FREQUENCY, frequency, 0.15, "Hz", source=STRIPS_SOURCE),
     ]  # fmt: skip
@@ -156,6 +156,6 @@ def _of_nrel_5mw(speeds, modes):
 def _of_iea_15mw(speeds, modes):
     """Nothing grows up to beyond the speed at which strips flutter; what outlives the rest is slow, flapwise motion."""
     return [
-        Check(f"15-MW, growth at {rpm:g} rpm", "<= 0", mode.real, 0.0, "1/s", source=STRIPS_SOURCE)
+        Check(f"15-MW, growth at {rpm:g} rpm", "<= 0", mode.real, unit="1/s", source=STRIPS_SOURCE)
         for rpm, mode in zip(speeds, modes, strict=True)
     ]

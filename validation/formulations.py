@@ -137,8 +137,8 @@ def accelerations():
         Check("multipliers against hub loads of the embedded form / largest", 0.0,
               _gap(two[2].reshape(-1, 6), one[1][blades], load), 1e-9),
         Check("all joint loads of both forms / largest", 0.0, _gap(two[1], one[1], load), 1e-9),
-        Check("eq. (7) with quaternions: accelerations / largest", 0.0,
-              _gap(form.to_velocities @ paper, two[3], scale), 1e-9),
+        Check("eq. (7) with quaternions: accelerations / largest", 0.0, _gap(form.to_velocities @ paper, two[3], scale),
+              1e-9),
         Check("eq. (7) with quaternions: multipliers / largest", 0.0,
               _gap(-paper_multipliers[: len(two[2])], two[2], load), 1e-9),
     ]  # fmt: skip
@@ -176,7 +176,7 @@ def trajectories():
     product = coordinate_gaps("training", own, starter="adams")
     finest = gaps[-1]
     checks = [
-        Check(f"{name}: largest difference over 20 s / its largest value, step {steps[-1]} s", 0.0, float(gap), 1e-6)
+        Check(f"{name}: largest difference over 20 s / its largest value, step {steps[-1]} s", 0.0, gap, 1e-6)
         for name, gap in zip(names, finest, strict=True)
     ]
     notes = [
@@ -215,14 +215,14 @@ def drift():
     position, coupled, speed = coupled_drift(30.0)
     return CaseResult(
         [
-            Check("largest constraint residual of all steps", "<= 1e-6", run.position, 0.0, "m or rad"),
-            Check("largest residual of a step before the projection", "<= 1e-6", run.drift.position, 0.0, "m or rad"),
-            Check("largest error of a quaternion norm before rescaling", "<= 1e-8", run.drift.norm, 0.0),
-            Check("largest constraint residual, 30 s in the wind", "<= 1e-6", position, 0.0, "m or rad"),
-            Check("the same before the projection", "<= 1e-6", coupled.position, 0.0, "m or rad"),
-            Check("largest error of a quaternion norm, 30 s in the wind", "<= 1e-8", coupled.norm, 0.0),
-            Check("least rotor speed", f">= {0.8 * SPEED}", run.speed[0], 0.0, "rad/s"),
-            Check("largest rotor speed", f"<= {1.2 * SPEED}", run.speed[1], 0.0, "rad/s"),
+            Check("largest constraint residual of all steps", "<= 1e-6", run.position, unit="m or rad"),
+            Check("largest residual of a step before the projection", "<= 1e-6", run.drift.position, unit="m or rad"),
+            Check("largest error of a quaternion norm before rescaling", "<= 1e-8", run.drift.norm),
+            Check("largest constraint residual, 30 s in the wind", "<= 1e-6", position, unit="m or rad"),
+            Check("the same before the projection", "<= 1e-6", coupled.position, unit="m or rad"),
+            Check("largest error of a quaternion norm, 30 s in the wind", "<= 1e-8", coupled.norm),
+            Check("least rotor speed", f">= {0.8 * SPEED}", run.speed[0], unit="rad/s"),
+            Check("largest rotor speed", f"<= {1.2 * SPEED}", run.speed[1], unit="rad/s"),
         ],
         notes=(
             f"Step {step:.4g} s, starter {starter}; largest residual of velocities {run.velocity:.2e} m/s or rad/s. "
@@ -240,9 +240,9 @@ def gain():
     projected = coupled_drift(30.0)[1]
     own = found[10.0].position
     checks = [
-        Check("drift of positions with projection", "<= 1e-6", projected.position, 0.0, "m or rad"),
-        Check("with the shipped gain alone", "<= 1e-6", own, 0.0, "m or rad"),
-        Check("without either over that with the shipped gain", ">= 10", found[0.0].position / own, 0.0),
+        Check("drift of positions with projection", "<= 1e-6", projected.position, unit="m or rad"),
+        Check("with the shipped gain alone", "<= 1e-6", own, unit="m or rad"),
+        Check("without either over that with the shipped gain", ">= 10", found[0.0].position / own),
     ]
     lines = [
         f"α = {gain} 1/s: |φ| up to {drift.position:.2e}, |φ̇| up to {drift.velocity:.2e}"

@@ -43,7 +43,7 @@ STEADY, SETTLED = 60.0, 30.0
 LOWEST = 8
 """Lowest parked frequencies that are compared: two of the tower, the drivetrain's, three flapwise, two edgewise."""
 TRAINING = FIDELITIES["training"]
-IMPLICIT = {"integrator": "generalised_alpha"}
+IMPLICIT = {"integrator": "generalized_alpha"}
 LINEAR = {"formulation": "observer", "frame_displacement": "linear"}
 """Observer frames as published."""
 TORSION = {"blade_modes": (2, 1, 1)}
@@ -246,7 +246,7 @@ def nodal_against_modal(results):
         what = f"{pair[0]} against {modal}"
         checks += [
             Check(f"{what}: tip deflection in steady wind of 9 m/s", tips[1], tips[0], 0.01, "m"),
-            Check(f"{what}: largest change of the lowest parked frequencies", "<= 0.5", shift, 0.0, "%"),
+            Check(f"{what}: largest change of the lowest parked frequencies", "<= 0.5", shift, unit="%"),
         ]
     return checks
 
@@ -281,13 +281,13 @@ def compare(combination, found, default):
         shift = float(np.abs(100.0 * (found["frequencies"] / default["frequencies"] - 1.0)).max())
     expected = "early" if combination.ending is None else f"otherwise than by {combination.ending}"
     checks = [
-        Check(f"{label}: episodes that end {expected}", 0.0, float(found["failure"] != combination.ending), 0.0),
-        Check(f"{label}: snapshots that do not repeat", 0.0, float(not found["repeats"]), 0.0),
+        Check(f"{label}: episodes that end {expected}", 0.0, found["failure"] != combination.ending, 0.0),
+        Check(f"{label}: snapshots that do not repeat", 0.0, not found["repeats"], 0.0),
     ]
     if combination.like:
         checks += [
-            Check(f"{label}: power against the default", "in [-0.5, 0.5]", changes["power"], 0.0, "%"),
-            Check(f"{label}: flap DEL against the default", "in [-2, 2]", changes["flap_DEL"], 0.0, "%"),
+            Check(f"{label}: power against the default", "in [-0.5, 0.5]", changes["power"], unit="%"),
+            Check(f"{label}: flap DEL against the default", "in [-2, 2]", changes["flap_DEL"], unit="%"),
         ]
     line = (
         f"{label}: {found['ms']:.2f}, {changes['power']:+.2f}, {changes['flap_DEL']:+.2f}, {changes['tip']:+.2f}, "

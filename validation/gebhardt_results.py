@@ -20,7 +20,7 @@ from functools import cache
 
 import numpy as np
 
-from validation.case import CaseResult, Check, Curve, Figure, case
+from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.gebhardt_wind import boundary_layer
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator
 from wt_gym.turbines.gebhardt_turbine import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
@@ -197,43 +197,27 @@ def solved(reference_height=None, lattice=LATTICE, fidelity="gebhardt", tower=1.
 # ---- checks ----
 
 
-def number(quantity, expected, value, tolerance, source=GEBHARDT, unit="", relative=True):
-    """Check of a number."""
-    return Check(quantity, float(expected), float(value), tolerance, unit, relative, source)
-
-
-def bound(quantity, criterion, value, source, unit=""):
-    """Check of a statement that became a bound."""
-    return Check(quantity, criterion, float(value), 0.0, unit, True, source)
-
-
 def operating_points(low, high):
     """Calibrated and predicted operating points."""
     checks = []
     for wind, run, tolerances in ((15, low, (0.005, 0.02)), (20, high, (0.05, 0.10))):
         rpm, power = published(wind)
         how = "calibrated" if wind == 15 else "predicted"
-        checks.append(
-            number(f"{wind} m/s: rotor speed, {how}", rpm, run.mean("speed") / RPM, tolerances[0], unit="rpm")
-        )
-        checks.append(
-            number(f"{wind} m/s: mean power, {how}", power / 1e6, run.mean("power") / 1e6, tolerances[1], unit="MW")
-        )
+        checks.append(Check(f"{wind} m/s: rotor speed, {how}", rpm, run.mean("speed") / RPM, tolerances[0], "rpm",
+                            source=GEBHARDT))  # fmt: skip
+        checks.append(Check(f"{wind} m/s: mean power, {how}", power / 1e6, run.mean("power") / 1e6, tolerances[1], "MW",
+                            source=GEBHARDT))  # fmt: skip
     ratio = gebhardt_data()["published"]["ratios_20_to_15"]
     settled = low.turns[np.abs(low.speed / low.mean("speed") - 1.0) > 0.01].max()
     overshoot = low.speed.max() / low.mean("speed") - 1.0
     return [
         *checks,
-        number("rotor speed 20/15", ratio["rotor_speed"], high.mean("speed") / low.mean("speed"), 0.05, "+55 %"),
-        number("power 20/15", ratio["power"], high.mean("power") / low.mean("power"), 0.10, "+142 %"),
-        bound(
-            "15 m/s: revolutions until the speed stays within 1 %",
-            "<= 2.5",
-            settled,
-            "Fig. 1: steady after two and a half revolutions",
-        ),
-        bound("15 m/s: overshoot of the rotor speed", "<= 0.01", overshoot, "Fig. 1: increases gradually"),
-    ]
+        Check("rotor speed 20/15", ratio["rotor_speed"], high.mean("speed") / low.mean("speed"), 0.05, source="+55 %"),
+        Check("power 20/15", ratio["power"], high.mean("power") / low.mean("power"), 0.10, source="+142 %"),
+        Check("15 m/s: revolutions until the speed stays within 1 %", "<= 2.5", settled,
+              source="Fig. 1: steady after two and a half revolutions"),
+        Check("15 m/s: overshoot of the rotor speed", "<= 0.01", overshoot, source="Fig. 1: increases gradually"),
+    ]  # fmt: skip
 
 
 def tower_statements(low, high):
@@ -243,57 +227,26 @@ def tower_statements(low, high):
     sway, nod = low.amplitude("side_side"), low.amplitude("fore_aft")
     side = "to the generator's reaction side; the rotor turns clockwise looking downwind"
     return [
-        bound(
-            "15 m/s: mean fore-aft displacement (negative: forward)",
-            "<= 0",
-            low.mean("fore_aft"),
-            "Fig. 2: bends forward, the weight in front of the tower predominates",
-            "m",
-        ),
-        bound("15 m/s: side-side over fore-aft amplitude", ">= 1", sway / nod, "Fig. 3: higher than fore-aft"),
-        bound("15 m/s: mean side-side (negative: right)", "<= 0", low.mean("side_side"), f"Fig. 3: {side}", "m"),
-        bound("20 m/s: mean side-side (negative: right)", "<= 0", high.mean("side_side"), f"Fig. 8: {side}", "m"),
-        bound(
-            "20 m/s: peak of fore-aft in the first revolution (positive: backward)",
-            ">= 0",
-            peak,
-            "Fig. 7: bends backwards at the beginning",
-            "m",
-        ),
-        bound(
-            "20 m/s: mean fore-aft over that peak",
-            "in [-0.333, 0.333]",
-            high.mean("fore_aft") / peak,
-            "Fig. 7: returns close to the undeformed position; here within a third of the first swing",
-        ),
-        bound(
-            "20 m/s: fore-aft amplitude over that peak",
-            "<= 0.1",
-            high.amplitude("fore_aft") / peak,
-            "Fig. 7: vibrates with small amplitude",
-        ),
-        bound(
-            "mean fore-aft, 20 minus 15 m/s",
-            ">= 0",
-            high.mean("fore_aft") - low.mean("fore_aft"),
-            "section 6: aerodynamic loads become more relevant with the wind",
-            "m",
-        ),
-        number(
-            "mean side-side 20/15",
-            ratio["side_side_mean"],
-            high.mean("side_side") / low.mean("side_side"),
-            0.10,
-            "Fig. 8: +50 %",
-        ),
-        number(
-            "side-side amplitude 20/15",
-            ratio["side_side_amplitude"],
-            high.amplitude("side_side") / sway,
-            0.20,
-            "Fig. 8: +200 %",
-        ),
-    ]
+        Check("15 m/s: mean fore-aft displacement (negative: forward)", "<= 0", low.mean("fore_aft"), unit="m",
+              source="Fig. 2: bends forward, the weight in front of the tower predominates"),
+        Check("15 m/s: side-side over fore-aft amplitude", ">= 1", sway / nod, source="Fig. 3: higher than fore-aft"),
+        Check("15 m/s: mean side-side (negative: right)", "<= 0", low.mean("side_side"), unit="m",
+              source=f"Fig. 3: {side}"),
+        Check("20 m/s: mean side-side (negative: right)", "<= 0", high.mean("side_side"), unit="m",
+              source=f"Fig. 8: {side}"),
+        Check("20 m/s: peak of fore-aft in the first revolution (positive: backward)", ">= 0", peak, unit="m",
+              source="Fig. 7: bends backwards at the beginning"),
+        Check("20 m/s: mean fore-aft over that peak", "in [-0.333, 0.333]", high.mean("fore_aft") / peak,
+              source="Fig. 7: returns close to the undeformed position; here within a third of the first swing"),
+        Check("20 m/s: fore-aft amplitude over that peak", "<= 0.1", high.amplitude("fore_aft") / peak,
+              source="Fig. 7: vibrates with small amplitude"),
+        Check("mean fore-aft, 20 minus 15 m/s", ">= 0", high.mean("fore_aft") - low.mean("fore_aft"), unit="m",
+              source="section 6: aerodynamic loads become more relevant with the wind"),
+        Check("mean side-side 20/15", ratio["side_side_mean"], high.mean("side_side") / low.mean("side_side"), 0.10,
+              source="Fig. 8: +50 %"),
+        Check("side-side amplitude 20/15", ratio["side_side_amplitude"], high.amplitude("side_side") / sway, 0.20,
+              source="Fig. 8: +200 %"),
+    ]  # fmt: skip
 
 
 def phase_checks(low):
@@ -304,7 +257,9 @@ def phase_checks(low):
         for i, j in ((0, 1), (1, 2)):
             shift = np.degrees(np.angle(wave[j] / wave[i]))
             text = f"15 m/s: {name} phase, blade {j + 1} to {i + 1}"
-            checks.append(number(text, 120.0, shift, 3.0, f"Fig. {figure}: dephasing angle of 120°", "deg", False))
+            checks.append(
+                Check(text, 120.0, shift, absolute(3.0), "deg", source=f"Fig. {figure}: dephasing angle of 120°")
+            )
     return checks
 
 
@@ -318,41 +273,22 @@ def blade_statements(low, high, weightless, pitch):
     growth = (abs(high.mean("edge")) - abs(low.mean("edge"))) / low.amplitude("edge")
     return [
         *phase_checks(low),
-        bound("15 m/s: mean flap (positive: downwind)", ">= 0", low.mean("flap"), "Fig. 4: the blades bend up", "m"),
-        bound(
-            "15 m/s: flap amplitude once per revolution, part of the weight over part of the air",
-            ">= 1",
-            weight,
-            "Fig. 4: amplitude mainly governed by gravitational loads",
-        ),
-        bound(
-            "15 m/s: mean edge over mean flap",
-            "in [-0.2, 0.2]",
-            low.mean("edge") / low.mean("flap"),
-            "Fig. 5: mean close to the undeformed position",
-        ),
-        number(
-            "15 m/s: edge amplitude once per revolution against the hanging blade",
-            hanging,
-            np.abs(low.once_per_revolution("edge")).mean(),
-            0.15,
-            "Fig. 5: gravity predominates; finite elements for the blade at rest, horizontal",
-            "m",
-        ),
-        number("mean flap 20/15", ratio["flap_mean"], high.mean("flap") / low.mean("flap"), 0.10, "Fig. 9: +67 %"),
-        bound(
-            "edge amplitude 20/15",
-            "in [1, 1.25]",
-            high.amplitude("edge") / low.amplitude("edge"),
-            "Fig. 10: increases a little",
-        ),
-        bound(
-            "growth of the mean edge displacement over the edge amplitude",
-            "in [0, 0.5]",
-            growth,
-            "Fig. 10: increases a little, no relevant change",
-        ),
-    ]
+        Check("15 m/s: mean flap (positive: downwind)", ">= 0", low.mean("flap"), unit="m",
+              source="Fig. 4: the blades bend up"),
+        Check("15 m/s: flap amplitude once per revolution, part of the weight over part of the air", ">= 1", weight,
+              source="Fig. 4: amplitude mainly governed by gravitational loads"),
+        Check("15 m/s: mean edge over mean flap", "in [-0.2, 0.2]", low.mean("edge") / low.mean("flap"),
+              source="Fig. 5: mean close to the undeformed position"),
+        Check("15 m/s: edge amplitude once per revolution against the hanging blade", hanging,
+              np.abs(low.once_per_revolution("edge")).mean(), 0.15, "m",
+              source="Fig. 5: gravity predominates; finite elements for the blade at rest, horizontal"),
+        Check("mean flap 20/15", ratio["flap_mean"], high.mean("flap") / low.mean("flap"), 0.10,
+              source="Fig. 9: +67 %"),
+        Check("edge amplitude 20/15", "in [1, 1.25]", high.amplitude("edge") / low.amplitude("edge"),
+              source="Fig. 10: increases a little"),
+        Check("growth of the mean edge displacement over the edge amplitude", "in [0, 0.5]", growth,
+              source="Fig. 10: increases a little, no relevant change"),
+    ]  # fmt: skip
 
 
 def formulation_checks(pitch, low, reference_height):
@@ -361,11 +297,9 @@ def formulation_checks(pitch, low, reference_height):
     other = simulate(make_simulator(15.0, rpm, reference_height, "embedded"), pitch)
     n = min(len(low.turns), len(other.turns))
     return [
-        Check(
-            f"15 m/s: largest difference of the embedded form, {name}", 0.0,
-            float(np.abs(getattr(low, name)[:n] - getattr(other, name)[:n]).max()), 1e-3 * scale, unit, False,
-            "the same turbine without multipliers",
-        )
+        Check(f"15 m/s: largest difference of the embedded form, {name}", 0.0,
+              np.abs(getattr(low, name)[:n] - getattr(other, name)[:n]).max(), absolute(1e-3 * scale), unit,
+              source="the same turbine without multipliers")
         for name, scale, unit in (("speed", rpm * RPM, "rad/s"), ("fore_aft", 0.2, "m"), ("flap", 1.0, "m"))
     ]  # fmt: skip
 
@@ -379,15 +313,11 @@ def figures(low, high):
             "rotor speed": ("rotor speed [rpm]", [Curve(turns, run.speed / RPM)]),
             "fore-aft displacement of the tower": ("downwind [m]", [Curve(turns, run.fore_aft)]),
             "side-side displacement of the tower": ("left looking downwind [m]", [Curve(turns, run.side_side)]),
-            "flapwise displacement of the tips": (
-                "to the suction side [m]",
-                [Curve(turns, run.flap[:, i], f"blade {i + 1}") for i in range(3)],
-            ),
-            "edgewise displacement of the tips": (
-                "to the trailing edge [m]",
-                [Curve(turns, run.edge[:, i], f"blade {i + 1}") for i in range(3)],
-            ),
-        }
+            "flapwise displacement of the tips": ("to the suction side [m]",
+                                                  [Curve(turns, run.flap[:, i], f"blade {i + 1}") for i in range(3)]),
+            "edgewise displacement of the tips": ("to the trailing edge [m]",
+                                                  [Curve(turns, run.edge[:, i], f"blade {i + 1}") for i in range(3)]),
+        }  # fmt: skip
         for k, (title, (axis, curves)) in enumerate(lines.items()):
             out[f"Figure {first + k}: {title}, {wind} m/s"] = Figure(tuple(curves), "revolutions", axis)
     return out
@@ -414,10 +344,10 @@ def blade_element_checks(reading, pitch, low, high):
     """Thrust and pitch against an independent blade-element momentum solution."""
     table = gebhardt_data()["computed"]["blade_element_momentum"]
     row, source = table[reading], "blade-element momentum: " + table["note"]
-    checks = [Check("pitch", row["pitch_deg"], float(np.degrees(pitch)), 1.0, "deg", False, source)]
+    checks = [Check("pitch", row["pitch_deg"], np.degrees(pitch), absolute(1.0), "deg", source=source)]
     for wind, run in ((15, low), (20, high)):
         expected, thrust = row[f"{wind}"]["thrust_N"] / 1e3, run.mean("thrust") / 1e3
-        checks.append(Check(f"{wind} m/s: thrust", expected, thrust, 0.05, "kN", True, source))
+        checks.append(Check(f"{wind} m/s: thrust", expected, thrust, 0.05, "kN", source=source))
     return checks
 
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import hankel2, ive, kve
 
-from validation.case import CaseResult, Check, Curve, Figure, case
+from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.lifting_tools import UniformStream, WingFlow, two_dimensional_planform
 
 KUSSNER_SOURCE = "Küssner 1936, von Kármán & Sears 1938; ψ(s) from its inverse Laplace transform"
@@ -114,7 +114,7 @@ def kussner_case():
     """Step response at 16 panels and one panel chord a step, from s = 0.5 on within 2 %."""
     travel, lift = sharp_edged_gust(16, 33.0)
     checks = [
-        Check(f"ψ(s = {s:g}), 16 panels", value, float(np.interp(s, travel, lift)), 0.02, source=KUSSNER_SOURCE)
+        Check(f"ψ(s = {s:g}), 16 panels", value, np.interp(s, travel, lift), 0.02, source=KUSSNER_SOURCE)
         for s, value in KUSSNER
     ]
     curves = [Curve(travel, kussner(travel), "Küssner", "k"), Curve(travel, lift, "16 panels", ".")]
@@ -136,21 +136,20 @@ def sears_case():
         obtained.append(lift)
         checks += [
             Check(f"k = {k:g}: amplitude of S", amplitude, abs(lift), 0.02, source=SEARS_SOURCE),
-            Check(f"k = {k:g}: phase of S", phase, float(np.degrees(np.angle(lift))), 2.0, "deg", relative=False,
+            Check(f"k = {k:g}: phase of S", phase, np.degrees(np.angle(lift)), absolute(2.0), "deg",
                   source=SEARS_SOURCE),
             Check(f"k = {k:g}: center of pressure before the quarter chord, in chords", 0.0, abs(moment / lift), 0.01,
                   source="Sears 1941: the lift of the gust acts at the quarter chord"),
         ]  # fmt: skip
     k, marks = np.geomspace(0.04, 1.2, 60), np.array(SEARS)[:, 0]
     figures = {
-        "amplitude of the lift in waves": Figure(
-            (Curve(k, np.abs(sears(k)), "Sears"), Curve(marks, np.abs(obtained), "lattice", "o")), "k", "|S|",
-            log_x=True,
-        ),
-        "phase of the lift in waves": Figure(
-            (Curve(k, np.degrees(np.angle(sears(k))), "Sears"),
-             Curve(marks, np.degrees(np.angle(obtained)), "lattice", "o")),
-            "k", "phase at mid-chord [deg]", log_x=True,
-        ),
+        "amplitude of the lift in waves": Figure((
+            Curve(k, np.abs(sears(k)), "Sears"),
+            Curve(marks, np.abs(obtained), "lattice", "o"),
+        ), "k", "|S|", log_x=True),
+        "phase of the lift in waves": Figure((
+            Curve(k, np.degrees(np.angle(sears(k))), "Sears"),
+            Curve(marks, np.degrees(np.angle(obtained)), "lattice", "o"),
+        ), "k", "phase at mid-chord [deg]", log_x=True),
     }  # fmt: skip
     return CaseResult(checks, figures, "8 panels along the chord up to k = 0.5, then 16; one panel chord a step.")

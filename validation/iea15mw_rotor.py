@@ -56,23 +56,19 @@ def iea15mw_rotor():
                 for label, due, found in (("Cp", lattice.cp, one.cp), ("Ct", lattice.ct, one.ct))
             ]
     table = np.array(rows)
-    checks.append(Check("largest Cp", 0.489, float(table[:, 3].max()), 0.03, source="NREL/TP-5000-75698"))
+    checks.append(Check("largest Cp", 0.489, table[:, 3].max(), 0.03, source="NREL/TP-5000-75698"))
     names = ("blade elements", "lattice, 3 turns of wake", *CHEAP)
     heading = " ratio" + "".join(f"{name:>27s}" for name in names)
     lines = [heading, "      " + f"{'Cp':>18s}{'Ct':>9s}" * len(names)]
     lines += [f"{row[0]:6g}" + "".join(f"{x:18.3f}{y:9.3f}" for x, y in row[1:].reshape(-1, 2)) for row in table]
     marks = ("--", "o", "s", "^")
     figures = {
-        label: Figure(
-            tuple(
-                Curve(table[:, 0], table[:, 1 + column + 2 * k], name, mark)
-                for k, (name, mark) in enumerate(zip(names, marks, strict=True))
-            ),
-            "tip-speed ratio",
-            label,
-        )
+        label: Figure(tuple(
+            Curve(table[:, 0], table[:, 1 + column + 2 * k], name, mark)
+            for k, (name, mark) in enumerate(zip(names, marks, strict=True))
+        ), "tip-speed ratio", label)
         for column, label in enumerate(("Cp", "Ct"))
-    }
+    }  # fmt: skip
     return CaseResult(checks, figures, "\n".join(lines))
 
 

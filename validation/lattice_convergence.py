@@ -84,16 +84,10 @@ def nrel_5mw_convergence():
         if "turns" not in name
     }
     for quantity, label in (("cp", "Cp"), ("ct", "Ct")):
-        figures[f"{label} against the length of the wake"] = Figure(
-            tuple(
-                Curve([n for n, _ in rows], [getattr(run, quantity) for _, run in rows], name, "o-")
-                for name, rows in studies.items()
-                if "turns" in name
-            ),
-            "turns",
-            label,
-            log_x=True,
-        )
+        figures[f"{label} against the length of the wake"] = Figure(tuple(
+            Curve([n for n, _ in rows], [getattr(run, quantity) for _, run in rows], name, "o-")
+            for name, rows in studies.items() if "turns" in name
+        ), "turns", label, log_x=True)  # fmt: skip
     lines.append("Base: 1 × 12 panels, 30 steps a turn, 3 turns of free wake continued by vortex cylinders.")
     return CaseResult(checks, figures, "\n".join(lines))
 
@@ -137,16 +131,11 @@ def rigid_helix_length():
               source="24 turns")
         for n in (3, 6)
     ]  # fmt: skip
-    figure = Figure(
-        (
-            Curve(list(HELIX), list(HELIX.values()), "independent lattice", "s--"),
-            Curve(list(open_end), list(open_end.values()), "open end", "o-"),
-            Curve(list(closed), list(closed.values()), "continued by vortex cylinders", "^-"),
-        ),
-        "turns of rigid helix",
-        "Cp without drag",
-        log_x=True,
-    )
+    figure = Figure((
+        Curve(list(HELIX), list(HELIX.values()), "independent lattice", "s--"),
+        Curve(list(open_end), list(open_end.values()), "open end", "o-"),
+        Curve(list(closed), list(closed.values()), "continued by vortex cylinders", "^-"),
+    ), "turns of rigid helix", "Cp without drag", log_x=True)  # fmt: skip
     notes = "Cp open: " + ", ".join(f"{n} turns {cp:.4f}" for n, cp in open_end.items())
     notes += "; continued: " + ", ".join(f"{n:g} turns {cp:.4f}" for n, cp in closed.items())
     return CaseResult(checks, {"Cp against the length of a rigid wake": figure}, notes)

@@ -99,8 +99,9 @@ def elliptic_wings():
     """Lift slope of the circle (exact) and of slender ellipses (matched expansion), Munk's bound of induced drag."""
     checks = []
     circle = {n: elliptic_wing(1.0, 1.0, n, 20) for n in (4, 8, 16)}
-    checks.append(Check("circle: lift slope, 8 × 20 panels a half", 1.7900, circle[8][0], 0.01, "1/rad",
-                        source=CIRCLE_SOURCE))  # fmt: skip
+    checks.append(
+        Check("circle: lift slope, 8 × 20 panels a half", 1.7900, circle[8][0], 0.01, "1/rad", source=CIRCLE_SOURCE)
+    )
     checks.append(Check("circle: Joukowski over far-field drag, extrapolated from 8 and 16 panels", 1.0,
                         2.0 * circle[16][1] - circle[8][1], 0.02, source="Munk 1921"))  # fmt: skip
     aspects, slopes = (8.0, 12.0, 20.0), []
@@ -108,9 +109,10 @@ def elliptic_wings():
         slope, _, efficiency = elliptic_wing(0.125 * np.pi * aspect, 0.5, 4, 40)
         slopes.append(slope)
         expected = 2.0 * np.pi / (1.0 + 2.0 / aspect + 16.0 * (np.log(np.pi * aspect) - 1.125) / (np.pi * aspect) ** 2)
-        checks.append(Check(f"ellipse, AR {aspect:g}: lift slope", expected, slope, 0.01, "1/rad",
-                            source=ELLIPSE_SOURCE))  # fmt: skip
-        checks.append(Check(f"ellipse, AR {aspect:g}: span efficiency", "in [0.99, 1.0005]", efficiency, 0.0,
+        checks.append(
+            Check(f"ellipse, AR {aspect:g}: lift slope", expected, slope, 0.01, "1/rad", source=ELLIPSE_SOURCE)
+        )
+        checks.append(Check(f"ellipse, AR {aspect:g}: span efficiency", "in [0.99, 1.0005]", efficiency,
                             source="at most 1 (Munk 1921), nearly elliptic loading"))  # fmt: skip
     a = np.linspace(5.0, 25.0, 50)
     theory = 2.0 * np.pi / (1.0 + 2.0 / a + 16.0 * (np.log(np.pi * a) - 1.125) / (np.pi * a) ** 2)
@@ -167,14 +169,13 @@ def sudden_acceleration_case():
     """Impulse of the apparent mass, early growth as Wagner, steady lift, and who gets there first."""
     checks = [
         Check("section: impulse of the start over ρ π c²/4 V sin α", 1.0, starting_impulse(16), 0.01,
-              source="apparent mass of a flat plate (Lamb, Hydrodynamics, art. 71)")
+              source="apparent mass of a flat plate (Lamb, Hydrodynamics, art. 71)"),
     ]  # fmt: skip
     curves, lifts, ninety = [], {}, []
     for aspect, (_, steady) in RECTANGULAR.items():
         travel, lift = sudden_acceleration(aspect)
         lifts[aspect] = lift
-        checks.append(Check(f"AR {aspect:g}: lift after 30 chords", steady, float(lift[-1]), 0.01,
-                            source=RECTANGULAR_SOURCE))  # fmt: skip
+        checks.append(Check(f"AR {aspect:g}: lift after 30 chords", steady, lift[-1], 0.01, source=RECTANGULAR_SOURCE))
         started = np.flatnonzero(lift[3:] >= 0.9 * lift[-1])[0] + 3
         ninety.append(float(travel[started]))
         curves.append(Curve(travel[3:], lift[3:], f"AR {aspect:g}"))
@@ -182,11 +183,12 @@ def sudden_acceleration_case():
         # what the trailing vortices take away is of the order of 1/AR
         at = {a: float(np.interp(s, travel, lifts[a])) / (2.0 * np.pi * FIVE_DEGREES) for a in (12.0, 20.0)}
         infinite = (20.0 * at[20.0] - 12.0 * at[12.0]) / 8.0
-        checks.append(Check(f"lift over 2π α at s = {s:g}, extrapolated in 1/AR", value, infinite, 0.02,
-                            source=WAGNER_SOURCE))  # fmt: skip
+        checks.append(
+            Check(f"lift over 2π α at s = {s:g}, extrapolated in 1/AR", value, infinite, 0.02, source=WAGNER_SOURCE)
+        )
     order = min(np.diff(ninety))
-    checks.append(Check("travel to 90 % of the final lift grows with the aspect ratio: least difference", ">= 0",
-                        float(order), 0.0, "semi-chords", source=ACCELERATION_SOURCE))  # fmt: skip
+    checks.append(Check("travel to 90 % of the final lift grows with the aspect ratio: least difference", ">= 0", order,
+                        unit="semi-chords", source=ACCELERATION_SOURCE))  # fmt: skip
     s, value = np.array(WAGNER).T
     curves.append(Curve(s, value * 2.0 * np.pi * FIVE_DEGREES, "AR ∞ (Wagner)", "k--"))
     _, free = sudden_acceleration(4.0, FIVE_DEGREES, drifting=False, wake_core=CORE)
@@ -244,8 +246,8 @@ def vortex_conservation():
     shed = history[::-1][: len(kept)]
     size = float(np.abs(history).max())
     checks = [
-        Check("largest change of a wake ring since it was shed", 0.0, float(np.abs(kept - shed).max()), 0.0, "m²/s",
-              source=KELVIN)
+        Check("largest change of a wake ring since it was shed", 0.0, np.abs(kept - shed).max(), 0.0, "m²/s",
+              source=KELVIN),
     ]  # fmt: skip
     thinned, thin_history = heaving_wing(n_steps, full_rows=10, coarse_stride=3)
     state = thinned.state
@@ -253,7 +255,7 @@ def vortex_conservation():
     stored = (state.wake_circulation[1:, 0] * np.diff(ages[1:])[:, None]).sum(axis=0)
     given = thin_history[::-1][1 : 1 + round((ages[-1] - ages[1]) / thinned.dt)].sum(axis=0) * thinned.dt
     checks.append(Check("thinned wake: change of ∫Γ dt over its rings, relative", 0.0,
-                        float(np.abs(stored - given).max() / np.abs(given).max()), 1e-12, source=KELVIN))  # fmt: skip
+                        np.abs(stored - given).max() / np.abs(given).max(), 1e-12, source=KELVIN))  # fmt: skip
     z = 0.5 * (flow.lattice.planform.span_edges[0] + flow.lattice.planform.span_edges[1])
     end = float(flow.state.wake_nodes[..., 1].max())
     whole = circuit(flow, -2.0, end + 2.0, z)
@@ -265,13 +267,13 @@ def vortex_conservation():
     ring = float(flow.state.wake_circulation[8, 0, 0])
     sign = np.sign(part * ring)
     checks.append(Check("circulation of a circuit that cuts the wake: circulation of the ring it cuts", ring,
-                        float(sign * part), 5e-3, "m²/s", source="Stokes: the segments it encloses"))  # fmt: skip
+                        sign * part, 5e-3, "m²/s", source="Stokes: the segments it encloses"))  # fmt: skip
     notes = (
         "Circuits lie in the middle of the innermost strip; the velocity has the accuracy of single precision, and the "
         "circuit that cuts the wake passes between segments whose cores of 0.02 chords reach a little beyond it."
     )
-    figure = Figure(
-        (Curve(np.arange(1, n_steps + 1), history[:, 0], "bound, when shed"),
-         Curve(n_steps - np.arange(len(kept)), kept[:, 0], "in the wake at the end", "x")), "step", "Γ of strip 1",
-    )  # fmt: skip
+    figure = Figure((
+        Curve(np.arange(1, n_steps + 1), history[:, 0], "bound, when shed"),
+        Curve(n_steps - np.arange(len(kept)), kept[:, 0], "in the wake at the end", "x"),
+    ), "step", "Γ of strip 1")  # fmt: skip
     return CaseResult(checks, {"circulation of the innermost strip": figure}, notes)

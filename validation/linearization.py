@@ -62,10 +62,8 @@ def whirl():
             pair = ("regressive", "progressive") if rpm else ("yaw", "tilt")
             for name, sign in zip(pair, (-1.0, 1.0), strict=True):
                 expected = blade + sign * shift
-                checks.append(
-                    Check(f"{rpm:g} rpm: {base} {name}", expected, table[-1][f"{base} {name}"], 1e-3, "Hz",
-                          source="collective ∓ rotor speed")
-                )  # fmt: skip
+                checks.append(Check(f"{rpm:g} rpm: {base} {name}", expected, table[-1][f"{base} {name}"], 1e-3, "Hz",
+                                    source="collective ∓ rotor speed"))  # fmt: skip
     curves = tuple(
         Curve(speeds[1:], [row[f"{base} {part}"] for row in table[1:]], f"{base} {part}", "o-")
         for base in ("flap_1", "edge_1")
@@ -137,7 +135,7 @@ def vibration():
         error = np.abs(exact - linear)[:, :n].max(axis=0) / np.abs(exact)[:, :n].max(axis=0)
         names = simulator.structure.system.state_names
         worst = int(np.argmax(error))
-        checks.append(Check(f"{label}: largest difference, {names[worst]}", "<= 1e-4", float(error[worst]), 0.0))
+        checks.append(Check(f"{label}: largest difference, {names[worst]}", "<= 1e-4", error[worst]))
         time, k = 0.05 * np.arange(len(exact)), names.index("blade_1_flap_1")
         figures[label] = Figure(
             (Curve(time, exact[:, k], "non-linear"), Curve(time, linear[:, k], "linear", "--")), "time [s]", names[k]
@@ -212,7 +210,7 @@ def forecast():
     for label, time, pairs in step_responses():
         for name, (exact, linear) in pairs.items():
             error = float(np.abs(exact - linear).max() / np.abs(exact).max())
-            checks.append(Check(f"{label}: {name}", f"<= {TOLERANCES[name]}", error, 0.0))
+            checks.append(Check(f"{label}: {name}", f"<= {TOLERANCES[name]}", error))
             figures[f"{label}: {name}"] = Figure(
                 (Curve(time, exact, "simulation"), Curve(time, linear, "linear model", "--")), "time [s]", name
             )

@@ -220,120 +220,46 @@ def spin_up():
     after = smooth["full"][time[: len(smooth["full"])] > 3.1]
     work = np.trapezoid(full["power"], time)
     checks = [
-        Check(
-            "mean hub speed after the loads (to which the edge load is chosen)",
-            SPEED,
-            mean,
-            0.01,
-            "rad/s",
-            source=f"{PAPER}, fig. 3b",
-        ),
-        Check(
-            "angular momentum about the shaft after the loads, against ∫ F L dt",
-            inertia * SPEED,
-            momentum[0],
-            0.005,
-            "kg m²/s",
-            source="momentum balance about the undeformed lever",
-        ),
-        Check(
-            "energy after the loads, against their work ∫ p·v dt",
-            work,
-            energy[0],
-            0.005,
-            "J",
-            source="energy balance",
-        ),
-        Check(
-            "mean hub speed after the loads, against the angular momentum over the inertia of the straight blade",
-            spin,
-            mean,
-            0.005,
-            "rad/s",
-            source="the blade vibrates about a rotation with H = J Ω",
-        ),
-        Check(
-            "energy after the loads: largest departure from its first value",
-            "<= 0.01",
-            np.abs(energy / energy[0] - 1.0).max(),
-            0.0,
-            source=f"{PAPER}: energy conservation",
-        ),
-        Check(
-            "angular momentum after the loads: largest departure from its first value",
-            "<= 0.005",
-            np.abs(momentum / momentum[0] - 1.0).max(),
-            0.0,
-            source="no torque about the shaft",
-        ),
-        Check(
-            "Ω almost constant: largest departure, over a period of the edgewise vibration, from its mean",
-            "<= 0.02",
-            np.abs(after / after.mean() - 1.0).max(),
-            0.0,
-            source=f"{PAPER}: “Ω is almost constant, a sign of energy conservation”",
-        ),
-        Check(
-            "swing of the hub's own speed: frequency of its strongest harmonic",
-            natural,
-            found,
-            0.02,
-            "rad/s",
-            source="linear modes of blade and shaft after the ramp",
-        ),
-        Check(
-            "swing of the hub's own speed: amplitude of that harmonic",
-            swing,
-            found_swing,
-            0.05,
-            "rad/s",
-            source="linear modes of blade and shaft after the ramp",
-        ),
-        Check(
-            "16 modes against finite elements: rms difference of the tip in x₁, loading (0–3 s)",
-            "<= 0.01",
-            difference(full["tip"][~late, 0], modal["tip"][~late, 0]),
-            0.0,
-            source=f"{PAPER}, fig. 3a: “almost identical”",
-        ),
-        Check(
-            "16 modes against finite elements: rms difference of the tip in x₁, 0–10 s",
-            "<= 0.02",
-            difference(full["tip"][:, 0], modal["tip"][:, 0]),
-            0.0,
-            source=f"{PAPER}, fig. 3a: “almost identical”",
-        ),
-        Check(
-            "16 modes against finite elements: rms difference of Ω over a period of the edgewise vibration",
-            "<= 0.005",
-            difference(smooth["full"], smooth["modal"]),
-            0.0,
-            source=f"{PAPER}, fig. 3b: “identical”",
-        ),
-        Check(
-            f"16 modes against finite elements: rms difference of Ω over the axis of the figure (0–2 rad/s), visible "
-            f"from {VISIBLE}",
-            f"<= {VISIBLE}",
-            np.sqrt(np.mean((full["speed"] - modal["speed"]) ** 2)) / 2.0,
-            0.0,
-            source=f"{PAPER}, fig. 3b: “identical”",
-        ),
-    ]
+        Check("mean hub speed after the loads (to which the edge load is chosen)", SPEED, mean, 0.01, "rad/s",
+              source=f"{PAPER}, fig. 3b"),
+        Check("angular momentum about the shaft after the loads, against ∫ F L dt", inertia * SPEED, momentum[0], 0.005,
+              "kg m²/s", source="momentum balance about the undeformed lever"),
+        Check("energy after the loads, against their work ∫ p·v dt", work, energy[0], 0.005, "J",
+              source="energy balance"),
+        Check("mean hub speed after the loads, against the angular momentum over the inertia of the straight blade",
+              spin, mean, 0.005, "rad/s", source="the blade vibrates about a rotation with H = J Ω"),
+        Check("energy after the loads: largest departure from its first value", "<= 0.01",
+              np.abs(energy / energy[0] - 1.0).max(), source=f"{PAPER}: energy conservation"),
+        Check("angular momentum after the loads: largest departure from its first value", "<= 0.005",
+              np.abs(momentum / momentum[0] - 1.0).max(), source="no torque about the shaft"),
+        Check("Ω almost constant: largest departure, over a period of the edgewise vibration, from its mean", "<= 0.02",
+              np.abs(after / after.mean() - 1.0).max(),
+              source=f"{PAPER}: “Ω is almost constant, a sign of energy conservation”"),
+        Check("swing of the hub's own speed: frequency of its strongest harmonic", natural, found, 0.02, "rad/s",
+              source="linear modes of blade and shaft after the ramp"),
+        Check("swing of the hub's own speed: amplitude of that harmonic", swing, found_swing, 0.05, "rad/s",
+              source="linear modes of blade and shaft after the ramp"),
+        Check("16 modes against finite elements: rms difference of the tip in x₁, loading (0–3 s)", "<= 0.01",
+              difference(full["tip"][~late, 0], modal["tip"][~late, 0]),
+              source=f"{PAPER}, fig. 3a: “almost identical”"),
+        Check("16 modes against finite elements: rms difference of the tip in x₁, 0–10 s", "<= 0.02",
+              difference(full["tip"][:, 0], modal["tip"][:, 0]), source=f"{PAPER}, fig. 3a: “almost identical”"),
+        Check("16 modes against finite elements: rms difference of Ω over a period of the edgewise vibration",
+              "<= 0.005", difference(smooth["full"], smooth["modal"]), source=f"{PAPER}, fig. 3b: “identical”"),
+        Check(f"16 modes against finite elements: rms difference of Ω over the axis of the figure (0–2 rad/s), visible "
+              f"from {VISIBLE}", f"<= {VISIBLE}", np.sqrt(np.mean((full["speed"] - modal["speed"]) ** 2)) / 2.0,
+              source=f"{PAPER}, fig. 3b: “identical”"),
+    ]  # fmt: skip
     figures = {
-        "Fig. 3a: tip displacement along x₁": Figure(
-            (
-                Curve(*thinned(full, "tip", 0), "finite elements", "x"),
-                Curve(*thinned(modal, "tip", 0), "16 modes", "o"),
-            ),
-            "time [s]",
-            "x₁ [m]",
-        ),
-        "Fig. 3b: angular velocity of the rotor": Figure(
-            (Curve(*thinned(full, "speed"), "finite elements", "x"), Curve(*thinned(modal, "speed"), "16 modes", "o")),
-            "time [s]",
-            "Ω [rad/s]",
-        ),
-    }
+        "Fig. 3a: tip displacement along x₁": Figure((
+            Curve(*thinned(full, "tip", 0), "finite elements", "x"),
+            Curve(*thinned(modal, "tip", 0), "16 modes", "o"),
+        ), "time [s]", "x₁ [m]"),
+        "Fig. 3b: angular velocity of the rotor": Figure((
+            Curve(*thinned(full, "speed"), "finite elements", "x"),
+            Curve(*thinned(modal, "speed"), "16 modes", "o"),
+        ), "time [s]", "Ω [rad/s]"),
+    }  # fmt: skip
     largest = np.abs(full["speed"][late] / mean - 1.0).max()
     notes = (
         f"Edge load {abs(edge):.0f} N from J Ω = ∫ F L dt, flap load {FLAP_LOAD:.0f} N (not published). The sudden end "

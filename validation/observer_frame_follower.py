@@ -83,13 +83,8 @@ def halved(force, axes, reference="clamped", obtained=None):
     """Check that halving the step changes the position of the tip at the end of the loading by less than 1 %."""
     coarse = tip_after_loading(force, axes, reference)[1] if obtained is None else obtained
     change = tip_after_loading(force, axes, reference, refine=2)[1] / coarse - 1.0
-    return Check(
-        f"finite elements, {reference}: tip at {LOADING:g} s, change when the step is halved",
-        "<= 0.01",
-        abs(change),
-        0.0,
-        source="a reference must be converged",
-    )
+    return Check(f"finite elements, {reference}: tip at {LOADING:g} s, change when the step is halved", "<= 0.01",
+                 abs(change), source="a reference must be converged")  # fmt: skip
 
 
 def loading_checks(runs):
@@ -102,26 +97,12 @@ def loading_checks(runs):
     return [
         Check(
             f"u/L of the nonlinear load when the difference to the linear one is first visible ({VISIBLE * AXIS:.4f})",
-            "in [0.07, 0.11]",
-            full[seen],
-            0.0,
-            source=f"{PAPER}, fig. 4a: first visible at u/L ≈ 0.09",
-        ),
-        Check(
-            "difference at the end of the loading over that when first visible",
-            ">= 2",
-            gap[end] / gap[seen],
-            0.0,
-            source=f"{PAPER}: “increasing the load further results in larger deviations”",
-        ),
-        Check(
-            "the nonlinear load gives the larger response: least difference u/L while loading",
-            ">= 0",
-            gap[loading].min(),
-            1e-6,
-            source=f"{PAPER}, fig. 4a",
-        ),
-    ]
+            "in [0.07, 0.11]", full[seen], source=f"{PAPER}, fig. 4a: first visible at u/L ≈ 0.09"),
+        Check("difference at the end of the loading over that when first visible", ">= 2", gap[end] / gap[seen],
+              source=f"{PAPER}: “increasing the load further results in larger deviations”"),
+        Check("the nonlinear load gives the larger response: least difference u/L while loading", ">= 0",
+              gap[loading].min(), 1e-6, source=f"{PAPER}, fig. 4a"),
+    ]  # fmt: skip
 
 
 def figures_of(runs, name):
@@ -158,25 +139,15 @@ def follower():
         halved(LOAD, "consistent", obtained=runs["full"]["tip"][end, 0]),
         *loading_checks(runs),
         Check("u/L at 2 s", 0.15, full[end], 0.01, source=f"{PAPER}, fig. 4b (load chosen for it)"),
-        Check(f"3 modes over finite elements {at}", "<= 0.95", ratio[3], 0.0, source=f"{PAPER}: predicted smaller"),
-        Check(f"5 modes over finite elements {at}", "<= 0.95", ratio[5], 0.0, source=f"{PAPER}: predicted smaller"),
-        Check(f"5 modes over 3 modes {at}", ">= 1", ratio[5] / ratio[3], 0.0, source=f"{PAPER}, fig. 4b"),
-        Check(
-            f"10 modes over finite elements {at}",
-            "in [0.95, 1.05]",
-            ratio[10],
-            0.0,
-            source=f"{PAPER}: 10 modes “very much alike to the FE model during the loading stage”",
-        ),
+        Check(f"3 modes over finite elements {at}", "<= 0.95", ratio[3], source=f"{PAPER}: predicted smaller"),
+        Check(f"5 modes over finite elements {at}", "<= 0.95", ratio[5], source=f"{PAPER}: predicted smaller"),
+        Check(f"5 modes over 3 modes {at}", ">= 1", ratio[5] / ratio[3], source=f"{PAPER}, fig. 4b"),
+        Check(f"10 modes over finite elements {at}", "in [0.95, 1.05]", ratio[10],
+              source=f"{PAPER}: 10 modes “very much alike to the FE model during the loading stage”"),
         Check("free vibration with 3 modes: period", period, period_3, 0.01, "s", source=f"{PAPER}: 3 modes suffice"),
-        Check(
-            "free vibration with 3 modes: amplitude over that with 10 modes",
-            "in [0.9, 1.1]",
-            amplitude_3 / amplitude_10,
-            0.0,
-            source=f"{PAPER}: 3 modes suffice",
-        ),
-    ]
+        Check("free vibration with 3 modes: amplitude over that with 10 modes", "in [0.9, 1.1]",
+              amplitude_3 / amplitude_10, source=f"{PAPER}: 3 modes suffice"),
+    ]  # fmt: skip
     notes = (
         f"Free vibration: {period:.3f} s and {amplitude:.2f} m with finite elements, {period_3:.3f} s and "
         f"{amplitude_3:.2f} m with 3 modes, {period_10:.3f} s and {amplitude_10:.2f} m with 10. The load acts in the "
@@ -260,38 +231,17 @@ def printed():
     beyond = [tip_after_loading(64e3, "deformed", refine=k)[0] for k in (1, 4)]
     known, found = printed_balance(below), static_tip(below, "deformed")
     checks = [
-        Check(
-            f"tip at rest under 0.9 of the largest load ({limit / 1e3:.1f} kN)",
-            known,
-            found,
-            1e-3,
-            "m",
-            source="quadratic equation of the couple",
-        ),
-        Check(
-            "state of rest found under 1.03 of the largest load (0: none)",
-            0.0,
-            float(np.isfinite(static_tip(above, "deformed"))),
-            0.0,
-            source="no real root",
-        ),
+        Check(f"tip at rest under 0.9 of the largest load ({limit / 1e3:.1f} kN)", known, found, 1e-3, "m",
+              source="quadratic equation of the couple"),
+        Check("state of rest found under 1.03 of the largest load (0: none)", 0.0,
+              np.isfinite(static_tip(above, "deformed")), 0.0, source="no real root"),
         halved(PRINTED_LOAD, "deformed", obtained=runs["full"]["tip"][end, 0]),
         *loading_checks(runs),
-        Check(
-            "10 modes over finite elements when these reach u/L = 0.09",
-            "in [0.95, 1.05]",
-            deflection(runs[10])[early] / full[early],
-            0.0,
-            source=f"{PAPER}, fig. 4b",
-        ),
-        Check(
-            "64 kN, beyond the largest load: change of u/L at 2 s with a quarter of the step (no converged solution)",
-            ">= 0.05",
-            abs(beyond[0] - beyond[1]),
-            0.0,
-            source="no state of rest to follow",
-        ),
-    ]
+        Check("10 modes over finite elements when these reach u/L = 0.09", "in [0.95, 1.05]",
+              deflection(runs[10])[early] / full[early], source=f"{PAPER}, fig. 4b"),
+        Check("64 kN, beyond the largest load: change of u/L at 2 s with a quarter of the step (no converged solution)",
+              ">= 0.05", abs(beyond[0] - beyond[1]), source="no state of rest to follow"),
+    ]  # fmt: skip
     ratios = ", ".join(f"{deflection(runs[n])[end] / full[end]:.2f} with {n}" for n in (3, 5, 10))
     notes = (
         f"The largest load of the stand-in blade at rest is {limit / 1e3:.1f} kN (u/L = "
@@ -337,55 +287,25 @@ def references():
         run, reduced = runs[reference, None], runs[reference, 10]
         run_period, run_amplitude = free_vibration(run)
         checks += [
-            Check(
-                f"{name}: tip in the fixed frame at 2 s over the clamped one, linear load, finite elements",
-                1.0,
-                dead[reference] / dead["clamped"],
-                0.01,
-                source="the response does not depend on the frame",
-            ),
-            Check(
-                f"{name}: tip in the fixed frame at 2 s over the clamped one, nonlinear load, finite elements",
-                "in [0.85, 1.0]",
-                run["tip"][end, 0] / clamped["tip"][end, 0],
-                0.0,
-                source=f"{PAPER}, fig. 5a: reduced while loading, overall very similar",
-            ),
-            Check(
-                f"{name}: tip in the fixed frame at 2 s, 10 modes over finite elements",
-                "in [0.95, 1.05]",
-                reduced["tip"][end, 0] / run["tip"][end, 0],
-                0.0,
-                source=f"{PAPER}, fig. 5a",
-            ),
+            Check(f"{name}: tip in the fixed frame at 2 s over the clamped one, linear load, finite elements", 1.0,
+                  dead[reference] / dead["clamped"], 0.01, source="the response does not depend on the frame"),
+            Check(f"{name}: tip in the fixed frame at 2 s over the clamped one, nonlinear load, finite elements",
+                  "in [0.85, 1.0]", run["tip"][end, 0] / clamped["tip"][end, 0],
+                  source=f"{PAPER}, fig. 5a: reduced while loading, overall very similar"),
+            Check(f"{name}: tip in the fixed frame at 2 s, 10 modes over finite elements", "in [0.95, 1.05]",
+                  reduced["tip"][end, 0] / run["tip"][end, 0], source=f"{PAPER}, fig. 5a"),
             Check(f"{name}: period of the free vibration", period, run_period, 0.03, "s", source=f"{PAPER}, fig. 5a"),
-            Check(
-                f"{name}: amplitude of the free vibration over the clamped one",
-                "in [0.85, 1.15]",
-                run_amplitude / amplitude,
-                0.0,
-                source=f"{PAPER}, fig. 5a",
-            ),
-            Check(
-                f"{name}: largest displacement of any node from the frame over the clamped one",
-                f"<= {bound}",
-                run["largest"].max() / clamped["largest"].max(),
-                0.0,
-                source=f"{PAPER}, fig. 5b: “significantly reduced”",
-            ),
-        ]
+            Check(f"{name}: amplitude of the free vibration over the clamped one", "in [0.85, 1.15]",
+                  run_amplitude / amplitude, source=f"{PAPER}, fig. 5a"),
+            Check(f"{name}: largest displacement of any node from the frame over the clamped one", f"<= {bound}",
+                  run["largest"].max() / clamped["largest"].max(), source=f"{PAPER}, fig. 5b: “significantly reduced”"),
+        ]  # fmt: skip
     force = 50e3
     exact = exact_follower(force)
     error = {reference: static_tip(force, "consistent", reference) / exact - 1.0 for reference in REFERENCE_CONDITIONS}
-    checks.append(
-        Check(
-            "at rest, 50 kN: error of the tip against the exact rod, supported at the ends over clamped",
-            "<= 0.67",
-            error["simply_supported"] / error["clamped"],
-            0.0,
-            source=f"{PAPER}: the reduced displacements make linear theory “more reasonable”",
-        )
-    )
+    checks.append(Check("at rest, 50 kN: error of the tip against the exact rod, supported at the ends over clamped",
+                        "<= 0.67", error["simply_supported"] / error["clamped"],
+                        source=f"{PAPER}: the reduced displacements make linear theory “more reasonable”"))  # fmt: skip
     named = (
         ("finite elements, fixed base", runs["clamped", None], "x"),
         ("fixed base", runs["clamped", 10], "o"),

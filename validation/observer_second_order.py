@@ -14,8 +14,8 @@ import numpy as np
 
 from validation.case import CaseResult, Check, case
 from validation.observer_substructures import chain, first_mode, period
-from wt_gym.agents.closed_loop import run_baseline
 from wt_gym.multibody.observer_frame.frame import ObserverFrameIntegrator, ObserverFrameSystem, Substructure
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.wind import SteadyInflow
@@ -113,6 +113,7 @@ def second_order():
             lines.append(f"{name}, {wind:g} m/s, {displacement}: tips {100 * (other / tip - 1):+.3f} %, "
                          f"flap moment {100 * (other_moment / moment - 1):+.3f} %")  # fmt: skip
             if displacement == "second_order":
-                checks.append(Check(f"{name}, {wind:g} m/s: mean tip deflection", tip, other, 0.02, "m",
-                                    source="embedded form"))  # fmt: skip
+                checks.append(
+                    Check(f"{name}, {wind:g} m/s: mean tip deflection", tip, other, 0.02, "m", source="embedded form")
+                )
     return CaseResult(checks, notes="Observer frames against the embedded form. " + "; ".join(lines))

@@ -139,11 +139,11 @@ def parked_nrel_5mw():
     weightless = parked_frequencies(AS_ADAMS, gravity=False)
     plain = {name: parked_frequencies(FIDELITIES[name]) for name in ("training", "engineering")}
     checks = [
-        Check(f"{row.name}, as FAST", row.fast, fast[row.name], 0.03, "Hz", True, "FAST column")
+        Check(f"{row.name}, as FAST", row.fast, fast[row.name], 0.03, "Hz", source="FAST column")
         for row in sorted(PUBLISHED, key=lambda row: row.fast)[:10]
     ]
     checks += [
-        Check(f"{row.name}, as ADAMS", row.adams, adams[row.name], 0.03, "Hz", True, "ADAMS column")
+        Check(f"{row.name}, as ADAMS", row.adams, adams[row.name], 0.03, "Hz", source="ADAMS column")
         for row in sorted(PUBLISHED, key=lambda row: row.adams)[:10]
     ]
 

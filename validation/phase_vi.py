@@ -206,7 +206,7 @@ def uae_phase_vi():
     for polars, name in (("model", "polars of the certification model"), ("measured", "two-dimensional polar")):
         run, element, speed, measured = run_blade(polars)
         torque, thrust = run.power[-run.steps_per_turn :].mean() / speed, run.ct * run.reference_thrust
-        checks.append(Check(f"shaft torque, {name}", measured, torque, 0.1, "N m", True, SOURCE))
+        checks.append(Check(f"shaft torque, {name}", measured, torque, 0.1, "N m", source=SOURCE))
         force, radius = force_coefficients(run), PhaseSixBlade().tip_radius
         at = [np.interp(np.multiply(SECTIONS, radius), run.span, column) for column in force.T]
         style = "-" if polars == "model" else "--"
@@ -241,10 +241,11 @@ def uae_phase_vi_stall():
     for name in ("Du-Selig, Eggers", "Snel"):
         for wind, (torque, _, normal) in zip(winds, results[name], strict=True):
             expected, _, coefficients = MEASURED[wind]
-            checks.append(Check(f"{name}, {wind:g} m/s: shaft torque", expected, torque, 0.15, "N m",
-                                source=STALL_SOURCE))  # fmt: skip
-            checks.append(Check(f"{name}, {wind:g} m/s: normal force coefficient at 0.30 R", coefficients[0],
-                                float(normal[0]), 0.2, source=STALL_SOURCE))  # fmt: skip
+            checks.append(
+                Check(f"{name}, {wind:g} m/s: shaft torque", expected, torque, 0.15, "N m", source=STALL_SOURCE)
+            )
+            checks.append(Check(f"{name}, {wind:g} m/s: normal force coefficient at 0.30 R", coefficients[0], normal[0],
+                                0.2, source=STALL_SOURCE))  # fmt: skip
     for name, runs in results.items():
         lines.append(f"{name}: torque [N m], thrust [N], difference of the torque, normal force at r/R {SECTIONS}")
         for wind, (torque, thrust, normal) in zip(winds, runs, strict=True):
@@ -257,8 +258,10 @@ def uae_phase_vi_stall():
     )
     torques = [Curve(winds, [run[0] for run in runs], name, "o-") for name, runs in results.items()]
     inboard = [Curve(winds, [run[2][0] for run in runs], name, "o-") for name, runs in results.items()]
-    measured = [Curve(winds, values, "measured", "ks") for values in
-                ([MEASURED[w][0] for w in winds], [MEASURED[w][2][0] for w in winds])]  # fmt: skip
+    measured = [
+        Curve(winds, values, "measured", "ks")
+        for values in ([MEASURED[w][0] for w in winds], [MEASURED[w][2][0] for w in winds])
+    ]
     figures = {
         "shaft torque": Figure((measured[0], *torques), "wind speed [m/s]", "torque [N m]"),
         "normal force at 30 % of the radius": Figure((measured[1], *inboard), "wind speed [m/s]", "c_n"),

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from validation.case import CaseResult, Check, case
-from wt_gym.agents.closed_loop import run_baseline
 from wt_gym.analysis.metrics import damage_equivalent_load
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
@@ -52,10 +52,8 @@ def pitch_drive():
         inflow = TurbulentInflow(box, SteadyInflow(wind, 90.0, shear_exponent=0.14))
         found = {frequency: travel_and_loads(inflow, frequency) for frequency in FREQUENCIES}
         for name, ideal, fast in zip(("pitch travel", "power", "flap DEL"), found[None], found[FAST], strict=True):
-            checks.append(
-                Check(f"{name} with {FAST:g} Hz over that of the ideal drive, {wind:g} m/s, seed {seed}", 1.0,
-                      fast / ideal, TOLERANCE, source="limit of a fast servo")
-            )  # fmt: skip
+            checks.append(Check(f"{name} with {FAST:g} Hz over that of the ideal drive, {wind:g} m/s, seed {seed}", 1.0,
+                                fast / ideal, TOLERANCE, source="limit of a fast servo"))  # fmt: skip
         for frequency, (travel, power, load) in found.items():
             drive = "ideal" if frequency is None else f"{frequency:g}"
             change = 100.0 * (travel / found[None][0] - 1.0)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.case import CaseResult, Check, Curve, Figure, case
+from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.nrel5mw_rotor import vertex
 from validation.rigid_rotor import RigidRotor
 from validation.tree_tools import read_table
@@ -119,14 +119,14 @@ def converged_rotor():
         row = table[table[:, 0] == ratio][0]
         name = f"Cp of the table, tip-speed ratio {ratio:g}"
         checks += [
-            Check(name, cp, float(row[1]), 0.02, source="lifting line"),
-            Check(f"{name}, within the uncertainties of both", cp, float(row[1]), uncertain + float(row[3]), "", False,
-                  f"lifting line ± {uncertain:g}, table ± {row[3]:g}"),
+            Check(name, cp, row[1], 0.02, source="lifting line"),
+            Check(f"{name}, within the uncertainties of both", cp, row[1], absolute(uncertain + float(row[3])), "",
+                  source=f"lifting line ± {uncertain:g}, table ± {row[3]:g}"),
         ]  # fmt: skip
     value, _ = converged(7.55)
     row = table[table[:, 0] == 7.55][0]
     checks += [
-        Check(f"{name} at 7.55, computed again", row[k], value[k - 1], row[k + 2], "", False, "table")
+        Check(f"{name} at 7.55, computed again", row[k], value[k - 1], absolute(row[k + 2]), "", source="table")
         for k, name in ((1, "Cp"), (2, "Ct"))
     ]
     return CaseResult(checks)
@@ -176,15 +176,16 @@ def power_curve_ladder():
                 curves[name].append(Curve(table[:, 0], found[:, k], f"{rung}, {text}", "o-"))
             place = vertex(table[:, 0], found[:, 0])
             checks.append(
-                Check(f"{rung}, {text}: ratio of the largest Cp", optimum, place, OPTIMUM_TOLERANCE, "", False)
+                Check(f"{rung}, {text}: ratio of the largest Cp", optimum, place, absolute(OPTIMUM_TOLERANCE), "")
             )
             changes = 100.0 * (found / table[:, 1:3] - 1.0)
             lines.append(f"{f'{rung}, {text}':34s}" + "".join(f"{cp:+7.1f}%{ct:+7.1f}%" for cp, ct in changes))
     figures = {
-        name: Figure((Curve(table[:, 0], table[:, 1 + k], "converged lattice", "k--"), *curves[name]),
-                     "tip-speed ratio", name)
+        name: Figure(
+            (Curve(table[:, 0], table[:, 1 + k], "converged lattice", "k--"), *curves[name]), "tip-speed ratio", name
+        )
         for k, name in enumerate(("Cp", "Ct"))
-    }  # fmt: skip
+    }
     return CaseResult(checks, figures, "\n".join(lines))
 
 

@@ -125,8 +125,8 @@ def conduct(experiment: Experiment, choice, save_to: Path | None = None) -> dict
     dict of str to float
         `QUANTITIES`. Damage-equivalent loads at 1 Hz have the exponents 10 (mean of the blade roots) and 4 (tower).
     """
-    from wt_gym.agents.closed_loop import run_baseline
     from wt_gym.control.controllers.discon import BaselineParameters
+    from wt_gym.runs.playing import run_baseline
 
     simulator = Simulator(TURBINE, inflow=experiment.inflow(), fidelity=choice)
     turbine, start = simulator.turbine, {}

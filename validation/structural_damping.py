@@ -63,10 +63,8 @@ def structural_damping():
     """Tower ζ f/f_alone, blades ζ, drivetrain c/2 √(1/J_g + 1/J_r)/√k; the tower also against another code."""
     checks, notes = [], []
     fore_aft = parked_modes(AS_FAST)["tower fore-aft 1"]
-    checks.append(
-        Check("nrel_5mw, as FAST: tower fore-aft 1", 100.0 * OPENFAST_FORE_AFT, 100.0 * fore_aft.damping, 0.02, "%",
-              source="independent linearization, ElastoDyn's equations")
-    )  # fmt: skip
+    checks.append(Check("nrel_5mw, as FAST: tower fore-aft 1", 100.0 * OPENFAST_FORE_AFT, 100.0 * fore_aft.damping,
+                        0.02, "%", source="independent linearization, ElastoDyn's equations"))  # fmt: skip
     for name in ("nrel_5mw", "iea_15mw"):
         turbine = load_turbine(name)
         (own, shape), modes = tower_alone(turbine), parked_model(turbine, "training").modes()
@@ -82,7 +80,7 @@ def structural_damping():
         blades = 100.0 * blade_damping(turbine)
         for which, value in (("least", blades.min()), ("most", blades.max())):
             quantity = f"{name}: {which} damped of {len(blades)} blade modes on a rigid support"
-            checks.append(Check(quantity, 100.0 * BLADES[name], float(value), 0.01, "%"))
+            checks.append(Check(quantity, 100.0 * BLADES[name], value, 0.01, "%"))
         frequency, damping = drivetrain_mode(turbine)
         expected = DRIVETRAINS[name]
         checks.append(Check(f"{name}: generator against rotor", expected[0], frequency, 0.01, "Hz"))

@@ -249,15 +249,10 @@ def one_rotor():
         )[1:],
     }
     checks = [
-        Check(
-            f"{len(known)} frequencies at rest, {name} against embedded: largest relative difference",
-            "<= 1e-6",
-            np.abs(found / known - 1.0).max(),
-            0.0,
-            source="the same linear equations",
-        )
+        Check(f"{len(known)} frequencies at rest, {name} against embedded: largest relative difference", "<= 1e-6",
+              np.abs(found / known - 1.0).max(), source="the same linear equations")
         for name, found in at_rest.items()
-    ]
+    ]  # fmt: skip
     embedded, constrained = build(), build("constrained")
     flap, southwell = collective_flap(True, 0.0), _southwell()
     figures = {}
@@ -271,98 +266,50 @@ def one_rotor():
         amplitude = np.abs(full[1][:, :, 0] - SHAFT).max()
         at = f"Ω = {speed:g} rad/s"
         checks += [
-            Check(
-                f"{at}: tips, constrained against embedded, largest difference over the amplitude",
-                "<= 1e-6",
-                np.abs(tied[1] - full[1]).max() / amplitude,
-                0.0,
-                source="the same equations",
-            ),
-            Check(
-                f"{at}: tips, observer frame against the embedded form without second-order displacements, step 1 ms",
-                "<= 2e-4",
-                gap[0.001] / amplitude,
-                0.0,
-                source="the same equations; Newmark's period error (ω h)² ω t/12 of the flap mode is 2e-5",
-            ),
-            Check(
-                f"{at}: that difference with the step halved from 0.004 s",
-                4.0,
-                gap[0.004] / gap[0.002],
-                0.15,
-                source="order two",
-            ),
-        ]
+            Check(f"{at}: tips, constrained against embedded, largest difference over the amplitude", "<= 1e-6",
+                  np.abs(tied[1] - full[1]).max() / amplitude, source="the same equations"),
+            Check(f"{at}: tips, observer frame against the embedded form without second-order displacements, step 1 ms",
+                  "<= 2e-4", gap[0.001] / amplitude,
+                  source="the same equations; Newmark's period error (ω h)² ω t/12 of the flap mode is 2e-5"),
+            Check(f"{at}: that difference with the step halved from 0.004 s", 4.0, gap[0.004] / gap[0.002], 0.15,
+                  source="order two"),
+        ]  # fmt: skip
         late = (full[1] - seen[0.001][1])[:, :, 0]
         if speed == SLOW:
             bound = southwell * full[2].max() ** 2 * DURATION / (2.0 * flap)
             checks.append(
-                Check(
-                    f"{at}: flapwise tips, observer frame against embedded, largest difference over the amplitude",
-                    f"<= {bound:.2e}",
-                    np.abs(late).max() / amplitude,
-                    0.0,
-                    source="K Ω² t/2ω₀, the phase that the geometric stiffness makes",
-                )
-            )
+                Check(f"{at}: flapwise tips, observer frame against embedded, largest difference over the amplitude",
+                      f"<= {bound:.2e}", np.abs(late).max() / amplitude,
+                      source="K Ω² t/2ω₀, the phase that the geometric stiffness makes")
+            )  # fmt: skip
             other = observed_response(constrained, speed, 0.004, 5)
-            checks.append(
-                Check(
-                    f"{at}: tips, observer frame from the constrained and from the embedded description",
-                    "<= 1e-9",
-                    np.abs(other[1] - seen[0.004][1]).max() / amplitude,
-                    0.0,
-                    source="the same constraints",
-                )
-            )
+            checks.append(Check(f"{at}: tips, observer frame from the constrained and from the embedded description",
+                                "<= 1e-9", np.abs(other[1] - seen[0.004][1]).max() / amplitude,
+                                source="the same constraints"))  # fmt: skip
         else:
             stiff, soft = collective_flap(True, speed), collective_flap(False, speed)
             time, mean = full[0], full[2].mean()
             expected = flap_history(time, np.sqrt(flap**2 + southwell * mean**2)) - flap_history(time, flap)
             found = late.mean(axis=1)
             checks += [
-                Check(
-                    f"{at}: (ω² − ω₀²)/Ω² of the collective flap mode, embedded",
-                    southwell,
-                    (stiff**2 - flap**2) / speed**2,
-                    0.01,
-                    source="Southwell's coefficient",
-                ),
-                Check(
-                    f"{at}: collective flap frequency without second-order displacements, as in the observer frame",
-                    flap,
-                    soft,
-                    1e-6,
-                    "rad/s",
-                    source="no geometric stiffness, no softening in flap",
-                ),
-                Check(
-                    f"{at}: mean flapwise tip, embedded less observer frame, largest difference",
-                    np.abs(expected).max(),
-                    np.abs(found).max(),
-                    0.03,
-                    "m",
-                    source="first mode at ω₀ and at √(ω₀² + K Ω²)",
-                ),
-            ]
-        figures[f"Blade 1 flapwise, {at}"] = Figure(
-            (
-                Curve(full[0], full[1][:, 0, 0] - SHAFT, "embedded"),
-                Curve(tied[0][::5], tied[1][::5, 0, 0] - SHAFT, "constrained", "x"),
-                Curve(full[0], seen[0.001][1][:, 0, 0] - SHAFT, "observer frame", "--"),
-            ),
-            "time [s]",
-            "tip along the shaft [m]",
-        )
-        figures[f"Hub speed, {at}"] = Figure(
-            (
-                Curve(full[0], full[2], "embedded"),
-                Curve(tied[0][::5], tied[2][::5], "constrained", "x"),
-                Curve(full[0], seen[0.001][2], "observer frame", "--"),
-            ),
-            "time [s]",
-            "Ω [rad/s]",
-        )
+                Check(f"{at}: (ω² − ω₀²)/Ω² of the collective flap mode, embedded", southwell,
+                      (stiff**2 - flap**2) / speed**2, 0.01, source="Southwell's coefficient"),
+                Check(f"{at}: collective flap frequency without second-order displacements, as in the observer frame",
+                      flap, soft, 1e-6, "rad/s", source="no geometric stiffness, no softening in flap"),
+                Check(f"{at}: mean flapwise tip, embedded less observer frame, largest difference",
+                      np.abs(expected).max(), np.abs(found).max(), 0.03, "m",
+                      source="first mode at ω₀ and at √(ω₀² + K Ω²)"),
+            ]  # fmt: skip
+        figures[f"Blade 1 flapwise, {at}"] = Figure((
+            Curve(full[0], full[1][:, 0, 0] - SHAFT, "embedded"),
+            Curve(tied[0][::5], tied[1][::5, 0, 0] - SHAFT, "constrained", "x"),
+            Curve(full[0], seen[0.001][1][:, 0, 0] - SHAFT, "observer frame", "--"),
+        ), "time [s]", "tip along the shaft [m]")  # fmt: skip
+        figures[f"Hub speed, {at}"] = Figure((
+            Curve(full[0], full[2], "embedded"),
+            Curve(tied[0][::5], tied[2][::5], "constrained", "x"),
+            Curve(full[0], seen[0.001][2], "observer frame", "--"),
+        ), "time [s]", "Ω [rad/s]")  # fmt: skip
     notes = (
         "The observer frame suits slowly turning machines: its flap frequency is too low by about K Ω²/2ω₀, "
         f"{100 * (collective_flap(True, FAST) / flap - 1.0):.1f} % for this rotor at {FAST:g} rad/s."

@@ -83,22 +83,22 @@ def _checks(name: str, run: Response):
         torque, thrust = run.overshoot("torque", start, end), run.overshoot("thrust", start, end)
         label = f"{name}, pitch {step}"
         checks += [
-            Check(f"{label}: change of torque to the extreme by the lasting one", "in [3, 7]", torque.ratio, 0.0,
+            Check(f"{label}: change of torque to the extreme by the lasting one", "in [3, 7]", torque.ratio,
                   source=SOURCE),
-            Check(f"{label}: change of thrust to the extreme by the lasting one", "in [1.5, 1.9]", thrust.ratio, 0.0,
+            Check(f"{label}: change of thrust to the extreme by the lasting one", "in [1.5, 1.9]", thrust.ratio,
                   source=SOURCE),
-            Check(f"{label}: time until a tenth of the torque's overshoot is left", "in [6, 14]", torque.recovery, 0.0,
-                  "s", source=SOURCE),
+            Check(f"{label}: time until a tenth of the torque's overshoot is left", "in [6, 14]", torque.recovery,
+                  unit="s", source=SOURCE),
         ]  # fmt: skip
     fit = run.fit("thrust", *STEPS["up"])
     recovery = [run.overshoot(run.axial_at(r), *STEPS["up"]).mean_time for r in (OUTBOARD, INBOARD)]
     back = run.overshoot("thrust", *STEPS["back"]).mean_time / run.overshoot("thrust", *STEPS["up"]).mean_time
     checks += [
-        Check(f"{name}: slow by fast time constant of the thrust", ">= 2.5", fit.slow_time / fit.fast_time, 0.0,
+        Check(f"{name}: slow by fast time constant of the thrust", ">= 2.5", fit.slow_time / fit.fast_time,
               source="Øye 1991: two time constants, 1 / (0.39 - 0.26 r²/R²)"),
-        Check(f"{name}: recovery at 0.95 R by that at 0.5 R", "<= 1", recovery[0] / recovery[1], 0.0,
+        Check(f"{name}: recovery at 0.95 R by that at 0.5 R", "<= 1", recovery[0] / recovery[1],
               source="Øye 1991: the tip is faster"),
-        Check(f"{name}: recovery after the way back by that after the first step", ">= 1", back, 0.0,
+        Check(f"{name}: recovery after the way back by that after the first step", ">= 1", back,
               source="Pirrung & Madsen 2018: slower towards high load"),
     ]  # fmt: skip
     return checks
@@ -129,14 +129,10 @@ def tjaereborg():
     lines = [_line(name, run) for name, run in runs.items()]
     lines.append("measured: torque 260 → 155…170 → 225…235 → 350…360 → 260 kN m (read off figures, ± 15 kN m)")
     figures = {
-        f"{signal} after pitch steps": Figure(
-            tuple(
-                Curve(run.time[run.time > -5.0], getattr(run, signal)[run.time > -5.0] / 1e3, name)
-                for name, run in runs.items()
-            ),
-            "time [s]",
-            f"{signal} [{unit}]",
-        )
+        f"{signal} after pitch steps": Figure(tuple(
+            Curve(run.time[run.time > -5.0], getattr(run, signal)[run.time > -5.0] / 1e3, name)
+            for name, run in runs.items()
+        ), "time [s]", f"{signal} [{unit}]")
         for signal, unit in (("torque", "kN m"), ("thrust", "kN"))
-    }
+    }  # fmt: skip
     return CaseResult(checks, figures, "\n".join(lines))

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import hankel2
 
-from validation.case import CaseResult, Check, Curve, Figure, case
+from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.lifting_tools import UniformStream, WingFlow, two_dimensional_planform
 
 WAGNER_SOURCE = "Wagner 1925; φ(s) from the inverse transform of Theodorsen's C(k), computed to all digits shown"
@@ -63,12 +63,12 @@ def wagner():
     coarse_travel, coarse = wagner_response(16, 41.0)
     middle = 0.5 * coarse_travel[0]
     checks = [
-        Check(f"φ(s = {s:g}), 32 panels", value, float(np.interp(s, travel, lift)), 0.01, source=WAGNER_SOURCE)
+        Check(f"φ(s = {s:g}), 32 panels", value, np.interp(s, travel, lift), 0.01, source=WAGNER_SOURCE)
         for s, value in WAGNER
     ]
     checks += [
         Check(f"φ(s = {s:g}), 16 panels, s from the middle of the first step", value,
-              float(np.interp(s + middle, coarse_travel, coarse)), 0.005, source=WAGNER_SOURCE)
+              np.interp(s + middle, coarse_travel, coarse), 0.005, source=WAGNER_SOURCE)
         for s, value in WAGNER
     ]  # fmt: skip
     s, value = np.array(WAGNER).T
@@ -153,11 +153,9 @@ def _compare(motion, k, obtained):
     exact = exact_lift(motion, k)
     label = f"{motion}, k = {k:g}"
     return [
-        Check(f"{label}: amplitude of cl", float(abs(exact)), abs(obtained), 0.02, source=THEODORSEN_SOURCE),
-        Check(
-            f"{label}: phase of cl", float(np.degrees(np.angle(exact))), float(np.degrees(np.angle(obtained))), 2.0,
-            "deg", relative=False, source=THEODORSEN_SOURCE,
-        ),
+        Check(f"{label}: amplitude of cl", abs(exact), abs(obtained), 0.02, source=THEODORSEN_SOURCE),
+        Check(f"{label}: phase of cl", np.degrees(np.angle(exact)), np.degrees(np.angle(obtained)), absolute(2.0),
+              "deg", source=THEODORSEN_SOURCE),
     ]  # fmt: skip
 
 
@@ -172,15 +170,14 @@ def theodorsen_case():
         for x, value in zip(FREQUENCIES, obtained, strict=True):
             checks += _compare(motion, x, value)
         exact = exact_lift(motion, k)
-        figures[f"amplitude of the lift in {motion}"] = Figure(
-            (Curve(k, np.abs(exact), "Theodorsen"), Curve(marks, np.abs(obtained), "lattice", "o")),
-            "k", "|cl| per rad", log_x=True,
-        )  # fmt: skip
-        figures[f"phase of the lift in {motion}"] = Figure(
-            (Curve(k, np.degrees(np.angle(exact)), "Theodorsen"),
-             Curve(marks, np.degrees(np.angle(obtained)), "lattice", "o")),
-            "k", "phase [deg]", log_x=True,
-        )  # fmt: skip
+        figures[f"amplitude of the lift in {motion}"] = Figure((
+            Curve(k, np.abs(exact), "Theodorsen"),
+            Curve(marks, np.abs(obtained), "lattice", "o"),
+        ), "k", "|cl| per rad", log_x=True)  # fmt: skip
+        figures[f"phase of the lift in {motion}"] = Figure((
+            Curve(k, np.degrees(np.angle(exact)), "Theodorsen"),
+            Curve(marks, np.degrees(np.angle(obtained)), "lattice", "o"),
+        ), "k", "phase [deg]", log_x=True)  # fmt: skip
     panels = ", ".join(f"k = {x:g}: {n}" for x, n in FREQUENCIES.items())
     notes = f"Panels along the chord ({panels}); one panel chord a step. Pitch is about the quarter chord."
     return CaseResult(checks, figures, notes)
@@ -197,9 +194,10 @@ def theodorsen_convergence():
         extrapolated = (4.0 * lift[-1] - lift[-2]) / 3.0  # takes out the second order
         source = THEODORSEN_SOURCE
         name = f"plunge, k = {k:g}, extrapolated from 8 and 16 panels"
-        checks.append(Check(f"{name}: amplitude of cl", float(abs(exact)), abs(extrapolated), 0.005, source=source))
-        checks.append(Check(f"{name}: phase error", 0.0, float(np.degrees(np.angle(extrapolated / exact))), 0.5, "deg",
-                            source=source))  # fmt: skip
+        checks.append(Check(f"{name}: amplitude of cl", abs(exact), abs(extrapolated), 0.005, source=source))
+        checks.append(
+            Check(f"{name}: phase error", 0.0, np.degrees(np.angle(extrapolated / exact)), 0.5, "deg", source=source)
+        )
         curves.append(Curve(counts, np.abs(lift / exact - 1.0), f"k = {k:g}, step 1 panel", "o-"))
     for label, steps, shed in (("step ½ panel", 2.0, 0.25), ("step 2 panels", 0.5, 0.25), ("shed at ½", 1.0, 0.5)):
         lift = np.array([oscillating_lift("plunge", 0.5, n, steps, shed) for n in counts[1:]])

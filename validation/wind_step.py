@@ -6,7 +6,7 @@ it speeds up, the wake keeps the induction of before, and takes half a minute to
 
 from __future__ import annotations
 
-from validation.case import CaseResult, Check, Curve, Figure, case
+from validation.case import CaseResult, Check, Curve, Figure, absolute, case
 from validation.dynamic_inflow import DynamicRotor
 from validation.rotor_transients import INERTIA, Ramp, five_megawatt_step, long_wake
 from wt_gym.aerodynamics import ENGINEERING, TRAINING
@@ -49,19 +49,15 @@ def wind_step():
         if run_name != "16 turns, open":
             checks += [
                 Check(f"{run_name}: change of the {name} to the extreme by the lasting one", wanted[name],
-                      found[name].ratio, 0.03, relative=False, source=SOURCE)
+                      found[name].ratio, absolute(0.03), source=SOURCE)
                 for name in signals
             ]  # fmt: skip
         lines.append(f"{run_name}: " + ", ".join(f"{name} {found[name].ratio:.3f}" for name in signals))
     figures = {
-        f"{name} after a wind step": Figure(
-            tuple(
-                Curve(run.time[run.time > -5.0], getattr(run, signal)[run.time > -5.0], label)
-                for label, run in runs.items()
-            ),
-            "time [s]",
-            f"{name} [{unit}]",
-        )
+        f"{name} after a wind step": Figure(tuple(
+            Curve(run.time[run.time > -5.0], getattr(run, signal)[run.time > -5.0], label)
+            for label, run in runs.items()
+        ), "time [s]", f"{name} [{unit}]")
         for (name, signal), unit in zip(signals.items(), ("N", "rad/s"), strict=True)
-    }
+    }  # fmt: skip
     return CaseResult(checks, figures, "\n".join(lines))

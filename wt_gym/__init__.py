@@ -24,6 +24,10 @@ Examples
 >>> env = gym.make("wt_gym/NREL5MW-Turbulent-v1", wind_speed=12.0)
 """
 
+from __future__ import annotations
+
+from typing import Any
+
 from gymnasium.envs.registration import register
 
 from wt_gym import deprecated
@@ -36,13 +40,13 @@ __version__ = "0.1.0"
 deprecated.install()
 
 
-def _register(env_id, arguments, **limits):
-    """Register an id; ``arguments`` go to the environment."""
+def _register(env_id: str, arguments: dict[str, Any], **limits: Any) -> None:
+    """Register an id; ``arguments`` go to the environment, which learns of the id what of them a user may replace."""
     register(
         id=env_id,
         entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
         vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
-        kwargs=arguments,
+        kwargs={**arguments, "env_id": env_id},
         **limits,
     )
 

@@ -1,6 +1,13 @@
 """The lift of attached flow in a static polar: angle of zero lift and lift slope."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["attached_lift"]
 
@@ -10,7 +17,7 @@ SLOPE_RANGE = np.radians([2.0, 15.0])
 """Distances from the angle of zero lift between which the slope is sought [rad]; nearer, a table's noise rules."""
 
 
-def attached_lift(alpha, cl):
+def attached_lift(alpha: ArrayLike, cl: ArrayLike) -> tuple[float, float] | None:
     """Angle of zero lift and lift slope of the attached flow.
 
     The slope is the largest secant through the point of zero lift: no line through that point with this slope lies

@@ -32,8 +32,8 @@ NAMES: dict[str, dict[str, str]] = {
         "RoscoLikeController": "TsrTrackingController",
         "RoscoLikeParameters": "TsrTrackingParameters",
     },
-    "wt_gym.agents.agent_pool": {"Contenders": "AgentPool"},
-    "wt_gym.agents.choices": {"runs_beneath": "is_base_controller"},
+    "wt_gym.agents.pool": {"Contenders": "AgentPool"},
+    "wt_gym.agents.names": {"runs_beneath": "is_base_controller"},
     "wt_gym.agents.comparison": {"BENEATH": "RESIDUAL_INTERFACE"},
     "wt_gym.agents.evaluation_winds": {"met_wind": "actual_wind"},
     "wt_gym.agents.trained_agent": {
@@ -49,7 +49,16 @@ NAMES: dict[str, dict[str, str]] = {
 
 MODULES = {
     "wt_gym.control.controllers.rosco_like": "wt_gym.control.controllers.tsr_tracking",
-    "wt_gym.agents.contenders": "wt_gym.agents.agent_pool",
+    "wt_gym.agents.choices": "wt_gym.agents.names",
+    "wt_gym.agents.closed_loop": "wt_gym.runs.playing",
+    "wt_gym.agents.contenders": "wt_gym.agents.pool",
+    "wt_gym.agents.entries": "wt_gym.agents.benchmark_runs",
+    "wt_gym.agents.environments": "wt_gym.agents.pool",
+    "wt_gym.agents.executors": "wt_gym.runs.executors",
+    "wt_gym.agents.folder_lock": "wt_gym.runs.folder_lock",
+    "wt_gym.agents.progress": "wt_gym.runs.progress",
+    "wt_gym.agents.sweep_record": "wt_gym.runs.store",
+    "wt_gym.agents.workers": "wt_gym.runs.executors",
     "wt_gym.agents.training.again": "wt_gym.agents.training.resume",
     "wt_gym.agents.training.held_back": "wt_gym.agents.training.selection",
 }

@@ -88,7 +88,10 @@ class RunnerEnv(gym.vector.VectorWrapper):
 
     def set_statistics(self, mean: float, var: float, count: float) -> None:
         """Go on from the statistics of an earlier session."""
-        self.statistics.mean, self.statistics.var, self.statistics.count = np.float64(mean), np.float64(var), count
+        # a mean of no axes is a number, though gymnasium declares arrays
+        self.statistics.mean = np.float64(mean)  # type: ignore[assignment]  # see above
+        self.statistics.var = np.float64(var)  # type: ignore[assignment]  # see above
+        self.statistics.count = count
 
 
 def make_runner_env(context: dict[str, Any]) -> gym.vector.VectorEnv | gym.Env:

@@ -11,17 +11,18 @@ from ray.rllib.core import DEFAULT_MODULE_ID
 from stable_baselines3.common.callbacks import CallbackList
 
 from wt_gym.agents.compilation import compile_kernels_of
-from wt_gym.agents.distributed.connection import connected, processors, warm_nodes
 from wt_gym.agents.distributed.rllib_environment import runner_report, set_runner_statistics
 from wt_gym.agents.distributed.rllib_settings import check_settings, rllib_config
 from wt_gym.agents.distributed.rllib_weights import first_weights, take_weights
 from wt_gym.files import write_whole
+from wt_gym.runs.ray_cluster import connected, processors, warm_nodes
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from ray.rllib.algorithms.algorithm import Algorithm
     from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import VecNormalize
 
     from wt_gym.agents.training.config import TrainingConfig
@@ -38,15 +39,15 @@ class RllibLearner:
     Parameters
     ----------
     address : str, optional
-        As of `wt_gym.agents.executors.executor_for`.
+        As of `wt_gym.runs.executors.executor_for`.
     runners : int, optional
         Processes that step the environments, a processor each; 0: the one that learns. Default: as many as there are
         processors, and at most one an environment, such that the environments can be divided.
     """
 
     engine = "ray"
-    packages = ("ray", "stable-baselines3", "torch", "gymnasium")
-    figures = ()
+    packages: tuple[str, ...] = ("ray", "stable-baselines3", "torch", "gymnasium")
+    figures: tuple[BaseCallback, ...] = ()
     samples_here = False
 
     def __init__(self, address: str | None = None, runners: int | None = None):

@@ -142,7 +142,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
     ValueError
         If its actions are not residual.
     """
-    layout, action, residual = env.layout, env.layout.action, env._residual
+    layout, action, residual = env.layout, env.layout.action, env.operation.residual
     if action.mode != "residual":
         raise ValueError(f"an agent must have residual actions to be exported as a controller, got {action.mode!r}")
     parts.groups.add("agent")
@@ -163,7 +163,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         "DELAY": layout.delay,
         "HAS_YAW": int(action.has_yaw),
         "HAS_TORQUE": int(torque),
-        "SUBSTEPS": env._substeps,
+        "SUBSTEPS": env.operation.count,
         "SENSES_WIND": int(any(one.kind == "ROTOR_WIND" for one in seen)),
         "SQUASHED": int(network.squashed),
         "NORMALIZED": int(network.normalization is not None),

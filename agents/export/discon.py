@@ -98,10 +98,10 @@ def export_discon(
 
 def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Seen]]:
     """Parts of an agent's base controller with the agent, its network, and the channels of a reading."""
-    from wt_gym.agents.environments import load_model
     from wt_gym.agents.export.agent_parts import add_agent, seen_channels
     from wt_gym.agents.export.network import network_of
     from wt_gym.agents.export.policy import training_environment
+    from wt_gym.agents.pool import load_model  # torch takes seconds to import
     from wt_gym.agents.trained_agent import model_card
 
     agent = load_model(name)
@@ -112,7 +112,7 @@ def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Se
                 f"an agent must have residual actions to be exported as a controller, got {env.layout.action.mode!r}"
             )
         assert env.controller is not None  # residual actions have one
-        parts = controller_parts(env.controller, env.turbine, env._inner_dt)
+        parts = controller_parts(env.controller, env.turbine, env.operation.step)
         seen, network = seen_channels(env.layout, hold_missing), network_of(agent, env.layout)
         add_agent(parts, env, network, seen)
     finally:

@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.agents.environments import load_model
 from wt_gym.agents.export.card import card_of, card_text
 from wt_gym.agents.export.network import network_of
 from wt_gym.agents.export.onnx_file import check_onnx, write_onnx
+from wt_gym.agents.pool import load_model
 from wt_gym.agents.trained_agent import model_card
 from wt_gym.agents.trained_environment import trained_arguments
 from wt_gym.control.controllers import parse_name

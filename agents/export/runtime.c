@@ -687,7 +687,8 @@ static void drives_take(const struct parameters *p, struct state *s) {
     s->torque_now += clip(s->demand.torque - s->torque_now, -move, move);
 }
 
-/* At every call: angles and torque at the end of the caller's step, `tau` after the step of the controller. */
+/* At every call: angles and torque at its time, `tau` after the step of the controller. Codes apply what a call gives at
+ * the time of the call: ahead by one of OpenFAST's steps of 0.0125 s, loads differ by up to 0.5 %. */
 static void drives_move(const struct parameters *p, struct state *s, double tau, double dt, struct demand *out) {
     double step = p->controller_step;
     *out = s->demand;
@@ -940,7 +941,7 @@ static void call(float *swap, int *fail, const char *in, const char *out, char *
         step(p, s);
     }
     demands = s->demand;
-    if (p->drive != 0.0) drives_move(p, s, time - s->step_time + dt, dt, &demands);
+    if (p->drive != 0.0) drives_move(p, s, time - s->step_time, dt, &demands);
     write_swap(swap, &demands);
 }
 

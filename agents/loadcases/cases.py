@@ -12,7 +12,6 @@ fault and stops, which sensors are wrong by how much, when in a gust things happ
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from dataclasses import asdict, dataclass
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.control.reference_loads import reference_flap_moment
+from wt_gym.envs.options import WindOptions
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow
@@ -371,10 +371,4 @@ def inflow_of(condition: Condition, turbine: Turbine) -> Inflow:
 
 
 def _sampler(turbine: Turbine, kind: str, **options: Any) -> WindSampler:
-    return WindSampler(turbine, kind, (turbine.cut_in, turbine.cut_out), **options)
-
-
-def digest(value: Any) -> str:
-    """Short name of a JSON value."""
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()[:20]
+    return WindSampler(turbine, WindOptions(kind, (turbine.cut_in, turbine.cut_out), **options))

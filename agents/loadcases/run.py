@@ -9,9 +9,10 @@ import numpy as np
 
 from wt_gym.agents.loadcases.cases import EVENT, SKIP, inflow_of
 from wt_gym.analysis.metrics import run_metrics
-from wt_gym.envs.episode import episode_steps
+from wt_gym.control import Demand
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import SimulationError
+from wt_gym.runs.playing import play, run_controller
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.drivetrain.faults import FEATHER
 from wt_gym.turbines.clearance import unloaded_clearance
@@ -60,30 +61,36 @@ def run_agent(env: gym.Env, agent: Agent, condition: Condition) -> dict[str, Any
         ``time`` [s], ``extremes`` (`EXTREMES`) and ``fatigue`` after the skipped start, None where there was nothing to
         measure, ``unloaded_clearance`` [m], and ``trace``: signals of a transient.
     """
-    turbine_env = turbine_env_of(env)
-    turbine = turbine_env.turbine
+    plain = turbine_env_of(env)
     options = {
-        "inflow": inflow_of(condition, turbine), "faults": condition.faults,
+        "inflow": inflow_of(condition, plain.turbine), "faults": condition.faults,
         "azimuth": math.radians(condition.azimuth),
     }  # fmt: skip
+    seed = _SEED + (condition.seed or 0)
     try:
-        observation, _ = env.reset(seed=_SEED + (condition.seed or 0), options=options)
+        found = play(env, agent, seed=seed, options=options, duration=condition.duration)
     except SimulationError as error:
         return _nothing(str(error))
-    recorder = Recorder(turbine_env.simulator)
-    recorder.append(turbine_env.signals)
-    steps, ending, failure = round(condition.duration / turbine_env.control_dt), "time", None
-    for count, step in enumerate(episode_steps(env, agent, observation), start=1):
-        if not step.failed:
-            recorder.append(turbine_env.signals)
-        if step.done:
-            ending, failure = step.info["termination"], step.info.get("failure")
-        if count >= steps:
-            break
-    stops = condition.stops_at
-    if ending == "standstill" and stops is not None and turbine_env.signals["time"] > stops:
+    ending, stops = found.ending, condition.stops_at
+    if ending == "standstill" and stops is not None and plain.signals["time"] > stops:
         ending = "stopped"
-    return _result(recorder.to_dataset(), turbine, condition, ending, failure)
+    return _result(found.data, plain.turbine, condition, ending, found.failure)
+
+
+class _Feathered:
+    """Holds the blades at feather and asks for nothing else."""
+
+    channels: tuple[str, ...] = ()
+
+    def __init__(self, pitch: float, n_blades: int):
+        self._demand = Demand(np.full(n_blades, pitch), 0.0, 0.0)
+
+    def start(self, readings, demand: Demand) -> None:
+        """Need nothing."""
+
+    def step(self, readings, dt: float) -> Demand:
+        """Give the same demand."""
+        return self._demand
 
 
 def run_parked(turbine: Turbine, fidelity: str | Fidelity, condition: Condition) -> dict[str, Any]:
@@ -91,12 +98,13 @@ def run_parked(turbine: Turbine, fidelity: str | Fidelity, condition: Condition)
     simulator = Simulator(turbine, inflow_of(condition, turbine), fidelity)
     step = simulator.time_step * max(1, round(_PARKED_STEP / simulator.time_step))
     pitch, recorder = min(FEATHER, turbine.pitch.max_pitch), Recorder(simulator)
+    rest = {
+        "rotor_speed": 0.0, "pitch": pitch, "azimuth": math.radians(condition.azimuth), "generator_torque": 0.0,
+    }  # fmt: skip
     ending, failure = "time", None
     try:
-        azimuth = math.radians(condition.azimuth)
-        recorder.append(simulator.reset(rotor_speed=0.0, pitch=pitch, azimuth=azimuth, generator_torque=0.0))
-        for _ in range(round(condition.duration / step)):
-            recorder.append(simulator.advance(step, pitch=pitch))
+        feathered = _Feathered(pitch, turbine.n_blades)
+        run_controller(simulator, feathered, condition.duration, step, recorder=recorder, start=rest)
     except SimulationError as error:
         if not len(recorder):
             return _nothing(str(error))

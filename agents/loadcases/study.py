@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,38 +13,39 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym
-from wt_gym.agents.agent_pool import AgentPool
-from wt_gym.agents.choices import fingerprint
 from wt_gym.agents.evaluation_folder import code_fingerprint
-from wt_gym.agents.executors import SerialExecutor
-from wt_gym.agents.folder_lock import FolderLock
-from wt_gym.agents.loadcases.cases import CASES, Plan, digest, plan_of
+from wt_gym.agents.loadcases.cases import CASES, SKIP, Plan, plan_of
 from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
 from wt_gym.agents.loadcases.run import run_agent, run_parked
-from wt_gym.agents.progress import ProgressLine, clock
-from wt_gym.agents.sweep_record import sweep_recorded
+from wt_gym.agents.names import fingerprint
+from wt_gym.agents.pool import AgentPool
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.benchmark.fingerprint import sources_digest
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.files import require_writable, write_text_whole
+from wt_gym.runs.definition import RunDefinition
+from wt_gym.runs.executors import SerialExecutor
+from wt_gym.runs.progress import ProgressLine, clock
+from wt_gym.runs.store import RUNS_FOLDER, RunStore
+from wt_gym.runs.table import make_runs
 from wt_gym.wind.iec import AVERAGE_OVER_REFERENCE_SPEED, REFERENCE_SPEED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from wt_gym.agents.executors import Executor
     from wt_gym.agents.loadcases.cases import Condition
+    from wt_gym.runs.executors import Executor
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
 __all__ = ["REPORT_FILE", "RUNS_FOLDER", "TABLE_FILE", "LoadCaseConfig", "run_load_cases"]
 
-REPORT_FILE, TABLE_FILE, RUNS_FOLDER = "report.html", "loadcases.json", "runs"
+REPORT_FILE, TABLE_FILE = "report.html", "loadcases.json"
 _HERE = Path(__file__).parent
 _SOURCES = ("cases.py", "run.py")
 _ANY_SPEED = AVERAGE_OVER_REFERENCE_SPEED * REFERENCE_SPEED["II"]  # to look at the exponent of a climate alone
-_FORMAT = 1
+_FORMAT = 2
 """Raise when files of runs mean something else."""
 # They belong to what the load cases decide: when and in what wind a run ends.
 _OURS = (
@@ -104,13 +106,8 @@ class LoadCaseConfig:
         WindClimate(_ANY_SPEED if self.mean_wind_speed is None else self.mean_wind_speed, self.weibull_shape)
 
 
-class _LoadCaseFolder(FolderLock):
-    """Runs on disk, each under the hash of what it is; a context that holds the folder for this process."""
-
-    subfolders = (RUNS_FOLDER,)
-
-    def __init__(self, path: str | Path):
-        super().__init__(path, "loadcases")
+class _LoadCaseFolder(RunStore):
+    """Runs on disk; a context that holds the folder for this process."""
 
     def __enter__(self):
         super().__enter__()
@@ -120,27 +117,6 @@ class _LoadCaseFolder(FolderLock):
             self.__exit__(None)
             raise
         return self
-
-    def find(self, definition: dict[str, Any]) -> dict[str, Any] | None:
-        """Result of a run, None if it has not been made yet."""
-        file = self.file(definition)
-        if not file.exists():
-            return None
-        try:
-            found = json.loads(file.read_text(encoding="utf-8"))
-            if found["definition"] == definition:
-                return found["result"]
-        except (ValueError, KeyError, TypeError) as error:
-            raise ValueError(f"{file} is damaged: {error!r}; remove it to have the run made again") from error
-        raise ValueError(f"{file} holds another run than its name says; remove it to have the run made again")
-
-    def keep(self, definition: dict[str, Any], result: dict[str, Any]) -> None:
-        """Write a run."""
-        write_text_whole(self.file(definition), json.dumps({"definition": definition, "result": result}) + "\n")
-
-    def file(self, definition: dict[str, Any]) -> Path:
-        """File of a run."""
-        return self.path / RUNS_FOLDER / f"{digest(definition)}.json"
 
 
 def run_load_cases(
@@ -157,7 +133,7 @@ def run_load_cases(
     Parameters
     ----------
     agents : mapping
-        Name to word or path for `wt_gym.agents.environments.load_agent`.
+        Name to word or path for `wt_gym.agents.pool.load_agent`.
     config : LoadCaseConfig
     folder : str or path
         Keeps each run as soon as it is made, under the hash of all it depends on: agent (a model by its SHA-256 sums),
@@ -189,7 +165,7 @@ def run_load_cases(
         raise ValueError(f"load cases need at least one agent, of a name other than {PARKED!r}")
     where = config.env_id, config.env_kwargs
     with (
-        _LoadCaseFolder(folder) as store,
+        _LoadCaseFolder(folder, "loadcases") as store,
         AgentPool(agents, *where, as_given=allow_other_environment) as pool,
     ):
         plain = pool.env
@@ -197,28 +173,16 @@ def run_load_cases(
         climate = _climate(turbine, config)  # which is refused before any run, if at all
         plan = config.plan or plan_of(turbine, config.quick)
         cases = tuple(case for case in CASES if case in config.cases)
-        conditions = {case: _conditions(case, turbine, plan, config) for case in cases}
-        define = _definitions(agents, config, plain)
         # runs of several cases are the same: they stand once, by what they are
-        jobs = {
-            digest(definition): (job, definition)
-            for case in cases
-            for job in _jobs(agents, conditions[case])
-            for definition in [define(*job)]
-        }
-        results = {key: store.find(definition) for key, (_, definition) in jobs.items()}
-        left = {jobs[key][0]: key for key, result in results.items() if result is None}
-        shown = _Progress(len(jobs), len(left), progress)
-        with sweep_recorded(store.path, executor.tally, len(jobs) - len(left), _label):
-            for job, result in pool.results(_play, list(left), executor, _code):
-                store.keep(jobs[left[job]][1], result)
-                results[left[job]] = json.loads(json.dumps(result))  # as it would be read
-                shown.done(job, result)
+        jobs = [(case, job) for case in cases for job in _jobs(agents, _conditions(case, turbine, plan, config))]
+        shown = _Progress(progress)
+        results = make_runs(
+            [job for _, job in jobs], partial(pool.results, _play, executor, _code), tally=executor.tally, store=store,
+            define=_definitions(agents, config, plain), label=_label, begin=shown.begin, told=shown.done,
+        )  # fmt: skip
         runs: dict[tuple[str, str], list[CaseRun]] = {}
-        for case in cases:
-            for name, condition in _jobs(agents, conditions[case]):
-                result = results[digest(define(name, condition))]
-                runs.setdefault((case, name), []).append(CaseRun(name, condition, result))
+        for (case, (name, condition)), result in zip(jobs, results, strict=True):
+            runs.setdefault((case, name), []).append(CaseRun(name, condition, result))
         table = LoadCaseResults(turbine.title, cases, tuple(agents), runs, climate, _settings(config, plan, plain))
         write_text_whole(store.path / TABLE_FILE, json.dumps(table.to_json(), indent=1) + "\n")
     return table
@@ -243,20 +207,27 @@ def _code(turbine: Turbine, fidelity: str | Fidelity) -> dict[str, str]:
     return code_fingerprint(turbine, fidelity) | {"loadcases": own}
 
 
-def _definitions(agents: Mapping[str, str], config: LoadCaseConfig, env: gym.Env):
+def _definitions(
+    agents: Mapping[str, str], config: LoadCaseConfig, env: gym.Env
+) -> Callable[[tuple[str, Condition]], dict[str, Any]]:
     """Give the function that says what a run depends on."""
-    turbine, fidelity = turbine_env_of(env).turbine, turbine_env_of(env).fidelity
-    code = _code(turbine, fidelity)
-    where = {"env_id": config.env_id, "env_kwargs": config.env_kwargs}
+    code = _code(turbine_env_of(env).turbine, turbine_env_of(env).fidelity)
     known = {name: fingerprint(choice) for name, choice in agents.items()}
     for print_ in known.values():
         if "sha256" in print_:
             del print_["choice"]  # a model is what it is wherever it lies
 
-    def definition(name: str, condition: Condition) -> dict[str, Any]:
-        agent = {} if name == PARKED else {"agent": known[name]} | where
-        parts = {"format": _FORMAT, "condition": condition.to_json(), "code": code, **agent}
-        return json.loads(json.dumps(parts, default=str))
+    def definition(job: tuple[str, Condition]) -> dict[str, Any]:
+        name, condition = job
+        given = condition.to_json()
+        wind = {key: given[key] for key in ("wind", "speed", "seed", "direction", "turbulence", "label")}
+        common = RunDefinition(
+            wind, condition.duration, SKIP, code, faults=given["faults"], azimuth=condition.azimuth,
+            more={"format": _FORMAT},
+        )  # fmt: skip
+        if name == PARKED:
+            return common.to_json()
+        return replace(common, agent=known[name], env_id=config.env_id, env_kwargs=config.env_kwargs).to_json()
 
     return definition
 
@@ -278,21 +249,24 @@ def _label(job: tuple[str, Condition]) -> str:
 class _Progress:
     """Says how far it is."""
 
-    def __init__(self, total: int, left: int, shown: bool):
-        self._line, self._total, self._left = ProgressLine(shown), total, left
-        self._made, self._simulated, self._start = 0, 0.0, time.monotonic()
-        if total > left:
-            self._line.show(f"{total - left} of {total} runs are there already", final=True)
+    def __init__(self, shown: bool):
+        self._line, self._total, self._simulated, self._start = ProgressLine(shown), 0, 0.0, time.monotonic()
 
-    def done(self, job: tuple[str, Condition], result: dict[str, Any]) -> None:
+    def begin(self, total: int, there: int) -> None:
+        """Take the number of runs, and say how many are there."""
+        self._total = total
+        if there:
+            self._line.show(f"{there} of {total} runs are there already", final=True)
+
+    def done(self, job: tuple[str, Condition], result: dict[str, Any], there: int) -> None:
         """Count a run."""
-        self._made, self._simulated = self._made + 1, self._simulated + result["time"]
+        self._simulated += result["time"]
         elapsed = time.monotonic() - self._start
         text = (
-            f"{self._total - self._left + self._made} of {self._total} runs, {_label(job)}: "
-            f"{result['ending']}; {self._simulated:.0f} s simulated in {clock(elapsed)} min"
+            f"{there} of {self._total} runs, {_label(job)}: {result['ending']}; {self._simulated:.0f} s simulated in "
+            f"{clock(elapsed)} min"
         )
-        self._line.show(text, final=self._made == self._left)
+        self._line.show(text, final=there == self._total)
 
 
 def _climate(turbine, config: LoadCaseConfig) -> WindClimate | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from wt_gym.agents.progress import ProgressLine, clock
+from wt_gym.runs.progress import ProgressLine, clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -27,7 +27,7 @@ class Learner(Protocol):
     Attributes
     ----------
     engine : str
-        Of `wt_gym.agents.executors.ENGINES`.
+        Of `wt_gym.runs.executors.ENGINES`.
     packages : tuple of str
         Whose versions the record names.
     figures : tuple of BaseCallback

@@ -6,7 +6,6 @@ import json
 import shutil
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.agents.folder_lock import FolderLock
 from wt_gym.agents.trained_agent import (
     BEST_MODEL_FILE,
     BEST_NORMALIZATION_FILE,
@@ -16,6 +15,7 @@ from wt_gym.agents.trained_agent import (
     read_record,
 )
 from wt_gym.files import write_text_whole
+from wt_gym.runs.folder_lock import FolderLock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,9 +8,11 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym  # noqa: F401 - registers the ids
-from site_parts.markdown import attributes_of, definitions, table
+from site_parts.markdown import first_sentence, table
+from wt_gym.envs import manual as manual_of_class
 from wt_gym.envs import rewards as terms
-from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.options.environment import GROUPS, EnvOptions, argument_default
+from wt_gym.envs.options.group import described
 from wt_gym.tasks import TASKS
 
 _WIND = {"steady": "steady, sheared", "turbulent": "Kaimal turbulence", "gusts": "IEC gusts"}
@@ -18,14 +20,14 @@ _WIND = {"steady": "steady, sheared", "turbulent": "Kaimal turbulence", "gusts":
 
 def ids():
     """Every registered id with its sizes."""
-    rows, speeds = [], inspect.signature(WindTurbineEnv).parameters["wind_speed"].default
+    rows, speeds = [], argument_default("wind_speed")
     for name in sorted(gym.registry):
         if not name.startswith("wt_gym/"):
             continue
         spec = gym.spec(name)
         env = gym.make(name).unwrapped
         low, high = np.broadcast_to(spec.kwargs.get("wind_speed", speeds), 2)
-        length = (spec.max_episode_steps or env._max_steps) * env.control_dt
+        length = (spec.max_episode_steps or env.length.steps) * env.control_dt
         rows.append(
             (f"`{name}`", f"`{spec.kwargs['turbine']}`", f"{_WIND[spec.kwargs['inflow']]}, {low:g}–{high:g}\u00a0m/s",
              f"{env.action_space.shape[0]} / {env.observation_space.shape[0]}",
@@ -37,22 +39,23 @@ def ids():
 
 
 def manual():
-    """The class documentation, arguments as a list of definitions."""
-    text = inspect.getdoc(WindTurbineEnv)
-    head, _, rest = text.partition("Parameters\n----------\n")
-    _, _, notes = rest.partition("Notes\n-----\n")
-    entries = attributes_of(text, "Parameters")
-    defaults = inspect.signature(WindTurbineEnv).parameters
-    listed = [
-        (f"`{name}` : {kind}", f"{say} Default `{_short(defaults[name].default)}`.") for name, kind, say in entries
-    ]
-    head = head.replace("``docs/rewards.md``", "[Rewards](../rewards.md)")
-    return f"{head}\n{definitions(listed)}\n## Notes\n\n{notes}\n"
+    """The class documentation, with a table of the options of each group."""
+    head = manual_of_class.HEAD.replace("``docs/rewards.md``", "[Rewards](../rewards.md)")
+    parts = [head, "## Arguments\n", manual_of_class.ARGUMENTS, _options(EnvOptions, "argument")]
+    for title, group in GROUPS.items():
+        about = first_sentence(group)
+        parts.append(f"\n### `{title}`: `{group.__name__}`\n\n{about}\n\n{_options(group, 'also as')}")
+    return "\n".join([*parts, f"\n## Notes\n\n{manual_of_class.NOTES}\n"])
 
 
-def _short(default):
-    text = repr(default)
-    return text if len(text) < 40 else f"{text[:20]} … {text[-8:]}"
+def _options(group, flat):
+    """Table of the options of a group, from what its fields say."""
+    rows = [
+        (f"`{one.name}`", f"`{one.flat}`", one.kind, one.unit, f"`{one.default_text}`", one.allowed,
+         f"{one.meaning}.".replace("``", "`"))
+        for one in described(group)
+    ]  # fmt: skip
+    return table(("option", flat, "type", "unit", "default", "allowed", "meaning"), rows, "options")
 
 
 def observation(name):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 
-__all__ = ["attributes_of", "definitions", "first_sentence", "table", "value"]
+__all__ = ["attributes_of", "first_sentence", "table", "value"]
 
 
 def table(headings, rows, kind=""):
@@ -26,11 +26,6 @@ def value(thing):
     if isinstance(thing, str):
         return f'`"{thing}"`'
     return f"`{thing!r}`"
-
-
-def definitions(entries):
-    """Names with what is said of them."""
-    return "\n".join(f"{name}\n: {' '.join(text.split())}\n" for name, text in entries)
 
 
 def first_sentence(thing):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wt_gym.envs import turbine_env
 from wt_gym.envs.running_start import RunningStart
+from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table
@@ -18,7 +18,7 @@ def scripted_signals(values: dict[str, float], n_blades: int = 3) -> Signals:
 
 def use(monkeypatch, simulator: type) -> None:
     """Let environments have this simulator, and begin at operating points: the running turbine is a real one."""
-    monkeypatch.setattr(turbine_env, "Simulator", simulator)
+    monkeypatch.setattr(WindTurbineEnv, "make_simulator", staticmethod(simulator))
     monkeypatch.setattr(RunningStart, "draw", lambda *_: None)
 
 

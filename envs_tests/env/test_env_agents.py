@@ -15,11 +15,11 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.agents.choices import BASELINE, named_choices
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.environments import load_agent
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
+from wt_gym.agents.names import BASELINE, named_choices
+from wt_gym.agents.pool import load_agent
 from wt_gym.agents.train import TrainingConfig, train
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.analysis.lifetime import WindClimate

@@ -9,7 +9,9 @@ import pytest
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.commands import evaluate
 from wt_gym.envs.arguments import check_flag, check_mapping, check_names, check_number, real_numbers
-from wt_gym.envs.turbine_env import WindTurbineEnv, env_arguments
+from wt_gym.envs.options import env_arguments
+from wt_gym.envs.options.wind import WindOptions
+from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import InflowError, WtGymError
 from wt_gym.turbines import load_turbine
@@ -100,7 +102,7 @@ def test_options_of_a_reset_too(options):
 )
 def test_winds_take_no_texts_for_numbers_and_no_unknown_class(given):
     with pytest.raises(InflowError):
-        WindSampler(load_turbine("nrel_5mw"), "steady", 8.0, **given)
+        WindSampler(load_turbine("nrel_5mw"), WindOptions("steady", 8.0, **given))
 
 
 def test_numbers_of_numpy_are_numbers():
@@ -132,7 +134,7 @@ def test_an_unknown_argument_is_told_with_the_one_it_resembles():
     for make in (gym.make, gym.make_vec):
         with pytest.raises(TypeError, match=r"no argument 'wind_sped'; did you mean 'wind_speed'\? Its arguments are"):
             make("wt_gym/NREL5MW-Steady-v1", wind_sped=8.0)
-    with pytest.raises(TypeError, match=r"no argument 'color'\. Its arguments are turbine, .*, start was raised"):
+    with pytest.raises(TypeError, match=r"no argument 'color'\. Its arguments are turbine, .*, residual_washout"):
         gym.make("wt_gym/NREL5MW-Steady-v1", color=8.0)
 
 

@@ -11,14 +11,13 @@ import pytest
 import xarray as xr
 from stable_baselines3 import PPO
 
-from wt_gym.agents.benchmark_runs import definition_of, jobs_of, results_of, run_jobs
-from wt_gym.agents.entries import entry_of
-from wt_gym.agents.executors import ProcessExecutor
+from wt_gym.agents.benchmark_runs import definition_of, entry_of, jobs_of, results_of, run_jobs
 from wt_gym.benchmark import BenchmarkTask, Reference, ResultFolder, play
 from wt_gym.benchmark.run import benchmark_metrics, delivered_power, make_env
 from wt_gym.benchmark.scoring import wind_score
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.errors import BenchmarkError
+from wt_gym.runs.executors import ProcessExecutor
 from wt_gym.turbines import load_turbine
 
 
@@ -206,7 +205,7 @@ def test_a_model_of_another_task_keeps_its_own_bounds(model):
     path.write_text(before, encoding="utf-8")
     env = make_env(task, task.winds[0], entry.interface)
     assert env.unwrapped.layout.action.pitch_high == pytest.approx(np.radians([4.0]))
-    assert env.unwrapped._residual is None
+    assert env.unwrapped.operation.residual is None
 
 
 def test_another_model_is_another_run(model):

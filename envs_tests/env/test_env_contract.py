@@ -154,7 +154,7 @@ def test_reset_options_fix_the_start(env):
     assert signals["rotor_speed"] == pytest.approx(1.0, rel=1e-6)
     assert signals["azimuth"] == pytest.approx(2.0, abs=0.01)  # the shaft is twisted by its torque
     assert signals["pitch_1"] == pytest.approx(0.05, abs=2e-3)
-    with pytest.raises(ValueError, match="no options"):
+    with pytest.raises(ValueError, match="no option 'wind'; did you mean"):
         env.reset(options={"wind": 9.0})
     with pytest.raises(InflowError, match="and 50 m/s"):
         env.reset(options={"wind_speed": 60.0})

@@ -12,14 +12,11 @@ import pytest
 from scripted_simulator import ScriptedSimulator, use
 
 from wt_gym.agents import evaluation as module
-from wt_gym.agents.agent_pool import AgentPool
 from wt_gym.agents.constant import ConstantAgent
-from wt_gym.agents.environments import Environments
 from wt_gym.agents.evaluation import EvaluationConfig, evaluate
 from wt_gym.agents.evaluation_folder import EvaluationFolder, code_fingerprint
 from wt_gym.agents.evaluation_winds import DEFAULT_WIND_SEEDS
-from wt_gym.agents.executors import ProcessExecutor
-from wt_gym.agents.sweep_record import SWEEP_FILE
+from wt_gym.agents.pool import AgentPool, Environments
 from wt_gym.agents.trained_environment import check_environment, resolved_arguments
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training_notes import training_notes
@@ -27,6 +24,8 @@ from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.commands import evaluate as command
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.runs.executors import ProcessExecutor
+from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -311,7 +310,7 @@ class OfRecord(ConstantAgent):
 )
 def test_what_a_training_has_met_is_said(record, note, monkeypatch, caplog):
     played = []
-    monkeypatch.setattr(AgentPool, "results", lambda self, play, jobs, *_: played.append(len(caplog.records)) or ())
+    monkeypatch.setattr(AgentPool, "results", lambda self, play, *_: played.append(len(caplog.records)) or ())
     env = gym.make(STEADY)
     agents = {"Baseline": "baseline", "Model": OfRecord(layout_of(env), record)}
     env.close()

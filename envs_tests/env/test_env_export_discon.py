@@ -95,8 +95,9 @@ def fly_both(env, agent, library, parameters, duration, held=()):
             read.set(name, value)
         return read
 
-    env._measured = measured
+    env.operation.measured = measured
     observation, _ = env.reset(seed=2, options={"wind_seed": 7})
+    env.operation._sensor_faults = (None,)  # so that what the controller reads is measured
     ours = Exported(library, env.turbine, parameters, env.demand)
     begin, worst, offset = env.signals["time"], np.zeros(3), 0.0
     advance = env.simulator.advance

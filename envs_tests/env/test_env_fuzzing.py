@@ -5,10 +5,11 @@ import math
 import subprocess
 import sys
 
+import fuzz as command
 import numpy as np
 import pytest
 
-from wt_gym.agents.fuzzing import (
+from fuzzing import (
     POLICY_NAMES,
     WINDS,
     Contract,
@@ -18,9 +19,8 @@ from wt_gym.agents.fuzzing import (
     fuzz,
     run_case,
 )
-from wt_gym.agents.fuzzing.energy import EnergyAccount
-from wt_gym.agents.fuzzing.policies import Policy
-from wt_gym.commands import fuzz as command
+from fuzzing.energy import EnergyAccount
+from fuzzing.policies import Policy
 from wt_gym.control.operating_point import rotor_inertia
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine
@@ -166,7 +166,7 @@ def test_what_a_case_raises_is_a_finding_with_its_command(monkeypatch, capsys, t
         command.main(["--case", "3", "--turbine", "nrel_5mw", "--out", str(out), "--json"])
     assert end.value.code == 1
     (line,) = out.read_text().splitlines()
-    assert line.endswith("| wt-gym fuzz --case 3 --turbine nrel_5mw")
+    assert line.endswith("| scripts/fuzz.py --case 3 --turbine nrel_5mw")
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["exception"] == 1
 
 
@@ -183,7 +183,7 @@ def test_memory_stays_flat_over_steps_and_resets():
 
     In a process of its own: one that has run other tests has holes to fill and rubbish to let go of.
     """
-    words = ["-m", "wt_gym", "fuzz", "--memory", "--steps", "100000", "--json"]
+    words = [command.__file__, "--memory", "--steps", "100000", "--json"]
     printed = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True).stdout
     measured = json.loads(printed.splitlines()[-1])
     assert measured["resets"] >= 2000

@@ -9,6 +9,7 @@ import wt_gym  # noqa: F401 - registers the environments
 from validation.gebhardt_wind import boundary_layer
 from wt_gym.control import operating_point
 from wt_gym.control.rotor_table import rotor_table
+from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import ActionError, InflowError, TurbineDefinitionError
 from wt_gym.simulation import Simulator
@@ -93,7 +94,7 @@ def test_simulators_take_the_name_and_the_damper():
 ])  # fmt: skip
 def test_winds_of_a_boundary_layer(profile, expected):
     """The drawn speed holds at the gradient height; the paper's profile, and the logarithmic one."""
-    sampler = WindSampler(TURBINE, "steady", (12.0, 20.0), reference_height=275.0, **profile)
+    sampler = WindSampler(TURBINE, WindOptions("steady", (12.0, 20.0), reference_height=275.0, **profile))
     wind = sampler.sample(np.random.default_rng(0), wind_speed=15.0)
     np.testing.assert_allclose(wind.inflow.velocity(HEIGHTS, 0.0)[:, 0], expected, rtol=1e-12)
     at_hub = wind.inflow.velocity(np.array([[0.0, 0.0, TURBINE.hub_height]]), 0.0)[0, 0]
@@ -105,7 +106,7 @@ def test_winds_of_a_boundary_layer(profile, expected):
 
 @pytest.mark.parametrize("inflow", ["turbulent", "gusts"])
 def test_other_winds_blow_over_the_same_ground(inflow):
-    sampler = WindSampler(TURBINE, inflow, 12.0, roughness_length=0.03)
+    sampler = WindSampler(TURBINE, WindOptions(inflow, 12.0, roughness_length=0.03))
     assert sampler.sample(np.random.default_rng(0)).inflow.steady.roughness_length == 0.03
 
 

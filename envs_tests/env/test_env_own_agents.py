@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scripted_simulator import ScriptedSimulator, use
 
-from wt_gym.agents.agent_pool import AgentPool
-from wt_gym.agents.choices import env_choices_of, named_choices
-from wt_gym.agents.entries import entries_of, entry_of
+from wt_gym.agents.benchmark_runs import entries_of, entry_of
+from wt_gym.agents.names import env_choices_of, named_choices
+from wt_gym.agents.pool import AgentPool
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 

@@ -9,8 +9,9 @@ import pytest
 from wt_gym.control import Demand
 from wt_gym.control.controllers import DisconController, make_controller
 from wt_gym.control.controllers.memory import Memory, memory_of, remember
-from wt_gym.envs import running_start
-from wt_gym.envs.running_start import Record, RecordingPlan, RunningStart, StartRecorder
+from wt_gym.envs import record_store, running_record
+from wt_gym.envs.running_record import Record, RecordingPlan, StartRecorder
+from wt_gym.envs.running_start import RunningStart
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
@@ -50,8 +51,20 @@ def test_tower_swings_at_the_start(env):
 
 def test_another_record_of_the_memory_is_the_same_as_that_of_the_disk(env, monkeypatch):
     first = begun(env, seed=3)
-    monkeypatch.setattr(running_start, "_records", {})
+    monkeypatch.setattr(record_store, "_records", {})
     assert begun(env, seed=3) == first
+
+
+def test_a_turbine_that_cannot_run_is_asked_once_on_a_machine(env, monkeypatch, tmp_path):
+    """Another process finds on the disk that there is no record."""
+    asked = []
+    monkeypatch.setattr(StartRecorder, "record", lambda *_: asked.append(1))
+    monkeypatch.setattr(record_store, "_folder", lambda: tmp_path)
+    for _ in range(2):
+        monkeypatch.setattr(record_store, "_records", {})
+        begun(env, seed=3)
+        np.testing.assert_allclose(env.simulator.tower_top()[2:], 0.0, atol=1e-9)
+    assert len(asked) == 1
 
 
 def test_azimuth_of_the_options_is_kept(env):
@@ -127,7 +140,7 @@ def test_a_wind_in_which_the_turbine_cannot_run_starts_at_rest(caplog, monkeypat
         def step(self, signals, dt):
             return Demand(np.zeros(3), 0.0, 0.0)
 
-    monkeypatch.setattr(running_start, "RECORDING_PLAN", RecordingPlan(1, 60.0, 25.0))
+    monkeypatch.setattr(running_record, "RECORDING_PLAN", RecordingPlan(1, 60.0, 25.0))
     box = TurbulenceBox.kaimal(25.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
     with caplog.at_level(logging.WARNING):
         assert StartRecorder(turbine, "training", Runaway()).record([TurbulentInflow(box)]) is None
@@ -146,7 +159,7 @@ def test_reward_filters_begin_with_running_means(env):
     env.reset(seed=3, options={"wind_seed": 5001, "time_offset": 80.0})
     term = next(term for term in env.reward_terms if term.name == "tower_side_side_fatigue")
     assert term._filter.mean != env.signals["tower_base_side_side_moment"]
-    assert isinstance(env._starts, RunningStart)
+    assert isinstance(env._starts.running, RunningStart)
 
 
 def test_memory_of_another_controller_is_refused():
@@ -190,7 +203,7 @@ def test_controllers_of_the_user_start_from_the_present_demand():
 
 def test_a_wind_unlike_those_of_the_record_starts_at_rest(env):
     """Slow wind at the start of an episode whose mean is fast."""
-    record = next(iter(running_start._records.values()))
+    record = next(iter(record_store._records.values()))
     calm = SteadyInflow(5.0, 90.0)
     assert record.start(calm, 0.0, 0.5, None, np.inf) is None
     assert record.start(SteadyInflow(15.0, 90.0, shear_exponent=0.2), 0.0, 0.5, None, 0.1) is None

@@ -13,8 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from scripted_simulator import ScriptedSimulator, use
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
-from wt_gym.agents.closed_loop import run_baseline
-from wt_gym.agents.environments import Environments
+from wt_gym.agents.pool import Environments
 from wt_gym.benchmark.run import make_env
 from wt_gym.benchmark.tasks import load_task
 from wt_gym.control import ACTION_MODES, PITCH_FORMS
@@ -24,6 +23,7 @@ from wt_gym.envs import rewards
 from wt_gym.envs.observations import RESIDUAL_GROUPS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.tasks import TASKS
@@ -521,7 +521,7 @@ def test_a_relative_reward_pays_no_luck_when_the_controller_fails():
     env = WindTurbineEnv(inflow=SteadyInflow(15.0), relative_reward=True, episode_length=4.0, **RESIDUAL)
     env.reset(seed=0)
     env.step(np.zeros(5))
-    env._twin.overspeed_limit = 0.5
+    env._twin.limits.overspeed = 0.5
     rewards = [env.step(np.zeros(5))[1] for _ in range(4)]
     assert not env._twin._running
     assert np.abs(rewards).max() < 0.1

@@ -16,8 +16,8 @@ import pytest
 import torch
 
 from wt_gym.agents import evaluation
-from wt_gym.agents.choices import named_choices
 from wt_gym.agents.constant import ConstantAgent
+from wt_gym.agents.names import named_choices
 from wt_gym.agents.train import TrainingConfig, resume, train
 from wt_gym.agents.trained_agent import TrainedAgent
 from wt_gym.agents.training import callbacks, selection
@@ -26,7 +26,7 @@ from wt_gym.agents.training.run_folder import RunFolder
 from wt_gym.agents.training.seeds import resume_seeds, seeds_table, train_seeds
 from wt_gym.agents.training.selection import SELECTION_WIND_SEEDS, SelectionEvaluation
 from wt_gym.commands import train as train_command
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.files import whole_file, write_whole
 from wt_gym.wind import SteadyInflow
 

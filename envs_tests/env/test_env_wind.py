@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from wt_gym.envs import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
-from wt_gym.envs.wind_sampler import GUSTS, WindSampler
+from wt_gym.envs.options.wind import GUSTS, WindOptions
+from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import InflowError
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TransientInflow
@@ -24,7 +25,7 @@ def deviation(samples):
 
 def test_evaluation_seeds_are_held_back():
     assert set(TRAINING_WIND_SEEDS).isdisjoint(EVALUATION_WIND_SEEDS)
-    sampler = WindSampler(TURBINE, "turbulent", (6.0, 18.0))
+    sampler = WindSampler(TURBINE, WindOptions("turbulent", (6.0, 18.0)))
     rng = np.random.default_rng(0)
     drawn = {sampler.sample(rng).wind_seed for _ in range(60)}
     assert drawn <= set(TRAINING_WIND_SEEDS)
@@ -32,7 +33,7 @@ def test_evaluation_seeds_are_held_back():
 
 
 def test_speeds_fill_the_range():
-    sampler = WindSampler(TURBINE, "steady", (6.0, 18.0))
+    sampler = WindSampler(TURBINE, WindOptions("steady", (6.0, 18.0)))
     rng = np.random.default_rng(0)
     speeds = np.array([sampler.sample(rng).wind_speed for _ in range(300)])
     assert speeds.min() < 6.5
@@ -41,14 +42,14 @@ def test_speeds_fill_the_range():
 
 
 def test_profile_has_the_shear_asked_for():
-    wind = WindSampler(TURBINE, "steady", 10.0, shear_exponent=0.2).sample(np.random.default_rng(0))
+    wind = WindSampler(TURBINE, WindOptions("steady", 10.0, shear_exponent=0.2)).sample(np.random.default_rng(0))
     speed = wind.inflow.velocity(np.array([[0.0, 0.0, 90.0], [0.0, 0.0, 45.0]]), 0.0)[:, 0]
     np.testing.assert_allclose(speed, [10.0, 10.0 * 0.5**0.2], rtol=1e-9)
 
 
 @pytest.mark.parametrize("speed", [12.0, 9.0])
 def test_turbulence_has_the_standard_deviation_of_its_speed(speed):
-    sampler = WindSampler(TURBINE, "turbulent", speed, turbulence_class="B")
+    sampler = WindSampler(TURBINE, WindOptions("turbulent", speed, turbulence_class="B"))
     wind = sampler.sample(np.random.default_rng(0), wind_seed=5)
     assert wind.time_offset == 0.0
     box = wind.inflow.box
@@ -64,7 +65,7 @@ def test_turbulence_has_the_standard_deviation_of_its_speed(speed):
 def test_extreme_turbulence_is_the_same_field_at_its_own_standard_deviation(speed):
     winds = {}
     for model in ("NTM", "ETM"):
-        sampler = WindSampler(TURBINE, "turbulent", speed, turbulence_model=model)
+        sampler = WindSampler(TURBINE, WindOptions("turbulent", speed, turbulence_model=model))
         box = sampler.sample(np.random.default_rng(0), wind_seed=5).inflow.box
         winds[model] = box.scale * box.fluctuation
     normal, extreme = (turbulence_sigma(speed, "B", model, "I") for model in ("NTM", "ETM"))
@@ -74,8 +75,8 @@ def test_extreme_turbulence_is_the_same_field_at_its_own_standard_deviation(spee
 
 def test_winds_of_one_seed_share_their_samples():
     """A pool of winds is held once in memory, whatever the speeds and intensities of the episodes."""
-    samplers = [WindSampler(TURBINE, "turbulent", speed) for speed in (12.0, 9.0, 7.5)]
-    samplers.append(WindSampler(TURBINE, "turbulent", 12.0, turbulence_model="ETM"))
+    samplers = [WindSampler(TURBINE, WindOptions("turbulent", speed)) for speed in (12.0, 9.0, 7.5)]
+    samplers.append(WindSampler(TURBINE, WindOptions("turbulent", 12.0, turbulence_model="ETM")))
     boxes = [sampler.sample(np.random.default_rng(0), wind_seed=5).inflow.box for sampler in samplers]
     assert all(np.shares_memory(box.fluctuation, boxes[0].fluctuation) for box in boxes)
     assert len({box.scale for box in boxes}) == 4
@@ -84,13 +85,13 @@ def test_winds_of_one_seed_share_their_samples():
 @pytest.mark.parametrize(("years", "factor"), [(50, 1.0), (1, 0.8)])
 def test_extreme_winds_are_those_of_the_class(years, factor):
     # class I: reference speed 50 m/s
-    steady = WindSampler(TURBINE, "extreme", (6.0, 18.0), return_period=years)
+    steady = WindSampler(TURBINE, WindOptions("extreme", (6.0, 18.0), return_period=years))
     wind = steady.sample(np.random.default_rng(0))
     assert steady.options == ()
     assert wind.wind_speed == pytest.approx(1.4 * 50.0 * factor)
     speed = wind.inflow.velocity(np.array([[0.0, 0.0, 45.0]]), 0.0)[0, 0]
     assert speed == pytest.approx(1.4 * 50.0 * factor * 0.5**0.11)
-    gusty = WindSampler(TURBINE, "extreme-turbulent", None, wind_seeds=(3,), return_period=years)
+    gusty = WindSampler(TURBINE, WindOptions("extreme-turbulent", None, seeds=(3,), return_period=years))
     wind = gusty.sample(np.random.default_rng(0))
     assert (gusty.options, gusty.seeds) == (("wind_seed", "time_offset"), (3,))
     assert (wind.wind_speed, wind.wind_seed) == (pytest.approx(50.0 * factor), 3)
@@ -103,7 +104,7 @@ def test_extreme_winds_are_those_of_the_class(years, factor):
 
 @pytest.mark.parametrize("exponent", [0.0, 0.3])
 def test_gusts_stand_on_the_shear_asked_for(exponent):
-    sampler, kinds = WindSampler(TURBINE, "gusts", 10.0, shear_exponent=exponent), set()
+    sampler, kinds = WindSampler(TURBINE, WindOptions("gusts", 10.0, shear_exponent=exponent)), set()
     rng = np.random.default_rng(0)
     for _ in range(20):
         inflow = sampler.sample(rng).inflow
@@ -119,7 +120,7 @@ def kind_of(wind):
 
 
 def draw_gusts(n=40, **kwargs):
-    sampler = WindSampler(TURBINE, "gusts", 10.0, wind_seeds=(5, 6), **kwargs)
+    sampler = WindSampler(TURBINE, WindOptions("gusts", 10.0, seeds=(5, 6), **kwargs))
     return [sampler.sample(np.random.default_rng(seed)) for seed in range(n)]
 
 
@@ -146,8 +147,8 @@ def test_default_gusts_are_what_they_were():
 
 def test_extreme_turbulence_among_gusts_is_that_of_turbulent_wind():
     """Its seed and its time are drawn, and can be fixed; transients know neither."""
-    sampler = WindSampler(TURBINE, "gusts", 10.0, gusts=("ETM",), wind_seeds=(5,))
-    alone = WindSampler(TURBINE, "turbulent", 10.0, turbulence_model="ETM", wind_seeds=(5,))
+    sampler = WindSampler(TURBINE, WindOptions("gusts", 10.0, gusts=("ETM",), seeds=(5,)))
+    alone = WindSampler(TURBINE, WindOptions("turbulent", 10.0, turbulence_model="ETM", seeds=(5,)))
     winds = [one.sample(np.random.default_rng(3)) for one in (sampler, alone)]
     points = np.array([[0.0, 0.0, 90.0], [0.0, 20.0, 60.0]])
     assert winds[0].time_offset == winds[1].time_offset > 0.0
@@ -155,15 +156,15 @@ def test_extreme_turbulence_among_gusts_is_that_of_turbulent_wind():
     assert (sampler.options, sampler.seeds) == (alone.options, (5,))
     fixed = sampler.sample(np.random.default_rng(3), wind_seed=6)
     assert (fixed.wind_seed, fixed.time_offset) == (6, 0.0)
-    mixed = WindSampler(TURBINE, "gusts", 10.0, gusts=("EOG", "ETM"))
+    mixed = WindSampler(TURBINE, WindOptions("gusts", 10.0, gusts=("EOG", "ETM")))
     held_back = {mixed.sample(np.random.default_rng(seed), wind_seed=1001).wind_seed for seed in range(12)}
     assert held_back == {-1, 1001}
     with pytest.raises(InflowError, match="belong to turbulent wind"):
-        WindSampler(TURBINE, "gusts", 10.0).sample(np.random.default_rng(0), wind_seed=5)
+        WindSampler(TURBINE, WindOptions("gusts", 10.0)).sample(np.random.default_rng(0), wind_seed=5)
 
 
 def test_fixing_one_draw_leaves_the_others():
-    sampler = WindSampler(TURBINE, "turbulent", (6.0, 18.0))
+    sampler = WindSampler(TURBINE, WindOptions("turbulent", (6.0, 18.0)))
     free = sampler.sample(np.random.default_rng(4))
     fixed = sampler.sample(np.random.default_rng(4), wind_speed=10.0)
     assert (fixed.wind_speed, fixed.wind_seed) == (10.0, free.wind_seed)
@@ -171,7 +172,7 @@ def test_fixing_one_draw_leaves_the_others():
 
 def test_an_inflow_of_ones_own_is_used_as_it_is():
     inflow = SteadyInflow(9.0, veer=0.001)
-    sampler = WindSampler(TURBINE, inflow, None)
+    sampler = WindSampler(TURBINE, WindOptions(inflow, None))
     wind = sampler.sample(np.random.default_rng(0))
     assert wind.inflow is inflow
     assert (wind.wind_speed, wind.wind_seed) == (9.0, -1)
@@ -182,40 +183,40 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
 @pytest.mark.parametrize(
     ("kind", "kwargs", "message"),
     [
-        ("gusty", {"wind_speed": 10.0}, "'steady', 'turbulent'"),
-        ("steady", {"wind_speed": -1.0}, "between 0 and 50 m/s"),
-        ("turbulent", {"wind_speed": 0.0}, "do not pass in still air"),
-        ("gusts", {"wind_speed": 0.0}, "do not pass in still air"),
-        ("steady", {"wind_speed": (12.0, 8.0)}, "low <= high"),
-        ("steady", {"wind_speed": (6.0, 8.0, 10.0)}, "pair"),
-        ("steady", {"wind_speed": "fast"}, "number"),
-        ("turbulent", {"wind_speed": 10.0, "turbulence_class": "E"}, "turbulence_class"),
-        ("turbulent", {"wind_speed": 10.0, "wind_seeds": ()}, "at least one"),
-        ("turbulent", {"wind_speed": 10.0, "wind_seeds": (1.5,)}, "integer"),
-        ("turbulent", {"wind_speed": 10.0, "wind_seeds": (10**23,)}, "at most 9223372036854775807"),
-        ("turbulent", {"wind_speed": 10.0, "turbulence_model": "EWM"}, "'NTM', 'ETM'"),
-        ("steady", {"wind_speed": 10.0, "turbulence_model": "ETM"}, "belongs to inflow='turbulent'"),
-        ("gusts", {"wind_speed": 10.0, "gusts": ("EOG", "NTM")}, "'EOG', 'EDC', 'ECD', 'EWS', 'ETM'"),
-        ("gusts", {"wind_speed": 10.0, "gusts": ()}, "each once"),
-        ("gusts", {"wind_speed": 10.0, "gusts": ("EOG", "EOG")}, "each once"),
-        ("turbulent", {"wind_speed": 10.0, "gusts": ("EOG",)}, "belongs to inflow='gusts'"),
-        ("gusts", {"wind_speed": 10.0, "turbulence": "mann"}, "'gusts' with ETM"),
-        ("steady", {"wind_speed": 10.0, "return_period": 1}, "belongs to the inflows"),
-        ("extreme", {"wind_speed": None, "return_period": 10}, "return_period must be 1 or 50"),
-        ("steady", {"wind_speed": 10.0, "direction": iter((0.1, 0.2))}, "wind_direction must be an angle"),
-        ("steady", {"wind_speed": 10.0, "direction": "north"}, "wind_direction must be an angle"),
-        ("steady", {"wind_speed": 10.0, "wander": 0.1}, "wind_wander must be a deviation"),
-        ("steady", {"wind_speed": 10.0, "wander": "ab"}, "wind_wander must be a deviation"),
-        ("steady", {"wind_speed": 10.0, "wander": (0.1, 60.0, 1.0)}, "wind_wander must be a deviation"),
-        ("steady", {"wind_speed": 10.0, "wander": (-0.1, 60.0)}, "wind_wander must be a deviation"),
-        ("steady", {"wind_speed": 10.0, "wander": (np.nan, 60.0)}, "wind_wander must be a deviation"),
-        ("steady", {"wind_speed": 10.0, "wander": (0.1, np.inf)}, "wind_wander must be a deviation"),
-        ("steady", {"wind_speed": 10.0, "wander": (0.1, 0.5)}, "at least 1 s"),
+        ("gusty", {"speed": 10.0}, "'steady', 'turbulent'"),
+        ("steady", {"speed": -1.0}, "between 0 and 50 m/s"),
+        ("turbulent", {"speed": 0.0}, "do not pass in still air"),
+        ("gusts", {"speed": 0.0}, "do not pass in still air"),
+        ("steady", {"speed": (12.0, 8.0)}, "low <= high"),
+        ("steady", {"speed": (6.0, 8.0, 10.0)}, "pair"),
+        ("steady", {"speed": "fast"}, "number"),
+        ("turbulent", {"speed": 10.0, "turbulence_class": "E"}, "turbulence_class"),
+        ("turbulent", {"speed": 10.0, "seeds": ()}, "at least one"),
+        ("turbulent", {"speed": 10.0, "seeds": (1.5,)}, "integer"),
+        ("turbulent", {"speed": 10.0, "seeds": (10**23,)}, "at most 9223372036854775807"),
+        ("turbulent", {"speed": 10.0, "turbulence_model": "EWM"}, "'NTM', 'ETM'"),
+        ("steady", {"speed": 10.0, "turbulence_model": "ETM"}, "belongs to inflow='turbulent'"),
+        ("gusts", {"speed": 10.0, "gusts": ("EOG", "NTM")}, "'EOG', 'EDC', 'ECD', 'EWS', 'ETM'"),
+        ("gusts", {"speed": 10.0, "gusts": ()}, "each once"),
+        ("gusts", {"speed": 10.0, "gusts": ("EOG", "EOG")}, "each once"),
+        ("turbulent", {"speed": 10.0, "gusts": ("EOG",)}, "belongs to inflow='gusts'"),
+        ("gusts", {"speed": 10.0, "turbulence": "mann"}, "'gusts' with ETM"),
+        ("steady", {"speed": 10.0, "return_period": 1}, "belongs to the inflows"),
+        ("extreme", {"speed": None, "return_period": 10}, "return_period must be 1 or 50"),
+        ("steady", {"speed": 10.0, "direction": iter((0.2, 0.1))}, "wind_direction must be an angle"),
+        ("steady", {"speed": 10.0, "direction": "north"}, "wind_direction must be an angle"),
+        ("steady", {"speed": 10.0, "wander": 0.1}, "wind_wander must be a deviation"),
+        ("steady", {"speed": 10.0, "wander": "ab"}, "wind_wander must be a deviation"),
+        ("steady", {"speed": 10.0, "wander": (0.1, 60.0, 1.0)}, "wind_wander must be a deviation"),
+        ("steady", {"speed": 10.0, "wander": (-0.1, 60.0)}, "wind_wander must be a deviation"),
+        ("steady", {"speed": 10.0, "wander": (np.nan, 60.0)}, "wind_wander must be a deviation"),
+        ("steady", {"speed": 10.0, "wander": (0.1, np.inf)}, "wind_wander must be a deviation"),
+        ("steady", {"speed": 10.0, "wander": (0.1, 0.5)}, "at least 1 s"),
     ],
 )
 def test_impossible_winds_are_refused(kind, kwargs, message):
     with pytest.raises(InflowError, match=message):
-        WindSampler(TURBINE, kind, **kwargs)
+        WindSampler(TURBINE, WindOptions(kind, **kwargs))
 
 
 @pytest.mark.parametrize("drawn", [False, True])
@@ -225,18 +226,18 @@ def test_a_mean_speed_at_another_height_is_a_warning(drawn):
         return (lambda rng: inflow) if drawn else [inflow]
 
     with pytest.warns(UserWarning, match="holds at 10 m, the hub of NREL.* is at 90 m"):
-        WindSampler(TURBINE, kind(10.0), None).sample(np.random.default_rng(0))
+        WindSampler(TURBINE, WindOptions(kind(10.0), None)).sample(np.random.default_rng(0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        WindSampler(TURBINE, kind(90.5), None).sample(np.random.default_rng(0))
+        WindSampler(TURBINE, WindOptions(kind(90.5), None)).sample(np.random.default_rng(0))
 
 
 def test_only_turbulent_wind_has_known_seeds():
-    assert WindSampler(TURBINE, "turbulent", 10.0, wind_seeds=[3, 4]).seeds == (3, 4)
-    assert WindSampler(TURBINE, "steady", 10.0).seeds == ()
-    assert WindSampler(TURBINE, SteadyInflow(9.0), None).seeds is None
+    assert WindSampler(TURBINE, WindOptions("turbulent", 10.0, seeds=[3, 4])).seeds == (3, 4)
+    assert WindSampler(TURBINE, WindOptions("steady", 10.0)).seeds == ()
+    assert WindSampler(TURBINE, WindOptions(SteadyInflow(9.0), None)).seeds is None
 
 
 def test_steady_wind_has_no_seed():
     with pytest.raises(InflowError, match="belong to turbulent wind"):
-        WindSampler(TURBINE, "steady", 10.0).sample(np.random.default_rng(0), wind_seed=1)
+        WindSampler(TURBINE, WindOptions("steady", 10.0)).sample(np.random.default_rng(0), wind_seed=1)

@@ -21,7 +21,8 @@ from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.selection import SelectionEvaluation
 from wt_gym.analysis.results import Wind
 from wt_gym.commands.evaluate import configuration, parse_arguments
-from wt_gym.envs.wind_sampler import TRANSIENTS, WindSampler
+from wt_gym.envs.options.wind import TRANSIENTS, WindOptions
+from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import InflowError
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 from wt_gym.turbines import load_turbine
@@ -54,7 +55,7 @@ def sampled(sampler, n=200, **more):
 
 @pytest.mark.parametrize("kind", [str, Path])
 def test_a_periodic_file_is_entered_anywhere(files, kind):
-    sampler = WindSampler(TURBINE, kind(files / "a.bts"), None)
+    sampler = WindSampler(TURBINE, WindOptions(kind(files / "a.bts"), None))
     assert (sampler.speeds, sampler.seeds, sampler.options) == ((12.0, 12.0), None, ("time_offset",))
     winds = sampled(sampler, length=120.0)
     offsets = np.array([wind.time_offset for wind in winds])
@@ -75,7 +76,7 @@ def test_a_periodic_file_is_entered_anywhere(files, kind):
 
 
 def test_episodes_in_a_file_that_is_not_periodic_end_before_it_does(files):
-    sampler = WindSampler(TURBINE, str(files / "once.bts"), None)
+    sampler = WindSampler(TURBINE, WindOptions(str(files / "once.bts"), None))
     offsets = np.array([wind.time_offset for wind in sampled(sampler, length=30.0)])
     assert offsets.min() < 0.5
     assert 11.0 < offsets.max() <= DURATION - 30.0
@@ -89,7 +90,7 @@ def test_episodes_in_a_file_that_is_not_periodic_end_before_it_does(files):
 
 def test_one_of_several_is_drawn_and_inflows_may_be_among_them(files):
     calm = SteadyInflow(8.0)
-    several = WindSampler(TURBINE, [files / "a.bts", str(files / "b.bts"), calm], None)
+    several = WindSampler(TURBINE, WindOptions([files / "a.bts", str(files / "b.bts"), calm], None))
     winds = sampled(several)
     assert several.speeds == (8.0, 12.0)
     assert {wind.wind_speed for wind in winds} == {8.0, 9.0, 12.0}
@@ -98,15 +99,15 @@ def test_one_of_several_is_drawn_and_inflows_may_be_among_them(files):
     assert several.options == ()  # the steady one has no time
     with pytest.raises(InflowError, match="time_offset to files of wind"):
         several.sample(np.random.default_rng(0), time_offset=1.0)
-    drawn = WindSampler(TURBINE, lambda rng: files / "b.bts", None).sample(np.random.default_rng(0))
+    drawn = WindSampler(TURBINE, WindOptions(lambda rng: files / "b.bts", None)).sample(np.random.default_rng(0))
     assert drawn.wind_speed == 9.0
 
 
 def test_files_do_not_shift_what_else_is_drawn(files):
     """The direction drawn after a file is that drawn after an inflow."""
     one, other = np.random.default_rng(3), np.random.default_rng(3)
-    WindSampler(TURBINE, files / "a.bts", None).sample(one)
-    WindSampler(TURBINE, SteadyInflow(8.0), None).sample(other)
+    WindSampler(TURBINE, WindOptions(files / "a.bts", None)).sample(one)
+    WindSampler(TURBINE, WindOptions(SteadyInflow(8.0), None)).sample(other)
     assert one.random() == other.random()
 
 
@@ -151,11 +152,11 @@ def test_missing_and_damaged_files_are_refused_when_the_environment_is_made(file
 
 
 def test_a_file_that_was_replaced_is_read_again(files):
-    sampler = WindSampler(TURBINE, files / "a.bts", None)
+    sampler = WindSampler(TURBINE, WindOptions(files / "a.bts", None))
     sampler.sample(np.random.default_rng(0))
     TurbulenceBox.from_bts(files / "b.bts").to_bts(files / "a.bts")
     os.utime(files / "a.bts", (1.0, 1.0))
-    assert WindSampler(TURBINE, files / "a.bts", None).speeds == (9.0, 9.0)
+    assert WindSampler(TURBINE, WindOptions(files / "a.bts", None)).speeds == (9.0, 9.0)
 
 
 @pytest.mark.parametrize("given", ["wind", "wind.bts.txt", Path("wind.dat"), ["steady"]])
@@ -181,12 +182,12 @@ def test_paths_outlast_the_working_directory(files, monkeypatch):
 
 
 def test_evaluations_take_pieces_of_files_that_have_nothing_in_common(files):
-    sampler = WindSampler(TURBINE, [files / "a.bts", files / "once.bts"], None)
+    sampler = WindSampler(TURBINE, WindOptions([files / "a.bts", files / "once.bts"], None))
     names = [(Path(file.path).name, start) for file, start in sampler.windows(20.0)]
     assert names == [("a.bts", 0.0), ("once.bts", 0.0), ("a.bts", 20.0), ("once.bts", 20.0)]
     assert [start for _, start in sampler.windows(60.0)] == [0.0, 0.0]
-    assert WindSampler(TURBINE, [files / "a.bts", SteadyInflow(9.0, 90.0)], None).windows(20.0) == ()
-    assert WindSampler(TURBINE, files / "a.bts", None, direction=(-0.1, 0.1)).windows(20.0) == ()
+    assert WindSampler(TURBINE, WindOptions([files / "a.bts", SteadyInflow(9.0, 90.0)], None)).windows(20.0) == ()
+    assert WindSampler(TURBINE, WindOptions(files / "a.bts", None, direction=(-0.1, 0.1))).windows(20.0) == ()
     assert [wind.draw for wind in winds_of(sampler, length=20.0)] == [1, 2, 3, 4]
     assert [wind.draw for wind in winds_of(sampler, draws=3, length=20.0)] == [1, 2, 3]
     with pytest.raises(ValueError, match="the files hold 4 pieces of 20 s, got 5 draws"):
@@ -230,5 +231,5 @@ def test_an_evaluation_is_another_one_where_a_file_has_changed(files, tmp_path):
 
 def test_training_is_watched_in_several_pieces_of_a_file(files):
     config = TrainingConfig(env_id=STEADY, env_kwargs={"inflow": str(files / "a.bts")}, eval_winds=2)
-    winds = SelectionEvaluation(config, WindSampler(TURBINE, files / "a.bts", None)).winds
+    winds = SelectionEvaluation(config, WindSampler(TURBINE, WindOptions(files / "a.bts", None))).winds
     assert [wind.draw for wind in winds] == [1, 2]

@@ -14,6 +14,7 @@ from wt_gym.agents.evaluation_winds import winds_of
 from wt_gym.commands import evaluate, simulate
 from wt_gym.commands.site_options import site_word, wind_word, with_options
 from wt_gym.commands.training_options import add_training_options, config_from
+from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.wind_files import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.errors import InflowError, SimulationError, TurbineDefinitionError
@@ -149,10 +150,12 @@ def test_evaluations_take_the_pieces_of_a_series(files):
 
 @pytest.mark.parametrize("speed", [0.0, 0.7, 30.0, 50.0])
 def test_every_wind_speed_is_taken(speed):
-    wind = WindSampler(TURBINE, "steady", speed).sample(np.random.default_rng(0))
+    wind = WindSampler(TURBINE, WindOptions("steady", speed)).sample(np.random.default_rng(0))
     assert wind.wind_speed == wind.inflow.mean_speed == speed
     if speed >= 0.5:
-        turbulent = WindSampler(TURBINE, "turbulent", speed).sample(np.random.default_rng(0), wind_seed=3).inflow
+        turbulent = (
+            WindSampler(TURBINE, WindOptions("turbulent", speed)).sample(np.random.default_rng(0), wind_seed=3).inflow
+        )
         assert turbulent.box.mean_speed == speed
         assert turbulent.box.time_step <= 0.5  # of a box made at no more than twice the speed
 

@@ -18,7 +18,7 @@ from wt_gym.wind import SteadyInflow
 
 TIP = np.array([[0.0, 0.0, 61.0]])
 SPEED = 1.2  # [rad/s] of the rotor
-COARSE = {"integrator": "generalised_alpha", "tower_elements": 6, "blade_elements": 6}
+COARSE = {"integrator": "generalized_alpha", "tower_elements": 6, "blade_elements": 6}
 NODAL = {"tower_coordinates": "nodal", "blade_coordinates": "nodal", **COARSE}
 MIXED = {"formulation": "constrained", "blade_coordinates": "nodal", **COARSE, "blade_elements": 4}
 LINEAR = {"formulation": "observer", "frame_displacement": "linear"}
@@ -30,7 +30,7 @@ FORMS = {
     "nodal": (NODAL, "newmark", 0.02, 1e-6, 2e-6, 5e-6),
     # constraint equations under an implicit scheme: the trapezoidal rule lets multipliers grow over minutes, so energy
     # is that of a scheme that damps them; free bodies move in axes that turn with them: momentum to second order only
-    "mixed": (MIXED, "generalized-alpha", 0.05, 3e-5, 1e-4, 5e-4),
+    "mixed": (MIXED, "generalized_alpha", 0.05, 3e-5, 1e-4, 5e-4),
     "several bodies": ({"blade_bodies": 3, **COARSE}, "newmark", 0.02, 1e-6, 3e-6, 5e-6),
     "observer": ({"formulation": "observer"}, "observer", 0.01, 5e-5, 3e-4, 1e-4),
     "observer, linear": (LINEAR, "observer", 0.01, 5e-5, 3e-4, 1e-4),
@@ -116,9 +116,13 @@ def momenta_of(system, y):
     tensors = system.rotor_tensors
     for b, body in enumerate(system.bodies):
         n, u, rot, w = body.n_elastic, tree.elastic_u[b], work.rot[b], work.omega[b]
-        own = work.jj[b] - tensors[b]
-        p = rot @ (tree.mass[b] * work.v[b] + np.cross(w, work.mc[b]) + work.cc[b, :, :n] @ rates[u : u + n])
-        h = rot @ (np.cross(work.mc[b], work.v[b]) + own @ w + work.dk[b, :, :n] @ rates[u : u + n])
+        own = work.inertia[b] - tensors[b]
+        p = rot @ (
+            tree.mass[b] * work.v[b]
+            + np.cross(w, work.first_moment[b])
+            + work.coupling_lin[b, :, :n] @ rates[u : u + n]
+        )
+        h = rot @ (np.cross(work.first_moment[b], work.v[b]) + own @ w + work.coupling_ang[b, :, :n] @ rates[u : u + n])
         joint, parent = system.joints[b], system.parents[b]
         if joint.rotor_inertia > 0.0:
             along = work.rot[parent] @ joint.rotation @ joint.axis

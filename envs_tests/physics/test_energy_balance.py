@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.agents.closed_loop import run_baseline
 from wt_gym.errors import SimulationError
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.wind import SteadyInflow, TransientInflow, TurbulenceBox, TurbulentInflow
 
@@ -37,7 +37,7 @@ class Watched:
 
     def look(self):
         self.gained = max(self.gained, self.energy.gained[0] / self.energy.reserve)
-        self.borrowed = max(self.borrowed, self.energy.borrowed[0] / self.energy.excess_limit)
+        self.borrowed = max(self.borrowed, self.energy.excess_energy[0] / self.energy.excess_limit)
         self.powers.append(self.energy.of_air[0])
 
     def power(self, duration=10.0):
@@ -94,7 +94,7 @@ def test_loads_that_lag_behind_the_air_are_found_out(turbines):
         sim.coupling.exchange.relaxation[:] = 1.0, 0.0, 0.0
 
     try:
-        with pytest.raises(SimulationError, match="the structure gained"):
+        with pytest.raises(SimulationError, match=r"the structure gained .* MJ more than the work done on it"):
             run(simulator, from_behind(12.0), 1.55, 20.0, hold(), forget)
         assert simulator.time < 12.0
     finally:
@@ -116,7 +116,7 @@ def test_a_rotor_pushed_by_nothing_is_found_out(turbines):
         sim.coupling.integrator.history.y[3, system.n_q + sim.structure.azimuth_u] *= 1.001
 
     simulator = turbines["nrel_5mw"]
-    with pytest.raises(SimulationError, match="more than the work done on it"):
+    with pytest.raises(SimulationError, match="the structure gained"):
         run(simulator, steady(8.0), 0.75, 10.0, hold(0.0, 2e4), push)
     assert simulator.time < 5.0
 
@@ -196,9 +196,9 @@ def test_snapshot_holds_the_balances(turbines):
     simulator = turbines["nrel_5mw"]
     run(simulator, steady(4.0), 0.6, 12.0, lambda t: (0.35 if t < 8.0 else 0.0, 0.0, 0.0))
     energy = simulator.coupling.exchange.energy
-    borrowed, state = energy.borrowed[0], simulator.state()
+    borrowed, state = energy.excess_energy[0], simulator.state()
     assert borrowed > 0.0
     simulator.reset(rotor_speed=0.5)
-    assert energy.borrowed[0] == 0.0
+    assert energy.excess_energy[0] == 0.0
     simulator.restore(state)
-    assert energy.borrowed[0] == borrowed
+    assert energy.excess_energy[0] == borrowed

@@ -19,7 +19,7 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 RIGID = {"tower_coordinates": "rigid", "blade_coordinates": "rigid", "stiffest_shaft": 0.1}
-IMPLICIT = {"integrator": "generalised_alpha", "blade_elements": 6}
+IMPLICIT = {"integrator": "generalized_alpha", "blade_elements": 6}
 FORMULATIONS = {
     "rigid": RIGID,
     "embedded": {},
@@ -121,13 +121,11 @@ def test_observer_frames_give_the_same_accelerations(ratio):
 
 def test_what_is_refused():
     rotor = {"rotor_inertia": 1.0, "rotor_ratio": 3.0}
-    with pytest.raises(
-        MultibodyError, match=r"fixed joint '': rotor_inertia is 1\.0; must be 0 for this kind \(revolute joints"
-    ):
+    with pytest.raises(MultibodyError, match=r"fixed joint '': rotor_inertia must be 0, got 1\.0: joint type 'fixed'"):
         Joint("fixed", **rotor)
-    with pytest.raises(MultibodyError, match=r"rotor_inertia is -1\.0; must be a finite number >= 0"):
+    with pytest.raises(MultibodyError, match=r"rotor_inertia must be a finite number >= 0, got -1\.0"):
         Joint("revolute", rotor_inertia=-1.0)
-    with pytest.raises(MultibodyError, match="rotor_ratio is nan"):
+    with pytest.raises(MultibodyError, match="rotor_ratio must be a finite number, got nan"):
         Joint("revolute", rotor_inertia=1.0, rotor_ratio=np.nan)
     structure = build_structure(load_turbine("nrel_5mw"), FIDELITIES["training"], TIP)
     tower, disc = structure.system.bodies[structure.tower], FlexibleBody.rigid("disc", 1.0, np.zeros(3), np.eye(3))

@@ -218,7 +218,7 @@ def after_a_second(name, system, y, n, **options):
 
 @pytest.mark.parametrize(
     ("name", "options"),
-    [("newmark", {}), ("generalized-alpha", {"rho_inf": 0.8}), ("generalized-alpha", {"rho_inf": 0.0})],
+    [("newmark", {}), ("generalized_alpha", {"rho_inf": 0.8}), ("generalized_alpha", {"rho_inf": 0.0})],
 )
 def test_implicit_schemes_keep_their_order_with_constraint_equations(name, options):
     """A light slider-crank, whose speed rises and falls: second order; energy, closure and the slider's path hold."""
@@ -237,7 +237,7 @@ def test_implicit_schemes_keep_their_order_with_constraint_equations(name, optio
 
 @pytest.mark.parametrize(
     ("name", "options"),
-    [("newmark", {}), ("generalized-alpha", {"rho_inf": 0.8}), ("generalized-alpha", {"rho_inf": 0.0})],
+    [("newmark", {}), ("generalized_alpha", {"rho_inf": 0.8}), ("generalized_alpha", {"rho_inf": 0.0})],
 )
 def test_a_free_body_stays_on_its_circle_whatever_the_step(name, options):
     """A body welded to a shaft, 1.5 m off its axis, turns by half a radian in a step: speed and angle are exact.
@@ -272,8 +272,8 @@ def test_a_free_body_stays_on_its_circle_whatever_the_step(name, options):
     ("name", "options", "error"),
     [
         ("newmark", {}, 1.1e-3),
-        ("generalized-alpha", {"rho_inf": 0.8}, 1.1e-3),
-        ("generalized-alpha", {"rho_inf": 0.0}, 7.0e-3),
+        ("generalized_alpha", {"rho_inf": 0.8}, 1.1e-3),
+        ("generalized_alpha", {"rho_inf": 0.0}, 7.0e-3),
     ],
 )
 def test_a_tied_top_moves_to_second_order(name, options, error):

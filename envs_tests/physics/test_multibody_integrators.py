@@ -15,12 +15,21 @@ from validation.integrators import (
 )
 from wt_gym.constants import GRAVITY
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.integrators.schemes import INTEGRATORS, make_integrator
+from wt_gym.multibody.integrators.schemes import (
+    INTEGRATORS,
+    GeneralizedAlphaIntegrator,
+    ImplicitIntegrator,
+    IntegratorEntry,
+    coupled_integrator,
+    make_integrator,
+    method_of,
+)
 from wt_gym.multibody.integrators.stability import hamming_matrix
 from wt_gym.multibody.system import Joint, MultibodyError, MultibodySystem
+from wt_gym.simulation import Fidelity
 from wt_gym.structure.flexible_body import FlexibleBody
 
-IMPLICIT = [("newmark", {}), ("generalized-alpha", {"rho_inf": 0.8}), ("generalized-alpha", {"rho_inf": 0.0})]
+IMPLICIT = [("newmark", {}), ("generalized_alpha", {"rho_inf": 0.8}), ("generalized_alpha", {"rho_inf": 0.0})]
 EVERY = [("hamming", {}), *IMPLICIT]
 
 
@@ -63,7 +72,7 @@ def test_hamming_without_its_last_rate_reaches_the_same_state(n_corrections):
 @pytest.mark.parametrize("rho", [0.0, 0.3, 0.8, 1.0])
 def test_generalized_alpha_spectral_radius(rho):
     """Never above one, and rho at the highest frequencies."""
-    integrator = make_integrator("generalized-alpha", oscillator(), 1.0, rho_inf=rho, tolerance=1e-6)
+    integrator = make_integrator("generalized_alpha", oscillator(), 1.0, rho_inf=rho, tolerance=1e-6)
     radii = [spectral_radius(amplification(integrator, h)) for h in (0.1, 1.0, 3.0, 10.0, 100.0)]
     assert max(radii) < 1.0 + 1e-9
     assert spectral_radius(amplification(integrator, 1e4)) == pytest.approx(rho, abs=5e-3)
@@ -76,8 +85,8 @@ def test_generalized_alpha_spectral_radius(rho):
         ("hamming", {}, 3.0, 1600),
         ("hamming", {"starter": "runge-kutta"}, 5.0, 400),
         ("newmark", {}, 2.0, 400),
-        ("generalized-alpha", {"rho_inf": 0.8}, 2.0, 400),
-        ("generalized-alpha", {"rho_inf": 0.0}, 2.0, 400),
+        ("generalized_alpha", {"rho_inf": 0.8}, 2.0, 400),
+        ("generalized_alpha", {"rho_inf": 0.0}, 2.0, 400),
     ],
 )
 def test_order_of_accuracy(name, options, order, n):
@@ -111,7 +120,7 @@ def test_high_frequencies_die_with_generalized_alpha_only():
     """ω h = 30: the mode that the step cannot resolve stays with ρ∞ = 1 and is gone after ten steps with ρ∞ = 0."""
     left = {}
     for rho in (1.0, 0.0):
-        integrator = make_integrator("generalized-alpha", oscillator(900.0), 1.0, rho_inf=rho)
+        integrator = make_integrator("generalized_alpha", oscillator(900.0), 1.0, rho_inf=rho)
         integrator.start(np.array([1.0, 0.0]))
         integrator.advance(10)
         left[rho] = np.hypot(integrator.state[0], integrator.state[1] / 30.0)
@@ -238,12 +247,12 @@ def test_step_must_be_positive(name, step):
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("euler", {}, "integrator must be one of hamming, newmark, generalized-alpha"),
+        ("euler", {}, "integrator must be one of hamming, newmark, generalized_alpha"),
         ("newmark", {"rho_inf": 0.5}, "does not take"),
         ("hamming", {"starter": "euler"}, "must be one of adams, runge-kutta"),
         ("newmark", {"gamma": 0.4}, "gamma >= 1/2"),
         ("newmark", {"beta": -0.1}, "beta >= 0"),
-        ("generalized-alpha", {"rho_inf": 1.2}, "0 … 1"),
+        ("generalized_alpha", {"rho_inf": 1.2}, "0 … 1"),
         ("newmark", {"tolerance": 0.0}, "tolerance must be positive"),
         ("newmark", {"max_iterations": 0}, "max_iterations"),
     ],
@@ -311,3 +320,66 @@ def test_singular_mass_is_named():
     for name in INTEGRATORS:
         with pytest.raises(MultibodyError, match="mass matrix"):
             make_integrator(name, system, 0.01).start(system.initial_state())
+
+
+# ---- registry --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["generalised_alpha", "generalized-alpha"])
+def test_earlier_spellings_are_known_for_one_version(name):
+    with pytest.warns(DeprecationWarning, match=f"{name}' is named 'generalized_alpha'"):
+        assert type(make_integrator(name, pendulum(), 0.1)) is GeneralizedAlphaIntegrator
+    with pytest.warns(DeprecationWarning, match=f"{name}' is named 'generalized_alpha'"):
+        fidelity = Fidelity(integrator=name)
+    assert fidelity == Fidelity(integrator="generalized_alpha")
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_a_coupled_simulation_gets_what_its_fidelity_says(name):
+    """Of each integrator: class, options, limit of the step, and what compiled steps take."""
+    fidelity, entry = Fidelity(integrator=name, corrections=2, starter="runge-kutta"), INTEGRATORS[name]
+    integrator = coupled_integrator(name, pendulum(), 0.01, fidelity.scheme_settings)
+    assert type(integrator) is entry.kind
+    highest, longest = 100.0, fidelity.max_substep
+    needed = 0.75 * 0.78 / highest if entry.explicit else longest  # the undamped limit of two passes, with its reserve
+    assert fidelity.substeps_for(1.0, highest) == int(np.ceil(1.0 / min(longest, needed)))
+    newton = method_of(integrator).implicit
+    if entry.explicit:
+        assert (integrator.n_corrections, integrator.starter) == (2, "runge-kutta")
+        assert newton is None
+    else:
+        assert integrator.tangent == "structure"
+        assert newton.difference is None
+        assert newton.rough_tolerance == 100.0 * newton.tolerance
+        np.testing.assert_array_equal(newton.scheme, entry.rule(fidelity.scheme_settings))
+
+
+class HilberHughesTaylor(ImplicitIntegrator):
+    """The α method (Hilber, Hughes & Taylor 1977) in the form of the generalized-α scheme."""
+
+    def __init__(self, system, step, alpha=0.1, tolerance=1e-9, tangent="difference", trail=0):
+        scheme = 0.25 * (1.0 + alpha) ** 2, 0.5 + alpha, 0.0, alpha
+        super().__init__(system, step, scheme, tolerance, 20, 1e-6, tangent, trail)
+
+
+def test_a_further_integrator_is_one_entry(monkeypatch):
+    """Fidelities know it and coupled simulations make and move it, with numerical damping as by its theory."""
+    entry = IntegratorEntry(
+        kind=HilberHughesTaylor,
+        explicit=False,
+        phase_limit=lambda settings: np.inf,
+        options=lambda settings: {"tolerance": settings.tolerance},
+        method=INTEGRATORS["newmark"].method,
+        rule=lambda settings: (0.3025, 0.6, 0.0, 0.1),
+    )
+    monkeypatch.setitem(INTEGRATORS, "hht", entry)
+    fidelity, h, alpha = Fidelity(integrator="hht", blade_bodies=2), 0.5, 0.1
+    integrator = coupled_integrator("hht", oscillator(), h, fidelity.scheme_settings)
+    assert method_of(integrator).implicit.scheme.tolist() == pytest.approx([0.3025, 0.6, 0.0, 0.1])
+    # the balance a₁ + (1 − α) ω² u₁ + α ω² u₀ = 0 with Newmark's formulas, ω = 1, on (u, h u̇, h² a)
+    beta, gamma = 0.25 * (1.0 + alpha) ** 2, 0.5 + alpha
+    left = np.array([[1.0, 0.0, -beta], [0.0, 1.0, -gamma], [(1.0 - alpha) * h * h, 0.0, 1.0]])
+    right = np.array([[1.0, 1.0, 0.5 - beta], [0.0, 1.0, 1.0 - gamma], [-alpha * h * h, 0.0, 0.0]])
+    expected = spectral_radius(np.linalg.solve(left, right))
+    assert 0.98 < expected < 0.9999
+    assert spectral_radius(amplification(integrator, h)) == pytest.approx(expected, abs=1e-6)

@@ -117,8 +117,8 @@ def test_envelope_factors_solve():
         a[i, : first[i]] = a[: first[i], i] = 0.0
     low, up, x = np.tril(a), np.tril(a.T), rng.standard_normal(n)
     expected = np.linalg.solve(a, x)
-    assert matrix.factorize(0, n, first, low, up, True)
-    matrix.solve(n, first, low, up, x)
+    assert matrix.factorize_envelope(0, n, first, low, up, True)
+    matrix.solve_envelope(n, first, low, up, x)
     np.testing.assert_allclose(x, expected, rtol=1e-10)
 
 
@@ -298,7 +298,7 @@ def test_swinging_beam_agrees_with_the_floating_frame_tree(displacement):
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.5, 1.0])
-def test_generalised_alpha_is_of_second_order(radius):
+def test_generalized_alpha_is_of_second_order(radius):
     angle, elastic = swinging_tree(0.5)
     errors = []
     for step in (0.002, 0.001):
@@ -336,7 +336,7 @@ def test_a_clamped_mode_obeys_the_difference_equations_of_the_scheme(radius, pha
         assert np.abs(np.linalg.eigvals(np.linalg.solve(now, past))).max() == pytest.approx(radius, abs=0.02)
 
 
-def test_generalised_alpha_leaves_the_stiffest_modes_at_rest():
+def test_generalized_alpha_leaves_the_stiffest_modes_at_rest():
     """The reaction of the clamp at a single instant, which Newmark's scheme has in the mean only."""
     body = Substructure.from_beam("beam", slender_beam(offset=(0.0, 0.0)), "clamped", None, damping_time=0.3)
     hold = lambda system: system.clamp("beam", "root")  # noqa: E731
@@ -621,5 +621,5 @@ class TestErrors:
             system.support("beam", "elbow")
         with pytest.raises(ObserverFrameError, match="no substructure is named 'arm'"):
             system.load("arm", "tip", np.zeros(6))
-        with pytest.raises(ObserverFrameError, match="axes 'wind' are unknown"):
+        with pytest.raises(ObserverFrameError, match=r"load axes must be one of .*, got 'wind'"):
             system.load("beam", "tip", np.zeros(6), "wind")

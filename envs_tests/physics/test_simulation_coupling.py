@@ -9,15 +9,16 @@ import pytest
 from scipy.integrate import simpson
 from scipy.linalg import expm
 
-from wt_gym.agents.closed_loop import run_baseline
 from wt_gym.constants import GRAVITY
 from wt_gym.errors import ActionError, SimulationError
 from wt_gym.multibody.tree.tree_kernels import OK
+from wt_gym.runs.playing import run_baseline
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.model.blade_lattice import blade_planform
 from wt_gym.simulation.model.turbine_bodies import turbine_bodies
 from wt_gym.simulation.step.coupled_step_kernels import OVERSPEED, check_range
+from wt_gym.simulation.step.structure_motion_kernels import move_structure, restore_motion, save_motion
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -59,10 +60,11 @@ def arrays_of(arguments):
 def test_arguments_of_distinct_kernels_share_no_memory(change):
     """What these kernels write into one of their arrays may be seen in no other."""
     coupling = Simulator("nrel_5mw", SteadyInflow(8.0), replace(FIDELITIES["training"], **change)).coupling
-    _, motion, x, _, gauges, monitor = coupling.bundle()
+    _, structure, x, _, gauges, monitor = coupling.bundle()
+    motion = structure.motion
     gauges = gauges._replace(tip_rest=None)  # a view of the tip's place, which nothing writes
     for arguments in (
-        (motion.history, motion.inputs, motion.tree, motion.work),  # hamming_advance, kinematics, inertia_terms
+        (structure.history, motion.inputs, motion.tree, motion.work),  # hamming_advance, kinematics, inertia_terms
         (motion.state, motion.tree, motion.work, x),  # move_lattice
         (motion.state, motion.rate, monitor.loads, motion.tree, motion.work, gauges),  # read_gauges, joint_wrenches
     ):
@@ -345,6 +347,41 @@ def test_signals_of_the_compiled_step_are_those_of_a_measurement(formulation):
     assert [found[name] for name in others] == [sim.signals[name] for name in others]
     # the step asks for the wind where the hub will be, a millimeter from where it comes to be
     np.testing.assert_allclose([found[n] for n in winds], [sim.signals[n] for n in winds], rtol=0.0, atol=2e-5)
+
+
+@pytest.mark.parametrize("formulation", ["embedded", "observer"])
+def test_a_step_in_parts_is_the_compiled_step(formulation):
+    """As Python runs it, where the lattice prepares and accepts a step by itself."""
+    fidelity = replace(FIDELITIES["training"], formulation=formulation)
+    runs = []
+    for in_parts in (False, True):
+        sim = Simulator("nrel_5mw", SteadyInflow(11.0, shear_exponent=0.2), fidelity)
+        if in_parts:
+            sim.coupling._advance = sim.coupling._step_in_parts()
+        sim.reset(rotor_speed=1.2, pitch=0.02)
+        runs.append(sim.advance(0.4, pitch=0.03, yaw_rate=0.004, generator_torque=38e3).values)
+    np.testing.assert_allclose(runs[1], runs[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("formulation", ["embedded", "observer"])
+def test_a_structure_that_was_taken_back_moves_as_before(formulation):
+    fidelity = replace(FIDELITIES["training"], formulation=formulation)
+    sim = Simulator("nrel_5mw", SteadyInflow(11.0, shear_exponent=0.2), fidelity)
+    sim.reset(rotor_speed=1.2, pitch=0.02)
+    sim.advance(0.2, pitch=0.03, generator_torque=38e3)
+    structure, scheme = sim.coupling.motion.structure, sim.coupling.scheme
+    motion, states = structure.motion, []
+    save_motion(structure)
+    start = motion.state.copy()
+    for load in (0.0, 1e5, 0.0):
+        motion.inputs.body_loads[1, sim.structure.nacelle, 0] = load
+        assert move_structure(structure, scheme, False) == OK
+        states.append(motion.state.copy())
+        assert restore_motion(structure) == OK
+        assert np.array_equal(motion.state, start)
+    assert np.array_equal(states[0], states[2])
+    assert not np.array_equal(states[0], start)
+    assert not np.array_equal(states[0], states[1])
 
 
 def test_the_speed_limit_holds_for_both_ends_of_a_flexible_shaft():

@@ -113,11 +113,11 @@ def test_fewer_corrector_passes_take_shorter_steps():
 
 def test_blades_that_twist_are_damped_more_at_high_frequencies():
     """The default is resolved where the scheme is made; what is given stands."""
-    bends, twists = (replace(Fidelity(), integrator="generalised_alpha", blade_modes=m) for m in ((2, 1, 0), (2, 1, 1)))
+    bends, twists = (replace(Fidelity(), integrator="generalized_alpha", blade_modes=m) for m in ((2, 1, 0), (2, 1, 1)))
     assert (bends.spectral_radius, bends.scheme_radius, twists.scheme_radius) == (None, 0.8, 0.3)
     assert [replace(f, spectral_radius=0.6).scheme_radius for f in (bends, twists)] == [0.6, 0.6]
     assert replace(twists, spectral_radius=0.0).scheme_radius == 0.0
-    named = {name: f.scheme_radius for name, f in FIDELITIES.items() if f.integrator == "generalised_alpha"}
+    named = {name: f.scheme_radius for name, f in FIDELITIES.items() if f.integrator == "generalized_alpha"}
     assert named == {"training-torsion": 0.3, "engineering-torsion": 0.3}
     for fidelity in (bends, twists):
         simulator = Simulator("nrel_5mw", SteadyInflow(9.0), fidelity)
@@ -149,7 +149,7 @@ def test_a_snapshot_with_a_stretched_quaternion_is_refused():
         ({"blade_coordinates": "exact"}, "blade_coordinates"),
         ({"yaw_drive": "loose"}, "must be one of stiff, spring"),
         ({"starter": "euler"}, "must be one of adams, runge-kutta"),
-        ({"integrator": "rk45"}, "must be one of hamming, newmark, generalised_alpha"),
+        ({"integrator": "rk45"}, "must be one of hamming, newmark, generalized_alpha"),
         ({"blade_bodies": 8}, "blade_bodies is 8 with .* an implicit integrator"),
         ({"tower_body": (8, 2)}, "tower_body is .* at least 3"),
         ({"nacelle_body": (4, 8)}, "nacelle_body is .* at least 5"),

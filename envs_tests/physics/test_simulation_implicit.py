@@ -16,7 +16,7 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 TRAINING = FIDELITIES["training"]
-IMPLICIT = replace(TRAINING, integrator="generalised_alpha")
+IMPLICIT = replace(TRAINING, integrator="generalized_alpha")
 SEVERAL = replace(IMPLICIT, blade_bodies=4, blade_modes=(2, 1, 1))
 
 
@@ -29,7 +29,7 @@ def spinning_chain():
     return system.build()
 
 
-@pytest.mark.parametrize(("name", "options"), [("newmark", {}), ("generalized-alpha", {"rho_inf": 0.6})])
+@pytest.mark.parametrize(("name", "options"), [("newmark", {}), ("generalized_alpha", {"rho_inf": 0.6})])
 def test_the_matrix_of_the_structure_leads_to_the_same_motion(name, options):
     """Newton's matrix changes the way of the iteration, not where it ends."""
     system, ends = spinning_chain(), []
@@ -63,7 +63,7 @@ def motion(fidelity, turbine="nrel_5mw", seconds=4.0, speed=1.05):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("integrator", ["newmark", "generalised_alpha"])
+@pytest.mark.parametrize("integrator", ["newmark", "generalized_alpha"])
 def test_implicit_steps_converge_to_the_explicit_ones(integrator):
     """Second order: steps of 3/8 the length leave a seventh of the difference."""
     expected, _ = motion(replace(TRAINING, max_substep=0.0125))

@@ -48,7 +48,7 @@ def test_nodal_tower_has_the_modes_of_a_modal_one():
     """Its inner nodes move no point of the blades; the model was not finite for that."""
     parked = {"rotor_speed": 0.0, "aerodynamics": "none", "generator": "locked", "outputs": ("rotor_speed",)}
     found = []
-    for changes in ({}, {"tower_coordinates": "nodal", "tower_elements": 6, "integrator": "generalised_alpha"}):
+    for changes in ({}, {"tower_coordinates": "nodal", "tower_elements": 6, "integrator": "generalized_alpha"}):
         fidelity = replace(FIDELITIES["training"], **changes)
         modes = Simulator("nrel_5mw", SteadyInflow(8.0), fidelity).linearize(**parked).modes()
         found.append(sorted(mode.frequency for mode in modes if mode.frequency > 0.0)[:8])

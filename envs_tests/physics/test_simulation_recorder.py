@@ -27,7 +27,7 @@ def moved(simulator, recorder=None, steps=15):
     return np.array([signals.values for signals in rows])
 
 
-@pytest.mark.parametrize("integrator", ["hamming", "generalised_alpha"])
+@pytest.mark.parametrize("integrator", ["hamming", "generalized_alpha"])
 def test_multipliers_are_recorded_and_disturb_nothing(integrator):
     """The moments are those of the channels, and the run is that without a recorder bit for bit."""
     simulator = Simulator(

@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import eigh
 
 from validation import case as module
-from validation.case import Case, CaseResult, Check, Curve, Figure, case, load_cases, run_case
+from validation.case import Case, CaseResult, Check, Curve, Figure, absolute, case, load_cases, run_case, worst
 from validation.record import read_record
 from wt_gym.structure.beam import Beam
 from wt_gym.structure.coordinates import body_from_beam, circular_sections
@@ -34,7 +34,7 @@ class TestCheck:
     def test_relative_and_absolute(self):
         assert Check("a", 2.0, 2.1, 0.051).passed
         assert not Check("a", 2.0, 2.1, 0.049).passed
-        assert Check("a", -2.0, -2.1, 0.11, relative=False).error == pytest.approx(0.1)
+        assert Check("a", -2.0, -2.1, absolute(0.11)).error == pytest.approx(0.1)
         assert Check("zero", 0.0, 1e-3, 1e-2).passed
         assert not Check("zero", 0.0, 1e-3, 1e-2).is_relative
 
@@ -53,6 +53,22 @@ class TestCheck:
     def test_unreadable_bound(self):
         with pytest.raises(ValueError, match="no bound"):
             _ = Check("b", "about 3", 3.0, 0.0).error
+
+    def test_kind_of_a_tolerance(self):
+        assert Check("a", 2.0, 2.1, absolute(0.11), "m").as_dict()["relative"] is False
+        assert Check("a", 2.0, 2.1, 0.11, "m").as_dict()["relative"] is True
+        assert Check("a", 0.0, np.float32(0.0)).as_dict()["tolerance"] == 0.0
+
+    def test_worst_point_of_a_curve(self):
+        at, expected = np.array([5.0, 10.0, 20.0]), np.array([1.0, 10.0, 100.0])
+        obtained = expected + np.array([0.1, 2.0, 5.0])
+        check = worst("thrust", "winds: {:g} m/s", at, expected, obtained, 0.1, "kN", "a source")
+        assert check == Check("thrust, worst of 3 winds: 10 m/s", 10.0, 12.0, 0.1, "kN", "a source")
+        assert worst("thrust", "winds: {:g}", at, expected, obtained, absolute(0.1)).obtained == 105.0
+        chosen = np.array([True, False, False])
+        assert worst("thrust", "winds: {:g}", at, expected, obtained, 0.1, chosen=chosen).quantity.endswith(
+            "1 winds: 5"
+        )
 
 
 class TestRegistry:

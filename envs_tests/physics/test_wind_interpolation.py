@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from wt_gym.envs.options.wind import WindOptions
 from wt_gym.envs.wind_sampler import WindSampler
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import TurbulenceBox, TurbulentInflow
@@ -37,7 +38,7 @@ def read_at_hub(inflow, fine=FINE):
 @pytest.mark.parametrize("seed", [3, 1017])
 def test_the_spectrum_at_the_hub_is_the_standards_up_to_one_hertz(speed, seed):
     """At every harmonic but the first, which carries what the record leaves out."""
-    sampler = WindSampler(TURBINE, "turbulent", speed, shear_exponent=0.0, turbulence_class="B")
+    sampler = WindSampler(TURBINE, WindOptions("turbulent", speed, shear_exponent=0.0, turbulence_class="B"))
     wind, dt = read_at_hub(sampler.sample(np.random.default_rng(0), wind_seed=seed).inflow)
     n = len(wind)
     frequency = np.fft.rfftfreq(n, dt)
@@ -52,7 +53,7 @@ def test_the_spectrum_at_the_hub_is_the_standards_up_to_one_hertz(speed, seed):
 
 def test_boxes_take_no_more_memory_than_their_record():
     boxes = [
-        WindSampler(TURBINE, "turbulent", speed).sample(np.random.default_rng(0), wind_seed=3).inflow.box
+        WindSampler(TURBINE, WindOptions("turbulent", speed)).sample(np.random.default_rng(0), wind_seed=3).inflow.box
         for speed in (6.5, 12.0, 24.9)
     ]
     assert {box.fluctuation.shape for box in boxes} == {(2400, 17, 17, 3)}

@@ -3,14 +3,10 @@
 import math
 
 import pytest
+import reward_study as study
 
-from wt_gym.agents import reward_study as study
 from wt_gym.envs import rewards
-from wt_gym.simulation import Simulator
 from wt_gym.tasks import TASKS
-from wt_gym.turbines import load_turbine
-
-TURBINE = load_turbine("nrel_5mw")
 
 
 def row(controller, wind_speed=8.0, **changes):
@@ -60,15 +56,6 @@ def test_total_and_correlation():
     assert math.isnan(study.correlation([1, 2, 3], [1, 1, 1]))
 
 
-def test_there_are_22_controllers_and_every_term():
-    controllers = study.controllers()
-    assert len(controllers) == 23
-    assert len(set(controllers.values())) == 23
-    base = controllers[study.BASELINE].parameters(TURBINE)
-    assert controllers["pitch gains x 2"].parameters(TURBINE).proportional_gain == 2 * base.proportional_gain
-    assert set(rewards.DEFAULT_WEIGHTS) | set(study.FORMER_WEIGHTS) <= {term.name for term in study.study_terms()}
-
-
 def test_weights_of_the_tasks_are_the_default_with_what_they_change():
     tasks = study.task_weights()
     assert set(tasks) == {"LoadReduction", "IEA15MW-LoadReduction", "IEA22MW-LoadReduction", "MaxPower", "Yaw"}
@@ -76,13 +63,18 @@ def test_weights_of_the_tasks_are_the_default_with_what_they_change():
     assert tasks["MaxPower"]["power"] == rewards.DEFAULT_WEIGHTS["power"]
 
 
-def test_a_short_run():
-    inflow = study.wind(TURBINE, 16.0, 1001)
-    simulator = Simulator(TURBINE, inflow=inflow)
-    samples = study.simulate(study.controllers()["both dampers, individual pitch"], simulator, duration=6.0)
-    assert samples.shape[0] == 31
-    result = study.evaluate(TURBINE, inflow, samples, skip=2.0)
-    assert set(study.COST_WEIGHTS) | set(rewards.DEFAULT_WEIGHTS) <= set(result)
-    assert all(math.isfinite(value) for value in result.values())
-    assert -1.0 <= result["blade_fatigue"] < 0.0 < result["power"] <= 2.0
-    assert 0.5 < result["mean_power"] / TURBINE.drivetrain.rated_power < 1.5
+def test_a_table_of_runs_of_todays_controllers(tmp_path):
+    words = ["--runs", str(tmp_path), "--controllers", "ipc", "--winds", "16", "--seeds", "1001"]
+    rows = study.measured(study.parse_arguments([*words, "--duration", "6", "--skip", "2"]))
+    assert [(row["controller"], row["wind_speed"], row["seed"]) for row in rows] == [
+        ("baseline", 16.0, 1001), ("ipc", 16.0, 1001)
+    ]  # fmt: skip
+    assert all(math.isfinite(value) for row in rows for key, value in row.items() if key != "controller")
+    for row in rows:
+        assert set(study.COST_WEIGHTS) | set(rewards.DEFAULT_WEIGHTS) <= set(row)
+        assert -1.0 <= row["blade_fatigue"] < 0.0 < row["power"] <= 2.0
+        assert 0.5 < row["mean_power"] / 5e6 < 1.5
+    study.write(rows, tmp_path / "table.csv")
+    (change,) = study.analyze(study.read(tmp_path / "table.csv"), rewards.DEFAULT_WEIGHTS)["runs"]
+    assert change["controller"] == "ipc"
+    assert change["pitch_duty"] == pytest.approx(rows[1]["pitch_duty"] - rows[0]["pitch_duty"], abs=1e-5)

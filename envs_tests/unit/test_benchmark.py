@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from wt_gym.agents import benchmark_runs
-from wt_gym.agents.benchmark_runs import definition_of, jobs_of
-from wt_gym.agents.choices import controller_of
-from wt_gym.agents.entries import LEVELS, entries_of, entry_of
+from wt_gym.agents.benchmark_runs import definition_of, entries_of, entry_of, jobs_of
 from wt_gym.agents.front import (
     FAMILIES,
     distance_table,
@@ -21,6 +19,7 @@ from wt_gym.agents.front import (
     front_rows,
     write_csv,
 )
+from wt_gym.agents.names import LEVELS, controller_of
 from wt_gym.benchmark import (
     INTERFACE,
     BenchmarkTask,
@@ -41,7 +40,7 @@ from wt_gym.benchmark import (
 from wt_gym.benchmark.fingerprint import code_of, differing
 from wt_gym.benchmark.tasks import task_file
 from wt_gym.commands import benchmark as command
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.errors import BenchmarkError
 
 TASK = load_task("load-reduction-15")

@@ -50,6 +50,16 @@ def test_wrong_words_take_one_line_and_status_2(words, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.skipif(not hasattr(select, "poll"), reason="the system does not say whether a pipe is read")
+def test_output_that_nobody_reads_ends_without_a_word():
+    reader, writer = os.pipe()
+    os.close(reader)
+    words = [sys.executable, "-m", "wt_gym", "list", "controllers"]
+    done = subprocess.run(words, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
+
+
 def test_in_a_clone_commands_are_called_as_scripts(monkeypatch):
     text = "wt-gym train, wt-gym compare-controllers runs/ppo"
     monkeypatch.setattr(sys, "argv", ["/somewhere/bin/wt-gym"])
@@ -151,7 +161,7 @@ def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
         return recorder
 
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
-    monkeypatch.setattr("wt_gym.agents.closed_loop.run_baseline", run)
+    monkeypatch.setattr("wt_gym.runs.playing.run_baseline", run)
     out = tmp_path / "new" / "run.nc"
     assert ended(simulate.main, ["--wind-speed", "8", "12", "15", "--out", str(out)]) == 128 + number
     assert sorted(file.name for file in out.parent.iterdir()) == ["run_12.nc", "run_8.nc"]
@@ -338,7 +348,7 @@ def test_a_full_disk_ends_in_one_line_and_what_was_written_stays(monkeypatch, tm
         return recorder
 
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
-    monkeypatch.setattr("wt_gym.agents.closed_loop.run_baseline", run)
+    monkeypatch.setattr("wt_gym.runs.playing.run_baseline", run)
     out = tmp_path / "run.nc"
     with files_of_at_most(400_000):
         error = ended(simulate.main, ["--wind-speed", "8", "12", "--out", str(out)])

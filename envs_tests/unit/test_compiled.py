@@ -393,7 +393,12 @@ def test_where_the_inside_of_numba_has_moved_plain_njit_takes_over(modules, tmp_
     assert done.stdout.split() == ["plain", "18.0"], done.stderr
     assert done.stderr.count("Warning: numba ") == 1
     assert "does not link kernels as this package knows it" in done.stderr
-    done = process(code, [ROOT, modules], **cache | {"WT_GYM_COMPILE": "linked"})
+
+
+def test_the_linked_way_is_refused_where_the_inside_of_numba_has_moved(modules, tmp_path):
+    code = f"{MOVED['a name is gone']}\nimport caller_module"
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "WT_GYM_COMPILE": "linked"}
+    done = process(code, [ROOT, modules], **cache)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].endswith("WT_GYM_COMPILE=plain compiles without")
 

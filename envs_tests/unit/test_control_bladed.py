@@ -9,8 +9,7 @@ import re
 import numpy as np
 import pytest
 
-from wt_gym.agents.choices import fingerprint
-from wt_gym.agents.closed_loop import run_controller
+from wt_gym.agents.names import fingerprint
 from wt_gym.bridges.compiler import CompilerError, compile_library, find_compiler, library_name
 from wt_gym.control import Demand
 from wt_gym.control.bladed import RECORDS, BladedController, rosco_library
@@ -20,6 +19,7 @@ from wt_gym.control.bladed.rosco_input import PERFORMANCE_FILE, write_rosco_inpu
 from wt_gym.control.controllers import make_controller, parse_name
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import ControllerError, SimulationError
+from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

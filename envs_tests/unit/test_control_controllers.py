@@ -49,7 +49,7 @@ from wt_gym.control.controllers.retuned import found_factor, gain_of_table
 from wt_gym.control.controllers.rotor_rules import flap_moment_sensitivity, tower_top
 from wt_gym.control.controllers.tsr_tracking import pitch_schedule
 from wt_gym.control.controllers.tuned import TUNED, tuned_parameters
-from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
 from wt_gym.errors import ControllerError
 from wt_gym.turbines import catalogue, load_turbine
 

@@ -8,9 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.agents.closed_loop import run_controller
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.reward_study import simulate
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.controllers import (
     Combined,
@@ -23,6 +21,7 @@ from wt_gym.control.controllers import (
     readings_of,
 )
 from wt_gym.control.operating_point import operating_point
+from wt_gym.runs.playing import run_controller
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.damper import with_damper
@@ -307,8 +306,3 @@ def test_an_observation_has_the_lidar_of_the_controller_beneath():
     env.close()
     with pytest.raises(ValueError, match="the controller beneath reads Lidar"):
         gym.make("wt_gym/LoadReduction-v1", **more, lidar=Lidar((50.0,)))
-
-
-def test_the_reward_study_takes_it(turbine):
-    simulator = Simulator(turbine, SteadyInflow(14.0, turbine.hub_height))
-    assert np.isfinite(simulate("lidar", simulator, 1.0, 0.2)).all()

@@ -95,6 +95,27 @@ def test_what_is_no_name_is_refused_with_what_is_near(mine):
         parse_name(f"{mine}:Hold:deep=[]")
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("discon:", "the colon of 'discon:' must be followed by key=value, or left out"),
+        ("a/b.py:Mine:", "must be followed by key=value"),
+        ("discon:kp=0.01,", "must be key=value, got ''"),
+        (
+            "discon:kp=0.01+ipc:bandwidth=0.3",
+            r"must all stand before the colon.*: discon\+ipc:kp=0.01,bandwidth=0.3$",
+        ),
+        ("discon:kp=0.01+ipc", r"behind it: discon\+ipc:kp=0.01$"),
+    ],
+)
+def test_parameters_stand_behind_all_names(text, message):
+    for read in (parse_name, lambda name: make_controller(name, TURBINE)):
+        with pytest.raises(ValueError, match=message):
+            read(text)
+    assert make_controller("discon:kp=2e-2", TURBINE).parameters.proportional_gain == 0.02
+    assert parse_name("discon:kp=1e+2").parameters == {"kp": 100.0}
+
+
 def test_the_baseline_has_one_controller_under_all_its_names():
     for name in ("discon", "baseline", "Baseline PI", "controller:baseline"):
         assert isinstance(make_controller(name, TURBINE), DisconController)

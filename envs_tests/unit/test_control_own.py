@@ -124,6 +124,33 @@ def test_second_order_filter_is_exact_for_any_step(dt):
         SecondOrderLowPass(0.0, 0.7)
 
 
+def test_gains_of_the_pitch_law_halve_and_its_integral_holds_and_moves_the_demand():
+    """GK = 1 / (1 + θ / θ_K); the demand is GK (k_p e + k_i ∫e), within limits that the integral does not pass."""
+    law = PitchLaw(0.8, 0.1, 0.2)
+    assert (law.gains(0.0), law.gains(0.2)) == (pytest.approx((0.8, 0.1)), pytest.approx((0.4, 0.05)))
+    pitch, integral = law.step(0.2, 5.0, 0.02, 0.5, 0.0, 1.5)
+    assert integral == pytest.approx(5.0 + 0.02 * 0.5)
+    assert pitch == pytest.approx(0.5 * (0.8 * 0.02 + 0.1 * integral))
+    for error in (0.0, -0.03):
+        held, _ = law.step(0.3, law.holding(0.3, error), error, 0.0, 0.0, 1.5)
+        assert held == pytest.approx(0.3)
+    assert law.holding(0.3) == pytest.approx(law.holding(0.3, 0.0))
+    moved, _ = law.step(0.25, law.moved(0.2, 0.05, law.holding(0.2)), 0.0, 0.0, 0.0, 1.5)
+    assert moved == pytest.approx(0.25)
+    for error, limit in ((-9.0, 0.1), (9.0, 0.4)):
+        pitch, integral = law.step(0.2, law.holding(0.2), error, 5.0, 0.1, 0.4)
+        assert (pitch, law.factor(0.2) * 0.1 * integral) == (pytest.approx(limit), pytest.approx(limit))
+
+
+def test_with_a_table_the_integral_of_the_pitch_law_is_a_pitch():
+    law = PitchLaw(1.0, 1.0, 1.0, GainTable((0.0,), (0.8,), (0.1,)))
+    pitch, integral = law.step(0.2, 0.15, 0.02, 0.5, 0.0, 1.5)
+    assert integral == pytest.approx(0.15 + 0.1 * 0.02 * 0.5)
+    assert pitch == pytest.approx(0.8 * 0.02 + integral)
+    assert law.step(0.3, law.holding(0.3, -0.03), -0.03, 0.0, 0.0, 1.5)[0] == pytest.approx(0.3)
+    assert law.moved(0.3, 0.05, 0.3) == pytest.approx(0.35)
+
+
 def test_a_table_of_gains_does_not_move_the_demand():
     """Where the integral gain changes fivefold over the pitch, a speed at its reference holds the pitch."""
     law = PitchLaw(1.0, 1.0, 1.0, GainTable((0.0, 0.2), (1.0, 0.5), (0.01, 0.05)))

@@ -8,9 +8,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.options import EnvOptions, env_arguments
+from wt_gym.envs.options.wind import KINDS
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
-from wt_gym.envs.wind_sampler import KINDS
 from wt_gym.tasks import TASKS
 from wt_gym.wind import TurbulenceBox, TurbulentInflow
 
@@ -39,11 +39,13 @@ def left(tmp_path_factory):
 
 
 def test_examples_run(left):
-    boundary, offshore, soil, parked, read, drawn, many, planned = left
+    boundary, offshore, soil, grouped, parked, read, drawn, many, planned = left
     assert boundary["env"].action_space.shape == (1,)
     assert 12.0 < boundary["info"]["wind_speed"] < 16.1  # at the hub
     assert offshore["env"].unwrapped.turbine.tower.support.base_height == -20.0
     assert soil["turbine"].tower.support.foundation[0, 0] == soil["ground"][0, 0] > 1e9
+    assert EnvOptions.from_json(grouped["text"]) == grouped["env"].unwrapped.options
+    assert grouped["env"].unwrapped.wind.speeds == (12.0, 12.0)
     assert (parked["terminated"], parked["truncated"]) == (False, False)
     assert abs(parked["info"]["rotor_speed"]) < 0.1
     assert read["env"].unwrapped.episode_wind.inflow.description.startswith(("first.bts", "second.bts"))
@@ -70,7 +72,7 @@ def test_lengths_of_episodes_are_those_of_the_tasks():
 
 
 def test_arguments_on_the_page_are_those_of_the_environment():
-    known = {name for env in (WindTurbineEnv, WindTurbineVectorEnv) for name in inspect.signature(env).parameters}
+    known = {*env_arguments(), *inspect.signature(WindTurbineVectorEnv).parameters}
     named = set(re.findall(r"`(\w+)=", PAGE))
     assert len(named) > 8
     assert named <= known

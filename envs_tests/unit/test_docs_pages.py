@@ -1,11 +1,17 @@
-"""Pages of the documentation: their examples run, their commands are accepted, what they say is that of the code.
+"""Pages of the documentation: examples run, commands are accepted, names and files that they give exist.
 
-Tables that are compared with records and figures that are computed anew stand in the other files ``test_docs_*``.
+What they say in numbers is that of the code and of the records: one table of statements. The site itself, and figures
+that are computed anew, stand in the other files ``test_docs_*``.
 """
 
+import ast
 import doctest
+import json
 import re
 import shlex
+import subprocess
+import sys
+import tomllib
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -13,21 +19,28 @@ from pathlib import Path
 import gymnasium as gym
 import pytest
 
-from wt_gym.agents.choices import controller_of, is_controller_name
+import wt_gym
+from validation.case import load_cases
+from wt_gym.aerodynamics import AeroOptions
 from wt_gym.agents.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig
 from wt_gym.agents.evaluation_folder import CONFIGURATION_FILE, REPORT_FILE
-from wt_gym.agents.loadcases.cases import CASES
+from wt_gym.agents.loadcases.cases import CASES, plan_of
 from wt_gym.agents.loadcases.study import LoadCaseConfig
-from wt_gym.agents.sweep_record import SWEEP_FILE
+from wt_gym.agents.names import controller_of, is_controller_name
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.agents.training.hyperparameters import ALGORITHMS, read_hyperparameters
 from wt_gym.agents.training.selection import SELECTION_WIND_SEEDS
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, run_file
 from wt_gym.analysis.statistics import LEAST_PER_STRATUM, N_RESAMPLES
-from wt_gym.commands import evaluate, loadcases
+from wt_gym.benchmark import load_task, task_names
+from wt_gym.commands import COMMANDS, evaluate, loadcases
 from wt_gym.commands.training_options import config_from
-from wt_gym.control.controllers import CONTROLLERS, controller_parameters, make_controller
+from wt_gym.control.controllers import CONTROLLERS, make_controller
 from wt_gym.control.controllers import controller as contract
+from wt_gym.multibody.arrays import Work
+from wt_gym.runs.definition import digest
+from wt_gym.runs.store import SWEEP_FILE
+from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -54,7 +67,7 @@ def commands():
     return sorted({(name, words.strip()) for text in texts for name, words in CALL.findall(text)})
 
 
-COMMANDS = commands()
+CALLS = commands()
 
 
 @pytest.mark.parametrize("page", EXAMPLES)
@@ -69,7 +82,7 @@ def test_examples_of_the_contract_of_controllers_run():
     assert doctest.testmod(contract).failed == 0
 
 
-@pytest.mark.parametrize(("name", "words"), COMMANDS)
+@pytest.mark.parametrize(("name", "words"), CALLS)
 def test_commands_are_accepted(name, words, tmp_path):
     """With the controllers and the training that they name."""
     file = tmp_path / "training.yml"
@@ -94,7 +107,7 @@ def test_commands_are_accepted(name, words, tmp_path):
 
 
 def test_commands_are_found():
-    names = [name for name, _ in COMMANDS]
+    names = [name for name, _ in CALLS]
     assert all(names.count(name) >= number for name, number in zip(NAMES, (20, 1, 12, 8, 2), strict=True)), names
 
 
@@ -126,19 +139,321 @@ def test_the_page_says_what_the_code_does(page, words):
     assert words in text_of(page)
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/training.md"])
-def test_files_are_there(page):
-    for path in set(re.findall(r"`?((?:agents|scripts)/[\w/]+(?:\.\w+)?)`", text_of(page))):
-        assert (ROOT / path).exists(), path
-
-
-def test_defaults_that_pages_name():
-    assert (LEAST_PER_STRATUM, len(DEFAULT_WIND_SEEDS), EvaluationConfig().skip) == (3, 6, 30.0)
-    assert LoadCaseConfig().cases == tuple(CASES)
-    assert all(controller_parameters(name) is not None for name in CONTROLLERS)
-
-
 def test_the_file_of_hyperparameters_can_be_read(tmp_path):
     file = tmp_path / "mine.yml"
     file.write_text(YAML)
     assert read_hyperparameters(file, "PPO", "wt_gym/FullRange-v1")["n_steps"] == 2048
+
+
+# ---- what stands on a page and what is so ----------------------------------------------------------------------------
+
+RECORD = json.loads(text_of("docs/data/validation.json"))["cases"]
+FAILING = {name for name, case in RECORD.items() if not all(check["passed"] for check in case["checks"])}
+STATEMENTS = []
+
+
+def statement(function):
+    """Have a function that returns what stands on a page and what is so checked."""
+    STATEMENTS.append(function)
+    return function
+
+
+@pytest.mark.parametrize("function", STATEMENTS, ids=lambda function: function.__name__)
+def test_what_stands_on_the_page_is_so(function):
+    said, known = function()
+    assert known
+    assert said == known
+
+
+def section(page, heading):
+    """What stands below a heading, up to the next one."""
+    return re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^## |\Z)", text_of(page), re.MULTILINE | re.DOTALL)[1]
+
+
+def rows(text):
+    """Cells of the rows of the tables in a text, without headings."""
+    tables = re.findall(r"^\|[-|]+\|\n((?:\|.*\|\n)+)", text, re.MULTILINE)
+    return [[cell.strip() for cell in line[1:-1].split(" | ")] for table in tables for line in table.splitlines()]
+
+
+def copied(case):
+    """Rows of numbers in the notes of a case: what is before the colon, and the numbers after it, as on the pages."""
+    notes = RECORD[case]["notes"].replace("generalized", "generalized")  # as cases of before the US spelling wrote it
+    lines = [line.rsplit(": ", 1) for line in notes.splitlines()[1:]]
+    return [(name, numbers.replace("-", "−").split(", ")) for name, numbers in lines]
+
+
+@statement
+def defaults_of_evaluations():
+    return (3, 6, 30.0), (LEAST_PER_STRATUM, len(DEFAULT_WIND_SEEDS), EvaluationConfig().skip)
+
+
+@statement
+def defaults_of_the_lattice():
+    options = AeroOptions()
+    named = options.shed_fraction, options.core_strain, options.curved_filaments, options.load_form
+    return (0.25, True, True, "joukowski"), named
+
+
+@statement
+def load_cases_with_their_factors():
+    part = section("docs/loadcases.md", "What is run")
+    said = dict(re.findall(r"^\| (\d\.\d) \|(?:[^|]*\|){3} (\d\.\d+) \|", part, re.MULTILINE))
+    assert LoadCaseConfig().cases == tuple(CASES)
+    return said, {case: f"{kind.factor or 1.0}" for case, kind in CASES.items()}
+
+
+@statement
+def sizes_of_the_sets_of_load_cases():
+    turbine, sizes = load_turbine("nrel_5mw"), []
+    for quick in (False, True):
+        plan = plan_of(turbine, quick)
+        conditions = {digest(c.to_json()): c for kind in CASES.values() for c in kind.conditions(turbine, plan)}
+        minutes = round(sum(condition.duration for condition in conditions.values()) / 60.0)
+        sizes += [len(conditions), minutes]
+    pattern = r"Full set: (\d+) runs, (\d+) h (\d+) min.*quick set: (\d+) runs, (\d+) min"
+    full, hours, minutes, *quick = map(int, re.search(pattern, text_of("docs/loadcases.md"), re.DOTALL).groups())
+    return [full, 60 * hours + minutes, *quick], sizes
+
+
+@statement
+def controllers_of_the_record():
+    return RECORD["controllers"]["notes"] in text_of("docs/baselines.md"), True
+
+
+@statement
+def winds_that_are_estimated():
+    pattern = r"(\d+) m/s: correlation (\S+), rms (\S+) m/s, mean error (\S+) m/s"
+    found = re.findall(pattern, RECORD["wind-estimate"]["notes"])
+    said = re.findall(r"\| (\d+) m/s \| (0\.\S+) \| (\S+) m/s \| (\S+) m/s \|", text_of("docs/baselines.md"))
+    return said, found
+
+
+@statement
+def cases_that_fail_and_why():
+    """A case that is not in the record may have failed when the page was written."""
+    table = rows(section("docs/aerodynamics.md", "What does not pass, and why"))
+    named = [name for row in table for name in re.findall(r"`([^`]+)`", row[0])]
+    assert len({*named}) == len(named)
+    assert all(len(row) == 4 and all(row) for row in table)
+    assert {*named} <= {*load_cases()}
+    return {name for name in named if name in RECORD}, FAILING
+
+
+@statement
+def coupled_formulations():
+    """All but the time of a step, which is another one on each machine."""
+    found = [row for row in rows(section("docs/formulations.md", "All of them in the environment")) if len(row) == 7]
+    said = [(", ".join(row[:2]), [cell.removesuffix(" %") for cell in row[3:]]) for row in found]
+    known = copied("formulations-coupled")  # the name with how it ended, if early
+    return said, [(", ".join([n, *x[5:]]), ["–" if y == "nan" else y for y in x[1:5]]) for n, x in known]
+
+
+@statement
+def reduction_study():
+    part = text_of("docs/formulations.md").split("(`observer-turbine-reduction`)")[1].split("\n## ")[0]
+    return [row[1:6] for row in rows(part)], [numbers[:5] for _, numbers in copied("observer-turbine-reduction")]
+
+
+@statement
+def steady_states_of_the_iea_22mw():
+    notes = RECORD["iea22-steady"]["notes"].replace("-", "−").replace("−0.0 %", "0.0 %").replace("+0.0 %", "0.0 %")
+    known = rows(notes.replace("−−−", "---"))
+    assert len(known) == 10
+    return rows(section("docs/validation.md", "Steady states of the IEA 22-MW")), known
+
+
+@statement
+def one_version_everywhere():
+    project = tomllib.loads(text_of("pyproject.toml"))
+    assert project["project"]["dynamic"] == ["version"]
+    said = re.search(r"^version: (\S+)$", text_of("CITATION.cff"), re.MULTILINE)[1]
+    return (said, re.search(r"^## ([\d.]+)", text_of("CHANGELOG.md"), re.MULTILINE)[1]), (wt_gym.__version__,) * 2
+
+
+@statement
+def versions_of_ids_and_tasks():
+    ids = [name for name in gym.registry if name.startswith("wt_gym/")] + [load_task(name).id for name in task_names()]
+    return [name for name in ids if re.search(r"-v\d+$", name)], ids
+
+
+@statement
+def public_modules():
+    said = text_of("docs/versions.md").split("**Public interface.**")[1].split("in `__all__`")[0]
+    names = re.findall(r"`(wt_gym\.[a-z.]+)`", said)
+    assert len(names) >= 8
+    return {name for name in names if name == "wt_gym.agents" or import_module(name).__all__}, {*names}
+
+
+@statement
+def messages_of_refusals():
+    sources = "".join(
+        p.read_text(encoding="utf-8") for room in ("wt_gym", "agents") for p in (ROOT / room).rglob("*.py")
+    )
+    messages = re.findall(r"^\| `([^`]+)` \|", text_of("docs/howto/trouble.md"), re.MULTILINE)
+    parts = [part.strip() for message in messages for part in message.split("…") if part.strip()]
+    return [part for part in parts if part in sources], parts
+
+
+@statement
+def what_ray_needs():
+    pins = dict(line.split("==") for line in text_of("constraints-ray.txt").splitlines() if "==" in line)
+    extras = tomllib.loads(text_of("pyproject.toml"))["project"]["optional-dependencies"]
+    assert any(need.startswith("ray[rllib]") for need in extras["ray"])
+    assert {"ray", "torch", "numba", "stable_baselines3"} <= set(pins)
+    return "1.2.2", pins["gymnasium"]  # RLlib's
+
+
+def test_nothing_imports_ray_that_does_not_ask_for_it():
+    program = (
+        "import sys, wt_gym.agents.train, wt_gym.agents.evaluation, wt_gym.runs.executors, "
+        "wt_gym.agents.training.search, wt_gym.agents.benchmark_runs; sys.exit('ray' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0
+
+
+# ---- what can be run at once -----------------------------------------------------------------------------------------
+
+FIRST = ("README.md", "docs/quickstart.md")
+BLOCKS = [
+    (page, language, block)
+    for page in FIRST
+    for language, block in re.findall(r"^```(\w*)\n(.*?)^```", text_of(page), re.MULTILINE | re.DOTALL)
+]
+LINES = dict.fromkeys(
+    line.split("#")[0].strip() for _, kind, block in BLOCKS if not kind for line in block.splitlines()
+)
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_first_commands_are_accepted(line):
+    program, *words = shlex.split(line)
+    if program.endswith(".py"):
+        assert import_module(f"wt_gym.commands.{Path(program).stem}").parse_arguments(words)
+    elif program.startswith("scripts/"):
+        assert (ROOT / program).stat().st_mode & 0o100
+        assert not words
+    elif program == "wt-gym":
+        assert words[0] in (*COMMANDS, "--help")
+    else:
+        assert (program, words[0]) == ("pip", "install")
+
+
+def test_first_commands_are_found():
+    assert {"scripts/demo", "scripts/test", "scripts/docs"} <= set(LINES)
+
+
+@pytest.mark.parametrize("page", FIRST)
+def test_first_examples_run(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names, examples = {}, [block for name, kind, block in BLOCKS if name == page and kind == "python"]
+    for example in examples:
+        exec(compile(example, page, "exec"), names)
+    assert names["observation"].shape == names["env"].observation_space.shape or "controller=" in examples[-2]
+    if page == "docs/quickstart.md":
+        assert (tmp_path / "run.nc").stat().st_size > 1000
+
+
+def test_the_picture_moves_and_is_small():
+    from PIL import Image
+
+    file = ROOT / re.search(r"\((docs/data/\w+\.gif)\)", text_of("README.md"))[1]
+    assert file.stat().st_size < 1.5e6
+    with Image.open(file) as picture:
+        assert picture.n_frames >= 20
+        assert picture.size[0] <= 1000
+
+
+# ---- names, files and links ------------------------------------------------------------------------------------------
+
+ROOMS = [ROOT / "wt_gym", ROOT / "validation"]
+SOURCES = {path: path.read_text(encoding="utf-8") for room in ROOMS for path in sorted(room.rglob("*.py"))}
+ALL = "\n".join(SOURCES.values())
+TREES = {path: ast.parse(text) for path, text in SOURCES.items()}
+SPANS = [
+    (page, span)
+    for page in (
+        "aerodynamics",
+        "formulations",
+        "howto/pictures",
+        "tasks/max_power",
+        "tasks/yaw",
+        "tutorials/own_reward",
+    )
+    for span in sorted({" ".join(s.split()) for s in re.findall(r"`([^`\n]+)`", text_of(f"docs/{page}.md"))})
+]
+
+
+def names_of(tree):
+    """Functions, classes and assigned names at the top of a module or in a class."""
+    found = set()
+    for node in tree.body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            found.add(node.name)
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return found
+
+
+MODULES = {}  # by name, those of the same name together
+for path, tree in TREES.items():
+    MODULES.setdefault(path.stem, set()).update(names_of(tree))
+CLASSES = {node.name: names_of(node) for tree in TREES.values() for node in tree.body if isinstance(node, ast.ClassDef)}
+DEFINED = set().union(*MODULES.values(), *CLASSES.values())
+
+
+def missing(span):
+    """Parts of a code span that are nowhere."""
+    if span.startswith("scripts/"):
+        script, *words = span.split()
+        return [] if (ROOT / script).exists() and set(words[1:]) <= {*load_cases(), "NAME"} else [span]
+    if re.fullmatch(r"[\w/]+\.(py|json)", span):
+        inside = any(p.as_posix().endswith(f"/{span}") for room in ROOMS for p in room.rglob("*.*"))
+        return [] if inside or (ROOT / span).exists() else [span]
+    if re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)+", span):
+        return [] if span in load_cases() or span in FIDELITIES else [span]
+    head = re.match(r"(\w+)(?:\.(\w+))?", span)
+    if head is None or span.startswith('"'):
+        return [] if span.strip('"') in FIDELITIES else [span]
+    owner, member = head.groups()
+    if member:
+        place = CLASSES.get(owner) or MODULES.get(owner) or (Work._fields if owner == "work" else ())
+        out = [] if member in place else [f"{owner}.{member}"]
+    else:
+        known = owner in DEFINED or re.search(rf"\b{owner}\b", ALL)
+        out = [] if known else [owner]
+    # the options and their values in brackets
+    out += [word for word in re.findall(r"(\w+)=", span) if not re.search(rf"\b{word}\b\s*[:=]", ALL)]
+    return out + [word for word in re.findall(r'"([^"]+)"', span) if f'"{word}"' not in ALL]
+
+
+@pytest.mark.parametrize(("page", "span"), SPANS)
+def test_what_the_page_names_exists(page, span):
+    assert not missing(span)
+
+
+def test_names_stand_in_the_file_before_them():
+    """Two code spans side by side: the file and what is in it."""
+    pairs = re.findall(r"`(\w+)\.py` `(\w+)`", text_of("docs/aerodynamics.md"))
+    assert len(pairs) > 10
+    assert [name for file, name in pairs if name not in MODULES[file]] == []
+
+
+def test_names_that_are_nowhere_are_missed():
+    assert len(SPANS) > 200
+    for nonsense in (
+        "nowhere.py", "no/where.py", "no-such-case", "tree_kernels.nowhere", "nowhere_at_all", 'load_forms="joukowski"',
+        'body_from_beam(…, coordinates="nowhere")',
+    ):  # fmt: skip
+        assert missing(nonsense), nonsense
+
+
+@pytest.mark.parametrize(
+    "page", ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/versions.md", "docs/training.md"]
+)
+def test_links_and_files_lead_somewhere(page):
+    folder, text = (ROOT / page).parent, text_of(page)
+    links = [folder / link for link in re.findall(r"\]\((?!http|#)([^)#]+)", text)]
+    links += [ROOT / path for path in re.findall(r"`?((?:agents|scripts)/[\w/]+(?:\.\w+)?)`", text)]
+    assert [link for link in links if not link.exists()] == []

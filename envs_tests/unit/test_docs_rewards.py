@@ -5,8 +5,8 @@ import re
 from pathlib import Path
 
 import pytest
+import reward_study as study
 
-from wt_gym.agents import reward_study as study
 from wt_gym.envs import rewards
 from wt_gym.envs.turbine_env import WindTurbineEnv
 

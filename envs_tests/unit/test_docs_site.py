@@ -17,6 +17,7 @@ import pytest
 import wt_gym
 from validation.record import read_record, source_commit, update_record
 from wt_gym.commands import COMMANDS
+from wt_gym.control.controllers import ADDITIONS, BASES, WRAPPERS, declared_parameters
 from wt_gym.simulation import FIDELITIES, channel_table
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -183,6 +184,16 @@ def test_the_site_shows_commits_where_they_are_known(tmp_path, monkeypatch):
     for text in (site_part.summary(), site_part.checks()):
         assert text.count("`abc1234+`") == 1
         assert "None" not in text
+
+
+@needs_docs
+def test_the_table_of_parameters_is_that_of_the_code(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    text = import_module("site_parts.options").parameters()
+    for name in (*BASES, *WRAPPERS, *ADDITIONS):
+        for parameter in declared_parameters(name):
+            assert f"| `{name}` | `{parameter.name}` | {parameter.unit} |" in text
+            assert parameter.meaning in text
 
 
 @pytest.mark.slow

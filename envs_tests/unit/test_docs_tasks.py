@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from wt_gym.agents.task_scores import RANDOM, STUDIES, score_table
-from wt_gym.envs.wind_sampler import GUSTS, TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import GUSTS, TRAINING_WIND_SEEDS
 from wt_gym.ids import present_id
 from wt_gym.tasks import TASKS
 

@@ -294,7 +294,7 @@ def test_drives_in_the_library_keep_the_limits_of_the_turbine(exported):
     held = start_demand(signals[0], turbine)
     ours, plain = Exported(library, turbine, parameters, held), Exported(bare, turbine, of_bare, held)
     parts, angles, torques = 8, [], []
-    command = rate = None
+    command, expected, rate = held.pitch, held.pitch, np.zeros(3)
     for k, now in enumerate(signals):
         plain.read(now)
         demand = plain.call(k * DT, DT)
@@ -304,13 +304,11 @@ def test_drives_in_the_library_keep_the_limits_of_the_turbine(exported):
             angles.append(found.pitch)
             torques.append(found.generator_torque)
         # the drive of the simulator: its rate goes from that of the last command to that of this one within the step
-        command = held.pitch if command is None else command
-        before = np.zeros(3) if rate is None else rate
-        most = turbine.pitch.max_rate
+        assert angles[-parts] == pytest.approx(expected, abs=1e-6)
+        before, most = rate, turbine.pitch.max_rate
         rate = np.clip((np.clip(demand.pitch, 0.0, turbine.pitch.max_pitch) - command) / DT, -most, most)
-        expected = (angles[-parts - 1] if k else held.pitch) + 0.5 * DT * (before + rate)
+        expected = expected + 0.5 * DT * (before + rate)
         command = command + DT * rate
-        assert angles[-1] == pytest.approx(expected, abs=1e-6)
     rates = np.diff(np.array(angles), axis=0) / (DT / parts)
     assert abs(rates).max() <= turbine.pitch.max_rate * 1.001
     assert abs(rates).max() > 0.9 * turbine.pitch.max_rate
@@ -330,8 +328,8 @@ def test_drives_do_not_drift_where_steps_of_the_caller_fit_none_of_the_controlle
             odd.read(signals[k])
             k += 1
         found.append(odd.call(time, dt).pitch)
-    ends = dt * np.arange(1, len(found) + 1)
-    smooth = np.array([np.interp(ends, DT * np.arange(1, 201), column) for column in expected.T]).T
+    times = dt * np.arange(len(found))
+    smooth = np.array([np.interp(times, DT * np.arange(200), column) for column in expected.T]).T
     # the evenness of a step and half a step of the caller at the greatest rate
     assert abs(np.array(found) - smooth).max() < 0.7 * dt * turbine.pitch.max_rate + 0.3 * DT * turbine.pitch.max_rate
 

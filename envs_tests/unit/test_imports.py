@@ -24,22 +24,15 @@ KNOWS = {
     "bridges": {"turbines", "wind", "simulation", "control"},
     "analysis": {"turbines", "wind", "simulation", "control"},
     "envs": {"turbines", "wind", "simulation", "control", "bridges", "analysis"},
-    "benchmark": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs"},
-    "agents": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "benchmark"},
+    "runs": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs"},
+    "benchmark": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs"},
+    "agents": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark"},
     "commands": {
-        "turbines",
-        "wind",
-        "multibody",
-        "simulation",
-        "control",
-        "bridges",
-        "analysis",
-        "envs",
-        "benchmark",
+        "turbines", "wind", "multibody", "simulation", "control", "bridges", "analysis", "envs", "runs", "benchmark",
         "agents",
     },
     "__main__": {"commands"},
-}
+}  # fmt: skip
 """Rooms that each room may use, beside `BASE` and the version in ``wt_gym`` itself."""
 
 TWO_WAYS_TO_COMPILE = {"wt_gym.compiled", "wt_gym.kernel_linking", "wt_gym.kernel_self_test"}

@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.agents import agent_pool
-from wt_gym.agents.executors import SerialExecutor
+from wt_gym.agents import pool
 from wt_gym.agents.loadcases import study
-from wt_gym.agents.loadcases.cases import CASES, Condition, digest, inflow_of, plan_of
+from wt_gym.agents.loadcases.cases import CASES, Condition, inflow_of, plan_of
 from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
 from wt_gym.agents.loadcases.results import PARKED, CaseRun, LoadCaseResults
 from wt_gym.agents.loadcases.run import EXTREMES
 from wt_gym.agents.loadcases.study import LoadCaseConfig, run_load_cases
-from wt_gym.agents.sweep_record import SWEEP_FILE
-from wt_gym.agents.workers import Tally
 from wt_gym.analysis.lifetime import WindClimate, wind_weights
 from wt_gym.commands.loadcases import main
-from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
+from wt_gym.envs.options.wind import TRAINING_WIND_SEEDS
+from wt_gym.runs.definition import digest
+from wt_gym.runs.executors import SerialExecutor, Tally
+from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.turbines import load_turbine
 
@@ -258,8 +258,8 @@ def sent(value):
 def elsewhere(monkeypatch):
     """An executor for which no kernels are compiled: the environments that would be are in its ``compiled``."""
     compiled = []
-    monkeypatch.setattr(agent_pool, "compile_kernels", compiled.append)
-    monkeypatch.setattr(agent_pool, "_play", None)  # of worker processes, which this one stands for
+    monkeypatch.setattr(pool, "compile_kernels", compiled.append)
+    monkeypatch.setattr(pool, "_play", None)  # of worker processes, which this one stands for
     executor = Elsewhere()
     executor.compiled = compiled
     return executor
@@ -314,7 +314,7 @@ def test_a_damaged_file_is_named(tmp_path, counted):
 )
 def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("wt_gym.agents.agent_pool.AgentPool.results", lambda *_: pytest.fail("runs were begun"))
+    monkeypatch.setattr("wt_gym.agents.pool.AgentPool.results", lambda *_: pytest.fail("runs were begun"))
     with pytest.raises(SystemExit) as end:
         main(words)
     assert message in end.value.code

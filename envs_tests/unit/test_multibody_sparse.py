@@ -1,9 +1,10 @@
-"""The factorization along the branches of a tree against a dense solution."""
+"""Factorizations: along the branches of a tree, and with row exchanges, against dense solutions."""
 
 import numpy as np
 import pytest
 
 from wt_gym.multibody.system import Joint, MultibodySystem
+from wt_gym.multibody.tree.linear_algebra_kernels import factorize, solve_factorized
 from wt_gym.multibody.tree.sparse_kernels import factorize_tree, multiply_tree, solve_tree
 from wt_gym.structure.flexible_body import FlexibleBody
 
@@ -63,3 +64,20 @@ def test_the_velocities_of_a_system_know_those_before_them(branched):
     lower = np.tril(work.mass)
     mass = lower @ lower.T
     assert np.abs(mass[1:3, 3:5]).max() < 1e-12 * np.abs(mass).max()  # the arms do not know of each other
+
+
+def test_row_exchanges_solve_where_pivots_vanish():
+    rng = np.random.default_rng(5)
+    matrix, x, order = rng.normal(size=(6, 6)), rng.normal(size=6), np.zeros(6, dtype=np.int64)
+    matrix[0, 0] = matrix[1, 1] = 0.0
+    factors, b = matrix.copy(), matrix @ x
+    assert factorize(factors, order)
+    solve_factorized(factors, order, b)
+    np.testing.assert_allclose(b, x, rtol=1e-12)
+
+
+def test_a_singular_matrix_is_refused_whatever_its_unit():
+    matrix = np.random.default_rng(6).normal(size=(5, 5))
+    matrix[4] = matrix[0] + matrix[1]
+    for unit in (1e-12, 1.0, 1e12):
+        assert not factorize(unit * matrix, np.zeros(5, dtype=np.int64))

@@ -90,12 +90,12 @@ def test_the_sources_have_no_symbolic_links():
 
 def test_a_clone_finds_the_agents_under_the_name_of_the_package():
     import wt_gym.agents
-    from wt_gym.agents import folder_lock
+    from wt_gym.agents import pool
 
     assert Path(wt_gym.agents.__file__) == ROOT / "agents" / "__init__.py"
     assert (sys.modules["wt_gym.agents"], wt_gym.agents.__spec__.name) == (wt_gym.agents, "wt_gym.agents")
-    assert Path(folder_lock.__file__) == ROOT / "agents" / "folder_lock.py"
-    assert pickle.loads(pickle.dumps(folder_lock.FolderLock)) is folder_lock.FolderLock
+    assert Path(pool.__file__) == ROOT / "agents" / "pool.py"
+    assert pickle.loads(pickle.dumps(pool.AgentPool)) is pool.AgentPool
 
 
 WORKERS = """
@@ -103,11 +103,11 @@ import multiprocessing, sys
 from pathlib import Path
 import wt_gym.agents
 from wt_gym.agents.training.hyperparameters import hyperparameters_for
-from wt_gym.agents.folder_lock import FolderLock
+from wt_gym.agents.training.run_folder import RunFolder
 
 if __name__ == "__main__":
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        print(pool.apply(FolderLock, ("folder", "work")).__class__ is FolderLock, FolderLock.__module__)
+        print(pool.apply(RunFolder, ("folder",)).__class__ is RunFolder, RunFolder.__module__)
     print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v1")) > 3, Path(wt_gym.agents.__file__).parent)
 """
 
@@ -119,7 +119,7 @@ def test_pickles_workers_and_data_find_their_way(installed, sources, tmp_path, e
     program = folder / "work" / "program.py"
     program.write_text(WORKERS)
     workers, settings = succeeds(folder / "venv" / "bin" / "python", program, folder=folder / "work").splitlines()
-    assert workers == "True wt_gym.agents.folder_lock"
+    assert workers == "True wt_gym.runs.folder_lock"
     found, agents = settings.split()
     assert found == "True"
     assert Path(agents, "trained", "load_reduction", "model.zip").is_file()

@@ -17,7 +17,7 @@ from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import load_turbine
 
-PIECES = Fidelity(blade_bodies=4, blade_modes=(2, 1, 1), integrator="generalised_alpha")
+PIECES = Fidelity(blade_bodies=4, blade_modes=(2, 1, 1), integrator="generalized_alpha")
 DOFS = (0, 1, 3, 4, 5)
 
 

@@ -1,8 +1,12 @@
 """Signals by name, one after another and as a dict."""
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from wt_gym.simulation import channels
 from wt_gym.simulation.channels import Signals, channel_table
 
 
@@ -27,3 +31,13 @@ def test_signals_know_their_names(signals):
     assert "pitch_3" not in signals
     assert 3 not in signals
     assert signals  # whatever its values are
+
+
+def test_type_checkers_know_which_signals_are_those_of_all_blades():
+    tree = ast.parse(Path(channels.__file__).read_text(encoding="utf-8"))
+    (definition,) = (node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Signals")
+    declared = [node.target.id for node in ast.walk(definition) if isinstance(node, ast.AnnAssign)]
+    table = channel_table(2)
+    assert [name for name in declared if not name.startswith("__")] == list(
+        dict.fromkeys(channel.group for channel in table if channel.group != channel.name)
+    )

@@ -66,7 +66,7 @@ def test_every_id_of_a_turbine_stands_in_its_record():
     assert ids == {name for name in own if "-Steady-" in name or "-Turbulent-" in name}
     assert gym.spec("wt_gym/NadaSmall-Steady-v1").kwargs == {
         "turbine": "nada_small", "inflow": "steady", "wind_speed": (6.0, 10.0), "control_dt": 0.02,
-        "episode_length": 4.0,
+        "episode_length": 4.0, "env_id": "wt_gym/NadaSmall-Steady-v1",
     }  # fmt: skip
 
 

@@ -9,27 +9,26 @@ from pathlib import Path
 
 import pytest
 
-from wt_gym.agents.executors import ProcessExecutor, executor_for
-from wt_gym.agents.workers import ATTEMPTS, Tally, check_workers, in_processes
+from wt_gym.runs.executors import ATTEMPTS, ProcessExecutor, Tally, executor_for
 
 PROGRAM = """
 import time
-from wt_gym.agents.workers import in_processes
+from wt_gym.runs.executors import ProcessExecutor
 
 if __name__ == "__main__":
-    for job, _ in in_processes(time.sleep, (0, 600, 601), 2):
+    for job, _ in ProcessExecutor(2).results(time.sleep, (0, 600, 601)):
         print(job, flush=True)
 """
 
 
 def test_each_job_comes_with_its_result_and_one_thread():
-    found = dict(in_processes(os.getenv, ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "WT_GYM_NOTHING"), 2))
+    found = dict(ProcessExecutor(2).results(os.getenv, ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "WT_GYM_NOTHING")))
     assert found == {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "WT_GYM_NOTHING": None}
 
 
 def test_a_job_that_fails_ends_all():
     with pytest.raises(ValueError, match="sleep length must be non-negative"):
-        list(in_processes(time.sleep, (-1, 0), 1))
+        list(ProcessExecutor(1).results(time.sleep, (-1, 0)))
 
 
 def _end_once(mark: str) -> int:
@@ -69,7 +68,7 @@ def test_workers_end_with_a_process_that_is_killed(tmp_path):
     assert rest == b""
 
 
-@pytest.mark.parametrize("refuse", [check_workers, lambda workers: executor_for(workers=workers), ProcessExecutor])
+@pytest.mark.parametrize("refuse", [lambda workers: executor_for(workers=workers), ProcessExecutor])
 def test_no_worker_is_refused(refuse):
     with pytest.raises(ValueError, match="at least 1 job must run at a time, got 0"):
         refuse(0)

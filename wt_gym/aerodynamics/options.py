@@ -1,12 +1,20 @@
 """Choices of the vortex-lattice solver, with the measured error of the presets' wakes."""
 
+from __future__ import annotations
+
 import math
 import numbers
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
 
 __all__ = ["ENGINEERING", "REFERENCE", "SEPARATION_LAG", "TRAINING", "AeroOptions"]
 
@@ -142,7 +150,7 @@ class AeroOptions:
     tree_tolerance: float = 1e-3
     ground_height: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Refuse values without meaning."""
         self._check_counts()
         for name in NOT_NEGATIVE:
@@ -176,13 +184,13 @@ class AeroOptions:
                 f"AeroOptions.induction is {self.induction!r}; must be one of {', '.join(INDUCTIONS)}"
             )
 
-    def _check_number(self, name, within, allowed):
+    def _check_number(self, name: str, within: Callable[[float], bool], allowed: str) -> None:
         """Refuse a value that is no number or not within the range."""
         value = getattr(self, name)
-        if not isinstance(value, numbers.Real) or not within(value):
+        if not isinstance(value, numbers.Real) or not within(float(value)):
             raise AerodynamicsError(f"AeroOptions.{name} is {value!r}; {allowed}")
 
-    def _check_counts(self):
+    def _check_counts(self) -> None:
         """Refuse counts that are no whole numbers or too small, and thinning that contradicts itself."""
         for name, least in COUNTS.items():
             value = getattr(self, name)
@@ -206,7 +214,7 @@ class AeroOptions:
                 f"{self.coarse_stride}"
             )
 
-    def for_step(self, step_deg):
+    def for_step(self, step_deg: float) -> AeroOptions:
         """Options for a step that turns the rotor by another angle than the recommended one.
 
         What makes a thinned wake right is how far its rows lie apart and how many turns they reach, not how many steps
@@ -236,14 +244,15 @@ class AeroOptions:
             turns += 1
         return replace(thinned, wind_stride=turns)
 
-    def row_numbers(self):
+    def row_numbers(self) -> NDArray[np.int64]:
         """Steps since each row of a full wake was shed, newest first, given the thinning of old rows.
 
         Returns
         -------
         ndarray of int, shape (wake_rows,)
         """
-        numbers, step = [], 0
+        numbers: list[int] = []
+        step = 0
         while len(numbers) < self.wake_rows:
             row = len(numbers) + 1
             stride = self.coarse_stride if row > self.full_rows else 1
@@ -255,7 +264,7 @@ class AeroOptions:
         return np.array(numbers)
 
 
-def _is_count(value):
+def _is_count(value: object) -> bool:
     return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 

@@ -1,8 +1,10 @@
 """The state of the aerodynamics: plain arrays that can be copied, compared and continued bit for bit."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -15,34 +17,39 @@ from wt_gym.aerodynamics.lattice.separation import separation_tables
 from wt_gym.aerodynamics.options import SEPARATION_LAG, AeroOptions
 from wt_gym.aerodynamics.wake.far_wake_kernels import N_CELL, N_FAR, N_TUBE
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 __all__ = ["AeroArrays", "AeroConstants", "AeroState", "AeroWork", "PlanformArrays"]
 
 
 class PlanformArrays(NamedTuple):
     """What the kernels need of a planform."""
 
-    chord: np.ndarray
-    edge_chord: np.ndarray
-    polars: np.ndarray
-    alpha0: np.ndarray
-    kappa: np.ndarray
-    moment0: np.ndarray
-    slope_angle: np.ndarray
-    tilt: np.ndarray  # (n_span, 2) cosine and sine of slope angle - angle of zero lift
-    separation: np.ndarray  # (n_span, n_alpha, 4), see separation.separation_tables; no angles without dynamic stall
-    cylinder_table: np.ndarray
-    shed_nodes: np.ndarray
-    shed_rings: np.ndarray
-    shed_chord: np.ndarray
-    segments: np.ndarray  # (2, n, 4): without and with a wake, see edges.bound_segments
-    segment_core: np.ndarray  # (2, n) core radius squared [m^2]
-    n_segments: np.ndarray  # (2,)
-    sparse_nodes: np.ndarray  # int64 (n_sparse,) nodes of the edge that carry the sparse part of the wake
-    sparse_weight: np.ndarray  # (n_edge,) share of each ring in its merged ring, see sparse_span
-    sparse_place: np.ndarray  # (n_edge + 1,) place of a node between its carrying neighbors, 0 … 1
+    chord: NDArray[np.float64]  # (n_span,) of the strips [m]
+    edge_chord: NDArray[np.float64]  # (n_span + 1,) at their edges [m]
+    polars: NDArray[np.float64]  # (n_span, n_alpha, 3) cl, cd, cm at angles from -pi on
+    alpha0: NDArray[np.float64]  # (n_span,) angle of zero lift of the two-dimensional lattice [rad]
+    kappa: NDArray[np.float64]  # (n_span,) circulation per normal velocity of that lattice [m]
+    # (n_span,) moment coefficient of that lattice at zero lift, of the chord of the polars
+    moment0: NDArray[np.float64]
+    slope_angle: NDArray[np.float64]  # (n_span,) from the first to the last ring node against the chord line [rad]
+    tilt: NDArray[np.float64]  # (n_span, 2) cosine and sine of slope angle - angle of zero lift
+    # (n_span, n_alpha, 4), see separation.separation_tables; no angles without dynamic stall
+    separation: NDArray[np.float64]
+    cylinder_table: NDArray[np.float32]  # (2, n_axial, n_radial), see far_wake.cylinder_table
+    shed_nodes: NDArray[np.int64]  # (n_edge + 1,) ring nodes on the shedding edge, see edges.SheddingEdge
+    shed_rings: NDArray[np.int64]  # (n_edge,) rings that shed there
+    shed_chord: NDArray[np.float64]  # (n_edge + 1,) chord at those nodes [m]
+    segments: NDArray[np.int64]  # (2, n, 4): without and with a wake, see edges.bound_segments
+    segment_core: NDArray[np.float64]  # (2, n) core radius squared [m^2]
+    n_segments: NDArray[np.int64]  # (2,)
+    sparse_nodes: NDArray[np.int64]  # (n_sparse,) nodes of the edge that carry the sparse part of the wake
+    sparse_weight: NDArray[np.float64]  # (n_edge,) share of each ring in its merged ring, see sparse_span
+    sparse_place: NDArray[np.float64]  # (n_edge + 1,) place of a node between its carrying neighbors, 0 … 1
 
     @classmethod
-    def of(cls, planform: LatticePlanform, options: AeroOptions, cylinder_table: np.ndarray) -> "PlanformArrays":
+    def of(cls, planform: LatticePlanform, options: AeroOptions, cylinder_table: NDArray[np.float32]) -> PlanformArrays:
         """Gather the arrays.
 
         ``kappa`` is circulation per normal velocity of the two-dimensional lattice [m]. It goes with the chord of the
@@ -68,7 +75,7 @@ class PlanformArrays(NamedTuple):
         )  # fmt: skip
 
 
-def carrying_nodes(n_edge, stride):
+def carrying_nodes(n_edge: int, stride: int) -> NDArray[np.int64]:
     """Nodes of the edge that carry the sparse part of the wake: the last three and every ``stride``-th inboard of them.
 
     Where the circulation falls steeply, the place of its trailing vortices decides how fast they move.
@@ -76,7 +83,9 @@ def carrying_nodes(n_edge, stride):
     return np.unique(np.concatenate([np.arange(max(n_edge - 2, 0), -1, -stride), [0, n_edge - 1, n_edge]]))
 
 
-def sparse_span(planform, edge_nodes, stride):
+def sparse_span(
+    planform: LatticePlanform, edge_nodes: NDArray[np.int64], stride: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Carrying nodes of the sparse wake, shares of the rings in merged rings, places of nodes between neighbors.
 
     The shares are those of the areas that the rings sweep behind a rotor: the merged ring has the impulse of its parts,
@@ -100,35 +109,35 @@ def sparse_span(planform, edge_nodes, stride):
 class AeroConstants(NamedTuple):
     """Numbers of a lattice, as the kernels take them."""
 
-    density: float
-    wake_core: float
-    viscosity: float
-    squire: float
-    shed_fraction: float
-    stall_lag: float
-    separation_lag: float
-    ground: float
-    full_rows: int
-    coarse_stride: int
-    sparse_from: int
-    sparse_stride: int
-    fresh_rows: int
-    refresh_stride: int
-    far_wake_rows: int
-    far_wake: bool
+    density: float  # of the air [kg/m^3]
+    wake_core: float  # core radius of new wake segments, over the chord
+    viscosity: float  # kinematic [m^2/s]
+    squire: float  # coefficient of the turbulent growth of cores
+    shed_fraction: float  # place of the newest row between trailing edge and the air that left it one step ago
+    stall_lag: float  # of the decambering [chords]; 0 with dynamic stall
+    separation_lag: float  # of the separation point [chords]
+    ground: float  # height [m]; 0 without a ground
+    full_rows: int  # rows that are not thinned
+    coarse_stride: int  # steps from row to row behind them
+    sparse_from: int  # first row of the sparse part; more than there are without one
+    sparse_stride: int  # steps from row to row there
+    fresh_rows: int  # rows whose induced velocity is computed in every step
+    refresh_stride: int  # steps between two computations for the others
+    far_wake_rows: int  # oldest rows, from which the cylinders behind the wake are measured
+    far_wake: bool  # cylinders continue the wake
     has_ground: bool
-    viscous: bool
+    viscous: bool  # polars act on the circulation
     dynamic_stall: bool
-    unsteady: bool
-    bernoulli: bool
-    strain: bool
-    curved: bool
-    arcs: bool
-    edge_wake: bool
-    tip_wake: bool
+    unsteady: bool  # force of the changing circulation
+    bernoulli: bool  # loads from pressures, else Joukowski's
+    strain: bool  # cores shrink as segments stretch
+    curved: bool  # polygons follow the curve through their nodes
+    arcs: bool  # segments beside a node act on it as arcs, see local_induction_kernels
+    edge_wake: bool  # trailing edges shed
+    tip_wake: bool  # tips shed
 
     @classmethod
-    def of(cls, options: AeroOptions, density: float) -> "AeroConstants":
+    def of(cls, options: AeroOptions, density: float) -> AeroConstants:
         """Numbers of these options."""
         o = options
         has_ground = o.ground_height is not None
@@ -150,36 +159,37 @@ class AeroConstants(NamedTuple):
 class AeroWork(NamedTuple):
     """Work arrays of a lattice: nothing in them outlives a step."""
 
-    bound_sheet: np.ndarray  # float32 (n_chord + 1, n_blade, n_node, 7), see induction_kernels
-    wake_sheet: np.ndarray  # float32 (n_max + 1, n_blade, n_edge + 1, 7)
-    sparse_sheet: np.ndarray  # float32 (n_max + 1 - sparse_from, n_blade, n_sparse, 7), no rows without a sparse part
-    targets: np.ndarray  # float32 (2, 3, n_target)
-    velocity: np.ndarray  # float32 (2, 3, n_target)
-    scratch: np.ndarray  # float32
-    rows: np.ndarray  # int64 (n_max + 1,) rows whose turn it is
-    row_points: np.ndarray  # (n_max + 1, n_blade, n_edge + 1, 3) nodes of these rows [m]
-    n_turn: np.ndarray  # int64 (1,) their number
-    corners: np.ndarray  # (2, n_blade, n_corner, 3) ring nodes and newest wake row, and their mirror images
-    points: np.ndarray  # (3, n_point)
+    bound_sheet: NDArray[np.float32]  # (n_chord + 1, n_blade, n_node, 7), see induction_kernels
+    wake_sheet: NDArray[np.float32]  # (n_max + 1, n_blade, n_edge + 1, 7)
+    # (n_max + 1 - sparse_from, n_blade, n_sparse, 7), no rows without a sparse part
+    sparse_sheet: NDArray[np.float32]
+    targets: NDArray[np.float32]  # (2, 3, n_target)
+    velocity: NDArray[np.float32]  # (2, 3, n_target)
+    scratch: NDArray[np.float32]  # (n,) of the induction kernels
+    rows: NDArray[np.int64]  # (n_max + 1,) rows whose turn it is
+    row_points: NDArray[np.float64]  # (n_max + 1, n_blade, n_edge + 1, 3) nodes of these rows [m]
+    n_turn: NDArray[np.int64]  # (1,) their number
+    corners: NDArray[np.float64]  # (2, n_blade, n_corner, 3) ring nodes and newest wake row, and their mirror images
+    points: NDArray[np.float64]  # (3, n_point)
     rings: RingWork
-    flow: np.ndarray  # (3, n_point)
-    normal: np.ndarray  # (n_ring, 3)
-    area: np.ndarray  # (n_ring,)
-    swap: np.ndarray  # int64 (n_ring,) for the inverse
-    panel: np.ndarray  # (n_ring, 4)
-    pivots: np.ndarray  # (4, n_ring)
-    through: np.ndarray  # (n_ring,)
-    axes: np.ndarray  # (n_strip, 3) chord direction
-    normals: np.ndarray  # (n_strip, 3)
-    strip: np.ndarray  # (6, n_strip): width, along, potential, right-hand side, derivative, step
-    jacobian: np.ndarray  # (n_span, n_span)
-    lines: np.ndarray  # (3, n_edge + 1)
-    arc: np.ndarray  # (2, 3) place and velocity of one node
+    flow: NDArray[np.float64]  # (3, n_point)
+    normal: NDArray[np.float64]  # (n_ring, 3)
+    area: NDArray[np.float64]  # (n_ring,)
+    swap: NDArray[np.int64]  # (n_ring,) for the inverse
+    panel: NDArray[np.float64]  # (n_ring, 4)
+    pivots: NDArray[np.float64]  # (4, n_ring)
+    through: NDArray[np.float64]  # (n_ring,)
+    axes: NDArray[np.float64]  # (n_strip, 3) chord direction
+    normals: NDArray[np.float64]  # (n_strip, 3)
+    strip: NDArray[np.float64]  # (6, n_strip): width, along, potential, right-hand side, derivative, step
+    jacobian: NDArray[np.float64]  # (n_span, n_span)
+    lines: NDArray[np.float64]  # (3, n_edge + 1)
+    arc: NDArray[np.float64]  # (2, 3) place and velocity of one node
 
     @classmethod
     def empty(
         cls, n_blade: int, n_chord: int, n_span: int, p: PlanformArrays, options: AeroOptions, n_panel: int = 0
-    ) -> "AeroWork":
+    ) -> AeroWork:
         """Arrays of the right shapes."""
         n_edge, n_max = p.shed_rings.size, options.wake_rows
         line_rows = n_chord + (not options.trailing_edge_wake)
@@ -217,43 +227,46 @@ class AeroArrays(NamedTuple):
     k-th shed row behind it.
     """
 
-    n_rows: np.ndarray  # int64 (1,) rows of the wake
-    n_steps: np.ndarray  # int64 (1,) steps since the start
-    n_levels: np.ndarray  # int64 (1,) stored levels of gamma, up to two; with one, a solution at dt = 0 is steady
-    prepared: np.ndarray  # int64 (1,) 1 when the influences are those of the step under way
-    far_wake_on: np.ndarray  # int64 (1,) 1 when cylinders (if the options have them) continue the wake
-    dt: np.ndarray  # (1,) step under way [s]
-    last_dt: np.ndarray  # (1,) last accepted step [s]
-    residual: np.ndarray  # (1,) of the decambering [m/s]
-    origin: np.ndarray  # (3,) origin of float32 positions [m]
-    wake: np.ndarray  # (n_max + 1, n_blade, n_edge + 1, 3) positions [m]
-    history: np.ndarray  # same shape, velocity at the time before [m/s]
-    wind: np.ndarray  # same shape, undisturbed wind [m/s]
-    induced: np.ndarray  # same shape, float32, induced velocity [m/s]
-    wake_gamma: np.ndarray  # (n_max, n_blade, n_edge) ring k between rows k and k + 1 [m^2/s]
-    volume: np.ndarray  # (n_max + 1, n_blade, n_edge + 1, 2) rc^2 l of trailing and spanwise segments [m^3]
-    age: np.ndarray  # (n_max + 1,) time since shed [s]
-    shed: np.ndarray  # int64 (n_max + 1,) step at which the row was shed
-    free_edge: np.ndarray  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
-    frame: np.ndarray  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
-    far: np.ndarray  # (12,) whether cylinders continue the wake, center and axis of its last rows, share of each cell
-    far_tube: np.ndarray  # (5, n_sparse) start, radius and what is measured of the cylinder at each carrying node
-    far_ring: np.ndarray  # (n_cell, n_sparse) ring circulation per length of their cells [m/s]
-    nodes: np.ndarray  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]
-    gamma: np.ndarray  # (n_blade, n_chord, n_span) ring circulations [m^2/s]
-    gamma_1: np.ndarray  # one accepted step ago
-    gamma_2: np.ndarray  # two accepted steps ago
-    source: np.ndarray  # (n_strip,) decambering velocity [m/s]
-    source_1: np.ndarray  # decambering velocity over section speed, one accepted step ago [-]
-    alpha: np.ndarray  # (n_strip,) effective angle of attack [rad]
-    speed: np.ndarray  # (n_strip,) effective speed in the section plane [m/s]
-    separation: np.ndarray  # (2, n_strip) separation point [chords] now, and in the static polar one step ago
-    forces: np.ndarray  # (n_blade, n_chord + 1, n_node, 3) nodal forces [N]
-    influence: np.ndarray  # (n_ring, 3, n_point) velocity per ring circulation, of this step
-    inverse: np.ndarray  # (n_ring, n_ring)
-    response: np.ndarray  # (n_strip, n_strip)
-    wake_flow: np.ndarray  # (3, n_point) wake-induced velocity, of this step [m/s]
-    body_strength: np.ndarray  # (n_panel,) source strengths of the bodies [m/s]
+    n_rows: NDArray[np.int64]  # (1,) rows of the wake
+    n_steps: NDArray[np.int64]  # (1,) steps since the start
+    # (1,) stored levels of gamma, up to two; with one, a solution at dt = 0 is steady
+    n_levels: NDArray[np.int64]
+    prepared: NDArray[np.int64]  # (1,) 1 when the influences are those of the step under way
+    far_wake_on: NDArray[np.int64]  # (1,) 1 when cylinders (if the options have them) continue the wake
+    dt: NDArray[np.float64]  # (1,) step under way [s]
+    last_dt: NDArray[np.float64]  # (1,) last accepted step [s]
+    residual: NDArray[np.float64]  # (1,) of the decambering [m/s]
+    origin: NDArray[np.float64]  # (3,) origin of float32 positions [m]
+    wake: NDArray[np.float64]  # (n_max + 1, n_blade, n_edge + 1, 3) positions [m]
+    history: NDArray[np.float64]  # same shape, velocity at the time before [m/s]
+    wind: NDArray[np.float64]  # same shape, undisturbed wind [m/s]
+    induced: NDArray[np.float32]  # same shape, float32, induced velocity [m/s]
+    wake_gamma: NDArray[np.float64]  # (n_max, n_blade, n_edge) ring k between rows k and k + 1 [m^2/s]
+    volume: NDArray[np.float64]  # (n_max + 1, n_blade, n_edge + 1, 2) rc^2 l of trailing and spanwise segments [m^3]
+    age: NDArray[np.float64]  # (n_max + 1,) time since shed [s]
+    shed: NDArray[np.int64]  # (n_max + 1,) step at which the row was shed
+    free_edge: NDArray[np.float64]  # (n_blade, n_edge + 1, 3) where the air of the last shedding edge is now [m]
+    frame: NDArray[np.float64]  # (n_blade, 3, 3) directions of each blade at the last accepted step, see wake_kernels
+    # (12,) whether cylinders continue the wake, center and axis of its last rows, share of each cell
+    far: NDArray[np.float64]
+    # (5, n_sparse) start, radius and what is measured of the cylinder at each carrying node
+    far_tube: NDArray[np.float64]
+    far_ring: NDArray[np.float64]  # (n_cell, n_sparse) ring circulation per length of their cells [m/s]
+    nodes: NDArray[np.float64]  # (n_blade, n_chord + 1, n_node, 3) ring nodes of the last solve [m]
+    gamma: NDArray[np.float64]  # (n_blade, n_chord, n_span) ring circulations [m^2/s]
+    gamma_1: NDArray[np.float64]  # one accepted step ago
+    gamma_2: NDArray[np.float64]  # two accepted steps ago
+    source: NDArray[np.float64]  # (n_strip,) decambering velocity [m/s]
+    source_1: NDArray[np.float64]  # decambering velocity over section speed, one accepted step ago [-]
+    alpha: NDArray[np.float64]  # (n_strip,) effective angle of attack [rad]
+    speed: NDArray[np.float64]  # (n_strip,) effective speed in the section plane [m/s]
+    separation: NDArray[np.float64]  # (2, n_strip) separation point [chords] now, and in the static polar one step ago
+    forces: NDArray[np.float64]  # (n_blade, n_chord + 1, n_node, 3) nodal forces [N]
+    influence: NDArray[np.float64]  # (n_ring, 3, n_point) velocity per ring circulation, of this step
+    inverse: NDArray[np.float64]  # (n_ring, n_ring)
+    response: NDArray[np.float64]  # (n_strip, n_strip)
+    wake_flow: NDArray[np.float64]  # (3, n_point) wake-induced velocity, of this step [m/s]
+    body_strength: NDArray[np.float64]  # (n_panel,) source strengths of the bodies [m/s]
 
 
 @dataclass(frozen=True)
@@ -269,7 +282,7 @@ class AeroState:
     arrays: AeroArrays
 
     @classmethod
-    def empty(cls, planform: LatticePlanform, n_blades: int, options: AeroOptions, n_panel: int = 0) -> "AeroState":
+    def empty(cls, planform: LatticePlanform, n_blades: int, options: AeroOptions, n_panel: int = 0) -> AeroState:
         """Arrays of the right shapes, without flow."""
         n_chord, n_span = planform.n_chord, planform.n_span
         n_edge = len(SheddingEdge.of(n_chord, n_span, planform.edge_chord, options).rings)
@@ -310,20 +323,25 @@ class AeroState:
         for array in self.arrays:
             array[...] = 0
 
-    def copy(self) -> "AeroState":
-        """Return an independent copy that continues bit for bit like this state."""
-        return AeroState(AeroArrays(*(a.copy() for a in self.arrays)))
+    @property
+    def _every(self) -> tuple[NDArray[Any], ...]:
+        """The arrays, of whichever type."""
+        return self.arrays
 
-    def assign(self, other: "AeroState") -> None:
+    def copy(self) -> AeroState:
+        """Return an independent copy that continues bit for bit like this state."""
+        return AeroState(AeroArrays._make(a.copy() for a in self.arrays))
+
+    def assign(self, other: AeroState) -> None:
         """Take over all numbers of ``other`` in place."""
-        for mine, theirs in zip(self.arrays, other.arrays, strict=True):
+        for mine, theirs in zip(self._every, other._every, strict=True):
             mine[...] = theirs
 
-    def __eq__(self, other) -> bool:
+    def __eq__(self, other: object) -> bool:
         """Equal when every number has the same bits."""
         if not isinstance(other, AeroState):
             return NotImplemented
-        return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(self.arrays, other.arrays, strict=True))
+        return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(self._every, other._every, strict=True))
 
     __hash__: ClassVar[Any] = None
 
@@ -333,29 +351,30 @@ class AeroState:
         return int(self.arrays.n_rows[0])
 
     @property
-    def nodal_forces(self) -> np.ndarray:
+    def nodal_forces(self) -> NDArray[np.float64]:
         """Forces on the ring nodes of the last solve, shape (n_blades, n_chord + 1, n_span + 1, 3) [N]."""
         return self.arrays.forces
 
     @property
-    def circulation(self) -> np.ndarray:
+    def circulation(self) -> NDArray[np.float64]:
         """Circulation of each strip at the trailing edge, shape (n_blades, n_span) [m^2/s]."""
         return self.arrays.gamma[:, -1]
 
     @property
-    def angle_of_attack(self) -> np.ndarray:
+    def angle_of_attack(self) -> NDArray[np.float64]:
         """Effective angle of attack of each strip, shape (n_blades, n_span) [rad]."""
         return self.arrays.alpha.reshape(self.circulation.shape)
 
     @property
-    def section_speed(self) -> np.ndarray:
+    def section_speed(self) -> NDArray[np.float64]:
         """Effective speed in the section plane of each strip, shape (n_blades, n_span) [m/s]."""
         return self.arrays.speed.reshape(self.circulation.shape)
 
     @property
-    def separation_point(self) -> np.ndarray:
+    def separation_point(self) -> NDArray[np.float64]:
         """Separation point of each strip, shape (n_blades, n_span) [chords]; negative without dynamic stall."""
-        return self.arrays.separation[0].reshape(self.circulation.shape)
+        out: NDArray[np.float64] = self.arrays.separation[0].reshape(self.circulation.shape)
+        return out
 
     @property
     def residual(self) -> float:
@@ -363,11 +382,11 @@ class AeroState:
         return float(self.arrays.residual[0])
 
     @property
-    def wake_nodes(self) -> np.ndarray:
+    def wake_nodes(self) -> NDArray[np.float64]:
         """Positions of the wake, shape (n_rows + 1, n_blades, n_edge + 1, 3), shedding edge first [m]."""
         return self.arrays.wake[: self.n_rows + 1]
 
     @property
-    def wake_circulation(self) -> np.ndarray:
+    def wake_circulation(self) -> NDArray[np.float64]:
         """Circulation of the wake rings, shape (n_rows, n_blades, n_edge) [m^2/s]."""
         return self.arrays.wake_gamma[: self.n_rows]

@@ -1,8 +1,10 @@
 """The unsteady vortex-lattice method: blades on their camber surfaces, free wake, loads."""
 
+from __future__ import annotations
+
 import math
 from numbers import Integral
-from typing import cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
@@ -18,6 +20,11 @@ from wt_gym.aerodynamics.state import AeroConstants, AeroState, AeroWork, Planfo
 from wt_gym.aerodynamics.wake.far_wake import cylinder_table
 from wt_gym.aerodynamics.wake.wake_kernels import place_newest_row, rows_for_wind, shedding_edge, store_wind
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.aerodynamics.state import AeroArrays
+
 __all__ = ["VortexLattice"]
 
 PASSES = 25
@@ -29,6 +36,13 @@ UNBALANCED = 0.05
 """Largest change of the circulation in the last of them, over the circulation."""
 SMALLEST_THRUST = 0.2
 """Thrust over an earlier one from which on the circulation of the wake is taken in proportion."""
+
+
+class UndisturbedWind(Protocol):
+    """A wind that the wake moves in."""
+
+    def velocity(self, points: NDArray[np.float64], time: float) -> ArrayLike:
+        """Velocity (..., 3) at points (..., 3) in global coordinates, at a time [s]."""
 
 
 class VortexLattice:
@@ -72,7 +86,7 @@ class VortexLattice:
         air_density: float = 1.225,
         bodies: BodySet | None = None,
         threads: int = 1,
-    ):
+    ) -> None:
         if not isinstance(cast(object, n_blades), Integral) or n_blades < 1:
             raise AerodynamicsError(f"n_blades is {n_blades!r}; must be a whole number of at least 1")
         panels, chosen = (planform.n_chord, planform.n_span), (options.n_chord, options.n_span)
@@ -117,7 +131,7 @@ class VortexLattice:
         """Return an empty state; call `reset` before using it."""
         return AeroState.empty(self.planform, self.n_blades, self.options, self.bodies.n_panels if self.bodies else 0)
 
-    def reset(self, state: AeroState, nodes, velocities, wind) -> None:
+    def reset(self, state: AeroState, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike) -> None:
         """Start from rest without a wake: the flow has just begun (impulsive start).
 
         Parameters
@@ -138,7 +152,14 @@ class VortexLattice:
         state.arrays.n_levels[0] = 0
 
     def initialize_wake(
-        self, state: AeroState, nodes, velocities, wind, wake_rows, ages, far_wake: bool = False
+        self,
+        state: AeroState,
+        nodes: ArrayLike,
+        velocities: ArrayLike,
+        wind: ArrayLike,
+        wake_rows: ArrayLike,
+        ages: ArrayLike,
+        far_wake: bool = False,
     ) -> None:
         """Start with a prescribed wake in steady state: all rings of a strip have its circulation.
 
@@ -171,7 +192,18 @@ class VortexLattice:
                 f"size after {PASSES} passes; rows of the wake may lie too close together"
             )
 
-    def _balance(self, state, nodes, velocities, wind, wake_rows, ages, far_wake, tolerance=BALANCED, guess=None):
+    def _balance(
+        self,
+        state: AeroState,
+        nodes: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+        wind: NDArray[np.float64],
+        wake_rows: NDArray[np.float64],
+        ages: NDArray[np.float64],
+        far_wake: bool,
+        tolerance: float = BALANCED,
+        guess: NDArray[np.float64] | None = None,
+    ) -> float:
         """Start with a prescribed wake, but for the velocities with which it moves on.
 
         Returns the change of the circulation in the last pass, over its size. Nodes, velocities and wind are checked
@@ -211,14 +243,25 @@ class VortexLattice:
         self._solve_anew(state, nodes, velocities, wind)
         return float(change / max(np.abs(before).max(), 1e-9))
 
-    def _shed_circulation(self, a):
+    def _shed_circulation(self, a: AeroArrays) -> NDArray[np.float64]:
         """Circulation that each part of the shedding edge continues, a copy (n_blades, n_edge)."""
         return a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings]
 
     def initialize_helix(
-        self, state: AeroState, nodes, velocities, wind, center, axis, rotor_speed, dt, passes=5, induced=None,
-        accept=True, wake_thrust=None,
-    ) -> float:  # fmt: skip
+        self,
+        state: AeroState,
+        nodes: ArrayLike,
+        velocities: ArrayLike,
+        wind: ArrayLike,
+        center: ArrayLike,
+        axis: ArrayLike,
+        rotor_speed: float,
+        dt: float,
+        passes: int = 5,
+        induced: float | None = None,
+        accept: bool = True,
+        wake_thrust: float | None = None,
+    ) -> float:
         """Start a rotor with a full wake of helices in the momentum balance of its own thrust, or of an earlier one.
 
         Without a wake where there is no such balance, as for a rotor that is driven backwards in still air.
@@ -264,7 +307,7 @@ class VortexLattice:
             raise AerodynamicsError(f"dt is {dt}; it must be positive and finite")
         if not math.isfinite(rotor_speed):
             raise AerodynamicsError(f"rotor_speed is {rotor_speed}; it must be finite")
-        if not isinstance(passes, Integral) or passes < 1:
+        if not isinstance(cast(object, passes), Integral) or passes < 1:
             raise AerodynamicsError(f"passes is {passes!r}; must be a whole number of at least 1")
         nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
         check_areas(nodes)
@@ -273,7 +316,7 @@ class VortexLattice:
         speed = float(abs(stream @ axis))
         radius = float(np.linalg.norm(np.cross(nodes - center, axis), axis=-1).max())
         numbers = self._row_numbers
-        ages = (numbers + self.options.shed_fraction) * dt
+        ages = np.asarray((numbers + self.options.shed_fraction) * dt, dtype=np.float64)
         edge = np.empty((self.n_blades, self.n_edge + 1, 3))
         shedding_edge(nodes, self.arrays.shed_nodes, edge)
         # Rows closer than those that a hundredth of the speed of the tips parts do not come to a balance.
@@ -305,13 +348,13 @@ class VortexLattice:
             state.arrays.shed[1:] = -numbers
         return float(induced)
 
-    def convect_wake(self, state: AeroState, inflow, time: float, dt: float) -> None:
+    def convect_wake(self, state: AeroState, inflow: UndisturbedWind, time: float, dt: float) -> None:
         """Move the free wake from ``time`` to ``time + dt``.
 
         Parameters
         ----------
-        inflow : object with ``velocity(points (..., 3), time) -> (..., 3)``
-            Undisturbed wind; evaluated once for all wake nodes.
+        inflow : UndisturbedWind
+            Evaluated once for all wake nodes.
 
         Raises
         ------
@@ -323,7 +366,7 @@ class VortexLattice:
         self.take_wind(state, inflow, time)
         step_kernels.convect_wake(self.constants, state.arrays, float(dt))
 
-    def take_wind(self, state: AeroState, inflow, time: float) -> None:
+    def take_wind(self, state: AeroState, inflow: UndisturbedWind, time: float) -> None:
         """Ask for the undisturbed wind at the wake, or at those of its rows whose turn it is; for `convect_wake`.
 
         Raises
@@ -342,12 +385,24 @@ class VortexLattice:
         if not store_wind(wind, w.rows, a.wind):
             raise AerodynamicsError(f"the inflow is not finite at wake nodes at time {time} s")
 
-    def turn_of_rows(self, state: AeroState) -> tuple:
+    def turn_of_rows(
+        self, state: AeroState
+    ) -> tuple[
+        NDArray[np.float64],
+        NDArray[np.int64],
+        NDArray[np.int64],
+        NDArray[np.int64],
+        int,
+        NDArray[np.int64],
+        NDArray[np.float64],
+    ]:
         """Arguments of `wake_kernels.rows_for_wind`: the same arrays in every step."""
         a, w = state.arrays, self.work
         return a.wake, a.shed, a.n_rows, a.n_steps, self.options.wind_stride, w.rows, w.row_points
 
-    def solve(self, state: AeroState, nodes, velocities, wind, dt: float) -> np.ndarray:
+    def solve(
+        self, state: AeroState, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike, dt: float
+    ) -> NDArray[np.float64]:
         """Circulation and loads for the given motion at the end of the step; may be repeated.
 
         The influence of the wake and of the rings on each other is computed at the first call of a step and kept.
@@ -377,7 +432,7 @@ class VortexLattice:
         """End the step: shed the newest ring and compute the velocities that move the wake next."""
         self._accept(state, place=True)
 
-    def induced_velocity(self, state: AeroState, points) -> np.ndarray:
+    def induced_velocity(self, state: AeroState, points: ArrayLike) -> NDArray[np.float64]:
         """Velocity of bound and wake vortices and of the bodies at any points (..., 3) [m/s]; accuracy of float32."""
         points = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3).T)
@@ -393,7 +448,7 @@ class VortexLattice:
         velocity = out.T.reshape(points.shape)
         return velocity + self.bodies.velocity(points, a.body_strength) if self.bodies else velocity
 
-    def _checked_nodes(self, nodes):
+    def _checked_nodes(self, nodes: ArrayLike) -> NDArray[np.float64]:
         """Contiguous nodes of the right shape, finite, of panels with an area."""
         nodes = numeric_array("nodes", nodes)
         if nodes.shape != self.nodes_shape:
@@ -404,24 +459,36 @@ class VortexLattice:
         return nodes
 
     @staticmethod
-    def _clear(state, nodes):
+    def _clear(state: AeroState, nodes: NDArray[np.float64]) -> None:
         state.clear()
         state.arrays.origin[:] = nodes.mean(axis=(0, 1, 2))
         state.arrays.nodes[:] = nodes
 
-    def _solve(self, state, nodes, velocities, wind, dt, first):
+    def _solve(
+        self, state: AeroState, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike, dt: float, first: bool
+    ) -> NDArray[np.float64]:
         nodes, velocities, wind = self._checked_motion(nodes, velocities, wind)
         if not state.arrays.prepared[0]:
             check_areas(nodes)
             self.prepare(state, nodes)
         return self._solve_prepared(state, nodes, velocities, wind, dt, first)
 
-    def _solve_anew(self, state, nodes, velocities, wind):
+    def _solve_anew(
+        self, state: AeroState, nodes: NDArray[np.float64], velocities: NDArray[np.float64], wind: NDArray[np.float64]
+    ) -> None:
         """Steady solution with the wake as it stands, of arguments that are checked."""
         self.prepare(state, nodes, place=False)
         self._solve_prepared(state, nodes, velocities, wind, 0.0, first=True)
 
-    def _solve_prepared(self, state, nodes, velocities, wind, dt, first):
+    def _solve_prepared(
+        self,
+        state: AeroState,
+        nodes: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+        wind: NDArray[np.float64],
+        dt: float,
+        first: bool,
+    ) -> NDArray[np.float64]:
         a = state.arrays
         if not np.isfinite(self.body_wind.sum()):
             raise AerodynamicsError("the wind at the bodies is not finite")
@@ -430,7 +497,9 @@ class VortexLattice:
             raise AerodynamicsError(self._why_not_finite(state, nodes, velocities, wind))
         return a.forces
 
-    def _checked_motion(self, nodes, velocities, wind):
+    def _checked_motion(
+        self, nodes: ArrayLike, velocities: ArrayLike, wind: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Contiguous arrays of what `reset` and `solve` take, of the right shape and finite."""
         given = {"nodes": nodes, "velocities": velocities, "wind": wind}
         arrays = []
@@ -441,9 +510,9 @@ class VortexLattice:
             if not np.isfinite(array.sum()):
                 raise AerodynamicsError(f"{name} are not finite")
             arrays.append(array)
-        return arrays
+        return arrays[0], arrays[1], arrays[2]
 
-    def _checked_rows(self, wake_rows, ages):
+    def _checked_rows(self, wake_rows: ArrayLike, ages: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Arrays of a prescribed wake, of the right shape, finite and in order."""
         wake_rows, ages = numeric_array("wake_rows", wake_rows), numeric_array("ages", ages)
         n_rows, needed = len(wake_rows), (self.n_blades, self.n_edge + 1, 3)
@@ -459,7 +528,9 @@ class VortexLattice:
             raise AerodynamicsError(f"ages are {ages} s; they must be positive and increase from row to row")
         return wake_rows, ages
 
-    def _why_not_finite(self, state, nodes, velocities, wind):
+    def _why_not_finite(
+        self, state: AeroState, nodes: NDArray[np.float64], velocities: NDArray[np.float64], wind: NDArray[np.float64]
+    ) -> str:
         """Message with the largest numbers that led to forces that are not finite."""
         a = state.arrays
         rows = slice(0, state.n_rows + 1)
@@ -473,28 +544,29 @@ class VortexLattice:
         parts = [f"{name} {np.abs(values).max():.3g} {unit}" for name, (values, unit) in largest.items()]
         return f"the forces are not finite; largest {', '.join(parts)}: all must be finite and of a physical size"
 
-    def prepare(self, state: AeroState, nodes, place: bool = True) -> None:
+    def prepare(self, state: AeroState, nodes: NDArray[np.float64], place: bool = True) -> None:
         """Compute what a step needs once, before its first `solve`; `solve` does it if it was not done."""
         p, o, a, w = self.arrays, self.constants, state.arrays, self.work
-        if self.split is None:
+        split = self.split
+        if split is None:
             step_kernels.prepare(p, o, a, w, nodes, place, *self.body_arrays)
             return
 
-        def wake_flow(n_threads=1):
+        def wake_flow(n_threads: int = 1) -> None:
             if state.n_rows:
-                self.split.at_points(state, n_threads)
+                split.at_points(state, n_threads)
 
-        def boundary():
+        def boundary() -> None:
             step_kernels.prepare_boundary(p, o, a, w, nodes, *self.body_arrays)
 
         step_kernels.prepare_wake(p, o, a, w, nodes, place, *self.body_arrays)
         if self.bodies:  # they answer the flow of the wake
-            wake_flow(self.split.threads)
+            wake_flow(split.threads)
             boundary()
         else:
-            run_beside(boundary, wake_flow, self.split.threads)
+            run_beside(boundary, wake_flow, split.threads)
 
-    def _accept(self, state, place, all_rows=False):
+    def _accept(self, state: AeroState, place: bool, all_rows: bool = False) -> None:
         p, o, a, w = self.arrays, self.constants, state.arrays, self.work
         if self.split is None:
             step_kernels.accept(p, o, a, w, place, all_rows, *self.body_arrays)
@@ -504,7 +576,17 @@ class VortexLattice:
         step_kernels.store_induced(p, o, a, w, n_target, *self.body_arrays)
 
     @staticmethod
-    def _helix(edge, center, axis, rotor_speed, ages, stream, induced, slowest, radius):
+    def _helix(
+        edge: NDArray[np.float64],
+        center: NDArray[np.float64],
+        axis: NDArray[np.float64],
+        rotor_speed: float,
+        ages: NDArray[np.float64],
+        stream: NDArray[np.float64],
+        induced: float,
+        slowest: float,
+        radius: float,
+    ) -> NDArray[np.float64]:
         """Rows of trailing-edge nodes turned back and carried downstream, shape (n_rows, n_blades, n_node, 3).
 
         ``induced`` is the axial velocity at the rotor [m/s], twice that far away, positive downstream; the wake moves
@@ -529,9 +611,9 @@ class VortexLattice:
         return center + turned + drift[:, None, None] + downstream[:, None, None]
 
 
-def _vector(name, values):
+def _vector(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Three finite numbers."""
     vector = numeric_array(name, values)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise AerodynamicsError(f"{name} is {values}; must be three finite numbers")
+        raise AerodynamicsError(f"{name} must be three finite numbers, got {vector}")
     return vector

@@ -13,6 +13,8 @@ from wt_gym.analysis.plots import MUTED, agent_styles, style, titles_at_left
 from wt_gym.analysis.summary import format_estimate
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from wt_gym.analysis.paired import Estimate
     from wt_gym.analysis.results import Evaluation
 
@@ -70,8 +72,8 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
 
 
 def _add_points(
-    figure: go.Figure, row: int, agent: str, heights: list[float], changes: list[tuple[str, Estimate]], look: dict,
-    labeled: bool,
+    figure: go.Figure, row: int, agent: str, heights: list[float], changes: list[tuple[str, Estimate]],
+    look: dict[str, Any], labeled: bool,
 ) -> None:  # fmt: skip
     """Changes of one agent as points with intervals, and numbers behind these."""
     estimates = [change for _, change in changes]
@@ -97,7 +99,7 @@ def _add_points(
         )  # fmt: skip
 
 
-def _error_bar(estimates: list[Estimate], factor: float, color: str) -> dict:
+def _error_bar(estimates: list[Estimate], factor: float, color: str) -> dict[str, Any]:
     """Interval as plotly draws it; nothing where there is none."""
     high = [factor * (e.high - e.value) if e.has_interval else 0.0 for e in estimates]
     low = [factor * (e.value - e.low) if e.has_interval else 0.0 for e in estimates]

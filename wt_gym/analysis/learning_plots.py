@@ -12,6 +12,8 @@ from plotly.subplots import make_subplots
 from wt_gym.analysis.plots import agent_styles, style, titles_at_left
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.analysis.results import Evaluation
 
 __all__ = ["learning_figure", "median_and_range", "running_mean", "trainings"]
@@ -31,7 +33,7 @@ def trainings(evaluation: Evaluation) -> list[list[str]]:
     return list(groups.values())
 
 
-def running_mean(values: np.ndarray, half_width: int) -> np.ndarray:
+def running_mean(values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
     """Mean over a centered window that shrinks at the ends.
 
     Parameters
@@ -47,12 +49,13 @@ def running_mean(values: np.ndarray, half_width: int) -> np.ndarray:
     total = np.concatenate([[0.0], np.cumsum(values)])
     index = np.arange(len(values))
     low, high = np.maximum(index - half_width, 0), np.minimum(index + half_width + 1, len(values))
-    return (total[high] - total[low]) / (high - low)
+    out: NDArray[np.float64] = (total[high] - total[low]) / (high - low)
+    return out
 
 
 def median_and_range(
-    curves: list[tuple[np.ndarray, np.ndarray]],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    curves: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Median, least and greatest of several curves over the steps that all of them cover.
 
     Parameters
@@ -108,13 +111,13 @@ def learning_figure(evaluation: Evaluation, agents: list[str]) -> go.Figure:
     return figure
 
 
-def _curve(record: dict[str, Any], name: str) -> tuple[np.ndarray, np.ndarray]:
+def _curve(record: dict[str, Any], name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Steps and values of a learning curve."""
     curve = record["curve"]
     return np.asarray(curve["steps"], dtype=float), np.asarray(curve[name], dtype=float)
 
 
-def _line(look: dict[str, str]) -> dict:
+def _line(look: dict[str, str]) -> dict[str, Any]:
     return {"color": look["color"], "width": 2}
 
 

@@ -13,6 +13,8 @@ from wt_gym.wind.iec import AVERAGE_OVER_REFERENCE_SPEED, reference_speed
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
 __all__ = ["LEAST_SHARE", "SHAPES", "WindClimate", "lifetime_load", "wind_weights"]
 
 SHAPES = (0.5, 10.0)
@@ -46,7 +48,7 @@ class WindClimate:
     cut_in: float = 3.0
     cut_out: float = 25.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("mean_speed", "shape"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
@@ -63,7 +65,9 @@ class WindClimate:
             )
 
     @classmethod
-    def of_class(cls, turbine_class: str, shape: float = 2.0, cut_in: float = 3.0, cut_out: float = 25.0):
+    def of_class(
+        cls, turbine_class: str, shape: float = 2.0, cut_in: float = 3.0, cut_out: float = 25.0
+    ) -> WindClimate:
         """Climate of class "I", "II" or "III" of IEC 61400-1: 10, 8.5 or 7.5 m/s on average."""
         return cls(AVERAGE_OVER_REFERENCE_SPEED * reference_speed(turbine_class), shape, cut_in, cut_out)
 
@@ -78,7 +82,7 @@ class WindClimate:
         return -math.expm1(-(relative**self.shape))
 
 
-def wind_weights(climate: WindClimate, speeds: Sequence[float]) -> np.ndarray:
+def wind_weights(climate: WindClimate, speeds: Sequence[float]) -> NDArray[np.float64]:
     """Share of the operating time that each of some wind speeds stands for.
 
     Every wind between cut-in and cut-out counts for the nearest of the speeds: bins end half-way between neighbors,
@@ -108,10 +112,11 @@ def wind_weights(climate: WindClimate, speeds: Sequence[float]) -> np.ndarray:
         )
     edges = np.concatenate([[climate.cut_in], 0.5 * (values[1:] + values[:-1]), [climate.cut_out]])
     shares = np.diff([climate.share_below(edge) for edge in edges])
-    return shares / shares.sum()
+    out: NDArray[np.float64] = shares / shares.sum()
+    return out
 
 
-def lifetime_load(loads: np.ndarray, weights: np.ndarray, exponent: float) -> np.ndarray:
+def lifetime_load(loads: NDArray[np.float64], weights: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
     """Load at 1 Hz throughout that does the damage of all loads in their shares of the time: (Σ w L^m)^(1/m).
 
     Parameters
@@ -132,4 +137,5 @@ def lifetime_load(loads: np.ndarray, weights: np.ndarray, exponent: float) -> np
     largest = loads.max(axis=-1, keepdims=True)
     # relative to the largest: 1e7 to the tenth power would waste the digits of a float
     relative = np.divide(loads, largest, out=np.zeros_like(loads), where=largest > 0.0)
-    return largest[..., 0] * np.sum(weights * relative**exponent, axis=-1) ** (1.0 / exponent)
+    out: NDArray[np.float64] = largest[..., 0] * np.sum(weights * relative**exponent, axis=-1) ** (1.0 / exponent)
+    return out

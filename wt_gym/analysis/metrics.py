@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import xarray as xr
+    from numpy.typing import NDArray
 
     from wt_gym.turbines import Turbine
 
@@ -84,7 +85,7 @@ METRICS: dict[str, Metric] = {
 }
 
 
-def damage_equivalent_load(signal: np.ndarray, duration: float, exponent: float) -> float:
+def damage_equivalent_load(signal: NDArray[np.float64], duration: float, exponent: float) -> float:
     """Range of the constant-amplitude load at 1 Hz that does the damage of a signal.
 
     ``DEL = (sum n_i S_i^m / N_eq)^(1/m)`` over rainflow cycles of range S_i and count n_i (1, or 0.5 for what is left
@@ -123,12 +124,12 @@ def damage_equivalent_load(signal: np.ndarray, duration: float, exponent: float)
     return float(largest * damage ** (1.0 / exponent))
 
 
-def _count_events(above: np.ndarray) -> int:
+def _count_events(above: NDArray[np.bool_]) -> int:
     """Number of times a condition becomes true."""
     return int(above[0]) + int(np.count_nonzero(above[1:] & ~above[:-1]))
 
 
-def _worst_direction(channel: Callable[[str], np.ndarray], duration: float) -> float:
+def _worst_direction(channel: Callable[[str], NDArray[np.float64]], duration: float) -> float:
     """Largest damage-equivalent load of the tower base over `TOWER_DIRECTIONS` that are fixed to the ground [N m].
 
     A point of the wall stays where it is while the nacelle turns: it feels the bending moment about one fixed axis,
@@ -179,7 +180,7 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
     duration = time.size * step
     blades = range(1, turbine.n_blades + 1)
 
-    def channel(name: str) -> np.ndarray:
+    def channel(name: str) -> NDArray[np.float64]:
         return run[name].values.astype(np.float64)
 
     def worst_del(name: str) -> float:

@@ -15,7 +15,9 @@ from wt_gym.analysis.statistics import LEAST_PER_STRATUM, bootstrap_interval, in
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from wt_gym.analysis.results import Evaluation
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.analysis.results import Evaluation, Wind
 
 __all__ = ["LIFETIME_EXPONENTS", "Estimate", "level_of", "lifetime", "lifetime_change", "paired_change", "shared_winds"]
 
@@ -74,7 +76,7 @@ class Estimate:
         return "better" if self.value * metric.better > 0 else "worse"
 
 
-def shared_winds(evaluation: Evaluation, agent: str, speed: float | None = None) -> list:
+def shared_winds(evaluation: Evaluation, agent: str, speed: float | None = None) -> list[Wind]:
     """Winds, of one speed or all, that both the agent and the baseline completed."""
     return [
         wind
@@ -158,13 +160,15 @@ def lifetime_change(evaluation: Evaluation, agent: str, key: str) -> Estimate | 
         return None
     exponent = LIFETIME_EXPONENTS[key]
 
-    def ratio(k) -> np.ndarray:
+    def ratio(k: NDArray[np.intp]) -> NDArray[np.float64]:
         return lifetime_load(mine[k], weights, exponent) / lifetime_load(base[k], weights, exponent) - 1.0
 
     return _estimate(tuple(wind.speed for wind in evaluation.winds), ratio, True)
 
 
-def _lifetime_inputs(evaluation: Evaluation, agent: str, key: str) -> tuple[np.ndarray | None, np.ndarray | None]:
+def _lifetime_inputs(
+    evaluation: Evaluation, agent: str, key: str
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
     """Loads of an agent in every wind, and the share of the time of each; the winds of a speed share its weight."""
     values = _values(evaluation, agent, evaluation.winds, key)
     if evaluation.climate is None or values is None or not all(run.complete for run in evaluation.runs_of(agent)):
@@ -174,15 +178,17 @@ def _lifetime_inputs(evaluation: Evaluation, agent: str, key: str) -> tuple[np.n
     return values, np.array([shares[speed] / speeds.count(speed) for speed in speeds])
 
 
-def _values(evaluation: Evaluation, agent: str, winds: list, key: str) -> np.ndarray | None:
+def _values(evaluation: Evaluation, agent: str, winds: list[Wind], key: str) -> NDArray[np.float64] | None:
     """Metric of an agent in some winds, shape (n_winds,); None where there are none, or a run lacks it."""
     tables = [evaluation.run(agent, wind).metrics for wind in winds]
     return np.array([table[key] for table in tables]) if tables and all(key in table for table in tables) else None
 
 
-def _estimate(strata: tuple[float, ...], statistic: Callable, relative: bool) -> Estimate:
+def _estimate(
+    strata: tuple[float, ...], statistic: Callable[[NDArray[np.intp]], ArrayLike], relative: bool
+) -> Estimate:
     """Statistic of all winds, and its interval where every wind speed has winds enough."""
-    value = float(statistic(np.arange(len(strata))))
+    value = float(np.asarray(statistic(np.arange(len(strata)))))
     low = high = math.nan
     if min(strata.count(speed) for speed in set(strata)) >= LEAST_PER_STRATUM:
         low, high = bootstrap_interval(statistic, strata)

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
         @property
         def agents(self) -> Sequence[str]: ...
 
+    from typing import Any
+
+    from numpy.typing import NDArray
+
 
 __all__ = [
     "FONT",
@@ -54,14 +58,15 @@ class _Row:
     """A row of the time-series figure: title with unit, how to get the values, and a reference line."""
 
     title: str
-    values: Callable[[xr.Dataset], np.ndarray]
+    values: Callable[[xr.Dataset], NDArray[np.float64]]
     limit: Callable[[dict[str, float]], float | None]
 
 
-def _largest_tip(run: xr.Dataset) -> np.ndarray:
+def _largest_tip(run: xr.Dataset) -> NDArray[np.float64]:
     """Downwind deflection of the tip that is bent most [m]."""
     names = [name for name in run.data_vars if str(name).startswith("tip_out_of_plane_")]
-    return np.max([run[name].values for name in names], axis=0)
+    out: NDArray[np.float64] = np.max([run[name].values for name in names], axis=0)
+    return out
 
 
 _ROWS = (
@@ -98,7 +103,7 @@ def agent_styles(evaluation: _Compared) -> dict[str, dict[str, str]]:
     }
 
 
-def _line(look: dict[str, str]) -> dict:
+def _line(look: dict[str, str]) -> dict[str, Any]:
     """Line of an agent."""
     return {"color": look["color"], "dash": look["dash"], "width": 1.6}
 
@@ -205,10 +210,16 @@ def spectra_figure(evaluation: Evaluation, skip: float) -> go.Figure:
                 ),
                 row=i, col=1,
             )  # fmt: skip
-    for multiple, frequency in _rotor_frequencies(evaluation):
-        figure.add_vline(x=frequency, line={"color": MUTED, "width": 1, "dash": "dot"}, row="all", col=1)
+    for multiple, rotor_frequency in _rotor_frequencies(evaluation):
+        figure.add_vline(x=rotor_frequency, line={"color": MUTED, "width": 1, "dash": "dot"}, row="all", col=1)
         figure.add_annotation(
-            x=np.log10(frequency), y=1, xref="x", yref="y domain", text=multiple, showarrow=False, yanchor="bottom"
+            x=np.log10(rotor_frequency),
+            y=1,
+            xref="x",
+            yref="y domain",
+            text=multiple,
+            showarrow=False,
+            yanchor="bottom",
         )
     _title_at_left_of_first(figure, len(rows))
     style(figure, height=1000)
@@ -225,9 +236,11 @@ def _title_at_left_of_first(figure: go.Figure, count: int) -> None:
         annotation.update(x=0, xanchor="left", xref="paper", yshift=2)
 
 
-def _mean_spectra(evaluation: Evaluation, agent: str, names: list[str], skip: float) -> dict:
+def _mean_spectra(
+    evaluation: Evaluation, agent: str, names: list[str], skip: float
+) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Frequency and mean density of each signal over the complete runs of an agent."""
-    found: dict[str, list] = {}
+    found: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
     for run in evaluation.runs_of(agent):
         time = run.data["time"].values
         kept = time >= time[0] + skip - 1e-9
@@ -246,6 +259,6 @@ def _rotor_frequencies(evaluation: Evaluation) -> list[tuple[str, float]]:
     return [("1P", rotation), ("3P", 3 * rotation)]
 
 
-def compact(values: np.ndarray) -> np.ndarray:
+def compact(values: NDArray[np.float64]) -> NDArray[np.float32]:
     """float32 copy: half the size in the page, more digits than a screen shows."""
     return np.asarray(values, dtype=np.float32)

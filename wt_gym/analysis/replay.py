@@ -14,13 +14,15 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
 __all__ = ["Replay", "ReplayRecorder", "trailing_strength"]
 
 # A wake is thinned to this many rows and filaments a blade, which keeps a replay of 20 s below 1 MB.
 _MOST_ROWS, _MOST_FILAMENTS = 64, 5
 
 
-def trailing_strength(circulation: np.ndarray) -> np.ndarray:
+def trailing_strength(circulation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Circulation of the trailing filaments between rings side by side.
 
     Parameters
@@ -57,13 +59,13 @@ class Replay:
     hub : numpy.ndarray, shape (n, 3)
     """
 
-    time: np.ndarray
-    blades: np.ndarray
-    wake: np.ndarray
-    strength: np.ndarray
-    tower: np.ndarray
-    tower_radius: np.ndarray
-    hub: np.ndarray
+    time: NDArray[np.float64]
+    blades: NDArray[np.float64]
+    wake: NDArray[np.float64]
+    strength: NDArray[np.float64]
+    tower: NDArray[np.float64]
+    tower_radius: NDArray[np.float64]
+    hub: NDArray[np.float64]
 
     def save(self, path: Path) -> None:
         """Write a compressed NumPy archive, which is there when it is whole."""
@@ -87,9 +89,9 @@ class ReplayRecorder:
     """
 
     def __init__(self, n_frames: int):
-        self._frames: deque[tuple[float, dict[str, np.ndarray]]] = deque(maxlen=n_frames)
+        self._frames: deque[tuple[float, dict[str, NDArray[np.float64]]]] = deque(maxlen=n_frames)
 
-    def append(self, time: float, geometry: Mapping[str, np.ndarray]) -> None:
+    def append(self, time: float, geometry: Mapping[str, NDArray[np.float64]]) -> None:
         """Keep an instant.
 
         Parameters
@@ -115,7 +117,7 @@ class ReplayRecorder:
         return Replay(time=np.array(times), tower_radius=shapes[0]["tower_radius"], **stacked)
 
 
-def _thinned(geometry: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
     """Shapes of an instant as single-precision numbers, the wake with fewer rows and filaments."""
     wake, rings = np.asarray(geometry["wake"]), trailing_strength(geometry["wake_circulation"])
     strength = np.zeros(wake.shape[:3])
@@ -136,7 +138,7 @@ def _thinned(geometry: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: np.array(values, dtype=np.float32) for name, values in shapes.items()}
 
 
-def _padded(values: np.ndarray, n_rows: int) -> np.ndarray:
+def _padded(values: NDArray[np.float32], n_rows: int) -> NDArray[np.float32]:
     """Array with rows of NaN behind it."""
     missing = np.full((n_rows - len(values), *values.shape[1:]), np.nan, dtype=values.dtype)
     return np.concatenate([values, missing])

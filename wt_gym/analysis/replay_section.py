@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from wt_gym.analysis.replay import Replay
     from wt_gym.analysis.results import Evaluation, Run
 
@@ -65,7 +67,7 @@ _CONTROLS = """<div class="replay">
 </div>"""
 
 
-def encode(values: np.ndarray, bits: int = 16) -> dict[str, Any]:
+def encode(values: ArrayLike, bits: int = 16) -> dict[str, Any]:
     """Array as integers in base64; NaN is kept.
 
     Parameters

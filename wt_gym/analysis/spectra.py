@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy import signal as scipy_signal
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["power_spectral_density"]
 
 
 def power_spectral_density(
-    signal: np.ndarray, time_step: float, segment_duration: float = 60.0
-) -> tuple[np.ndarray, np.ndarray]:
+    signal: NDArray[np.float64], time_step: float, segment_duration: float = 60.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """One-sided power spectral density by Welch's method.
 
     Segments with a Hann window overlap by half; the mean of each is removed. Welch, IEEE Trans. Audio Electroacoustics

@@ -15,6 +15,8 @@ from scipy.special import ndtr, stdtrit
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from numpy.typing import ArrayLike, NDArray
+
 __all__ = ["LEAST_PER_STRATUM", "N_RESAMPLES", "bootstrap_interval", "interquartile_mean", "stratified_resamples"]
 
 LEAST_PER_STRATUM = 3
@@ -23,7 +25,7 @@ LEAST_PER_STRATUM = 3
 N_RESAMPLES = 10_000
 
 
-def interquartile_mean(values: np.ndarray, axis: int = -1) -> np.ndarray:
+def interquartile_mean(values: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
     """Mean of the middle half: a quarter of the values, rounded down, is left out at either end.
 
     Parameters
@@ -38,11 +40,12 @@ def interquartile_mean(values: np.ndarray, axis: int = -1) -> np.ndarray:
     """
     values = np.sort(np.moveaxis(np.asarray(values, dtype=np.float64), axis, -1), axis=-1)
     cut = values.shape[-1] // 4
-    return values[..., cut : values.shape[-1] - cut].mean(axis=-1)
+    out: NDArray[np.float64] = values[..., cut : values.shape[-1] - cut].mean(axis=-1)
+    return out
 
 
 @lru_cache(maxsize=64)
-def stratified_resamples(strata: Sequence[float], n_resamples: int = N_RESAMPLES, seed: int = 0) -> np.ndarray:
+def stratified_resamples(strata: Sequence[float], n_resamples: int = N_RESAMPLES, seed: int = 0) -> NDArray[np.intp]:
     """Indices of resamples, drawn with replacement within each stratum.
 
     Parameters
@@ -66,7 +69,7 @@ def stratified_resamples(strata: Sequence[float], n_resamples: int = N_RESAMPLES
 
 
 def bootstrap_interval(
-    statistic: Callable[[np.ndarray], np.ndarray], strata: Sequence[float], level: float = 0.95
+    statistic: Callable[[NDArray[np.intp]], ArrayLike], strata: Sequence[float], level: float = 0.95
 ) -> tuple[float, float]:
     """Interval of a statistic of a few values, each drawn anew within its stratum.
 
@@ -95,7 +98,7 @@ def bootstrap_interval(
     sizes = np.unique(np.asarray(strata), return_counts=True)[1]
     if sizes.min() < 2:
         raise ValueError(f"an interval needs at least two values in each stratum, got {sizes.tolist()}")
-    samples = statistic(stratified_resamples(tuple(strata)))
+    samples = np.asarray(statistic(stratified_resamples(tuple(strata))))
     wider = float(np.sqrt(sizes.min() / (sizes.min() - 1.0)))
     tail = float(ndtr(wider * stdtrit(np.sum(sizes - 1), 0.5 * (1.0 - level))))
     low, high = np.quantile(samples, [tail, 1.0 - tail])

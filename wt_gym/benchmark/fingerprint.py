@@ -71,7 +71,7 @@ def _sources() -> dict[str, str]:
         "wind": {*_modules("wind"), _ROOT / "envs" / "wind_sampler.py"},
         "control": {*_modules("control"), *(_ROOT / "control").rglob("tuned*.json")},
         "environment": {_ROOT / "tasks.py", *(_ROOT / "envs" / name for name in _ENVIRONMENT)},
-        "metrics": {_ROOT / "analysis" / "metrics.py", _ROOT / "benchmark" / "run.py"},
+        "metrics": {_ROOT / "analysis" / "metrics.py", _ROOT / "benchmark" / "run.py", _ROOT / "runs" / "playing.py"},
     }
     rooms = {"kernels": kernels} | {name: files - kernels for name, files in rooms.items()}
     return {name: sources_digest(files, _ROOT) for name, files in rooms.items()}

@@ -90,7 +90,9 @@ def reference_of(task: BenchmarkTask) -> Reference:
 
 
 def make_reference(
-    task: BenchmarkTask, baseline: Mapping[str, Mapping], candidates: Mapping[str, Mapping[str, Mapping]]
+    task: BenchmarkTask,
+    baseline: Mapping[str, Mapping[str, Any]],
+    candidates: Mapping[str, Mapping[str, Mapping[str, Any]]],
 ) -> Reference:
     """Make reference numbers from runs.
 
@@ -132,8 +134,8 @@ def make_reference(
 def confirm_reference(
     task: BenchmarkTask,
     reference: Reference,
-    baseline: Mapping[str, Mapping],
-    best: Mapping[str, Mapping],
+    baseline: Mapping[str, Mapping[str, Any]],
+    best: Mapping[str, Mapping[str, Any]],
     fingerprint: Mapping[str, str],
 ) -> Reference:
     """Reference numbers for sources that have changed in a way that changes no number.

@@ -16,18 +16,21 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.errors import BenchmarkError
-from wt_gym.simulation import Recorder
+from wt_gym.runs.definition import RunDefinition
+from wt_gym.runs.playing import play as play_episode
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import xarray as xr
+    from numpy.typing import NDArray
 
     from wt_gym.benchmark.tasks import BenchmarkTask, BenchmarkWind
+    from wt_gym.control.controllers.controller import Controller
+    from wt_gym.envs.episode import EpisodeStep
     from wt_gym.turbines import Turbine
 
 __all__ = ["INTERFACE", "benchmark_metrics", "delivered_power", "make_env", "play", "run_definition"]
@@ -56,18 +59,17 @@ def run_definition(
     interface : dict, optional
         See `make_env`.
     """
-    return {
-        "task": task.name,
-        "version": task.version,
-        "env_id": task.env_id,
-        "env_kwargs": task.env_kwargs,
-        "duration": task.duration,
-        "skip": task.skip,
-        "wind": wind.definition,
-        "agent": agent,
-        "interface": interface or {},
-        "fingerprint": _fingerprint(_argument(task, "turbine"), _argument(task, "fidelity")),
-    }
+    return RunDefinition(
+        wind=wind.definition,
+        duration=task.duration,
+        skip=task.skip,
+        fingerprint=_fingerprint(_argument(task, "turbine"), _argument(task, "fidelity")),
+        agent=agent,
+        env_id=task.env_id,
+        env_kwargs=task.env_kwargs,
+        interface=interface or {},
+        more={"task": task.name, "version": task.version},
+    ).to_json()
 
 
 def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any] | None = None) -> gym.Env:
@@ -102,7 +104,7 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     return env
 
 
-def _make_controller(name: str, parameters: dict[str, Any], turbine: Turbine):
+def _make_controller(name: str, parameters: dict[str, Any], turbine: Turbine) -> Controller:
     return make_controller(name, turbine, **parameters)
 
 
@@ -133,29 +135,25 @@ def play(
         ``failure``, ``duration`` [s], ``episode_return``, ``cost`` (sum), ``made_with`` and ``wall_seconds``.
     """
     began = time.monotonic()
+
+    def told(step: EpisodeStep) -> None:
+        if on_step is not None:
+            on_step(step.info["time"])
+
+    options: dict[str, Any] = {"azimuth": 0.0}
+    if wind.transient is None:
+        options |= {"wind_speed": wind.speed, "wind_seed": wind.seed, "time_offset": 0.0}
     env = make_env(task, wind, interface)
     try:
-        options: dict[str, Any] = {"azimuth": 0.0}
-        if wind.transient is None:
-            options |= {"wind_speed": wind.speed, "wind_seed": wind.seed, "time_offset": 0.0}
-        agent, raw = make_agent(env), turbine_env_of(env)
-        observation, _ = env.reset(seed=wind.seed or 0, options=options)
-        recorder, total, cost = Recorder(raw.simulator), 0.0, 0.0
-        for step in episode_steps(env, agent, observation):
-            total, cost = total + float(step.reward), cost + step.info["cost"]
-            if not step.failed:
-                recorder.append(raw.signals)
-            if on_step is not None:
-                on_step(step.info["time"])
-        info = step.info
-        complete = "termination" not in info
+        found = play_episode(env, make_agent(env), seed=wind.seed or 0, options=options, on_step=told)
+        turbine, complete = turbine_env_of(env).turbine, found.ending == "time"
         return {
-            "metrics": benchmark_metrics(recorder.to_dataset(), raw.turbine, task.skip) if complete else {},
-            "ending": info.get("termination", "time"),
-            "failure": info.get("failure"),
-            "duration": info["time"],
-            "episode_return": total,
-            "cost": cost,
+            "metrics": benchmark_metrics(found.after_start, turbine, task.skip) if complete else {},
+            "ending": found.ending,
+            "failure": found.failure,
+            "duration": found.time,
+            "episode_return": found.episode_return,
+            "cost": found.cost,
             "made_with": _software_versions(),
             "wall_seconds": round(time.monotonic() - began, 1),
         }
@@ -189,7 +187,7 @@ def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[s
     return metrics
 
 
-def delivered_power(power: np.ndarray, time: np.ndarray, rated: float) -> float:
+def delivered_power(power: NDArray[np.float64], time: NDArray[np.float64], rated: float) -> float:
     """Mean of a power of which every ten seconds count at most as rated.
 
     Parameters

@@ -9,8 +9,9 @@ import numpy as np
 
 from wt_gym.benchmark.reference import reference_of
 from wt_gym.benchmark.scoring import score
-from wt_gym.benchmark.tasks import digest, load_task, task_names
+from wt_gym.benchmark.tasks import load_task, task_names
 from wt_gym.errors import BenchmarkError
+from wt_gym.runs.definition import digest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -85,7 +86,7 @@ def _row(task: BenchmarkTask, results: list[Mapping[str, Any]]) -> dict[str, Any
     return row
 
 
-def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping], reference: Reference) -> dict[str, Any]:
+def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping[str, Any]], reference: Reference) -> dict[str, Any]:
     """Mean changes over the winds; none where a run ended early."""
     winds = [wind for wind in task.winds if by_wind[wind.label]["metrics"]]
     if len(winds) < len(task.winds):

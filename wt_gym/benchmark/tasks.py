@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.errors import BenchmarkError
+from wt_gym.runs.definition import digest
 from wt_gym.wind import TransientInflow
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["BenchmarkTask", "BenchmarkWind", "Limit", "Term", "digest", "load_task", "task_file", "task_names"]
+__all__ = ["BenchmarkTask", "BenchmarkWind", "Limit", "Term", "load_task", "task_file", "task_names"]
 
 _FOLDER = Path(__file__).parent / "data"
 _TRANSIENTS = ("EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal")
@@ -26,12 +26,6 @@ _KEYS = {
 }  # fmt: skip
 # What may change without making other runs or another score of it.
 _NOT_FROZEN = ("goal", "candidates", "reference")
-
-
-def digest(value: Any) -> str:
-    """Sixteen hexadecimal digits of the SHA-256 of a JSON value; the order of keys does not matter."""
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True)

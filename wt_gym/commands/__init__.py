@@ -27,7 +27,6 @@ COMMANDS = {
     "list": "controllers with their parameters, turbines, tasks, channels, trained agents",
     "compile": "compile the simulator ahead of the first run, in two processes",
     "bench": "speed and memory on this machine",
-    "fuzz": "drawn policies, winds and turbines against the contract of the environment",
 }
 
 

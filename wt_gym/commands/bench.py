@@ -12,6 +12,8 @@ baseline controller). Structural steps and induction are measured in a clone onl
 installed package.
 """
 
+from __future__ import annotations
+
 import argparse
 import itertools
 import json
@@ -25,10 +27,18 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.commands.program import CLONE, IN_CLONE, OneLineParser, stoppable, user_errors
 from wt_gym.process_memory import peak_memory
+
+if TYPE_CHECKING:
+    from argparse import ArgumentParser, Namespace
+    from collections.abc import Callable
+
+    import gymnasium as gym
+
+    from wt_gym.simulation.channels import Signals
 
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _MOST_TURBINES = 8  # beside each other in the measurement of many: each process takes some hundred MB
@@ -57,7 +67,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     return arguments
 
 
-def check(parser, arguments) -> None:
+def check(parser: ArgumentParser, arguments: Namespace) -> None:
     """Refuse what cannot be measured before anything is."""
     from wt_gym.simulation import FIDELITIES
 
@@ -75,7 +85,7 @@ def check(parser, arguments) -> None:
 # ---- measurements, each in its own process ----
 
 
-def measure_simulator(fidelity: str, wall: float) -> dict:
+def measure_simulator(fidelity: str, wall: float) -> dict[str, Any]:
     """Real-time factor and memory of the simulator under the baseline controller."""
     import numpy as np
 
@@ -90,7 +100,7 @@ def measure_simulator(fidelity: str, wall: float) -> dict:
     controller.start(signals.generator_speed, signals.pitch, signals.generator_torque)
     dt = 0.2
 
-    def run(seconds):
+    def run(seconds: float) -> float:
         nonlocal signals
         steps, start = 0, time.perf_counter()
         while time.perf_counter() - start < seconds:
@@ -109,7 +119,7 @@ def measure_simulator(fidelity: str, wall: float) -> dict:
     }
 
 
-def measure_environment(fidelity: str, wall: float) -> dict:
+def measure_environment(fidelity: str, wall: float) -> dict[str, Any]:
     """Steps of the environment per second with random actions, and the time of a reset."""
     import gymnasium
 
@@ -140,7 +150,7 @@ def measure_environment(fidelity: str, wall: float) -> dict:
     }
 
 
-def measure_outside(fidelity: str, wall: float) -> dict:
+def measure_outside(fidelity: str, wall: float) -> dict[str, Any]:
     """Share of a step of LoadReduction that passes outside the simulator: actions, controller, observation, reward.
 
     Of a single turbine, of one on the best controller with its lidar, and of four in a vector environment on one
@@ -162,15 +172,17 @@ def measure_outside(fidelity: str, wall: float) -> dict:
     }
 
 
-def share_outside(env, turbines: list, wall: float) -> float:
+def share_outside(
+    env: gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any], turbines: list[Any], wall: float
+) -> float:
     """Median share of hundred steps without an action that is not spent in the simulators of an environment."""
     import numpy as np
 
     env.reset(seed=0)
     within = 0.0
 
-    def timed(advance):
-        def call(*arguments, **named):
+    def timed(advance: Callable[..., Signals]) -> Callable[..., Signals]:
+        def call(*arguments: Any, **named: Any) -> Signals:
             nonlocal within
             start = time.perf_counter()
             signals = advance(*arguments, **named)
@@ -182,7 +194,7 @@ def share_outside(env, turbines: list, wall: float) -> float:
     for turbine in turbines:
         turbine.simulator.advance = timed(turbine.simulator.advance)
     shares: list[float] = []
-    action = np.zeros(env.action_space.shape, dtype=np.float32)
+    action = np.zeros_like(env.action_space.sample())
     end = time.perf_counter() + wall
     while time.perf_counter() < end or not shares:
         within, start = 0.0, time.perf_counter()
@@ -194,7 +206,7 @@ def share_outside(env, turbines: list, wall: float) -> float:
     return float(np.median(shares))
 
 
-def measure_vector(fidelity: str, wall: float) -> dict:
+def measure_vector(fidelity: str, wall: float) -> dict[str, Any]:
     """Steps of turbines per second: one alone, several by threads of one process, and by a process each.
 
     Taken in turns, so that a machine that changes its pace changes the ratios little.
@@ -213,10 +225,10 @@ def measure_vector(fidelity: str, wall: float) -> dict:
     rates: dict[str, list[float]] = {way: [] for way in made}
     for env in made.values():
         env.reset(seed=0)
-        env.step(np.zeros(cast(tuple, env.action_space.shape), dtype=np.float32))
+        env.step(np.zeros(cast(tuple[int, ...], env.action_space.shape), dtype=np.float32))
     for _ in range(5):
         for way, env in made.items():
-            actions, steps = np.zeros(cast(tuple, env.action_space.shape), dtype=np.float32), 0
+            actions, steps = np.zeros(cast(tuple[int, ...], env.action_space.shape), dtype=np.float32), 0
             start = time.perf_counter()
             while (elapsed := time.perf_counter() - start) < wall / 15:
                 env.step(actions)
@@ -235,7 +247,7 @@ def measure_vector(fidelity: str, wall: float) -> dict:
     }
 
 
-def measure_learning(fidelity: str, steps: float) -> dict:
+def measure_learning(fidelity: str, steps: float) -> dict[str, Any]:
     """Wall time of so many steps of PPO: turbines by threads of one process, and by a process each.
 
     A tenth of the steps in turn, so that a machine that changes its pace changes the ratio little.
@@ -267,13 +279,13 @@ def measure_learning(fidelity: str, steps: float) -> dict:
     }
 
 
-def measure_import(fidelity: str, wall: float) -> dict:
+def measure_import(fidelity: str, wall: float) -> dict[str, Any]:
     """Time to import the package, in an interpreter that has imported nothing yet."""
     program = "import time; start = time.perf_counter(); import wt_gym; print(time.perf_counter() - start)"
     return {"import_s": min(float(output_of([sys.executable, "-c", program])[-1]) for _ in range(3))}
 
 
-def measure_start(fidelity: str, wall: float) -> dict:
+def measure_start(fidelity: str, wall: float) -> dict[str, Any]:
     """Time to build the simulator and to take the first step, imports included."""
     start = time.perf_counter()
     from wt_gym.simulation import Simulator
@@ -285,7 +297,7 @@ def measure_start(fidelity: str, wall: float) -> dict:
     return {"first_step_s": time.perf_counter() - start}
 
 
-def measure_threads(fidelity: str, wall: float) -> dict:
+def measure_threads(fidelity: str, wall: float) -> dict[str, Any]:
     """Wall time of an aerodynamic step on one and on two threads, ten steps in turn."""
     from wt_gym.simulation import Simulator
     from wt_gym.wind import SteadyInflow
@@ -303,7 +315,7 @@ def measure_threads(fidelity: str, wall: float) -> dict:
     return {"step_s_one_thread": best[0], "step_s_two_threads": best[1]}
 
 
-def measure_structures(fidelity: str, wall: float) -> dict:
+def measure_structures(fidelity: str, wall: float) -> dict[str, Any]:
     """Time of a structural step, by formulation: the turbine, and the examples of the other two."""
     from validation import mixed_coordinates, observer_frame
     from wt_gym.multibody.system import HammingIntegrator
@@ -329,7 +341,7 @@ def measure_structures(fidelity: str, wall: float) -> dict:
     return {"structural": figures}
 
 
-def structural_cost(integrator, wall: float, n: int = 20) -> dict:
+def structural_cost(integrator: Any, wall: float, n: int = 20) -> dict[str, Any]:
     """Unknowns of a system and the cost of a step, from calls of a few milliseconds that are seldom interrupted."""
     system = integrator.system
     step = best_of(lambda: integrator.advance(n), wall, most=500) / n * 1e6
@@ -343,7 +355,7 @@ def structural_cost(integrator, wall: float, n: int = 20) -> dict:
     }
 
 
-def best_of(call, wall: float, most: float = float("inf")) -> float:
+def best_of(call: Callable[[], object], wall: float, most: float = float("inf")) -> float:
     """Shortest time of a call within a wall time [s] and a number of calls."""
     call()
     best, calls, start = float("inf"), 0, time.perf_counter()
@@ -371,11 +383,12 @@ WORKERS = {
 # ---- the parent ----
 
 
-def in_process(what: str, fidelity: str, wall: float, **environment) -> dict:
+def in_process(what: str, fidelity: str, wall: float, **environment: str) -> dict[str, Any]:
     """Run one measurement in a fresh interpreter."""
     command = [sys.executable, "-m", "wt_gym", "bench", "--worker", what, fidelity, "--seconds", str(wall)]
     own = {"PYTHONPATH": package_path(), "PYTHONSAFEPATH": "1"}
-    return json.loads(output_of(command, own | environment)[-1])
+    out: dict[str, Any] = json.loads(output_of(command, own | environment)[-1])
+    return out
 
 
 def output_of(command: list[str], environment: dict[str, str] | None = None) -> list[str]:
@@ -400,7 +413,7 @@ def output_of(command: list[str], environment: dict[str, str] | None = None) -> 
     return lines
 
 
-def _end(process: subprocess.Popen) -> None:
+def _end(process: subprocess.Popen[str]) -> None:
     """End a program with all it has begun; on Windows the program alone, whose own programs end by themselves."""
     if hasattr(os, "killpg"):
         with suppress(ProcessLookupError):  # all have ended meanwhile
@@ -414,12 +427,13 @@ def package_path() -> str:
     return os.pathsep.join([str(CLONE), *filter(None, [os.environ.get("PYTHONPATH")])])
 
 
-def beside(script: str, *options: str) -> dict:
+def beside(script: str, *options: str) -> dict[str, Any]:
     """Run another benchmark script, show what it prints and return its figures."""
     command = [sys.executable, str(CLONE / "scripts" / script), *options, "--json"]
     *lines, figures = output_of(command)
     print("\n".join(lines))
-    return json.loads(figures)
+    out: dict[str, Any] = json.loads(figures)
+    return out
 
 
 def processor() -> str:

@@ -13,13 +13,22 @@ Every run is kept when it is done: who stops a command and starts it again loses
 the rules.
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, as_called, stoppable, user_errors
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from wt_gym.agents.benchmark_runs import Entry
+    from wt_gym.benchmark import BenchmarkTask
 
 KEPT = "runs/benchmark"
 
@@ -61,7 +70,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
-def chosen(names: list[str]) -> list:
+def chosen(names: list[str]) -> list[BenchmarkTask]:
     """Tasks of the words of the command line."""
     from wt_gym.benchmark import load_task, task_names
     from wt_gym.errors import BenchmarkError
@@ -83,7 +92,7 @@ def tasks(_: argparse.Namespace) -> None:
         print(f"{task.id}: {task.goal} {len(task.winds)} winds of {task.duration:g} s; {known}")
 
 
-def warnings_of_scores(tasks: list) -> list[str]:
+def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     """Lines on tasks in which what is run now can have no score: their reference numbers do not fit the sources."""
     from wt_gym.benchmark import reference_of, run_definition
     from wt_gym.benchmark.fingerprint import differing
@@ -109,11 +118,10 @@ def warnings_of_scores(tasks: list) -> list[str]:
     ]
 
 
-def run(arguments: argparse.Namespace) -> dict:
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run agents."""
-    from wt_gym.agents.benchmark_runs import jobs_of, run_jobs
-    from wt_gym.agents.choices import with_model_options
-    from wt_gym.agents.entries import entries_of
+    from wt_gym.agents.benchmark_runs import entries_of, jobs_of, run_jobs
+    from wt_gym.agents.names import with_model_options
     from wt_gym.benchmark import ResultFolder
 
     tasks = chosen(arguments.task)
@@ -127,7 +135,7 @@ def run(arguments: argparse.Namespace) -> dict:
     return {"runs": len(jobs), "made": made, "folder": str(arguments.out)}
 
 
-def table(arguments: argparse.Namespace) -> dict:
+def table(arguments: argparse.Namespace) -> dict[str, Any]:
     """Score a folder."""
     from wt_gym.benchmark import ResultFolder, into_page, leaderboard, to_markdown
     from wt_gym.errors import BenchmarkError
@@ -146,7 +154,9 @@ def table(arguments: argparse.Namespace) -> dict:
     return board
 
 
-def results(arguments: argparse.Namespace, asked: list[tuple]) -> list[dict[str, dict]]:
+def results(
+    arguments: argparse.Namespace, asked: list[tuple[BenchmarkTask, list[Entry]]]
+) -> list[dict[str, dict[str, Any]]]:
     """Run entries in their tasks, all beside each other; give the results of each task by the name of the entry.
 
     Parameters
@@ -163,9 +173,10 @@ def results(arguments: argparse.Namespace, asked: list[tuple]) -> list[dict[str,
     return [{entry.name: results_of(task, entry, folder) for entry in entries} for task, entries in asked]
 
 
-def reference(arguments: argparse.Namespace) -> dict:
+def reference(arguments: argparse.Namespace) -> dict[str, Any]:
     """Renew reference numbers."""
-    from wt_gym.agents.entries import BASELINE, entries_of
+    from wt_gym.agents.benchmark_runs import entries_of
+    from wt_gym.agents.names import BASELINE
     from wt_gym.benchmark import make_reference, write_reference
     from wt_gym.errors import BenchmarkError
 
@@ -185,9 +196,10 @@ def reference(arguments: argparse.Namespace) -> dict:
     return best
 
 
-def confirmed(arguments: argparse.Namespace) -> dict:
+def confirmed(arguments: argparse.Namespace) -> dict[str, Any]:
     """Reference numbers that a change of the sources has left as they are."""
-    from wt_gym.agents.entries import BASELINE, entries_of
+    from wt_gym.agents.benchmark_runs import entries_of
+    from wt_gym.agents.names import BASELINE
     from wt_gym.benchmark import confirm_reference, reference_of, write_reference
 
     kept, asked = {}, []
@@ -205,11 +217,11 @@ def confirmed(arguments: argparse.Namespace) -> dict:
     return kept
 
 
-def front(arguments: argparse.Namespace) -> list:
+def front(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Make the front of load against travel."""
     from wt_gym.agents import front as fronts
-    from wt_gym.agents.choices import with_model_options
-    from wt_gym.agents.entries import entries_of
+    from wt_gym.agents.benchmark_runs import entries_of
+    from wt_gym.agents.names import with_model_options
 
     entries, rows, distances = fronts.front_entries(), [], []
     agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)

@@ -22,6 +22,8 @@ from wt_gym.commands.site_options import add_site_option
 from wt_gym.files import require_writable, whole_file
 
 if TYPE_CHECKING:
+    from argparse import ArgumentParser, Namespace
+
     from wt_gym.simulation.linear.campbell import CampbellDiagram
     from wt_gym.turbines import Turbine
 
@@ -51,7 +53,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     return arguments
 
 
-def check(parser, arguments) -> None:
+def check(parser: ArgumentParser, arguments: Namespace) -> None:
     """Refuse what cannot be drawn before anything is computed."""
     if arguments.rotor_speed and arguments.wind_speed:
         parser.error("give --rotor-speed or --wind-speed, not both")
@@ -110,7 +112,7 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
     from wt_gym.turbines.site import with_site
     from wt_gym.wind import SteadyInflow
 
-    def progress(done, count):
+    def progress(done: int, count: int) -> None:
         if sys.stderr.isatty():
             print(f"\r{done} of {count} operating points", end="\n" if done == count else "", file=sys.stderr)
 

@@ -64,13 +64,13 @@ def main(words: list[str] | None = None) -> None:
 
     begin = time.monotonic()
 
-    def progress(name, case):
+    def progress(name: str, case: Case) -> None:
         print(f"{time.monotonic() - begin:6.0f} s  {name} in {case}", file=sys.stderr, flush=True)
 
     runs: list[ControllerRuns] = []
     with user_errors(), stoppable("shown are the winds in which every controller has run"):
-        from wt_gym.agents.choices import named_choices, read_name, with_model_options
         from wt_gym.agents.comparison import Case, run_cases
+        from wt_gym.agents.names import named_choices, read_name, with_model_options
         from wt_gym.turbines import load_turbine
         from wt_gym.turbines.site import with_site
 

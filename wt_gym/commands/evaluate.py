@@ -119,9 +119,9 @@ def main(words: list[str] | None = None) -> None:
     without = " without --overwrite" if arguments.overwrite else ""
     hint = f"the same command{without} goes on with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
-        from wt_gym.agents.choices import named_choices, own_controller, with_model_options
         from wt_gym.agents.evaluation import evaluate
         from wt_gym.agents.evaluation_folder import REPORT_FILE
+        from wt_gym.agents.names import named_choices, own_controller, with_model_options
         from wt_gym.analysis.report import write_report
         from wt_gym.analysis.summary import results_table, summarize
 

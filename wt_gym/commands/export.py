@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from typing import Any
 
 from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
 
@@ -56,7 +57,7 @@ def main(words: list[str] | None = None) -> None:
         print(json.dumps(made))
 
 
-def _onnx(arguments: argparse.Namespace) -> dict:
+def _onnx(arguments: argparse.Namespace) -> dict[str, Any]:
     import onnx  # noqa: F401 - refused before anything is made
     import onnxruntime  # noqa: F401
 
@@ -65,7 +66,7 @@ def _onnx(arguments: argparse.Namespace) -> dict:
     return export_onnx(arguments.agent, arguments.out)
 
 
-def _discon(arguments: argparse.Namespace) -> dict:
+def _discon(arguments: argparse.Namespace) -> dict[str, Any]:
     from wt_gym.agents.export.discon import export_discon
 
     return export_discon(

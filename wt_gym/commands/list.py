@@ -32,7 +32,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 
 
 def controllers(turbine: Any = None) -> list[dict[str, Any]]:
-    """Every built-in controller with its parameters."""
+    """Every built-in controller with its parameters, those that it has for the turbine."""
     from wt_gym.control.controllers import (
         ADDITIONS,
         BASES,
@@ -58,6 +58,7 @@ def controllers(turbine: Any = None) -> list[dict[str, Any]]:
                     "meaning": parameter.meaning,
                 }
                 for parameter in declared_parameters(name)
+                if parameter.taken(turbine)
             ],
         }
         for name in CONTROLLERS

@@ -89,9 +89,9 @@ def main(words: list[str] | None = None) -> None:
     out = Path(arguments.out)
     hint = f"the same command goes on with what is in {out}"
     with user_errors(), stoppable(hint), executor_of(arguments) as executor:
-        from wt_gym.agents.choices import named_choices, own_controller, with_model_options
         from wt_gym.agents.loadcases.report import load_case_tables, write_load_case_report
         from wt_gym.agents.loadcases.study import REPORT_FILE, run_load_cases
+        from wt_gym.agents.names import named_choices, own_controller, with_model_options
 
         chosen = configuration(arguments)
         agents = with_model_options(arguments.agents, arguments.algo, arguments.trust)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import io
 import json
+import os
 import re
+import select
 import signal
 import sys
 from contextlib import contextmanager
@@ -44,6 +46,7 @@ CLONE = Path(wt_gym.__file__).resolve().parents[1]
 
 IN_CLONE = (CLONE / "validation").is_dir()
 
+_OF_BROKEN_PIPE = 128 + 13
 _EXTRAS = {
     "minari": "data",
     "onnx": "export",
@@ -111,15 +114,33 @@ def json_value(text: str) -> Any:
 
 @contextmanager
 def user_errors() -> Iterator[None]:
-    """End the program with one line and status 1 where what the user asked for is refused, or needs an extra."""
+    """End the program with one line and status 1 where what the user asked for is refused, or needs an extra.
+
+    Where whoever reads the output has gone (``| head``), it ends without a word, with the status of other programs.
+    """
     try:
         yield
+        sys.stdout.flush()
+    except BrokenPipeError as error:
+        if not _nobody_reads():
+            sys.exit(f"error: {error}")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python writes at its end
+        sys.exit(_OF_BROKEN_PIPE)
     except ModuleNotFoundError as error:
         if error.name not in _EXTRAS:
             raise
         sys.exit(f"error: {error.name} is not installed; {_installation(_EXTRAS[error.name])}")
     except (WtGymError, ValueError, OSError, gym.error.Error) as error:
         sys.exit(f"error: {' '.join(str(error).split())}")
+
+
+def _nobody_reads() -> bool:
+    """Whether the other end of the output is closed; where the system cannot say (Windows), it is not."""
+    if not hasattr(select, "poll"):
+        return False
+    asked = select.poll()
+    asked.register(sys.stdout.fileno(), 0)
+    return any(event & select.POLLERR for _, event in asked.poll(0))
 
 
 def write_any_character() -> None:
@@ -143,7 +164,7 @@ def stoppable(hint: str) -> Iterator[None]:
         What is there, and how to go on.
     """
 
-    def terminate(*_):
+    def terminate(*_: object) -> NoReturn:
         raise _Terminated
 
     former = signal.signal(signal.SIGTERM, terminate)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from wt_gym.simulation import Recorder
+    from wt_gym.simulation.channels import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow, SteadyInflow
 
@@ -86,7 +87,7 @@ COLUMNS = (
 def check(arguments: argparse.Namespace) -> None:
     """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
     from wt_gym.envs.arguments import check_duration
-    from wt_gym.envs.wind_sampler import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
+    from wt_gym.envs.options.wind import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
     from wt_gym.simulation.fidelity import fidelity
 
     check_duration("--duration", arguments.duration, LEAST_DURATION)
@@ -118,7 +119,8 @@ def check(arguments: argparse.Namespace) -> None:
 
 def _winds(arguments: argparse.Namespace) -> list[Any]:
     """Winds of the options: speeds [m/s], or descriptions."""
-    return arguments.wind or arguments.wind_speed
+    out: list[Any] = arguments.wind or arguments.wind_speed
+    return out
 
 
 def _label(wind: float | str | dict[str, Any]) -> str:
@@ -133,7 +135,7 @@ def _label(wind: float | str | dict[str, Any]) -> str:
 
 def file_of(arguments: argparse.Namespace, wind: float | str | dict[str, Any]) -> Path:
     """Where the signals of a wind go."""
-    out = arguments.out
+    out: Path = arguments.out
     return out.with_stem(f"{out.stem}_{_label(wind)}") if len(_winds(arguments)) > 1 else out
 
 
@@ -176,7 +178,7 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
     """Row of the table: means over the last part of a run, those of blades over all of them."""
     last = data.sel(time=slice(float(data.time[-1]) - average, None))
 
-    def blades(name):
+    def blades(name: str) -> float:
         return sum(float(last[f"{name}_{i + 1}"].mean()) for i in range(n_blades)) / n_blades
 
     return {
@@ -196,8 +198,8 @@ def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict
 
 def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str | dict[str, Any]) -> Recorder:
     """Run one wind; what was simulated is written where a file is wanted, of a stopped run too."""
-    from wt_gym.agents.closed_loop import run_baseline
-    from wt_gym.agents.progress import ProgressLine
+    from wt_gym.runs.playing import run_baseline
+    from wt_gym.runs.progress import ProgressLine
     from wt_gym.simulation import Recorder, Simulator
 
     simulator = Simulator(turbine, inflow=inflow_of(arguments, turbine, speed), fidelity=arguments.fidelity)
@@ -205,7 +207,7 @@ def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str
 
     line = ProgressLine()
 
-    def progress(signals):
+    def progress(signals: Signals) -> None:
         line.show(f"{_label(speed)}: {signals.time:5.0f} of {arguments.duration:g} s")
 
     try:

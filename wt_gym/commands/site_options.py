@@ -28,7 +28,8 @@ def wind_word(word: str) -> str | dict[str, Any]:
     if not word.lstrip().startswith("{"):
         return word
     try:
-        return json.loads(word)
+        out: str | dict[str, Any] = json.loads(word)
+        return out
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{word:.60} is not valid JSON: {error}") from error
 

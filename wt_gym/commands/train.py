@@ -30,6 +30,7 @@ from wt_gym.commands.training_options import add_training_options, config_from
 
 if TYPE_CHECKING:
     from wt_gym.agents.training.config import TrainingConfig
+    from wt_gym.agents.training.learners import Learner
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -89,7 +90,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     return arguments
 
 
-def learner_of(arguments: argparse.Namespace):
+def learner_of(arguments: argparse.Namespace) -> Learner | None:
     """Who learns; None for stable-baselines3 in this process."""
     if arguments.engine == "ray":
         from wt_gym.agents.distributed.rllib_learner import RllibLearner
@@ -110,7 +111,7 @@ def configuration(arguments: argparse.Namespace) -> TrainingConfig:
     return config_from(arguments, **{field: given[name] for name, field in names.items() if name in given})
 
 
-def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
+def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Train; give the folder and the record, or the summary of several seeds."""
     from wt_gym.agents.train import train  # torch takes seconds to import: not for --help
     from wt_gym.agents.training.resume import resume_or_train
@@ -126,7 +127,7 @@ def start(arguments: argparse.Namespace) -> tuple[Path, dict]:
     return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner)
 
 
-def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict]:
+def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Resume; as `start`."""
     from wt_gym.agents.train import resume
     from wt_gym.agents.training.run_folder import SEEDS_FILE
@@ -140,7 +141,7 @@ def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict]:
     return folder, go(folder, **limits, learner=learner_of(arguments))
 
 
-def report(folder: Path, record: dict) -> None:
+def report(folder: Path, record: dict[str, Any]) -> None:
     """Say what has come out."""
     from wt_gym.agents.training.seeds import seeds_table
     from wt_gym.agents.training.selection import FIGURES

@@ -7,12 +7,18 @@
 Needs the extra "tune".
 """
 
+from __future__ import annotations
+
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 
 def weight(text: str) -> tuple[str, float]:
@@ -21,7 +27,7 @@ def weight(text: str) -> tuple[str, float]:
     return name, float(value)
 
 
-def interval(text: str) -> tuple[str, tuple]:
+def interval(text: str) -> tuple[str, tuple[float, float, bool]]:
     """Parameter and interval from ``parameter=low:high`` or ``parameter=low:high:log``."""
     name, _, limits = text.partition("=")
     low, high, *log = limits.split(":")
@@ -53,7 +59,7 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     arguments = parser.parse_args(words)
 
-    def progress(number, cost, parameters):
+    def progress(number: int, cost: float, parameters: Mapping[str, float]) -> None:
         shown = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
         print(f"trial {number}: cost {cost:+.4f} with {shown}", file=sys.stderr, flush=True)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from wt_gym.errors import ActionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.turbines import Turbine
 
@@ -57,7 +60,7 @@ class Demand:
         Torque on the high-speed shaft [N m].
     """
 
-    pitch: np.ndarray
+    pitch: NDArray[np.float64]
     yaw_rate: float
     generator_torque: float
 
@@ -76,7 +79,7 @@ class AgentSetpoint:
         [N m]
     """
 
-    pitch: np.ndarray
+    pitch: NDArray[np.float64]
     yaw_rate: float
     generator_torque: float
 
@@ -212,7 +215,7 @@ class ActionMap:
         """Of how many pitch coordinates, the first ones, the mean is that of the blades: none of tilt and yaw."""
         return {"fixed-frame": 1, "cyclic": 0}.get(self.pitch, self.n_pitch)
 
-    def _chosen(self, components, turbine) -> tuple[str, ...]:
+    def _chosen(self, components: Sequence[str] | None, turbine: Turbine) -> tuple[str, ...]:
         if components is None:
             components = COMPONENTS if self.takes_torque else ("pitch", "yaw")
         components = components if isinstance(components, str) else tuple(components)
@@ -231,7 +234,7 @@ class ActionMap:
             raise ValueError("action_components is ('yaw',), but this turbine has no yaw drive (greatest rate 0)")
         return tuple(name for name in chosen if name != "yaw")
 
-    def _chosen_spans(self, spans, turbine) -> dict[str, float]:
+    def _chosen_spans(self, spans: Mapping[str, float] | None, turbine: Turbine) -> dict[str, float]:
         """Spans of this mode, with those that the user wants otherwise."""
         curve = torque_curve(turbine)
         rated_torque = curve.rated_power / curve.rated_generator_speed
@@ -256,7 +259,7 @@ class ActionMap:
             chosen[name] = float(value)
         return {"pitch_mean": chosen["pitch"]} | chosen
 
-    def _pitch_range(self) -> tuple[np.ndarray, np.ndarray]:
+    def _pitch_range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Limits of the pitch coordinates (n_pitch,) [rad]."""
         around = np.full(self.n_pitch, self._spans["pitch"])
         if self.pitch in ("collective", "fixed-frame"):
@@ -267,7 +270,7 @@ class ActionMap:
             low[:own], high[:own] = self.pitch_limits
         return low, high
 
-    def _rows(self, turbine, wind_speeds) -> list[tuple[str, str, float, float]]:
+    def _rows(self, turbine: Turbine, wind_speeds: tuple[float, float] | None) -> list[tuple[str, str, float, float]]:
         """Name, unit, and value at -1 and +1 of each component."""
         spans, rows = self._spans, []
         suffix = "_offset_rate" if self.mode == "residual" else "_rate"
@@ -287,7 +290,7 @@ class ActionMap:
             rows.append(torque)
         return rows
 
-    def _operating_range(self, turbine, wind_speeds) -> tuple[float, float, float]:
+    def _operating_range(self, turbine: Turbine, wind_speeds: tuple[float, float] | None) -> tuple[float, float, float]:
         """Lowest and highest absolute pitch [rad], highest torque [N m]."""
         low, high = wind_speeds or (turbine.cut_in, turbine.cut_out)
         least_wind = max(turbine.cut_in, 0.1)  # below cut-in the turbine stands ready as at cut-in
@@ -300,7 +303,7 @@ class ActionMap:
 
     # ---- from actions to demands ----
 
-    def validate(self, action) -> np.ndarray:
+    def validate(self, action: ArrayLike) -> NDArray[np.float64]:
         """Return an action as float64, or refuse it.
 
         Parameters
@@ -343,7 +346,7 @@ class ActionMap:
             pitch = np.array([mean, 0.0, 0.0])
         return AgentSetpoint(pitch.copy(), 0.0, demand.generator_torque)
 
-    def decode(self, action: np.ndarray, previous: AgentSetpoint) -> AgentSetpoint:
+    def decode(self, action: NDArray[np.float64], previous: AgentSetpoint) -> AgentSetpoint:
         """Aim at the end of the next control step.
 
         Parameters
@@ -401,7 +404,8 @@ class ActionMap:
         elif self.pitch == "cyclic":
             cosine, sine = pitch
             pitch = harmonic_of_blades(cosine, sine, azimuth + rotor_speed * self.delay, self.n_blades)
-        residual, beneath = self.mode == "residual", cast(Demand, base)  # which is not asked where nothing is beneath
+        residual = self.mode == "residual"
+        beneath: Any = base  # which is not asked where no controller runs; a cast would take time
         if len(pitch) != self.n_blades:
             pitch *= self.n_blades
         if "pitch" not in self.components:
@@ -429,7 +433,7 @@ class ActionMap:
             return base + offset
         return min(base + offset, max(base, self._most_shaft_power / rotor_speed))
 
-    def encode(self, demand: Demand, previous: Demand | AgentSetpoint) -> np.ndarray:
+    def encode(self, demand: Demand, previous: Demand | AgentSetpoint) -> NDArray[np.float64]:
         """Give the action whose demand is the wanted one, or the nearest one that the spans allow.
 
         Parameters
@@ -460,9 +464,10 @@ class ActionMap:
             pitch = pitch.mean(keepdims=True)
         parts = {"pitch": pitch, "yaw": [demand.yaw_rate], "torque": [torque]}
         physical = np.concatenate([parts[name] for name in self.components])
-        return np.clip(2.0 * (physical - self.low) / (self.high - self.low) - 1.0, -1.0, 1.0)
+        out: NDArray[np.float64] = np.clip(2.0 * (physical - self.low) / (self.high - self.low) - 1.0, -1.0, 1.0)
+        return out
 
-    def table(self) -> list[dict]:
+    def table(self) -> list[dict[str, Any]]:
         """Rows (name, unit, value at -1, value at +1) of the action vector, for documentation and reports."""
         rows = zip(self.names, self.units, self.low, self.high, strict=True)
         return [{"name": n, "unit": u, "min": float(low), "max": float(high)} for n, u, low, high in rows]

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
+    from wt_gym.turbines.airfoil import Polar
 
 __all__ = ["BladeElementResult", "BladeElementRotor", "BladeElements", "blade_element"]
 
@@ -53,9 +54,9 @@ class BladeElementRotor:
     radius: float
     cone: float
     air_density: float
-    chord_at: Callable
-    twist_at: Callable
-    polar_at: Callable
+    chord_at: Callable[[ArrayLike], NDArray[np.float64]]
+    twist_at: Callable[[ArrayLike], NDArray[np.float64]]
+    polar_at: Callable[[float], Polar]
 
     @classmethod
     def of_turbine(cls, turbine: Turbine) -> BladeElementRotor:
@@ -94,14 +95,14 @@ class BladeElementResult:
     thrust: float
     cp: float
     ct: float
-    span: np.ndarray
-    alpha: np.ndarray
-    speed: np.ndarray
-    axial: np.ndarray
-    tangential: np.ndarray
-    cl: np.ndarray
-    cd: np.ndarray
-    force: np.ndarray
+    span: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    axial: NDArray[np.float64]
+    tangential: NDArray[np.float64]
+    cl: NDArray[np.float64]
+    cd: NDArray[np.float64]
+    force: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,8 @@ class BladeElements:
     @cached_property
     def radius(self) -> NDArray[np.float64]:
         """Radius of the circles of the sections [m], shape (n_span,)."""
-        return self.span * np.cos(self.rotor.cone)
+        out: NDArray[np.float64] = self.span * np.cos(self.rotor.cone)
+        return out
 
     @cached_property
     def chord(self) -> NDArray[np.float64]:
@@ -214,7 +216,18 @@ class BladeElements:
         cl, cd = self.coefficients(alpha)
         return self._forces(phi, alpha, cl, cd, steady["axial"], steady["tangential"], along, across, rotor_speed)
 
-    def _forces(self, phi, alpha, cl, cd, axial, tangential, along, across, rotor_speed) -> dict[str, Any]:
+    def _forces(
+        self,
+        phi: NDArray[np.float64],
+        alpha: NDArray[np.float64],
+        cl: NDArray[np.float64],
+        cd: NDArray[np.float64],
+        axial: NDArray[np.float64],
+        tangential: NDArray[np.float64],
+        along: NDArray[np.float64] | float,
+        across: NDArray[np.float64],
+        rotor_speed: NDArray[np.float64] | float,
+    ) -> dict[str, NDArray[np.float64]]:
         """Forces of the sections and of the rotor from the inflow."""
         rotor, cos_cone = self.rotor, np.cos(self.rotor.cone)
         speed = np.hypot(along * (1.0 - axial), across * (1.0 + tangential))
@@ -272,7 +285,9 @@ class BladeElements:
             return cl, cd, axial, k_turn / (1.0 - k_turn)
 
 
-def blade_element(rotor: BladeElementRotor, wind: float, rotor_speed: float, pitch: float = 0.0, n_span: int = 60):
+def blade_element(
+    rotor: BladeElementRotor, wind: float, rotor_speed: float, pitch: float = 0.0, n_span: int = 60
+) -> BladeElementResult:
     """Solve one point of a rotor without tilt, tower and deflection.
 
     Parameters

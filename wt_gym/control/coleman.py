@@ -11,9 +11,17 @@ each the inverse of the other for three blades (Coleman & Feingold, NACA TR 1351
 positive psi: the right, looking downwind, of a clockwise rotor, the left of a counter-clockwise one.
 """
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "FIXED_FRAME", "from_harmonic", "harmonic_of_blades", "to_blades", "to_fixed_frame", "to_harmonic",
@@ -22,26 +30,31 @@ __all__ = [
 FIXED_FRAME = ("mean", "tilt", "yaw")
 
 
-def _directions(azimuth: float, n_blades: int) -> np.ndarray:
+def _directions(azimuth: float, n_blades: int) -> NDArray[np.float64]:
     """One, cosine and sine of the azimuth of every blade, shape (3, n_blades), blade 1 at ``azimuth`` [rad]."""
     psi = [azimuth + 2.0 * math.pi / n_blades * b for b in range(n_blades)]
     return np.array([[1.0] * n_blades, [math.cos(p) for p in psi], [math.sin(p) for p in psi]])
 
 
-def to_fixed_frame(values, azimuth: float) -> np.ndarray:
+def to_fixed_frame(values: ArrayLike, azimuth: float) -> NDArray[np.float64]:
     """Mean, tilt and yaw (..., 3) of a value of every blade (..., n_blades), blade 1 at ``azimuth`` [rad]."""
     values = np.asarray(values, dtype=np.float64)
     n_blades = values.shape[-1]
-    return (values[..., None, :] * _directions(azimuth, n_blades)).sum(axis=-1) * (np.array([1.0, 2.0, 2.0]) / n_blades)
+    out: NDArray[np.float64] = (values[..., None, :] * _directions(azimuth, n_blades)).sum(axis=-1) * (
+        np.array([1.0, 2.0, 2.0]) / n_blades
+    )
+    return out
 
 
-def to_blades(coordinates, azimuth: float, n_blades: int) -> list[float]:
+def to_blades(coordinates: Sequence[float] | NDArray[np.float64], azimuth: float, n_blades: int) -> list[float]:
     """Value of every blade from mean, tilt and yaw, blade 1 at ``azimuth`` [rad]."""
     mean, tilt, yaw = coordinates
     return [mean + change for change in harmonic_of_blades(tilt, yaw, azimuth, n_blades)]
 
 
-def to_harmonic(values, azimuth: float, harmonic: int = 1) -> tuple[float, float]:
+def to_harmonic(
+    values: Sequence[float] | NDArray[np.float64], azimuth: float, harmonic: int = 1
+) -> tuple[float, float]:
     """Cosine (tilt) and sine (yaw) component of a quantity of the blades.
 
     ``2/B sum x_b cos(n psi_b)`` and ``2/B sum x_b sin(n psi_b)`` with ``psi_b = azimuth + 2 pi b / B``, b = 0 … B - 1.
@@ -63,7 +76,7 @@ def to_harmonic(values, azimuth: float, harmonic: int = 1) -> tuple[float, float
     return 2.0 / n_blades * cosine, 2.0 / n_blades * sine
 
 
-def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> np.ndarray:
+def from_harmonic(tilt: float, yaw: float, azimuth: float, n_blades: int = 3, harmonic: int = 1) -> NDArray[np.float64]:
     """Values of the blades ``tilt cos(n psi_b) + yaw sin(n psi_b)``, shape (n_blades,); see `to_harmonic`."""
     return np.array(harmonic_of_blades(tilt, yaw, azimuth, n_blades, harmonic))
 

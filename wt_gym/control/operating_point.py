@@ -71,7 +71,7 @@ class TorqueCurve:
     rated_power: float
     slip: float = 0.10
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         speeds = (0.0, self.cut_in_speed, self.region_2_speed, self.rated_generator_speed)
         if any(low >= high for low, high in itertools.pairwise(speeds)):
             raise TurbineDefinitionError(

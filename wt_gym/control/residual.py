@@ -10,6 +10,8 @@ import numpy as np
 from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.control.controllers.fading import AboveRated
 
 __all__ = ["ResidualPitch"]
@@ -62,7 +64,9 @@ class ResidualPitch:
         if self._lasting is not None:
             self._lasting.reset(0.0)
 
-    def acting(self, offsets: np.ndarray, base_pitch: np.ndarray, rotor_speed: float, dt: float) -> np.ndarray:
+    def acting(
+        self, offsets: NDArray[np.float64], base_pitch: NDArray[np.float64], rotor_speed: float, dt: float
+    ) -> NDArray[np.float64]:
         """Offsets that act in a step.
 
         Parameters

@@ -20,6 +20,9 @@ from wt_gym.wind import SteadyInflow
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
+    from wt_gym.simulation.fidelity import Fidelity
     from wt_gym.turbines import Turbine
 
 __all__ = ["measure_rotor"]
@@ -46,21 +49,21 @@ class _Machine(TorqueCommand):
 
     damping: float = 0.0
 
-    def first(self, value, speed):
+    def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """Any torque [N m]."""
         return np.array([value])
 
-    def balance(self, moment, speed):
+    def balance(self, moment: float, speed: float) -> float:
         """The torque that balances the moment [N m]."""
         return (moment - self.damping * speed) / self.drivetrain.gear_ratio
 
-    def follow(self, command, demand, dt, speed):
+    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
         """Take over the demand [N m] at once."""
         command[0] = demand
 
 
 def measure_rotor(
-    turbine: Turbine, fidelity="training", progress: Callable[[int, int], None] | None = None
+    turbine: Turbine, fidelity: str | Fidelity = "training", progress: Callable[[int, int], None] | None = None
 ) -> RotorTable:
     """Measure the coefficients of a turbine in the simulator.
 
@@ -119,7 +122,7 @@ def measure_rotor(
     )
 
 
-def _settled(simulator, speed: float, pitch: float) -> tuple[float, float]:
+def _settled(simulator: Simulator, speed: float, pitch: float) -> tuple[float, float]:
     """Power and thrust coefficient, with the rotor held at a speed [rad/s] and pitch [rad]."""
     turbine, dt = simulator.turbine, simulator.time_step
     radius, gear = turbine.rotor_diameter / 2, turbine.drivetrain.gear_ratio

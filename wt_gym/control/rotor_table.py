@@ -27,6 +27,8 @@ from wt_gym.turbines.site import at_controller_density, without_site
 from wt_gym.user_cache import user_cache
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.turbines import Turbine
 
 __all__ = ["RotorTable", "blade_element_table", "measured_table_path", "rotor_table"]
@@ -61,27 +63,27 @@ class RotorTable:
     turbine: str
     radius: float
     air_density: float
-    tip_speed_ratio: np.ndarray
-    pitch: np.ndarray
-    power: np.ndarray
-    thrust: np.ndarray
+    tip_speed_ratio: NDArray[np.float64]
+    pitch: NDArray[np.float64]
+    power: NDArray[np.float64]
+    thrust: NDArray[np.float64]
     made_by: str
 
-    def __deepcopy__(self, memo) -> RotorTable:
+    def __deepcopy__(self, memo: dict[int, object]) -> RotorTable:
         """A table never changes: copies of controllers share it."""
         return self
 
     @cached_property
-    def _rows(self) -> tuple[list, list, list, list]:
+    def _rows(self) -> tuple[list[float], list[float], list[list[float]], list[list[float]]]:
         """Grid and values as lists: single look-ups in them are faster than in arrays."""
         return self.tip_speed_ratio.tolist(), self.pitch.tolist(), self.power.tolist(), self.thrust.tolist()
 
-    def _interpolate(self, values: list, ratio: float, pitch: float) -> float:
+    def _interpolate(self, values: list[list[float]], ratio: float, pitch: float) -> float:
         ratios, pitches = self._rows[:2]
         i, u = _place(ratios, ratio)
         j, v = _place(pitches, pitch)
         low, high = values[i], values[i + 1]
-        return (1 - u) * ((1 - v) * low[j] + v * low[j + 1]) + u * ((1 - v) * high[j] + v * high[j + 1])
+        return float((1 - u) * ((1 - v) * low[j] + v * low[j + 1]) + u * ((1 - v) * high[j] + v * high[j + 1]))
 
     def power_coefficient(self, ratio: float, pitch: float) -> float:
         """Power coefficient at a tip-speed ratio and a pitch [rad]."""
@@ -174,7 +176,7 @@ def _text(value: Any, depth: int = 1) -> str:
     return json.dumps(value)
 
 
-def _place(grid: list, value: float) -> tuple[int, float]:
+def _place(grid: list[float], value: float) -> tuple[int, float]:
     """Interval of an ascending grid and the fraction in it, held at the ends."""
     k = min(max(bisect_right(grid, value) - 1, 0), len(grid) - 2)
     return k, min(max((value - grid[k]) / (grid[k + 1] - grid[k]), 0.0), 1.0)

@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.angles import wrapped
 from wt_gym.wind.protocol import velocity_ahead
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.wind import Inflow
 
 __all__ = ["AngleLowPass", "Channel", "Lidar", "LowPass", "NacelleAnemometer", "Notch"]
 
@@ -43,7 +49,7 @@ class Channel:
     description: str
     parity: int = 1
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.parity not in (1, -1):
             raise ValueError(f"channel {self.name!r} needs a parity of 1 or -1, got {self.parity!r}")
         if not (self.scale > 0 and self.low < self.high and self.noise >= 0):
@@ -212,7 +218,7 @@ class Lidar:
     n_beams: int = 4
     frozen: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", tuple(map(float, self.ranges)))
         if not len(self.ranges) or not all(0.0 < r < math.inf for r in self.ranges):
             raise ValueError(f"a lidar needs positive ranges [m], got {self.ranges!r}")
@@ -230,13 +236,13 @@ class Lidar:
         return cls((0.5 * diameter, diameter, 1.5 * diameter))
 
     @cached_property
-    def _side(self) -> np.ndarray:
+    def _side(self) -> NDArray[np.float64]:
         """Way of the beams off the axis, level and upward, per way along it, shape (2, n_beams)."""
         angle = 2.0 * math.pi * np.arange(self.n_beams) / self.n_beams
         return math.tan(self.half_angle) * np.array([np.sin(angle), np.cos(angle)])
 
     @lru_cache(maxsize=4)  # noqa: B019 - a lidar is small, and the nacelle seldom yaws
-    def _beams(self, yaw: float, height: float) -> tuple[np.ndarray, np.ndarray]:
+    def _beams(self, yaw: float, height: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Points that are measured [m], shape (n_ranges, n_beams, 3), and minus the beams over all of them."""
         side = self._side
         ahead = np.array([-math.cos(yaw), -math.sin(yaw), 0.0])
@@ -246,7 +252,7 @@ class Lidar:
         points.setflags(write=False)
         return points, (beams / -self.n_beams).ravel()
 
-    def read(self, inflow, time: float, yaw: float, height: float) -> np.ndarray:
+    def read(self, inflow: Inflow, time: float, yaw: float, height: float) -> NDArray[np.float64]:
         """Measure.
 
         Parameters

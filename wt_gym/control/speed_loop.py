@@ -30,6 +30,8 @@ from wt_gym.errors import ControllerError
 from wt_gym.wind.iec import REFERENCE_INTENSITY, turbulence_sigma
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.control.controllers.discon import BaselineParameters
     from wt_gym.turbines import Turbine
 
@@ -113,7 +115,7 @@ def speed_loop_modes(turbine: Turbine, parameters: BaselineParameters, wind: flo
     return sorted(modes, key=lambda mode: mode.damping)
 
 
-def _matrix(turbine: Turbine, p: BaselineParameters, wind: float) -> tuple[np.ndarray, float, float]:
+def _matrix(turbine: Turbine, p: BaselineParameters, wind: float) -> tuple[NDArray[np.float64], float, float]:
     """State matrix of (speed, tower top, its velocity, filter (2), integral, delay, pitch (2)); mass and inertia."""
     from wt_gym.control.controllers.rotor_rules import tower_top  # controllers know this check
 
@@ -190,7 +192,9 @@ def gust_speed_rise(turbine: Turbine, parameters: BaselineParameters, wind: floa
     return float(answers[:, 0].max()) / turbine.drivetrain.rated_rotor_speed
 
 
-def _gust_answers(turbine: Turbine, parameters: BaselineParameters, wind: float) -> tuple[np.ndarray, np.ndarray]:
+def _gust_answers(
+    turbine: Turbine, parameters: BaselineParameters, wind: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """State matrix (n, n), and states (m, n) after a step of the wind by one standard deviation, over five turns."""
     matrix, mass, inertia = _matrix(turbine, parameters, wind)
     point = operating_point(turbine, wind)

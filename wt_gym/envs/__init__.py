@@ -2,6 +2,7 @@
 
 from wt_gym.envs.layout import EnvLayout, ObservationLayout, layout_of
 from wt_gym.envs.observations import OBSERVATION_GROUPS
+from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.envs.rewards import (
     ActuatorUse,
     BladeFatigue,
@@ -17,7 +18,6 @@ from wt_gym.envs.rewards import (
 )
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 
 __all__ = [
     "EVALUATION_WIND_SEEDS",

@@ -17,6 +17,7 @@ __all__ = [
     "check_mapping",
     "check_names",
     "check_number",
+    "check_whole_steps",
     "did_you_mean",
     "real_number",
     "real_numbers",
@@ -69,6 +70,31 @@ def check_duration(name: str, value: Any, least: float = 0.0) -> float:
     if found is None or not least <= found <= LONGEST:
         raise ValueError(f"{name} must lie between {least:g} and {LONGEST:g} s, got {shown(value)}")
     return found
+
+
+def check_whole_steps(name: str, time: float, control_dt: float, least: int) -> int:
+    """Return how many control steps a time is.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument.
+    time, control_dt : float
+        [s]
+    least : int
+        Fewest steps that are allowed.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number of them.
+    """
+    count = round(time / control_dt)
+    if not (count >= least and math.isclose(count * control_dt, time, rel_tol=1e-9, abs_tol=1e-12)):
+        raise ValueError(
+            f"{name} must be a multiple of control_dt = {control_dt} s, at least {least} of them, got {time!r}"
+        )
+    return count
 
 
 def check_flag(name: str, value: Any) -> bool:

@@ -53,7 +53,11 @@ class Costs:
         speed = (signals["rotor_speed_max"] - self._speed_limit) / self._speed_margin
         clearance = 1.0 - min(signals["tip_clearance_min"].tolist()) / self._clearance
         rate = 1.0 + (max(signals["pitch_travel"].tolist()) / self._travel - 1.0) / PITCH_RATE_MARGIN
-        return dict(zip(COST_NAMES, (min(max(x, 0.0), 1.0) for x in (speed, clearance, rate)), strict=True))
+        return {
+            "overspeed": min(max(speed, 0.0), 1.0),
+            "clearance": min(max(clearance, 0.0), 1.0),
+            "pitch_rate": min(max(rate, 0.0), 1.0),
+        }
 
     @staticmethod
     def of_failure() -> dict[str, float]:

@@ -17,7 +17,9 @@ __all__ = ["Agent", "EpisodeStep", "episode_steps"]
 class Agent(Protocol):
     """Anything with stable-baselines3's ``predict``."""
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Any, Any]:
         """Action and state for an observation."""
         ...
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from wt_gym.deprecated import renamed_attribute
 from wt_gym.envs.observation_kernels import normalize
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from wt_gym.control import ActionMap, Channel, Lidar
     from wt_gym.turbines import Turbine
 
@@ -38,7 +40,7 @@ class ObservationLayout:
         the other way.
     """
 
-    def __init__(self, channels) -> None:
+    def __init__(self, channels: Iterable[Channel]) -> None:
         self.channels: tuple[Channel, ...] = tuple(channels)
         self.names = tuple(channel.name for channel in self.channels)
         if len(set(self.names)) != len(self.names):
@@ -68,7 +70,7 @@ class ObservationLayout:
         except KeyError:
             raise KeyError(f"the observation has no channel {name!r}; it has {', '.join(self.names)}") from None
 
-    def value(self, observation: np.ndarray, name: str):
+    def value(self, observation: np.ndarray, name: str) -> Any:
         """Physical value of a channel.
 
         Parameters
@@ -111,7 +113,7 @@ class ObservationLayout:
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {len(self)} channels, {_few(self.names)}>"
 
-    def table(self) -> list[dict]:
+    def table(self) -> list[dict[str, Any]]:
         """Rows (name, unit, offset, scale, min, max, description) for documentation and reports."""
         return [
             {"name": c.name, "unit": c.unit, "offset": c.offset, "scale": c.scale, "min": c.low, "max": c.high,
@@ -159,7 +161,7 @@ def _few(names: tuple[str, ...]) -> str:
     return ", ".join(names[:4]) + (", …" if len(names) > 4 else "")
 
 
-def layout_of(env) -> EnvLayout:
+def layout_of(env: Any) -> EnvLayout:
     """Layout of an environment behind any wrappers.
 
     Parameters
@@ -177,8 +179,9 @@ def layout_of(env) -> EnvLayout:
         If the environment is none of wt_gym's.
     """
     if hasattr(env, "num_envs"):
-        return env.unwrapped.get_attr("layout")[0]
-    layout = getattr(env.unwrapped, "layout", None)
+        layout = env.unwrapped.get_attr("layout")[0]
+    else:
+        layout = getattr(env.unwrapped, "layout", None)
     if not isinstance(layout, EnvLayout):
         raise TypeError(f"{env} is not a wt_gym environment: it has no layout")
     return layout

@@ -13,7 +13,7 @@ from wt_gym.control import Channel, torque_curve
 from wt_gym.control.coleman import FIXED_FRAME
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs import readers
-from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed
+from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Quantity
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:
@@ -112,10 +112,19 @@ class Observable:
         """A signal of the simulator; the row is that of `Channel` behind the name, from the unit to the description."""
         return Observed(replace(Channel(name, *row), parity=self._parities[name]), FromSignals(name))
 
-    def _computed(self, parity: int, function, name: str, *row: Any, index=0, needs="", circular=False) -> Observed:
+    def _computed(
+        self,
+        parity: int,
+        function: Quantity,
+        name: str,
+        *row: Any,
+        index: int = 0,
+        needs: str = "",
+        circular: bool = False,
+    ) -> Observed:
         return Observed(replace(Channel(name, *row), parity=parity), Computed(function, index, needs), circular)
 
-    def _per_blade(self, function, name: str, *row: Any) -> list[Observed]:
+    def _per_blade(self, function: Quantity | None, name: str, *row: Any) -> list[Observed]:
         """The same channel for every blade; without a function the signal of that name."""
         *numbers, text = row
         rows = [(f"{name}_{b + 1}", *numbers, f"{text}, blade {b + 1}") for b in range(self._turbine.n_blades)]
@@ -145,7 +154,7 @@ class Observable:
             *self._torque_demand(readers.torque_demand, "generator_torque_demand", "demanded generator torque, HSS"),
         ]  # fmt: skip
 
-    def _torque_demand(self, function, name: str, text: str) -> list[Observed]:
+    def _torque_demand(self, function: Quantity, name: str, text: str) -> list[Observed]:
         """A demand for torque, where the generator takes one."""
         if not self._action.takes_torque:
             return []
@@ -185,7 +194,7 @@ class Observable:
         row = ("rotor_wind", "m/s", 12.0, 4.0, 0.0, 60.0, 0.0, text)
         return [self._computed(EVEN, readers.rotor_wind, *row, needs="estimator")]
 
-    def _blade_rows(self):
+    def _blade_rows(self) -> tuple[tuple[Any, ...], ...]:
         """Name, unit, offset and scale of a blade, offset and scale of mean and of tilt and yaw, reference, text."""
         tip = 0.1 * self._turbine.blade.length
         flap, edge = reference_flap_moment(self._turbine), blade_static_moment(self._turbine)
@@ -291,7 +300,7 @@ class Observable:
         acting = []
         if self._fades:
             text = "share of residual pitch that acts"
-            row: tuple = ("residual_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, text)
+            row: tuple[Any, ...] = ("residual_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, text)
             acting.append(self._computed(EVEN, readers.residual_share, *row))
         if self._washes:
             limit = 2.0 * float(self._action.pitch_high[0])

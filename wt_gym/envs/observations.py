@@ -6,7 +6,7 @@ import copy
 import math
 from collections import deque
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from wt_gym.envs.arguments import shown
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.envs.observable import DEFAULT_GROUPS, OBSERVATION_GROUPS, RESIDUAL_GROUPS, Observable
 from wt_gym.envs.observation_kernels import read_signals
+from wt_gym.envs.options.observations import MOST_READINGS
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, ObservationContext, Observed, Sensors
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DEFAULT_GROUPS", "MOST_READINGS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Observer"]
 
-MOST_READINGS = 1000
-"""Most readings in an observation, and most control steps by which they are late: 200 s at the usual step of 0.2 s."""
 _MEMORY = ("_sensors", "_readings")
 
 
@@ -121,11 +120,11 @@ class Observer:
         self._directions = [k for k, one in enumerate(observed) if one.circular]
         self._size = len(observed)
 
-    def memory(self) -> dict:
+    def memory(self) -> dict[str, Any]:
         """Give what the sensors remember within an episode, a copy, for `recall`."""
         return copy.deepcopy({name: self.__dict__[name] for name in _MEMORY})
 
-    def recall(self, memory: dict) -> None:
+    def recall(self, memory: dict[str, Any]) -> None:
         """Continue with a memory."""
         self.__dict__.update(copy.deepcopy(memory))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from wt_gym.control.residual import ResidualPitch
     from wt_gym.simulation import Signals
 
-__all__ = ["Computed", "FromSignals", "InFixedFrame", "ObservationContext", "Observed", "Reader", "Sensors"]
+__all__ = ["Computed", "FromSignals", "InFixedFrame", "ObservationContext", "Observed", "Quantity", "Reader", "Sensors"]
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,10 @@ class Sensors:
         self.pitch_before, self.pitch, self.dt = self.pitch, signals["pitch"].tolist(), dt
 
 
+Quantity: TypeAlias = Callable[[Sensors, ObservationContext, int], float]
+"""Reads a quantity of sensors and situation; the number is that of a blade, component or gate."""
+
+
 @dataclass(frozen=True)
 class FromSignals:
     """Reads a signal of the simulator as it is.
@@ -132,7 +136,7 @@ class Computed:
         What must be there for it.
     """
 
-    function: Callable[[Sensors, ObservationContext, int], float]
+    function: Quantity
     index: int = 0
     needs: str = ""
 
@@ -157,7 +161,7 @@ class Observed:
     circular: bool = False
 
 
-def _mean(of_blades) -> float:
+def _mean(of_blades: Sequence[float] | np.ndarray) -> float:
     """Mean of one number a blade; of so few, numpy's own is slow."""
     return float(np.add.reduce(of_blades)) / len(of_blades)
 
@@ -166,96 +170,96 @@ def _mean(of_blades) -> float:
 # for are not called, so what they need is there.
 
 
-def previous_action(sensors, context, k) -> float:
+def previous_action(sensors: Sensors, context: ObservationContext, k: int) -> float:
     """Component of the last action."""
-    return context.action[k]
+    return float(context.action[k])
 
 
-def lidar(sensors, context, k) -> float:
+def lidar(sensors: Sensors, context: ObservationContext, k: int) -> float:
     """Wind in a gate of the lidar [m/s]."""
-    return context.lidar[k]
+    return float(context.lidar[k])  # type: ignore[index]
 
 
-def wind_speed(sensors, context, _) -> float:
+def wind_speed(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Nacelle anemometer [m/s]."""
     return sensors.wind_speed
 
 
-def yaw_error(sensors, context, _) -> float:
+def yaw_error(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Wind vane [rad]."""
     return sensors.yaw_error
 
 
-def rotor_wind(sensors, context, _) -> float:
+def rotor_wind(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Wind of the estimator [m/s]."""
-    return sensors.estimator.wind
+    return sensors.estimator.wind  # type: ignore[union-attr]
 
 
-def azimuth_sin(sensors, context, _) -> float:
+def azimuth_sin(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Sine of the azimuth."""
     return math.sin(context.signals["azimuth"])
 
 
-def azimuth_cos(sensors, context, _) -> float:
+def azimuth_cos(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Cosine of the azimuth."""
     return math.cos(context.signals["azimuth"])
 
 
-def pitch_rate(sensors, context, b) -> float:
+def pitch_rate(sensors: Sensors, context: ObservationContext, b: int) -> float:
     """Rate of a blade over the last step [rad/s]."""
-    return (sensors.pitch[b] - sensors.pitch_before[b]) / sensors.dt
+    return float((sensors.pitch[b] - sensors.pitch_before[b]) / sensors.dt)
 
 
-def pitch_demand(sensors, context, b) -> float:
+def pitch_demand(sensors: Sensors, context: ObservationContext, b: int) -> float:
     """Demand on a blade [rad]."""
-    return context.demand.pitch[b]
+    return float(context.demand.pitch[b])
 
 
-def mean_pitch(sensors, context, _) -> float:
+def mean_pitch(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean of the blades [rad]."""
     return _mean(sensors.pitch)
 
 
-def mean_pitch_rate(sensors, context, _) -> float:
+def mean_pitch_rate(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean rate of the blades [rad/s]."""
     return _mean(np.subtract(sensors.pitch, sensors.pitch_before)) / sensors.dt
 
 
-def mean_pitch_demand(sensors, context, _) -> float:
+def mean_pitch_demand(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean demand on the blades [rad]."""
     return _mean(context.demand.pitch)
 
 
-def torque_demand(sensors, context, _) -> float:
+def torque_demand(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Demand on the generator [N m]."""
     return context.demand.generator_torque
 
 
-def controller_pitch(sensors, context, _) -> float:
+def controller_pitch(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean demand of the base controller on the blades [rad]."""
-    return _mean(context.base.pitch)
+    return _mean(context.base.pitch)  # type: ignore[union-attr]
 
 
-def controller_torque(sensors, context, _) -> float:
+def controller_torque(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Demand of the base controller on the generator [N m]."""
-    return context.base.generator_torque
+    return context.base.generator_torque  # type: ignore[union-attr]
 
 
-def pitch_offset(sensors, context, k) -> float:
+def pitch_offset(sensors: Sensors, context: ObservationContext, k: int) -> float:
     """Coordinate of the residual pitch [rad]."""
-    return context.setpoint.pitch[k]
+    return float(context.setpoint.pitch[k])
 
 
-def torque_offset(sensors, context, _) -> float:
+def torque_offset(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Residual torque [N m]."""
     return context.setpoint.generator_torque
 
 
-def residual_share(sensors, context, _) -> float:
+def residual_share(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Share of the residual pitch that acts."""
-    return context.residual.share
+    return context.residual.share  # type: ignore[union-attr]
 
 
-def residual_mean(sensors, context, _) -> float:
+def residual_mean(sensors: Sensors, context: ObservationContext, _: int) -> float:
     """Mean of the residual pitch that acts [rad]."""
-    return context.residual.mean
+    return context.residual.mean  # type: ignore[union-attr]

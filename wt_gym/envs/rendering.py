@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -50,11 +50,11 @@ class Renderer:
         self._build_scene(width, height)
         self._build_strips(turbine)
 
-    def __getstate__(self):
+    def __getstate__(self) -> tuple[Any, ...]:
         """What a copy or a pickle takes along: figures can be made anew, but not all be copied."""
         return self._arguments, self._history
 
-    def __setstate__(self, kept) -> None:
+    def __setstate__(self, kept: tuple[Any, ...]) -> None:
         """Make the figure and take over the course of the signals."""
         arguments, history = kept
         Renderer.__init__(self, *arguments)
@@ -148,7 +148,7 @@ class Renderer:
         blades, wake = self._project(geometry["blades"]), self._project(geometry["wake"])
         corners = [blades[:, :-1, :-1], blades[:, :-1, 1:], blades[:, 1:, 1:], blades[:, 1:, :-1]]
         outlines = np.stack(corners, axis=-2).reshape(-1, 4, 2)
-        self._panels.set_verts(cast("Sequence", outlines))
+        self._panels.set_verts(cast("Sequence[Any]", outlines))
 
         tower, radius, hub = geometry["tower"], geometry["tower_radius"], geometry["hub"]
         nacelle = self._nacelle(np.asarray(tower)[-1], np.asarray(hub), float(radius[-1]))
@@ -160,9 +160,9 @@ class Renderer:
         strength = trailing_strength(geometry["wake_circulation"])[: len(segments)]
         segments = segments[: len(strength)]
         share = strength / max(float(np.quantile(strength, 0.995)), 1e-9) if strength.size else strength
-        self._wake.set_segments(cast("Sequence", segments.reshape(-1, 2, 2)))
+        self._wake.set_segments(cast("Sequence[Any]", segments.reshape(-1, 2, 2)))
         self._wake.set_array(np.clip(share, 0.0, 1.0).ravel())
-        self._wake.set_linewidth(cast("Sequence", 0.3 + 1.3 * np.clip(share, 0.0, 1.0).ravel()))
+        self._wake.set_linewidth(cast("Sequence[Any]", 0.3 + 1.3 * np.clip(share, 0.0, 1.0).ravel()))
 
     def _outline(self, column: np.ndarray) -> np.ndarray:
         """Outline of a column (n, 4): points of its axis and its radii there."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import gymnasium as gym
@@ -15,10 +15,13 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from wt_gym.envs.arguments import shown
+from wt_gym.envs.options.environment import options_of, plain_spec
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
+
+    from gymnasium.envs.registration import EnvSpec
 
 __all__ = ["Outcome", "WindTurbineVectorEnv"]
 
@@ -55,7 +58,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
     threads : int, optional
         That step turbines at the same time; default: one for every processor at hand, at most one a turbine.
     **kwargs
-        Arguments of `WindTurbineEnv`. A turbine and controllers given as objects are shared and copied as there.
+        Arguments of `WindTurbineEnv`, groups of options among them. A turbine and controllers given as objects are
+        shared and copied as there.
 
     Raises
     ------
@@ -69,15 +73,16 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
-        **kwargs,
+        **kwargs: Any,
     ):
         for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps), ("threads", threads)):
             if number is not None and number < 1:
                 raise ValueError(f"{name} must be at least 1, got {number!r}")
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
-        kwargs = {name: tuple(v) if isinstance(v, Iterator) else v for name, v in kwargs.items()}  # for all to read
-        self.envs = [WindTurbineEnv(**kwargs)]
-        self.envs += [WindTurbineEnv(**kwargs | {"turbine": self.envs[0].turbine}) for _ in range(num_envs - 1)]
+        options = options_of(kwargs)
+        self.envs = [WindTurbineEnv.of(options)]
+        options = replace(options, turbine=self.envs[0].turbine)
+        self.envs += [WindTurbineEnv.of(options) for _ in range(num_envs - 1)]
         for env in self.envs:
             env.outer_steps = max_episode_steps
         first = self.envs[0]
@@ -98,6 +103,15 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.num_envs} of {self.envs[0]!r}>"
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What `gymnasium.make_vec` made it of, groups of options as mappings."""
+        return self.__dict__.get("_spec")
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec)
 
     @property
     def observation_names(self) -> np.ndarray:
@@ -127,11 +141,11 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         """Start episodes of the chosen turbines; give observation and info of each."""
         self._refuse_closed()
 
-        def start(k: int):
+        def start(k: int) -> tuple[np.ndarray, dict[str, Any]]:
             return self._start(k, seeds[k], options)
 
         if not self._begun:  # models are made and kernels loaded one after another
-            self.envs[0].warn_of_limit(self.spec, self._most_steps)
+            self.envs[0].length.warn(self.spec, self._most_steps)
             results = [start(k) for k in chosen]
             self._begun = all(env.simulator is not None for env in self.envs)
             return results
@@ -180,7 +194,9 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         if self.closed:
             raise ClosedEnvironmentError("the environment was closed")
 
-    def _start(self, k: int, seed: int | None = None, options: dict[str, Any] | None = None):
+    def _start(
+        self, k: int, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         self._steps[k], self._over[k] = 0, True
         result = self.envs[k].reset(seed=seed, options=options)
         self._over[k] = False
@@ -200,7 +216,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
     def _no_reward(self) -> float | np.ndarray:
         return np.zeros(self.envs[0].reward_space.shape, np.float32) if hasattr(self.envs[0], "reward_space") else 0.0
 
-    def _each(self, work: Callable[[int], Any], chosen: Iterable[int]) -> list:
+    def _each(self, work: Callable[[int], Any], chosen: Iterable[int]) -> list[Any]:
         """Do something with the chosen turbines; an error comes once none of them is at work any more."""
         if self._pool is None:
             return [work(k) for k in chosen]
@@ -233,7 +249,9 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
     # ---- Gymnasium ----
 
-    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start episodes.
 
         Parameters
@@ -262,7 +280,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             infos = self._add_info(infos, info, cast(int, k))
         return self._observations.copy(), infos
 
-    def step(self, actions):
+    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every turbine by a control step.
 
         Parameters
@@ -284,7 +302,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         gymnasium.error.ResetNeeded
             If an episode has ended that nothing resets.
         """
-        outcomes, infos = self.step_each(actions), {}
+        outcomes = self.step_each(actions)
+        infos: dict[str, Any] = {}
         for k, outcome in enumerate(outcomes):
             self._observations[k] = outcome.observation
             if outcome.final is not None:
@@ -294,24 +313,24 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         _, rewards, terminated, truncated, *_ = zip(*outcomes, strict=True)
         return self._observations.copy(), np.array(rewards), np.array(terminated), np.array(truncated), infos
 
-    def _mask(self, mask) -> np.ndarray:
+    def _mask(self, mask: Any) -> np.ndarray:
         """Turbines that a reset is for."""
         if mask is None:
             return np.ones(self.num_envs, dtype=np.bool_)
-        mask = np.asarray(mask)
-        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-            raise ValueError(f"reset_mask must be {self.num_envs} bools, one of them true at least, got {mask!r}")
-        return mask
+        chosen: np.ndarray = np.asarray(mask)
+        if chosen.shape != (self.num_envs,) or chosen.dtype != np.bool_ or not chosen.any():
+            raise ValueError(f"reset_mask must be {self.num_envs} bools, one of them true at least, got {chosen!r}")
+        return chosen
 
     def render(self) -> tuple[Any, ...]:
         """Pictures of all turbines, as of a single environment."""
         return tuple(env.render() for env in self.envs)
 
-    def call(self, name: str, *arguments, **named) -> tuple:
+    def call(self, name: str, *arguments: Any, **named: Any) -> tuple[Any, ...]:
         """Call a method of every turbine's environment, or read an attribute of it."""
         return tuple(value(*arguments, **named) if callable(value) else value for value in self.get_attr(name))
 
-    def get_attr(self, name: str) -> tuple:
+    def get_attr(self, name: str) -> tuple[Any, ...]:
         """Attribute of every turbine's environment."""
         return tuple(getattr(env, name) for env in self.envs)
 
@@ -333,7 +352,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         """Random numbers of each turbine."""
         return self.get_attr("np_random")
 
-    def close_extras(self, **_) -> None:
+    def close_extras(self, **_: Any) -> None:
         """Release simulators and threads."""
         if self._pool is not None:
             self._pool.shutdown()

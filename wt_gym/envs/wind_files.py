@@ -11,6 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
+from wt_gym.envs.options.environment import flat_arguments
+from wt_gym.envs.options.wind import is_wind_file
 from wt_gym.errors import InflowError
 from wt_gym.wind import SeriesInflow, TurbulentInflow, wind_from
 from wt_gym.wind.described import SUFFIXES, files_of, is_wind_path, whole_description
@@ -20,11 +22,6 @@ __all__ = ["SUFFIXES", "WindFile", "is_wind_file", "wind_files_of", "with_whole_
 
 # A file of ten minutes takes some ten to a hundred megabytes in memory.
 _WINDS_IN_MEMORY = 8
-
-
-def is_wind_file(value: Any) -> bool:
-    """Whether an argument is a file of wind: a path by its suffix, or a mapping that names one."""
-    return is_wind_path(value) or (isinstance(value, Mapping) and "file" in value)
 
 
 def with_whole_paths(arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -46,10 +43,16 @@ def with_whole_paths(arguments: Mapping[str, Any]) -> dict[str, Any]:
     InflowError
         If a mapping names no files.
     """
+    arguments = _with_inflow(arguments)
     given: Any = arguments.get("inflow")
     if isinstance(given, list | tuple):
         return {**arguments, "inflow": [_whole(one) for one in given]}
     return {**arguments, "inflow": _whole(given)} if is_wind_file(given) else dict(arguments)
+
+
+def _with_inflow(arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Arguments by their flat names where the wind is a group."""
+    return flat_arguments(arguments) if "wind" in arguments else arguments
 
 
 def _whole(given: Any) -> Any:
@@ -66,7 +69,7 @@ def wind_files_of(arguments: Mapping[str, Any]) -> dict[str, str]:
     InflowError
         If one cannot be read.
     """
-    given: Any = arguments.get("inflow")
+    given: Any = _with_inflow(arguments).get("inflow")
     described = [one for one in (given if isinstance(given, list | tuple) else [given]) if is_wind_file(one)]
     paths = [os.path.abspath(one) for one in described if is_wind_path(one)]
     paths += [path for one in described for path in files_of(whole_description(one))]
@@ -113,7 +116,9 @@ class WindFile:
     is_series: bool
 
     @classmethod
-    def found(cls, given: str | os.PathLike | Mapping[str, Any], hub_height: float, rotor_diameter: float) -> WindFile:
+    def found(
+        cls, given: str | os.PathLike[str] | Mapping[str, Any], hub_height: float, rotor_diameter: float
+    ) -> WindFile:
         """Look through a file, unless this process has done so and the file is as it was.
 
         Raises
@@ -181,7 +186,7 @@ def _state_of(path: str) -> tuple[int, int] | None:
 
 
 @lru_cache(maxsize=1024)
-def _found(key: str, state: tuple, size: tuple[float, float]) -> WindFile:
+def _found(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> WindFile:
     wind = _wind(key, state, size)
     of_all = key, size, wind.mean_speed, wind.hub_height, wind.description
     if isinstance(wind, SeriesInflow):
@@ -190,7 +195,7 @@ def _found(key: str, state: tuple, size: tuple[float, float]) -> WindFile:
 
 
 @lru_cache(maxsize=_WINDS_IN_MEMORY)
-def _wind(key: str, state: tuple, size: tuple[float, float]) -> TurbulentInflow | SeriesInflow:
+def _wind(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> TurbulentInflow | SeriesInflow:
     """Read a file; ``state`` has a file that was changed read again."""
     try:
         wind = wind_from(json.loads(key), *size)

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.envs.arguments import check_names, real_number, real_numbers, shown
-from wt_gym.envs.wind_files import SUFFIXES, WindFile, is_wind_file
+from wt_gym.envs.arguments import real_number, real_numbers, shown
+from wt_gym.envs.options.wind import (
+    EVALUATION_WIND_SEEDS,
+    FASTEST_WIND,
+    GUSTS,
+    LARGEST_WIND_SEED,
+    NORMAL_SHEAR,
+    SLOWEST_TURBULENCE,
+    TRAINING_WIND_SEEDS,
+    TURBULENCE,
+    WindOptions,
+    checked_wind_seed,
+    own_winds,
+)
+from wt_gym.envs.wind_files import WindFile, is_wind_file
 from wt_gym.errors import InflowError
 from wt_gym.wind import (
     Inflow,
@@ -25,56 +38,32 @@ from wt_gym.wind.iec import (
     EXTREME_SHEAR_EXPONENT,
     EXTREME_WIND_INTENSITY,
     extreme_wind_speed,
-    reference_intensity,
     turbulence_sigma,
 )
 from wt_gym.wind.protocol import require_cover
 
 if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["EVALUATION_WIND_SEEDS", "LARGEST_WIND_SEED", "TRAINING_WIND_SEEDS", "EpisodeWind", "WindSampler"]
+__all__ = [
+    "EVALUATION_WIND_SEEDS",
+    "GUSTS",
+    "LARGEST_WIND_SEED",
+    "TRAINING_WIND_SEEDS",
+    "TURBULENCE",
+    "EpisodeWind",
+    "WindSampler",
+]
 
-TRAINING_WIND_SEEDS = tuple(range(1, 25))
-"""Wind seeds from which training episodes draw by default."""
-
-EVALUATION_WIND_SEEDS = tuple(range(1001, 1025))
-"""Wind seeds held back for evaluation: no default environment ever trains on them."""
-
-LARGEST_WIND_SEED = 2**63 - 1
-"""Larger ones have no place in the integers of arrays and files."""
-
-EXTREME = ("extreme", "extreme-turbulent")
-KINDS = ("steady", "turbulent", "gusts", *EXTREME)
-TRANSIENTS = ("EOG", "EDC", "ECD", "EWS")
-"""Deterministic transients of IEC 61400-1, which the inflow "gusts" draws by default."""
-GUSTS = (*TRANSIENTS, "ETM")
-"""What the inflow "gusts" can draw: extreme turbulence beside the transients."""
 # As many forms a kind has, as often it is drawn; the order decides which seed has which gust.
 _FORMS = {"EOG": ("eog",), "EDC": ("edc",), "ECD": ("ecd",), "EWS": ("vertical", "horizontal"), "ETM": ("turbulence",)}
-TURBULENCE_MODELS = ("NTM", "ETM")
-TURBULENCE = ("kaimal", "mann")
-"""Whose turbulence: `wt_gym.wind.kaimal` or `wt_gym.wind.mann`."""
 WANDERING = 1200.0
 """Time over which a wandering direction is drawn [s]; after it the direction stays."""
-FASTEST_WANDERING = 1.0
-"""Shortest time constant of a wandering direction [s]."""
 # Boxes are synthesized at multiples of this speed [m/s], and at its half, quarter, …, and carried along at the speed
 # wanted: at half the speed at least, so that their harmonics, up to 2 Hz as synthesized, reach to 1 Hz.
 _BOX_SPEED_STEP = 6.0
-NORMAL_SHEAR = 0.2
-"""Exponent of IEC 61400-1 for normal conditions."""
-_ALLOWED = (
-    f"{KINDS}, an Inflow, a file of wind ({', '.join(SUFFIXES)}), a mapping that describes a wind, several of these "
-    "or a callable"
-)
-FASTEST_WIND = 50.0
-"""Highest mean wind speed that can be asked for [m/s]: the reference speed of class I."""
-SLOWEST_TURBULENCE = 0.5
-"""Lowest mean wind speed of turbulence and gusts [m/s]: what is carried along does not pass in still air."""
 # As far may hub heights of a turbulence box and its mean wind differ.
 _HUB_HEIGHT_TOLERANCE = 0.01
 
@@ -112,47 +101,7 @@ class WindSampler:
     Parameters
     ----------
     turbine : Turbine
-    kind : {"steady", "turbulent", "gusts", "extreme", "extreme-turbulent"}, Inflow, path, mapping, sequence, callable
-        "gusts": a transient of IEC 61400-1 (EOG, EDC, ECD, EWS) on a steady wind, drawn with its sign and its beginning
-        (5 to 15 s after the start); which of them, and whether extreme turbulence is among them, say ``gusts``.
-        "extreme": the steady extreme wind model (EWM), 1.4 reference speeds of the
-        turbine's class; "extreme-turbulent": the turbulent one, with the reference speed as mean and a standard
-        deviation of 11 %; both with an exponent of 0.11 and for a parked turbine. An inflow of one's own is used as it
-        is in every episode; of a sequence one is drawn; a callable gets the random generator and gives the inflow of
-        the episode. Its mean speed should hold at the hub: another height, by more than 1 %, is a warning. Paths
-        and mappings describe a wind (`wt_gym.wind.described`). Of a file with a turbulence box a time is drawn at which
-        the episode begins: anywhere if it is periodic, else early enough for the episode to end before the record does;
-        a series is met from its beginning.
-    wind_speed : float or (float, float)
-        Mean speed at hub height [m/s], or a range to draw it from uniformly. Ignored (None) with one's own inflow and
-        the extreme winds.
-    shear_exponent : float, optional
-        Of the power-law profile of steady and turbulent winds and of that before a gust; by default `NORMAL_SHEAR`.
-    turbulence_class : str, optional
-        ``"A+"``, ``"A"``, ``"B"`` or ``"C"``; default: the turbine's.
-    wind_seeds : sequence of int
-        Pool of turbulence seeds.
-    direction : float or (float, float)
-        Direction of the wind at the start against the nacelle, or the range it is drawn from [rad].
-    wander : (float, float), optional
-        Standard deviation [rad] and time constant [s], at least `FASTEST_WANDERING`, with which the direction wanders
-        from then on: an Ornstein-Uhlenbeck process, drawn for `WANDERING`, after which the direction stays.
-    turbulence_model : {"NTM", "ETM"}
-        Of the kind "turbulent": normal or extreme turbulence, the latter with the turbine's class.
-    return_period : {50, 1}
-        Of the extreme winds, in years.
-    roughness_length : float, optional
-        Of the ground [m]: a logarithmic profile instead of the power law.
-    reference_height : float, optional
-        Height at which ``wind_speed`` holds instead of hub height [m]. All else, cut-in and cut-out too, refers to the
-        speed that the profile then has at the hub: V = V_ref (z/z_ref)^a, or V_ref ln(z/z0)/ln(z_ref/z0).
-    turbulence : {"kaimal", "mann"}
-        Of the turbulent kinds: Kaimal's spectra with an exponential coherence, or Mann's uniform shear model, both with
-        the parameters of IEC 61400-1. Mann's too depends on frequency only through ``f / V``.
-    gusts : sequence of {"EOG", "EDC", "ECD", "EWS", "ETM"}
-        Of the kind "gusts": which are drawn, each once. EWS has two forms, vertical and horizontal, and is drawn twice
-        as often as each of the others. ETM is turbulence of the extreme turbulence model, with its seed and time drawn
-        as those of the kind "turbulent"; seeds and times that are fixed have no effect where a transient is drawn.
+    options : WindOptions
 
     Attributes
     ----------
@@ -166,59 +115,36 @@ class WindSampler:
     Raises
     ------
     InflowError
-        If a choice is none of those allowed or belongs to another kind, a speed is negative or above 50 m/s, the
-        pool is empty or no list of integers, or direction or wander are no angles and times.
+        If a speed cannot be had at the hub of the turbine, a profile has no meaning there, or an own inflow does not
+        reach around the rotor.
     """
 
-    def __init__(
-        self,
-        turbine: Turbine,
-        kind: str | os.PathLike | Inflow | Sequence[Inflow | str | os.PathLike] | Callable[..., Inflow],
-        wind_speed: float | tuple[float, float] | None,
-        shear_exponent: float | None = None,
-        turbulence_class: str | None = None,
-        wind_seeds: Sequence[int] = TRAINING_WIND_SEEDS,
-        direction: float | tuple[float, float] = 0.0,
-        wander: tuple[float, float] | None = None,
-        turbulence_model: str = "NTM",
-        return_period: int = 50,
-        roughness_length: float | None = None,
-        reference_height: float | None = None,
-        turbulence: str = "kaimal",
-        gusts: Sequence[str] = TRANSIENTS,
-    ):
-        self._turbine = turbine
+    def __init__(self, turbine: Turbine, options: WindOptions):
+        self._turbine, self._options = turbine, options
         self._kind: str | Callable[..., Inflow] | tuple[Inflow | WindFile, ...]
-        if callable(kind) or (isinstance(kind, str) and kind in KINDS):
-            self._kind = kind
-        else:
-            self._kind = self._own_inflows(kind)
-        self._directions, self._wander = self._checked_direction(direction, wander)
-        self._profile = self._checked_profile(shear_exponent, roughness_length)
-        self._to_hub = self._share_at_hub(reference_height)
-        if turbulence_class is not None:
-            reference_intensity(turbulence_class)  # refuses an unknown class, also where it plays no part
-        self._class = turbine.turbulence_class if turbulence_class is None else turbulence_class
-        if not isinstance(wind_seeds, Iterable):
-            raise InflowError(f"wind_seeds must be a sequence of integers, got {wind_seeds!r}")
-        self._pool = tuple(self._checked_seed(seed) for seed in wind_seeds)
-        if not self._pool:
-            raise InflowError("wind_seeds must name at least one seed")
-        self._gusts = self._checked_gusts(gusts)
-        self._turbulent = isinstance(self._kind, str) and (
-            kind in ("turbulent", "extreme-turbulent") or (kind == "gusts" and "turbulence" in self._gusts)
-        )
-        self._check_choices(turbulence_model, return_period, turbulence)
-        self._whose, self._model = turbulence, "ETM" if kind == "gusts" else turbulence_model
-        self.parks = isinstance(self._kind, str) and kind in EXTREME
+        kind: Any = options.inflow
+        self._kind = kind if options.made_here or callable(kind) else self._own_inflows(kind)
+        directions = real_numbers(options.direction)
+        self._directions = directions[0], directions[-1]
+        self._wander = None if options.wander is None else real_numbers(options.wander)
+        self._profile = _profile(options)
+        self._to_hub = self._share_at_hub(options.reference_height)
+        self._class = options.turbulence_class or turbine.turbulence_class
+        self._pool = tuple(options.seeds)
+        self._gusts = tuple(form for name in GUSTS if name in options.gusts for form in _FORMS[name])
+        self._turbulent = options.turbulent
+        self._whose = options.turbulence
+        self._model = "ETM" if isinstance(kind, str) and kind == "gusts" else options.turbulence_model
+        self.parks = options.extreme
+        self.speeds: tuple[float, float]
         if self.parks:
             hub, gusty = turbine.hub_height, kind == "extreme-turbulent"
-            speed = cast(float, extreme_wind_speed(hub, hub, turbine.iec_class, return_period, gusty))
-            self.speeds = (speed, speed)
+            speed = extreme_wind_speed(hub, hub, turbine.iec_class, options.return_period, gusty)
+            self.speeds = (cast(float, speed), cast(float, speed))
             self._profile = {"shear_exponent": EXTREME_SHEAR_EXPONENT}
         elif isinstance(self._kind, str):
             self._steady(0.0)  # refuses a profile without meaning now, not at the first reset
-            self.speeds = self._range(wind_speed)
+            self.speeds = self._range(options.speed)
             if self._turbulent:
                 self._sigma(self.speeds[0])  # refuses an unknown class now, not at the first reset
         elif callable(self._kind):
@@ -226,6 +152,7 @@ class WindSampler:
         else:
             means = [inflow.mean_speed for inflow in self._kind]
             self.speeds = (min(means), max(means))
+        self.seeds: tuple[int, ...] | None
         self.seeds = (self._pool if self._turbulent else ()) if isinstance(self._kind, str) else None
 
     @property
@@ -323,7 +250,7 @@ class WindSampler:
         steady = self._steady(speed)
         if not self._turbulent:
             return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng, heading)
-        seed = self._checked_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
+        seed = checked_wind_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
         box = self._box(speed, seed)
         if time_offset is None:
             time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * box.duration
@@ -342,7 +269,7 @@ class WindSampler:
         return TurbulentInflow(self._box(speed, seed), self._steady(speed))
 
     @property
-    def turbulence_key(self) -> tuple:
+    def turbulence_key(self) -> tuple[Any, ...]:
         """What decides on `turbulence` beside turbine, speed and seed."""
         return self._class, self._model, self._whose, sorted(self._profile.items())
 
@@ -351,7 +278,7 @@ class WindSampler:
         """Whether some of its winds are turbulence made here."""
         return self._turbulent
 
-    def given(self, inflow, **options) -> EpisodeWind:
+    def given(self, inflow: Any, **options: Any) -> EpisodeWind:
         """Take a wind from outside in place of one of its own.
 
         Parameters
@@ -392,27 +319,10 @@ class WindSampler:
         """Mean wind with its profile, for a speed at hub height [m/s]."""
         return SteadyInflow(speed, self._turbine.hub_height, **self._profile)
 
-    def _checked_profile(self, shear_exponent, roughness_length) -> dict[str, float]:
-        """What a steady wind needs for its profile; refuses one that belongs to no wind made here."""
-        if roughness_length is None:
-            return {"shear_exponent": NORMAL_SHEAR if shear_exponent is None else shear_exponent}
-        if not isinstance(self._kind, str) or self._kind in EXTREME:
-            raise InflowError("roughness_length belongs to the inflows 'steady', 'turbulent' and 'gusts'")
-        if shear_exponent is not None:
-            raise InflowError(
-                "shear_exponent (power law) and roughness_length (logarithmic) exclude each other; "
-                f"got {shear_exponent!r} and {roughness_length!r}"
-            )
-        return {"roughness_length": roughness_length}
-
-    def _share_at_hub(self, reference_height) -> float:
+    def _share_at_hub(self, reference_height: float | None) -> float:
         """Speed at the hub over that at the reference height [-]."""
         if reference_height is None:
             return 1.0
-        if real_number(reference_height) is None:
-            raise InflowError(f"reference_height must be a number in m, got {shown(reference_height)}")
-        if not isinstance(self._kind, str) or self._kind in EXTREME:
-            raise InflowError("reference_height belongs to the inflows 'steady', 'turbulent' and 'gusts'")
         hub = np.array([[0.0, 0.0, self._turbine.hub_height]])
         return float(SteadyInflow(1.0, reference_height, **self._profile).velocity(hub, 0.0)[0, 0])
 
@@ -428,14 +338,9 @@ class WindSampler:
             turned = TurningInflow.wandering(wind.inflow, start, deviation, time_constant, WANDERING, rng)
         return replace(wind, inflow=turned)
 
-    def _own_inflows(self, kind) -> tuple[Inflow | WindFile, ...]:
+    def _own_inflows(self, kind: Any) -> tuple[Inflow | WindFile, ...]:
         """Inflows of the user; files are looked through."""
-        alone = isinstance(kind, str | Mapping) or not isinstance(kind, Iterable)
-        given = (kind,) if alone else tuple(kind)
-        wrong = [one for one in given if not (isinstance(one, Inflow | Mapping) or is_wind_file(one))]
-        if wrong or not given:
-            refused = wrong[0] if len(wrong) == 1 else wrong or kind
-            raise InflowError(f"inflow must be one of {_ALLOWED}, got {shown(refused)}")
+        given = own_winds(kind)
         hub, diameter = self._turbine.hub_height, self._turbine.rotor_diameter
         own = tuple(self._own_inflow(one, hub, diameter) for one in given)
         for inflow in own:
@@ -448,10 +353,10 @@ class WindSampler:
         return own
 
     @staticmethod
-    def _own_inflow(given, hub_height: float, rotor_diameter: float) -> Inflow | WindFile:
+    def _own_inflow(given: Any, hub_height: float, rotor_diameter: float) -> Inflow | WindFile:
         if is_wind_file(given):
             return WindFile.found(given, hub_height, rotor_diameter)
-        inflow = given
+        inflow: Inflow = given
         if isinstance(given, Mapping):
             try:
                 inflow = wind_from(given, hub_height, rotor_diameter)
@@ -459,53 +364,6 @@ class WindSampler:
                 raise InflowError(f"inflow: {error}") from error
         require_cover(inflow, hub_height, rotor_diameter)
         return inflow
-
-    @staticmethod
-    def _checked_direction(direction, wander):
-        ends = real_numbers(direction)
-        if len(ends) not in (1, 2) or not all(abs(end) <= np.pi for end in ends) or ends[0] > ends[-1]:
-            raise InflowError(
-                f"wind_direction must be an angle or a range (low, high) within +-pi rad, got {direction!r}"
-            )
-        return (ends[0], ends[-1]), wander if wander is None else WindSampler._checked_wander(wander)
-
-    @staticmethod
-    def _checked_wander(wander) -> tuple[float, float]:
-        given = real_numbers(wander)
-        deviation, time_constant = given if len(given) == 2 else (np.nan, np.nan)
-        if not (0.0 <= deviation <= np.pi and FASTEST_WANDERING <= time_constant < np.inf):
-            raise InflowError(
-                f"wind_wander must be a deviation of 0 to pi rad and a time constant of at least {FASTEST_WANDERING:g} "
-                f"s, got {wander!r}"
-            )
-        return deviation, time_constant
-
-    def _checked_gusts(self, gusts) -> tuple[str, ...]:
-        """Forms of the gusts that are drawn, in the order of `GUSTS` however they are given."""
-        names = check_names("gusts", gusts)
-        if not names or len(set(names)) < len(names) or not set(names) <= set(GUSTS):
-            raise InflowError(f"gusts must name some of {GUSTS}, each once, got {shown(names)}")
-        if set(names) != set(TRANSIENTS) and self._kind != "gusts":
-            raise InflowError(f"gusts={names} belongs to inflow='gusts'")
-        return tuple(form for name in GUSTS if name in names for form in _FORMS[name])
-
-    def _check_choices(self, turbulence_model, return_period, turbulence) -> None:
-        """Refuse choices that are unknown or that the kind of wind would ignore."""
-        if turbulence_model not in TURBULENCE_MODELS:
-            raise InflowError(f"turbulence_model must be one of {TURBULENCE_MODELS}, got {turbulence_model!r}")
-        if turbulence_model != "NTM" and self._kind != "turbulent":
-            raise InflowError(f"turbulence_model={turbulence_model!r} belongs to inflow='turbulent'")
-        if isinstance(return_period, bool):
-            raise InflowError(f"return_period must be 1 or 50 years, got {return_period!r}")
-        if turbulence not in TURBULENCE:
-            raise InflowError(f"turbulence must be one of {TURBULENCE}, got {turbulence!r}")
-        if turbulence != "kaimal" and not self._turbulent:
-            raise InflowError(
-                f"turbulence={turbulence!r} belongs to the inflows 'turbulent' and 'extreme-turbulent', and to 'gusts' "
-                "with ETM among them"
-            )
-        if return_period != 50 and not (isinstance(self._kind, str) and self._kind in EXTREME):
-            raise InflowError(f"return_period belongs to the inflows {EXTREME}")
 
     def _sigma(self, speed: float) -> float:
         """Standard deviation of the wind along its direction [m/s]."""
@@ -530,17 +388,12 @@ class WindSampler:
         text = f"{box.description}, carried along at {speed:.4g} m/s with sigma_u {sigma:.3g} m/s"
         return box.carried_along(speed, intensity, text)
 
-    def _range(self, wind_speed) -> tuple[float, float]:
-        """Lower and upper wind speed [m/s]."""
-        ends = tuple(wind_speed) if isinstance(wind_speed, list | tuple | np.ndarray) else (wind_speed,)
-        if len(ends) not in (1, 2):
-            raise InflowError(f"wind_speed must be a number or a pair (low, high) in m/s, got {wind_speed!r}")
-        low, high = self._checked_speed(ends[0]), self._checked_speed(ends[-1])
-        if low > high:
-            raise InflowError(f"wind_speed must be a range (low, high) with low <= high, got {wind_speed!r} m/s")
-        return low, high
+    def _range(self, wind_speed: Any) -> tuple[float, float]:
+        """Lower and upper wind speed at the hub [m/s]."""
+        ends = tuple(wind_speed) if isinstance(wind_speed, tuple | np.ndarray) else (wind_speed,)
+        return self._checked_speed(ends[0]), self._checked_speed(ends[-1])
 
-    def _checked_speed(self, speed) -> float:
+    def _checked_speed(self, speed: Any) -> float:
         moves = self._turbulent or self._kind == "gusts"
         low = SLOWEST_TURBULENCE if moves else 0.0
         given = real_number(speed)
@@ -555,7 +408,7 @@ class WindSampler:
             )
         return value
 
-    def _refuse_useless(self, wind_speed, wind_seed, time_offset) -> None:
+    def _refuse_useless(self, wind_speed: Any, wind_seed: Any, time_offset: Any) -> None:
         """Refuse options that the kind of wind would ignore."""
         without_offset = not (self._turbulent or self._all_files)
         if (wind_seed is not None and not self._turbulent) or (time_offset is not None and without_offset):
@@ -568,13 +421,12 @@ class WindSampler:
         if wind_speed is not None and self.parks:
             raise InflowError("wind_speed cannot be chosen: that of the extreme winds follows from the turbine's class")
 
-    @staticmethod
-    def _checked_seed(seed) -> int:
-        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-            raise InflowError(f"a wind seed must be an integer of at least 0, got {seed!r}")
-        if seed > LARGEST_WIND_SEED:
-            raise InflowError(f"a wind seed must be an integer of at most {LARGEST_WIND_SEED}, got {seed!r}")
-        return int(seed)
+
+def _profile(options: WindOptions) -> dict[str, float]:
+    """What a steady wind needs for its profile."""
+    if options.roughness_length is not None:
+        return {"roughness_length": options.roughness_length}
+    return {"shear_exponent": NORMAL_SHEAR if options.shear_exponent is None else options.shear_exponent}
 
 
 def _own_wind(

@@ -1,8 +1,20 @@
 """Refusals at the door: vectors, rotations, bodies, states and constraint residuals that have no meaning."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from wt_gym.multibody.errors import MultibodyError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.arrays import System
+    from wt_gym.structure.flexible_body import FlexibleBody
 
 __all__ = ["CONSISTENT", "UNIT_NORM", "check_body", "check_number", "check_residuals", "check_rotation", "check_state",
            "check_unique", "check_vector"]  # fmt: skip
@@ -15,7 +27,7 @@ _EXACT = 1e-9
 """Largest deviation of an axis from unit length and of a rotation matrix from orthogonality."""
 
 
-def check_vector(owner, name, value, unit=False):
+def check_vector(owner: str, name: str, value: ArrayLike, unit: bool = False) -> None:
     """A finite vector (3,), of unit length on request.
 
     Raises
@@ -24,13 +36,13 @@ def check_vector(owner, name, value, unit=False):
     """
     vector = _numbers(owner, name, value)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise MultibodyError(f"{owner}: {name} is {value!r}; must be three finite numbers")
+        raise MultibodyError(f"{owner}: {name} must be three finite numbers, got {value!r}")
     if unit and abs(np.linalg.norm(vector) - 1.0) > _EXACT:
         raise MultibodyError(f"{owner}: {name} {tuple(vector.tolist())} is not a unit vector, its length is "
                              f"{np.linalg.norm(vector):.6g}")  # fmt: skip
 
 
-def check_rotation(owner, name, value):
+def check_rotation(owner: str, name: str, value: ArrayLike | None) -> None:
     """A proper rotation matrix (3, 3), or None.
 
     Raises
@@ -41,7 +53,7 @@ def check_rotation(owner, name, value):
         return
     matrix = _numbers(owner, name, value)
     if matrix.shape != (3, 3):
-        raise MultibodyError(f"{owner}: {name} has shape {matrix.shape}; must be a rotation matrix (3, 3)")
+        raise MultibodyError(f"{owner}: {name} must be a rotation matrix (3, 3), got shape {matrix.shape}")
     error = np.abs(matrix @ matrix.T - np.eye(3)).max()
     if not error <= _EXACT:
         raise MultibodyError(f"{owner}: {name} is not orthogonal, R Rᵀ differs from one by {error:.3g}")
@@ -49,7 +61,7 @@ def check_rotation(owner, name, value):
         raise MultibodyError(f"{owner}: {name} is a reflection (determinant −1); must be a proper rotation")
 
 
-def check_number(owner, name, value, positive=False, signed=False):
+def check_number(owner: str, name: str, value: Any, positive: bool = False, signed: bool = False) -> None:
     """A finite number that is not negative, or not zero either, or of any sign where it is ``signed``.
 
     Raises
@@ -60,17 +72,17 @@ def check_number(owner, name, value, positive=False, signed=False):
     low = not signed and (number < 0.0 if number.shape == () else True)
     if number.shape != () or not np.isfinite(number) or low or (positive and number == 0.0):
         bound = "" if signed else " > 0" if positive else " >= 0"
-        raise MultibodyError(f"{owner}: {name} is {value!r}; must be a finite number{bound}")
+        raise MultibodyError(f"{owner}: {name} must be a finite number{bound}, got {value!r}")
 
 
-def _numbers(owner, name, value):
+def _numbers(owner: str, name: str, value: Any) -> NDArray[np.float64]:
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise MultibodyError(f"{owner}: {name} is {value!r}; must be numbers") from None
+        raise MultibodyError(f"{owner}: {name} must be numbers, got {value!r}") from None
 
 
-def check_body(body):
+def check_body(body: FlexibleBody) -> None:
     """A body whose kinetic energy is not negative for any rigid or elastic motion.
 
     A body may be massless; whether a coordinate moves no mass at all shows only in the assembled system.
@@ -104,7 +116,7 @@ def check_body(body):
             )
 
 
-def check_unique(what, names):
+def check_unique(what: str, names: Sequence[str]) -> None:
     """Names that occur once each.
 
     Raises
@@ -116,7 +128,7 @@ def check_unique(what, names):
         raise MultibodyError(f"{what} names occur twice: {', '.join(twice)}; name bodies and joints differently")
 
 
-def check_state(system, y):
+def check_state(system: System, y: ArrayLike) -> NDArray[np.float64]:
     """A state as a vector (n_state,) of finite numbers with unit quaternions.
 
     Parameters
@@ -150,7 +162,7 @@ def check_state(system, y):
     return state
 
 
-def check_residuals(system, residual, residual_rate):
+def check_residuals(system: System, residual: NDArray[np.float64], residual_rate: NDArray[np.float64]) -> None:
     """Constraint residuals φ and φ̇ (n_constraints,) below `CONSISTENT`.
 
     Raises

@@ -19,7 +19,7 @@ FAILURES = {
 """Messages for the codes that the compiled kernels return."""
 
 
-def failure_of_a_step(code, step):
+def failure_of_a_step(code: int, step: float) -> str:
     """Message for a code that a compiled integrator returned during a step [s], for everything that takes steps.
 
     The mass matrix was sound at the start: when it is singular in a step, a diverging state has spoiled it before its

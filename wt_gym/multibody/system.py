@@ -4,13 +4,16 @@
 them into plain arrays for the compiled equations of motion in :mod:`wt_gym.multibody.tree.tree_kernels`.
 """
 
-from collections import namedtuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wt_gym.compiled import compiled_for
 from wt_gym.constants import GRAVITY
+from wt_gym.multibody.arrays import Inputs, Points, Tree, Work
 from wt_gym.multibody.checks import check_body, check_number, check_state, check_unique, check_vector
 from wt_gym.multibody.constraints import constraint_kernels
 from wt_gym.multibody.errors import FAILURES, MultibodyError
@@ -20,28 +23,14 @@ from wt_gym.multibody.tree import output_kernels, rate_kernels, tree_kernels
 from wt_gym.multibody.tree.joints import Constraint, Joint
 from wt_gym.structure.flexible_body import FlexibleBody, Marker
 
-__all__ = ["FAILURES", "Constraint", "HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
 
-Tree = namedtuple(
-    "Tree",
-    "parent dof_parent kind axis joint_rotation joint_offset "
-    "marker_position marker_linear marker_second marker_rotation n_elastic joint_q joint_u "
-    "elastic_q elastic_u servo mass c0 c1 c2 j0 j1 j2 d0 d1 d2 m0 m1 m2 n_complete "
-    "stiffness damping "
-    "cols n_col dof_stiffness dof_damping dof_inertia dof_q servo_frequency servo_damping gravity n_q n_u n_servo "
-    "load_parent constraint_kind constraint_body constraint_axis constraint_turn constraint_servo stabilization "
-    "projection",
-)
-Work = namedtuple(
-    "Work",
-    "rot r v omega vl va bias_lin bias_ang nl na nb_lin nb_ang nv wn wb x xd xb th thd lever rn ti rj rb s_eff mc jj "
-    "jd cc dk dq cd dd mff reach h a al c1 c2 mass force loads servo_acceleration predictor corrector rate "
-    "frame_r frame_v frame_w frame_bl frame_ba frame_rot frame_jl frame_ja jacobian half_jacobian gamma residual "
-    "residual_rate multipliers weight schur drift trail trail_rate",
-)
-WORK_FIELDS = " ".join(Work._fields)
-Inputs = namedtuple("Inputs", "body_loads dof_force reference reference_rate servo_command servo_rate servo_interval")
-Points = namedtuple("Points", "position linear second")
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = ["FAILURES", "Constraint", "HammingIntegrator", "Joint", "MultibodyError", "MultibodySystem", "Points"]
 
 
 class MultibodySystem:
@@ -68,7 +57,9 @@ class MultibodySystem:
     1
     """
 
-    def __init__(self, gravity=(0.0, 0.0, -GRAVITY), stabilization=10.0, projection=True) -> None:
+    def __init__(
+        self, gravity: ArrayLike = (0.0, 0.0, -GRAVITY), stabilization: float = 10.0, projection: bool = True
+    ) -> None:
         check_vector("multibody system", "gravity", gravity)
         check_number("multibody system", "stabilization", stabilization)
         self.gravity, self.stabilization = np.asarray(gravity, dtype=float), float(stabilization)
@@ -78,15 +69,15 @@ class MultibodySystem:
         self.parents: list[int] = []
         self._markers: list[Marker | None] = []
         self.constraints: list[Constraint] = []
-        self._tied: list[tuple] = []
-        self.tree = None
-        self._compiled_rates = None  # for the types of this system
+        self._tied: list[tuple[int, int, Marker | None, Marker | None]] = []
+        self.tree: Any = None  # Tree, once it is built
+        self._compiled_rates: Callable[..., int] | None = None  # for the types of this system
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         """What a pickle takes along: all but compiled code."""
         return self.__dict__ | {"_compiled_rates": None}
 
-    def add(self, body, joint, parent=None, marker="origin"):
+    def add(self, body: FlexibleBody, joint: Joint, parent: int | None = None, marker: str = "origin") -> int:
         """Add a body; returns its index.
 
         Parameters
@@ -127,7 +118,14 @@ class MultibodySystem:
         self.parents.append(-1 if parent is None else parent)
         return len(self.bodies) - 1
 
-    def add_constraint(self, constraint, first, second, marker="origin", second_marker="origin"):
+    def add_constraint(
+        self,
+        constraint: Constraint,
+        first: int | None,
+        second: int | None,
+        marker: str = "origin",
+        second_marker: str = "origin",
+    ) -> int:
         """Tie two bodies; returns the index of the constraint.
 
         Parameters
@@ -145,7 +143,7 @@ class MultibodySystem:
             For unknown bodies or markers, or a system that is already built.
         """
         self._check_open(f"constraint {constraint.name!r}")
-        ends = []
+        ends: list[Marker | None] = []
         for body, name in ((first, marker), (second, second_marker)):
             if body is None:
                 ends.append(None)
@@ -161,10 +159,10 @@ class MultibodySystem:
                 )
             ends.append(self.bodies[body].markers[name])
         self.constraints.append(constraint)
-        self._tied.append((-1 if first is None else first, -1 if second is None else second, *ends))
+        self._tied.append((-1 if first is None else first, -1 if second is None else second, ends[0], ends[1]))
         return len(self.constraints) - 1
 
-    def build(self):
+    def build(self) -> MultibodySystem:
         """Pack everything into arrays; returns self.
 
         Raises
@@ -180,11 +178,11 @@ class MultibodySystem:
         self.tree = Tree(**self._topology(), **self._joint_arrays(), **self._body_arrays())
         return self
 
-    def _check_open(self, what):
+    def _check_open(self, what: str) -> None:
         if self.tree is not None:
             raise MultibodyError(f"{what} comes too late: the system is built; add everything before build()")
 
-    def require_built(self):
+    def require_built(self) -> None:
         """Refuse the use of a system that is not built.
 
         Raises
@@ -196,11 +194,12 @@ class MultibodySystem:
 
     # ---- coordinates -----------------------------------------------------------------------------------------------
 
-    def _number_coordinates(self):
+    def _number_coordinates(self) -> None:
         """Positions, velocities and servo states: joint first, then elastic coordinates, body by body."""
         n_q = n_u = n_servo = 0
-        self._index = []
-        self.coordinate_names, self.velocity_names = [], []
+        self._index: list[dict[str, int]] = []
+        self.coordinate_names: list[str] = []
+        self.velocity_names: list[str] = []
         for body, joint in zip(self.bodies, self.joints, strict=True):
             entry = {"joint_q": n_q, "joint_u": n_u, "servo": n_servo}
             name = joint.name or f"{body.name}_joint"
@@ -213,7 +212,7 @@ class MultibodySystem:
             self.velocity_names += body.coordinate_names
             n_q, n_u = n_q + body.n_elastic, n_u + body.n_elastic
             self._index.append(entry)
-        self._constraint_servo = []
+        self._constraint_servo: list[int] = []
         for constraint in self.constraints:
             driven = constraint.servo_frequency > 0.0
             self._constraint_servo.append(n_servo if driven else -1)
@@ -224,28 +223,29 @@ class MultibodySystem:
             raise MultibodyError("the system has no degree of freedom")
 
     @property
-    def n_state(self):
+    def n_state(self) -> int:
         """Length of the state vector [positions, velocities, servo angles, servo rates]."""
         return self.n_q + self.n_u + 2 * self.n_servo
 
     @property
-    def state_names(self):
+    def state_names(self) -> list[str]:
         """Names of the entries of the state vector."""
         servo = [drive.name or f"servo_{i}" for i, drive in enumerate(self._servos)]
         rate = [f"{n}_rate" for n in self.velocity_names]
         return [*self.coordinate_names, *rate, *servo, *(f"{n}_rate" for n in servo)]
 
     @property
-    def constrained(self):
+    def constrained(self) -> int | None:
         """What the kernels take for ``constrained``: None without constraint equations."""
         return 1 if self.constraints else None
 
     @property
-    def _servos(self):
+    def _servos(self) -> list[Joint | Constraint]:
         """Joints and constraints with a servo, in the order of their states."""
-        return [j for j in self.joints if j.kind == "servo"] + [c for c in self.constraints if c.servo_frequency > 0.0]
+        joints = [j for j in self.joints if j.kind == "servo"]
+        return [*joints, *(c for c in self.constraints if c.servo_frequency > 0.0)]
 
-    def _find_quaternions(self):
+    def _find_quaternions(self) -> list[tuple[int, str]]:
         """First index of each quaternion among the coordinates, with the name of its body: list of (int, str)."""
         return [
             (entry["joint_q"] + (3 if joint.kind == "free" else 0), body.name)
@@ -253,24 +253,24 @@ class MultibodySystem:
             if joint.kind in ("spherical", "free")
         ]
 
-    def position_change(self, y, u):
+    def position_change(self, y: Array, u: int) -> Array:
         """Change of the positions (n_q,) per motion along the velocity number u, in the state y."""
         velocity, change, tree = np.zeros(self.n_u), np.zeros(self.n_state), self.tree
         velocity[u] = 1.0
         rate_kernels.position_rates(y, velocity, tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, change)
         return change[: self.n_q]
 
-    def multiplier_rows(self, constraint):
+    def multiplier_rows(self, constraint: int) -> slice:
         """Slice of ``work.multipliers`` that belongs to a constraint."""
         rows = [c.n_rows for c in self.constraints]
         start = sum(rows[:constraint])
         return slice(start, start + rows[constraint])
 
-    def index(self, body, what):
+    def index(self, body: int, what: str) -> int:
         """Index of the first "joint_q", "joint_u", "elastic_q", "elastic_u" or "servo" entry of a body."""
         return self._index[body][what]
 
-    def initial_state(self):
+    def initial_state(self) -> Array:
         """State (n_state,) at rest with all coordinates zero and unit quaternions."""
         self.require_built()
         y = np.zeros(self.n_state)
@@ -283,13 +283,13 @@ class MultibodySystem:
 
     # ---- packing ---------------------------------------------------------------------------------------------------
 
-    def _topology(self):
+    def _topology(self) -> dict[str, Any]:
         n_b = len(self.bodies)
         cols, n_col = np.zeros((n_b, self.n_u), dtype=np.int64), np.zeros(n_b, dtype=np.int64)
-        inherited = []
+        inherited: list[list[int]] = []
         for b in range(n_b):
             p, entry = self.parents[b], self._index[b]
-            chain = []
+            chain: list[int] = []
             if p >= 0:
                 first = self._index[p]["elastic_u"]
                 chain = inherited[p] + list(range(first, first + self.bodies[p].n_elastic))
@@ -313,16 +313,16 @@ class MultibodySystem:
             **self._constraint_arrays(),
         }
 
-    def _previous_velocities(self, chains):
+    def _previous_velocities(self, chains: Sequence[Sequence[int]]) -> NDArray[np.int64]:
         """Velocity before each one on its way from the ground, -1 for the first; chains: those up to a body's joint."""
         previous = np.full(self.n_u, -1)
         for b, chain in enumerate(chains):
             first = self._index[b]["elastic_u"]
-            way = chain + list(range(first, first + self.bodies[b].n_elastic))
+            way = [*chain, *range(first, first + self.bodies[b].n_elastic)]
             previous[way[1:]] = way[:-1]
         return previous
 
-    def _constraint_arrays(self):
+    def _constraint_arrays(self) -> dict[str, Any]:
         """Constraint equations, and the body that carries each body's loads."""
         carrier = list(self.parents)
         turn = np.zeros((len(self.constraints), 3, 3))
@@ -345,7 +345,7 @@ class MultibodySystem:
             "projection": int(self.projection),
         }
 
-    def _frames(self):
+    def _frames(self) -> list[tuple[Marker | None, ArrayLike | None, ArrayLike]]:
         """Markers, orientations and offsets of all joints, then of both ends of every constraint."""
         frames = [(m, j.rotation, j.offset) for m, j in zip(self._markers, self.joints, strict=True)]
         for constraint, (_, _, first, second) in zip(self.constraints, self._tied, strict=True):
@@ -353,7 +353,7 @@ class MultibodySystem:
             frames.append((second, constraint.second_rotation, constraint.second_offset))
         return frames
 
-    def _joint_arrays(self):
+    def _joint_arrays(self) -> dict[str, Any]:
         frames, nf, servos = self._frames(), self._max_elastic, self._servos
         n = len(frames)
         out = {
@@ -390,16 +390,16 @@ class MultibodySystem:
         return out
 
     @property
-    def _max_elastic(self):
+    def _max_elastic(self) -> int:
         return max(1, *(b.n_elastic for b in self.bodies))
 
     @property
-    def _max_complete(self):
+    def _max_complete(self) -> int:
         return max(1, *(len(b.inertia.m2) for b in self.bodies))
 
-    def _body_arrays(self):
+    def _body_arrays(self) -> dict[str, Any]:
         n_b, nf, n_full = len(self.bodies), self._max_elastic, self._max_complete
-        shapes = {
+        shapes: dict[str, tuple[int, ...]] = {
             "c0": (3,),
             "c1": (3, nf),
             "c2": (3, nf, nf),
@@ -420,14 +420,15 @@ class MultibodySystem:
         for b, body in enumerate(self.bodies):
             for key in shapes:
                 value = getattr(body.inertia, key)
-                out[key][(b, *(slice(0, n) for n in value.shape))] = value
+                part: tuple[Any, ...] = (b, *(slice(0, n) for n in value.shape))
+                out[key][part] = value
             n = body.n_elastic
             out["stiffness"][b, :n, :n], out["damping"][b, :n, :n] = body.stiffness, body.damping
         out["j0"] += self.rotor_tensors
         return out
 
     @property
-    def rotor_tensors(self):
+    def rotor_tensors(self) -> Array:
         """Inertia tensors (n_b, 3, 3) that rotors geared to joints add to the bodies; see `Joint.rotor_tensors`."""
         out = np.zeros((len(self.bodies), 3, 3))
         for b, (joint, parent) in enumerate(zip(self.joints, self.parents, strict=True)):
@@ -437,7 +438,7 @@ class MultibodySystem:
                 out[parent] += of_parent
         return out
 
-    def new_work(self, trail=0):
+    def new_work(self, trail: int = 0) -> Work:
         """Scratch arrays for one user of the compiled kernels.
 
         Parameters
@@ -448,15 +449,16 @@ class MultibodySystem:
         """
         self.require_built()
         n_b, nf, n_u = len(self.bodies), self._max_elastic, self.n_u
-        shapes = dict.fromkeys(WORK_FIELDS.split(), (3,))
-        shapes |= dict.fromkeys(("r", "v", "omega", "bias_lin", "bias_ang", "mc"), (n_b, 3))
-        shapes |= dict.fromkeys(("rn", "ti", "rj", "rb", "jd"), (3, 3))
-        shapes |= dict.fromkeys(("rot", "jj"), (n_b, 3, 3))
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Work._fields, (3,))
+        shapes |= dict.fromkeys(("r", "v", "omega", "bias_lin", "bias_ang", "first_moment"), (n_b, 3))
+        shapes |= dict.fromkeys(("turn_rot", "tangent", "joint_rot", "child_rot", "inertia_rate"), (3, 3))
+        shapes |= dict.fromkeys(("rot", "inertia"), (n_b, 3, 3))
         shapes |= dict.fromkeys(("vl", "va"), (n_b, 3, n_u))
-        shapes |= dict.fromkeys(("nl", "na"), (3, n_u))
-        shapes |= dict.fromkeys(("cc", "dk"), (n_b, 3, nf))
-        shapes |= {"dq": (nf, nf, 3), "mff": (n_b, nf, nf), "reach": (self._max_complete,) * 3}
-        shapes |= dict.fromkeys(("h", "loads"), (n_b, 6 + nf))
+        shapes |= dict.fromkeys(("joint_vl", "joint_va"), (3, n_u))
+        shapes |= dict.fromkeys(("coupling_lin", "coupling_ang"), (n_b, 3, nf))
+        shapes |= {"coupling_slope": (nf, nf, 3), "elastic_mass": (n_b, nf, nf)}
+        shapes |= {"reach": (self._max_complete,) * 3}
+        shapes |= dict.fromkeys(("bias_force", "loads"), (n_b, 6 + nf))
         shapes |= dict.fromkeys(("predictor", "corrector", "rate"), (self.n_state,))
         shapes |= dict.fromkeys(("trail", "trail_rate"), (trail, self.n_state))
         n_c = self.n_constraints
@@ -465,10 +467,10 @@ class MultibodySystem:
         shapes |= dict.fromkeys(("jacobian", "half_jacobian"), (n_c, n_u))
         shapes |= dict.fromkeys(("gamma", "residual", "residual_rate", "multipliers", "weight"), (n_c,))
         shapes |= {"drift": (3,)}
-        shapes |= {"s_eff": (3, nf), "mass": (n_u, n_u), "force": (n_u,), "servo_acceleration": (self.n_servo,)}
-        return Work(**{key: np.zeros(shapes[key]) for key in WORK_FIELDS.split()})
+        shapes |= {"marker_shape": (3, nf), "mass": (n_u, n_u), "force": (n_u,), "servo_acceleration": (self.n_servo,)}
+        return Work(**{key: np.zeros(shapes[key]) for key in Work._fields})
 
-    def new_inputs(self):
+    def new_inputs(self) -> Inputs:
         """Inputs at the start [0] and the end [1] of an interval, all zero."""
         self.require_built()
         n_b, nf, n_u, n_s = len(self.bodies), self._max_elastic, self.n_u, self.n_servo
@@ -477,7 +479,7 @@ class MultibodySystem:
 
     # ---- evaluation (convenience around the kernels, one state at a time) ------------------------------------------
 
-    def balance(self, y, inputs, work):
+    def balance(self, y: Array, inputs: Inputs, work: Work) -> tuple[Array, Array]:
         """Mass matrix (n_u, n_u) and forces (n_u,) of M u̇ = f for a state and the inputs at the start of an interval.
 
         Views of ``work``, of the matrix its lower triangle; without constraint forces. The arguments are not checked.
@@ -485,7 +487,7 @@ class MultibodySystem:
         rate_kernels.force_balance(y, inputs, self.tree, work, np.zeros(self.n_state))
         return work.mass, work.force
 
-    def rates(self, y, inputs=None, work=None):
+    def rates(self, y: ArrayLike, inputs: Inputs | None = None, work: Work | None = None) -> Array:
         """dy/dt (n_state,) for a state and the inputs at the start of their interval.
 
         Raises
@@ -495,9 +497,8 @@ class MultibodySystem:
             matrix is singular or constraints depend on each other.
         """
         self.require_built()
-        y = check_state(self, y)
         history = new_history(self.n_state)
-        history.y[3] = y
+        history.y[3] = check_state(self, y)
         arguments = (
             history, inputs or self.new_inputs(), self.tree, work or self.new_work(), 0.0, 0, 0, self.constrained, True,
         )  # fmt: skip
@@ -506,15 +507,15 @@ class MultibodySystem:
         code = self._compiled_rates(*arguments)
         if code != tree_kernels.OK:
             raise MultibodyError(FAILURES[code])
-        return history.f[3]
+        return cast("Array", history.f[3])
 
-    def constraint_residuals(self, y):
+    def constraint_residuals(self, y: ArrayLike) -> tuple[Array, Array]:
         """Residuals φ and φ̇ (n_constraints,) of the constraint equations for a state [m, rad; m/s, rad/s]."""
         work = self.new_work()
         self.rates(y, work=work)
         return work.residual, work.residual_rate
 
-    def project(self, y, inputs=None, passes=2):
+    def project(self, y: Array, inputs: Inputs | None = None, passes: int = 2) -> None:
         """Move a state onto the constraint equations φ = 0, φ̇ = 0, by the smallest change; y changes in place.
 
         Parameters
@@ -533,13 +534,13 @@ class MultibodySystem:
             for first, _ in self.quaternions:
                 y[first : first + 4] /= np.linalg.norm(y[first : first + 4])
 
-    def place_free_bodies(self, y):
+    def place_free_bodies(self, y: Array) -> None:
         """Put every free body that a weld ties to an earlier one in its place, with its velocity; y changes in place.
 
         Needs the other coordinates and the servo states of y. Bodies are placed in the order of their constraints.
         """
         for c, (constraint, (_, second, _, marker)) in enumerate(zip(self.constraints, self._tied, strict=True)):
-            if constraint.kind != "weld" or second < 0 or self.joints[second].kind != "free":
+            if constraint.kind != "weld" or second < 0 or marker is None or self.joints[second].kind != "free":
                 continue
             moved = np.abs(marker.linear).max(initial=0.0) + np.abs(marker.rotation).max(initial=0.0)
             if moved > 0.0 or constraint.second_rotation is not None or np.any(constraint.second_offset):
@@ -557,23 +558,24 @@ class MultibodySystem:
             y[u + 3 : u + 6] = rotation.T @ work.frame_w[0]
             y[u : u + 3] = work.frame_v[0] - np.cross(work.frame_w[0], rotation @ marker.position)
 
-    def energy(self, y):
+    def energy(self, y: ArrayLike) -> tuple[float, float, float]:
         """Kinetic, elastic and gravitational energy [J]."""
         self.require_built()
-        return output_kernels.energies(check_state(self, y), self.tree, self.new_work())
+        energies = output_kernels.energies(check_state(self, y), self.tree, self.new_work())
+        return cast("tuple[float, float, float]", energies)
 
 
-def _quaternion(rotation):
+def _quaternion(rotation: Array) -> Array:
     """Scalar-first unit quaternion of a rotation matrix."""
-    return Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]]
+    return np.asarray(Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]])
 
 
-def _across(axis):
+def _across(axis: Array) -> Array:
     """Two unit vectors (2, 3) across an axis and each other."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     return np.array([first, np.cross(axis, first)])
 
 
-def _joint_names(name, count):
+def _joint_names(name: str, count: int) -> list[str]:
     return [name] if count == 1 else [f"{name}_{i}" for i in range(count)]

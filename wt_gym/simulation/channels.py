@@ -13,11 +13,18 @@ because that frame is reflected with the blade. All other signals are components
 across the plane of reflection, and moments and angles about axes in it, change their sign (`Channel.parity`).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import ItemsView, Iterator
+
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["EVEN", "ODD", "Channel", "Signals", "channel_table", "parities"]
 
@@ -113,7 +120,7 @@ _PER_BLADE = (
 
 
 @cache
-def channel_table(n_blades):
+def channel_table(n_blades: int) -> tuple[Channel, ...]:
     """Channels of a turbine with n_blades blades, in the order of ``Signals.values``."""
     table = [Channel(*row, row[0]) for row in _SINGLE]
     for name, unit, openfast, parity, text in _PER_BLADE:
@@ -124,7 +131,7 @@ def channel_table(n_blades):
 
 
 @cache
-def parities(n_blades):
+def parities(n_blades: int) -> NDArray[np.float64]:
     """Parity of each channel, in the order of ``Signals.values``."""
     signs = np.array([float(channel.parity) for channel in channel_table(n_blades)])
     signs.flags.writeable = False
@@ -132,7 +139,7 @@ def parities(n_blades):
 
 
 @cache
-def _layout(n_blades):
+def _layout(n_blades: int) -> tuple[dict[str, int], dict[str, slice]]:
     """Index of each channel, and the slice of each group of per-blade channels."""
     index = {channel.name: i for i, channel in enumerate(channel_table(n_blades))}
     start = len(_SINGLE)
@@ -141,7 +148,7 @@ def _layout(n_blades):
 
 
 @cache
-def _places(n_blades):
+def _places(n_blades: int) -> dict[str, int | slice]:
     """Index of each channel and slice of each group, by name."""
     index, groups = _layout(n_blades)
     return {**groups, **index}
@@ -162,19 +169,38 @@ class Signals:
 
     __slots__ = ("_places", "n_blades", "values")
 
-    def __init__(self, values, n_blades):
+    if TYPE_CHECKING:  # of all blades (n_blades,); every other channel is a number
+        pitch: NDArray[np.float64]
+        pitch_rate: NDArray[np.float64]
+        pitch_command: NDArray[np.float64]
+        tip_out_of_plane: NDArray[np.float64]
+        tip_in_plane: NDArray[np.float64]
+        root_flap_moment: NDArray[np.float64]
+        root_edge_moment: NDArray[np.float64]
+        root_torsion: NDArray[np.float64]
+        tip_clearance: NDArray[np.float64]
+        tip_clearance_min: NDArray[np.float64]
+        tip_out_of_plane_max: NDArray[np.float64]
+        root_flap_moment_max: NDArray[np.float64]
+        pitch_travel: NDArray[np.float64]
+
+        def __getattr__(self, name: str) -> float: ...
+
+    def __init__(self, values: NDArray[np.float64], n_blades: int) -> None:
         self.values, self.n_blades = values, n_blades
         self._places = _places(n_blades)
 
-    def __getattr__(self, name):
-        if name in Signals.__slots__ or name.startswith("__"):  # asked for while a copy is being made
-            raise AttributeError(name)
-        place = self._places.get(name)
-        if place is None:
-            raise AttributeError(f"a signal must be one of {', '.join(_layout(self.n_blades)[0])}; got {name!r}")
-        return self.values.item(place) if place.__class__ is int else self.values[place]
+    if not TYPE_CHECKING:
 
-    def __getitem__(self, name):
+        def __getattr__(self, name):
+            if name in Signals.__slots__ or name.startswith("__"):  # asked for while a copy is being made
+                raise AttributeError(name)
+            place = self._places.get(name)
+            if place is None:
+                raise AttributeError(f"a signal must be one of {', '.join(_layout(self.n_blades)[0])}; got {name!r}")
+            return self.values.item(place) if place.__class__ is int else self.values[place]
+
+    def __getitem__(self, name: str) -> Any:
         place = self._places.get(name)
         if place is not None:
             return self.values.item(place) if place.__class__ is int else self.values[place]
@@ -183,50 +209,50 @@ class Signals:
         except AttributeError as error:
             raise KeyError(str(error)) from None
 
-    def set(self, name, value):
+    def set(self, name: str, value: ArrayLike) -> None:
         """Change a signal, or that of all blades at once."""
         if name not in self._places:
             raise KeyError(f"a signal must be one of {', '.join(_layout(self.n_blades)[0])}; got {name!r}")
         self.values[self._places[name]] = value
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type[Signals], tuple[NDArray[np.float64], int]]:
         return Signals, (self.values, self.n_blades)
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         return isinstance(other, Signals) and np.array_equal(self.values, other.values)
 
     __hash__: ClassVar[Any] = None
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return (
             f"Signals(t={self.time:.2f} s, wind {self.wind_x:.2f} m/s, rotor {self.rotor_speed * 30 / np.pi:.2f} rpm, "
             f"power {self.generator_power / 1e3:.0f} kW)"
         )
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[str]:
         return iter(self.keys())
 
-    def __len__(self):
+    def __len__(self) -> int:
         return self.values.size
 
-    def __contains__(self, name):
+    def __contains__(self, name: object) -> bool:
         return name in self._places
 
-    def keys(self):
+    def keys(self) -> tuple[str, ...]:
         """Names of all channels, those of blades with their numbers; with it ``dict(signals)`` works."""
         return tuple(_layout(self.n_blades)[0])
 
-    def items(self):
+    def items(self) -> ItemsView[str, float]:
         """Names and values of all channels, as of a dict."""
         return self.to_dict().items()
 
-    def to_dict(self):
+    def to_dict(self) -> dict[str, float]:
         """All channels by name (floats)."""
         return {channel.name: float(v) for channel, v in zip(channel_table(self.n_blades), self.values, strict=True)}
 
     as_dict = to_dict
 
 
-def new_values(n_blades):
+def new_values(n_blades: int) -> tuple[NDArray[np.float64], dict[str, int | slice]]:
     """An empty vector of channel values, and where in it channels and groups stand, by name."""
     return np.zeros(len(_layout(n_blades)[0])), _places(n_blades)

@@ -17,7 +17,7 @@ import sys
 import tempfile
 from contextlib import contextmanager
 from multiprocessing.spawn import get_executable
-from typing import IO, TYPE_CHECKING, Any, Protocol, cast
+from typing import IO, TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from wt_gym.wind import SteadyInflow
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from wt_gym.simulation.channels import Signals
     from wt_gym.simulation.fidelity import Fidelity
     from wt_gym.simulation.step.coupling import Coupling
     from wt_gym.turbines import Turbine
@@ -54,7 +55,7 @@ class _Simulator(Protocol):
 
     def __init__(self, turbine: Turbine, inflow: SteadyInflow, fidelity: str | Fidelity) -> None: ...
 
-    def reset(self, rotor_speed: float) -> Any: ...
+    def reset(self, rotor_speed: float) -> Signals: ...
 
 
 def compile_ahead(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fidelity) -> None:
@@ -130,11 +131,11 @@ def help_to_compile(simulator: type[_Simulator]) -> None:
         _compile_start(simulator, turbine, fidelity)
 
 
-def _at_rest(simulator: type[_Simulator], turbine, fidelity) -> _Simulator:
+def _at_rest(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fidelity) -> _Simulator:
     return simulator(turbine, SteadyInflow(8.0), fidelity)
 
 
-def _compile_start(simulator: type[_Simulator], turbine, fidelity) -> None:
+def _compile_start(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fidelity) -> None:
     """What a start calls beyond structure and air, by starting."""
     _at_rest(simulator, turbine, fidelity).reset(rotor_speed=turbine.drivetrain.rated_rotor_speed)
 
@@ -153,7 +154,7 @@ def _compile_step(coupling: Coupling) -> None:
         coupling.compiled_step()
 
 
-def _compile_air(turbine, fidelity) -> None:
+def _compile_air(turbine: Turbine, fidelity: str | Fidelity) -> None:
     """What moves the air, by starting the wake of a plain rotor of as many blades and panels."""
     lattice = build_lattice(turbine, fidelity_of(fidelity))
     n_blades, n_along, n_across, _ = lattice.nodes_shape

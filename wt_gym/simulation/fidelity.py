@@ -1,15 +1,18 @@
 """Fidelities: how finely air and structure are resolved, and at what price."""
 
+from __future__ import annotations
+
 import math
 import numbers
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.deprecated import renamed_arguments, renamed_attribute
 from wt_gym.errors import SimulationError
 from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
-from wt_gym.multibody.integrators.stability import undamped_limit
+from wt_gym.multibody.integrators.schemes import INTEGRATORS, SchemeSettings, integrator_name
 from wt_gym.multibody.observer_frame.observer_frame_body import DISPLACEMENTS, REFERENCE_CONDITIONS
 
 __all__ = ["ELASTODYN_NREL_5MW_TOWER", "FIDELITIES", "Fidelity", "fidelity"]
@@ -20,7 +23,6 @@ RESERVE = 0.75
 
 
 COORDINATES = ("modal", "nodal", "rigid")
-INTEGRATORS = ("hamming", "newmark", "generalised_alpha")
 ELASTODYN_NREL_5MW_TOWER = (
     ((0.7004, 2.1963, -5.6202, 6.2275, -2.504), (-70.5319, -63.7623, 289.737, -176.513, 22.0706)),
     ((1.385, -1.7684, 3.0871, -2.2395, 0.5357), (-121.21, 184.415, -224.904, 298.536, -135.838)),
@@ -84,7 +86,7 @@ class Fidelity:
         ``integrator``.
     integrator : str
         "hamming", explicit: the structural steps are as short as the highest frequency wants them. "newmark" (¼, ½) or
-        "generalised_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
+        "generalized_alpha" (Chung & Hulbert 1993), implicit: steps of ``max_substep`` whatever the frequencies, for
         nodal coordinates, torsion and blades of several bodies.
     spectral_radius : float, optional
         Of the generalized-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
@@ -107,7 +109,7 @@ class Fidelity:
         "embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
         constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
         embedded form is several times faster. "observer": all bodies in local observer frames, held together by
-        constraint equations (Holm-Jørgensen, Nielsen & Rubak); the scheme is "generalised_alpha" where ``integrator``
+        constraint equations (Holm-Jørgensen, Nielsen & Rubak); the scheme is "generalized_alpha" where ``integrator``
         says so, else "newmark", with steps of at most ``max_substep``.
     stabilization : float
         Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
@@ -140,19 +142,19 @@ class Fidelity:
     starter: str = "adams"
     coupling_iterations: int = 2
     coupling_tolerance: float = 1e-3
-    tower_modes: tuple = (2, 2, 1)
-    blade_modes: tuple = (2, 1, 0)
+    tower_modes: tuple[int, int, int] = (2, 2, 1)
+    blade_modes: tuple[int, int, int] = (2, 1, 0)
     tower_elements: int = 12
     blade_elements: int = 24
     tower_coordinates: str = "modal"
     blade_coordinates: str = "modal"
-    tower_shapes: tuple | None = None
+    tower_shapes: tuple[tuple[tuple[float, ...], ...], ...] | None = None
     yaw_drive: str = "stiff"
     blade_bodies: int = 1
     integrator: str = "hamming"
     tower_shadow: bool = True
-    tower_body: tuple | None = None
-    nacelle_body: tuple | None = None
+    tower_body: tuple[int, int] | None = None
+    nacelle_body: tuple[int, int] | None = None
     formulation: str = "embedded"
     spectral_radius: float | None = later_field(None)
     stabilization: float = later_field(10.0)
@@ -165,8 +167,9 @@ class Fidelity:
 
     stabilisation = renamed_attribute("stabilisation", "stabilization")  # rename: keep
 
-    def __post_init__(self):
-        """Refuse values without meaning."""
+    def __post_init__(self) -> None:
+        """Refuse values without meaning; an earlier spelling of the integrator becomes the present one."""
+        object.__setattr__(self, "integrator", integrator_name(self.integrator))
         if self.time_step is not None and not 0.0 < self.time_step < 10.0:
             raise SimulationError(f"Fidelity.time_step is {self.time_step}; must be None or 0 … 10 s")
         for name, low in (("corrections", 1), ("coupling_iterations", 1), ("tower_elements", 4), ("blade_elements", 4)):
@@ -182,7 +185,7 @@ class Fidelity:
             ("tower_coordinates", COORDINATES),
             ("blade_coordinates", COORDINATES),
             ("yaw_drive", ("stiff", "spring")),
-            ("integrator", INTEGRATORS),
+            ("integrator", tuple(INTEGRATORS)),
             ("starter", tuple(STARTERS)),
             ("blade_basis", ("fixed", "deformed")),
         ):
@@ -192,26 +195,27 @@ class Fidelity:
                 )
         if self.spectral_radius is not None and not 0.0 <= self.spectral_radius <= 1.0:
             raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; must be None or 0 … 1")
-        if not isinstance(self.blade_bodies, numbers.Integral) or self.blade_bodies < 1:
+        if not isinstance(cast(object, self.blade_bodies), numbers.Integral) or self.blade_bodies < 1:
             raise SimulationError(
                 f"Fidelity.blade_bodies is {self.blade_bodies!r}; must be a whole number of at least 1"
             )
-        if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self.integrator == "hamming"):
+        if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self._explicit):
+            implicit = " or ".join(repr(name) for name, entry in INTEGRATORS.items() if not entry.explicit)
             raise SimulationError(
                 f"Fidelity.blade_bodies is {self.blade_bodies} with blade_coordinates = {self.blade_coordinates!r} and "
                 f"integrator = {self.integrator!r}: several bodies want 'modal' or 'nodal' coordinates, and an "
-                "implicit integrator ('newmark' or 'generalised_alpha') for their high frequencies"
+                f"implicit integrator ({implicit}) for their high frequencies"
             )
         for name, low in (("tower_body", 3), ("nacelle_body", 5)):
             value = getattr(self, name)
             counts = value if isinstance(value, (tuple, list)) else ()
             if value is not None and not (
-                len(counts) == 2 and all(isinstance(count, numbers.Integral) and count >= low for count in counts)
+                len(counts) == 2 and all(isinstance(count, numbers.Integral) and int(count) >= low for count in counts)
             ):
                 raise SimulationError(f"Fidelity.{name} is {value}; must be None or two counts of at least {low}")
         for name in ("tower_modes", "blade_modes"):
             modes = getattr(self, name)
-            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and count >= 0 for count in modes)
+            whole = len(modes) == 3 and all(isinstance(count, numbers.Integral) and int(count) >= 0 for count in modes)
             if not whole or sum(modes) < 1:
                 raise SimulationError(f"Fidelity.{name} is {modes}; must be three whole counts with at least one mode")
 
@@ -219,9 +223,9 @@ class Fidelity:
         self._check_bodies_and_basis()
         self._check_observer()
 
-    def _check_bodies_and_basis(self):
+    def _check_bodies_and_basis(self) -> None:
         """Stabilization, moving bodies and the basis of the blades have a meaning."""
-        if not (isinstance(self.stabilization, numbers.Real) and 0.0 <= self.stabilization < math.inf):
+        if not (isinstance(cast(object, self.stabilization), numbers.Real) and 0.0 <= self.stabilization < math.inf):
             raise SimulationError(f"Fidelity.stabilization is {self.stabilization!r}; must be a finite number >= 0")
         if self.moving_bodies and self.tower_body is None and self.nacelle_body is None:
             raise SimulationError("Fidelity.moving_bodies needs a tower_body or a nacelle_body to move")
@@ -232,10 +236,18 @@ class Fidelity:
                         f"Fidelity.blade_basis 'deformed' needs {name} {needed!r}, not {getattr(self, name)!r}"
                     )
 
-    def _check_observer(self):
+    @property
+    def _explicit(self) -> bool:
+        return INTEGRATORS[self.integrator].explicit
+
+    def _check_observer(self) -> None:
         """Options of observer frames have a meaning, and stand beside that formulation only."""
         update = self.frame_update
-        positive = isinstance(update, numbers.Real) and not isinstance(update, bool) and 0.0 < update < math.inf
+        positive = (
+            not isinstance(update, str | bool)
+            and isinstance(cast(object, update), numbers.Real)
+            and 0.0 < update < math.inf
+        )
         if update != "step" and not positive:
             raise SimulationError(
                 f"Fidelity.frame_update is {update!r}; must be 'step' or a positive displacement in meters"
@@ -258,7 +270,7 @@ class Fidelity:
                     "belongs to 'observer'"
                 )
 
-    def _check_shapes(self):
+    def _check_shapes(self) -> None:
         """Prescribed shapes of the tower, if any, fit the counted modes."""
         if self.tower_shapes is None:
             return
@@ -272,7 +284,7 @@ class Fidelity:
             )
 
     @property
-    def scheme_radius(self):
+    def scheme_radius(self) -> float:
         """Spectral radius of the generalized-α scheme: the one given, or that of blades that twist or only bend.
 
         A radius of 0.3 takes out of the twist what the aerodynamic step, as long as its period, cannot couple: with 0.8
@@ -285,23 +297,29 @@ class Fidelity:
         return 0.3 if self.blade_modes[2] > 0 else 0.8
 
     @property
-    def takes_motion(self):
+    def scheme_settings(self) -> SchemeSettings:
+        """What the integrator of the structure takes from here (`SchemeSettings`)."""
+        return SchemeSettings(corrections=self.corrections, starter=self.starter, spectral_radius=self.scheme_radius)
+
+    @property
+    def takes_motion(self) -> bool:
         """Whether `Simulator.reset` can begin amid a motion: modal coordinates, embedded form, Hamming integrator."""
         modal = (self.blade_coordinates, self.tower_coordinates) == ("modal", "modal") and self.blade_bodies == 1
         return modal and self.formulation == "embedded" and self.integrator == "hamming"
 
-    def step_for(self, rated_speed):
+    def step_for(self, rated_speed: float) -> float:
         """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
         if self.time_step is not None:
             return self.time_step
         longest = math.radians(self.aero.azimuth_step_deg) / rated_speed
         return STEP_BASE / math.ceil(STEP_BASE / longest - 1e-9)
 
-    def aero_for(self, rated_speed):
+    def aero_for(self, rated_speed: float) -> AeroOptions:
         """Lattice and wake for a rotor with this rated speed [rad/s], see :meth:`AeroOptions.for_step`."""
-        return self.aero.for_step(math.degrees(self.step_for(rated_speed) * rated_speed))
+        out: AeroOptions = self.aero.for_step(math.degrees(self.step_for(rated_speed) * rated_speed))
+        return out
 
-    def substeps_for(self, time_step, highest):
+    def substeps_for(self, time_step: float, highest: float | None) -> int:
         """Number of structural steps in an aerodynamic step, for a highest structural mode [rad/s]; None: no limit.
 
         One, two and three corrector passes are stable up to ω h = 0.276, 0.78 and 1.08 without damping; a quarter is
@@ -309,7 +327,7 @@ class Fidelity:
         """
         if highest is None:
             return math.ceil(time_step / self.max_substep - 1e-9)
-        phase = RESERVE * undamped_limit(self.corrections)
+        phase: float = RESERVE * INTEGRATORS[self.integrator].phase_limit(self.scheme_settings)
         return math.ceil(time_step * max(1.0 / self.max_substep, highest / phase) - 1e-9)
 
 
@@ -339,14 +357,14 @@ _TRAINING = Fidelity("training", TRAINING)
 _ENGINEERING = Fidelity("engineering", ENGINEERING, max_substep=0.025, coupling_iterations=3, blade_modes=(3, 2, 0))
 
 
-def _with_torsion(rung):
+def _with_torsion(rung: Fidelity) -> Fidelity:
     """A rung whose blades twist, by an implicit scheme that need not resolve the frequency of the twist."""
     flap, edge, _ = rung.blade_modes
     return replace(
         rung,
         name=f"{rung.name}-torsion",
         blade_modes=(flap, edge, 1),
-        integrator="generalised_alpha",
+        integrator="generalized_alpha",
     )
 
 
@@ -393,7 +411,7 @@ FIDELITIES = {
 }
 
 
-def fidelity(choice):
+def fidelity(choice: str | Fidelity) -> Fidelity:
     """Fidelity from a name or a :class:`Fidelity`.
 
     Raises

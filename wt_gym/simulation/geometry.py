@@ -1,13 +1,22 @@
 """Shapes of a turbine and its wake, for pictures."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wt_gym.multibody.tree import point_kernels
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.simulation.step.coupling import Coupling
+
 __all__ = ["turbine_shapes"]
 
 
-def turbine_shapes(coupling):
+def turbine_shapes(coupling: Coupling) -> dict[str, NDArray[np.float64]]:
     """Shapes in global coordinates [m]; see `wt_gym.simulation.Simulator.geometry`."""
     s, work = coupling.models.structure, coupling.integrator.work
     y = coupling.integrator.state

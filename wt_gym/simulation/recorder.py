@@ -1,6 +1,9 @@
 """Recording of signals into a labeled data set."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
@@ -8,7 +11,55 @@ from wt_gym.errors import SimulationError
 from wt_gym.files import write_netcdf_whole
 from wt_gym.simulation.channels import channel_table
 
-__all__ = ["Recorder"]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+    Variable = tuple[str | tuple[str, ...], NDArray[np.float64], dict[str, str]]
+    """Names of the axes, values and attributes."""
+
+    from os import PathLike
+
+    from numpy.typing import NDArray
+    from xarray import Dataset
+
+    from wt_gym.simulation.channels import Signals
+
+__all__ = ["RecordedSimulator", "Recorder"]
+
+
+class RecordedSimulator(Protocol):
+    """What is recorded of a `wt_gym.simulation.Simulator`."""
+
+    @property
+    def turbine(self) -> Turbine:
+        """The turbine."""
+
+    @property
+    def inflow(self) -> Inflow:
+        """Its wind."""
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """Resolution of structure and air."""
+
+    @property
+    def time_step(self) -> float:
+        """Aerodynamic step [s]."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+
+class _ConstrainedSimulator(RecordedSimulator, Protocol):
+    """One whose blades constraint equations hold."""
+
+    def root_multipliers(self) -> NDArray[np.float64]:
+        """Lagrange multipliers of the constraints that hold the blades (n_blades, 6)."""
 
 
 class Recorder:
@@ -31,7 +82,7 @@ class Recorder:
     >>> recorder.to_dataset().to_netcdf("run.nc", engine="h5netcdf")  # doctest: +SKIP
     """
 
-    def __init__(self, simulator, **attributes):
+    def __init__(self, simulator: RecordedSimulator, **attributes: float | str) -> None:
         self.channels = channel_table(simulator.turbine.n_blades)
         self.attributes = {
             "turbine": simulator.turbine.name,
@@ -41,15 +92,16 @@ class Recorder:
             "aerodynamic_time_step_s": simulator.time_step,
             **attributes,
         }
-        self._rows = []
+        self._rows: list[NDArray[np.float64]] = []
         # only a simulator that has multipliers is asked at each instant, and kept alive
-        self._held = simulator if simulator.fidelity.formulation == "constrained" else None
-        self._multipliers = []
+        constrained = simulator.fidelity.formulation == "constrained"
+        self._held = cast("_ConstrainedSimulator", simulator) if constrained else None
+        self._multipliers: list[NDArray[np.float64]] = []
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self._rows)
 
-    def append(self, signals):
+    def append(self, signals: Signals) -> None:
         """Store one instant.
 
         Parameters
@@ -61,12 +113,12 @@ class Recorder:
         if self._held is not None:
             self._multipliers.append(_multipliers_at(self._held, signals))
 
-    def clear(self):
+    def clear(self) -> None:
         """Forget everything stored."""
         self._rows.clear()
         self._multipliers.clear()
 
-    def to_dataset(self):
+    def to_dataset(self) -> Dataset:
         """Data set with one variable a channel over ``time``; units, description and OpenFAST name as attributes.
 
         Returns
@@ -79,23 +131,23 @@ class Recorder:
 
         table = np.array(self._rows).reshape(-1, len(self.channels))
         time = table[:, 0]
-        variables = {}
+        variables: dict[str, Variable] = {}
         for k, channel in enumerate(self.channels[1:], start=1):
             attributes = {"units": channel.unit, "long_name": channel.description, "openfast_name": channel.openfast}
             variables[channel.name] = ("time", table[:, k], attributes)
-        coordinates = {"time": ("time", time, {"units": "s"})}
+        coordinates: dict[str, object] = {"time": ("time", time, {"units": "s"})}
         if self._held is not None:
             n_blades = self._held.turbine.n_blades
             variables |= _multiplier_variables(np.reshape(self._multipliers, (-1, n_blades, 6)))
             coordinates |= {"blade": np.arange(1, n_blades + 1), "component": list("xyz")}
         return xr.Dataset(variables, coordinates, self.attributes)
 
-    def save(self, path):
+    def save(self, path: str | PathLike[str]) -> None:
         """Write the data set as NetCDF 4; the file is there when it is whole."""
         write_netcdf_whole(Path(path), self.to_dataset())
 
 
-def _multipliers_at(simulator, signals):
+def _multipliers_at(simulator: _ConstrainedSimulator, signals: Signals) -> NDArray[np.float64]:
     """Multipliers (n_blades, 6) of the instant of the signals; not a number where the simulator is not there.
 
     After a failed step the signals at hand are those of the step before, and the state has no meaning.
@@ -108,7 +160,7 @@ def _multipliers_at(simulator, signals):
     return np.full((simulator.turbine.n_blades, 6), np.nan)
 
 
-def _multiplier_variables(multipliers):
+def _multiplier_variables(multipliers: NDArray[np.float64]) -> dict[str, Variable]:
     """Variables of a data set from multipliers (n, n_blades, 6)."""
     text = "{} of the hub on the blade at its root (Lagrange multipliers), axes of the pitched root"
     parts = (("force", "N", "Force", multipliers[..., :3]), ("moment", "N m", "Moment", multipliers[..., 3:]))

@@ -8,12 +8,20 @@ forces by S = diag(1, −1, 1), moments by −S. OpenFAST's ``MirrorRotor`` (dra
 the rotor alone. Snapshots hold the state of the image.
 """
 
+from __future__ import annotations
+
 import re
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.simulation.channels import EVEN, ODD
 from wt_gym.turbines.mirror import REFLECTION, REFLECTION_6
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import NDArray
 
 __all__ = ["reflected_loads", "reflected_shapes", "state_parities", "state_parity"]
 
@@ -24,12 +32,13 @@ _PLANES = {"fore_aft": EVEN, "side_side": ODD, "torsion": ODD}
 _DIRECTIONS = {"x": EVEN, "y": ODD, "z": EVEN, "turn_x": ODD, "turn_y": EVEN, "turn_z": ODD}
 
 
-def reflected_loads(loads):
+def reflected_loads(loads: NDArray[np.float64]) -> NDArray[np.float64]:
     """Force and moment (6,) in global axes, of the other side of the mirror."""
-    return loads * REFLECTION_6
+    out: NDArray[np.float64] = loads * REFLECTION_6
+    return out
 
 
-def reflected_shapes(shapes):
+def reflected_shapes(shapes: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
     """Shapes of `wt_gym.simulation.Simulator.geometry`, of the other side of the mirror.
 
     Vorticity is a pseudovector: by the right-hand rule the circulation along a reflected filament has the other sign.
@@ -38,7 +47,7 @@ def reflected_shapes(shapes):
     return {name: values * signs.get(name, REFLECTION) for name, values in shapes.items()}
 
 
-def state_parity(name):
+def state_parity(name: str) -> int:
     """Parity of a state of the multibody system under the reflection.
 
     Coordinates of blades and shaft are in frames that are reflected with them; those of the tower are along axes that
@@ -66,6 +75,6 @@ def state_parity(name):
     raise KeyError(f"no parity of the state {name!r} is known")
 
 
-def state_parities(names):
+def state_parities(names: Iterable[str]) -> NDArray[np.float64]:
     """Parity of each of the states (n,)."""
     return np.array([float(state_parity(name)) for name in names])

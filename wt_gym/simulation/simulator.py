@@ -1,6 +1,11 @@
 """The coupled simulator: flexible multibody turbine and free-wake vortex lattice marched together in time."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from functools import partial
+from os import PathLike
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,13 +26,30 @@ from wt_gym.simulation.start import Starter
 from wt_gym.simulation.state import SimulatorState, fingerprint
 from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.measurement import Measurement
-from wt_gym.simulation.step.observer_coupling import ObserverCoupling
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.damper import with_generator
 from wt_gym.turbines.mirror import clockwise_image
 from wt_gym.wind import MirroredInflow
 from wt_gym.wind.described import is_described, wind_from
 from wt_gym.wind.protocol import require_cover
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.integrators.hamming import Drift
+    from wt_gym.simulation.drivetrain.drives import GeneratorLaw
+    from wt_gym.simulation.drivetrain.faults import DriveFault
+    from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.simulation.linear.linear_model import LinearModel, RotorPoint
+    from wt_gym.wind import Inflow
+
+    WindChoice = Inflow | str | PathLike[str] | Mapping[str, Any]
+    """A wind, or what describes one."""
+    _Arguments = tuple[Turbine, Inflow, Fidelity, int, GeneratorLaw]
 
 __all__ = ["Simulator"]
 
@@ -79,28 +101,35 @@ class Simulator:
     >>> signals = sim.advance(0.2, pitch=(0.0, 0.0, 0.0), yaw_rate=0.0, generator_torque=19.3e3)
     """
 
-    def __init__(self, turbine="nrel_5mw", inflow=None, fidelity="training", threads=1, generator=None):
+    def __init__(
+        self,
+        turbine: str | Path | Turbine = "nrel_5mw",
+        inflow: WindChoice | None = None,
+        fidelity: str | Fidelity = "training",
+        threads: int = 1,
+        generator: str | GeneratorLaw | None = None,
+    ) -> None:
         if inflow is None:
             raise SimulationError("Simulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
         turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
-        self.turbine, generator = with_generator(turbine, generator)
+        self.turbine, law = with_generator(turbine, generator)
         image = clockwise_image(self.turbine)
         self.mirrored = image is not self.turbine
         self.inflow, self.fidelity, self._threads = inflow, fidelity_of(fidelity), threads
-        self.drives = Drives(image, generator)
-        kind = ObserverCoupling if self.fidelity.formulation == "observer" else Coupling
-        compile_once(kind, image, self.fidelity, partial(compile_ahead, Simulator))
+        self.drives = Drives(image, law)
+        compile_once(Coupling, image, self.fidelity, partial(compile_ahead, Simulator))
         models = assemble(image, self.fidelity, threads, self.drives.generator.damping)
         self.time_step, self.structure, self.lattice = models.time_step, models.structure, models.lattice
-        self.coupling = kind(models)
+        self.coupling, self._azimuth_u = Coupling(models), models.structure.azimuth_u
         self._starter = Starter(self.coupling, self.drives)
         self._measurement = Measurement(image, self.structure, self.coupling.gauges)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
-        self._n_steps, self._started, self._faults = 0, False, ()
+        self._n_steps, self._started = 0, False
+        self._faults: tuple[DriveFault, ...] = ()
         self._compiled = False
 
     @property
-    def inflow(self):
+    def inflow(self) -> Inflow:
         """The undisturbed wind; it may be exchanged, also for the description of another one.
 
         Raises
@@ -111,47 +140,47 @@ class Simulator:
         return self._inflow
 
     @inflow.setter
-    def inflow(self, inflow):
+    def inflow(self, inflow: WindChoice) -> None:
         turbine = self.turbine
         if is_described(inflow):
             inflow = wind_from(inflow, turbine.hub_height, turbine.rotor_diameter)
-        if not callable(getattr(inflow, "velocity", None)):
+        if isinstance(inflow, str | PathLike | Mapping) or not callable(getattr(inflow, "velocity", None)):
             raise SimulationError(f"Simulator needs an inflow with velocity(points, time), got {inflow!r:.100}")
         require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
         self._inflow = inflow
         self._felt = MirroredInflow.of(inflow) if self.mirrored else inflow  # by the image that is simulated
 
-    def __getstate__(self):
+    def __getstate__(self) -> tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None]:
         """What a copy or a pickle takes along: the arguments and the state; the rest is built anew from them."""
         arguments = self.turbine, self.inflow, self.fidelity, self._threads, self.drives.sound_generator
         return arguments, self._faults, self.state() if self._started else None
 
-    def __setstate__(self, kept):
+    def __setstate__(self, kept: tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None]) -> None:
         """Build the models and continue from the state."""
         arguments, faults, state = kept
-        self.__init__(*arguments)
+        self.__init__(*arguments)  # type: ignore[misc]  # no subclass takes other arguments
         self.faults = faults
         if state is not None:
             self.restore(state)
 
     @property
-    def time(self):
+    def time(self) -> float:
         """Simulated time [s]."""
         return self._n_steps * self.time_step
 
     @property
-    def faults(self):
+    def faults(self) -> tuple[DriveFault, ...]:
         """What fails, and when."""
         return self._faults
 
     @faults.setter
-    def faults(self, faults):
+    def faults(self, faults: Iterable[DriveFault]) -> None:
         self._faults = ()
         self.drives.fail(faults, lambda: self.time)
         self._faults = tuple(faults)
 
     @property
-    def signals(self):
+    def signals(self) -> Signals:
         """Signals at the current time, a fresh copy."""
         self._require_start()
         values, n_blades = self._measurement.values, self.turbine.n_blades
@@ -159,9 +188,16 @@ class Simulator:
 
     @renamed_arguments(thrust_before="wake_thrust")  # rename: keep
     def reset(
-        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, wake_thrust=None,
-        motion=None,
-    ):  # fmt: skip
+        self,
+        rotor_speed: float,
+        pitch: ArrayLike = 0.0,
+        azimuth: float = 0.0,
+        yaw: float = 0.0,
+        generator_torque: float | None = None,
+        tower_top: ArrayLike | None = None,
+        wake_thrust: float | None = None,
+        motion: ArrayLike | None = None,
+    ) -> Signals:
         """Start at time zero near a steady state: developed wake, deflected structure that turns with the rotor.
 
         Parameters
@@ -231,7 +267,14 @@ class Simulator:
         return self.signals
 
     @renamed_arguments(go_on="accumulate")  # rename: keep
-    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0, accumulate=False):
+    def advance(
+        self,
+        duration: float,
+        pitch: ArrayLike,
+        yaw_rate: float = 0.0,
+        generator_torque: float = 0.0,
+        accumulate: bool = False,
+    ) -> Signals:
         """Simulate for a while with constant demands; the drives follow them within their limits.
 
         Parameters
@@ -270,7 +313,7 @@ class Simulator:
             raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
         if not accumulate:
             coupling.extremes.restart()
-        inputs, azimuth_u, step = coupling.integrator.inputs, self.structure.azimuth_u, self.time_step
+        inputs, azimuth_u, step = coupling.integrator.inputs, self._azimuth_u, self.time_step
         inflow, yaw_rate = self._felt, -yaw_rate if self.mirrored else yaw_rate
         for _ in range(n):
             drives.follow(pitch, yaw_rate, generator_torque, step, coupling.generator_speed)
@@ -287,7 +330,7 @@ class Simulator:
 
     # ---- snapshots and pictures ----
 
-    def state(self):
+    def state(self) -> SimulatorState:
         """Snapshot from which the simulation continues bit for bit.
 
         Returns
@@ -297,7 +340,7 @@ class Simulator:
         self._require_start()
         return SimulatorState.take(self._state_arrays(), self._n_steps, self._model)
 
-    def restore(self, state):
+    def restore(self, state: SimulatorState) -> None:
         """Continue from a snapshot of a simulator with the same turbine and fidelity.
 
         Raises
@@ -315,7 +358,7 @@ class Simulator:
         self._started = True
         self.coupling.resume()
 
-    def root_multipliers(self):
+    def root_multipliers(self) -> NDArray[np.float64]:
         """Lagrange multipliers of the constraints that hold the blades: the loads which the hub exerts on them.
 
         They cost nothing unless they are asked for, and need ``formulation="constrained"``. ``-multipliers[:, 4]`` is
@@ -333,9 +376,10 @@ class Simulator:
             Without constraint equations.
         """
         self._require_start()
-        return self.coupling.root_multipliers()
+        out: NDArray[np.float64] = self.coupling.root_multipliers()
+        return out
 
-    def ground_loads(self):
+    def ground_loads(self) -> NDArray[np.float64]:
         """Force and moment with which the turbine rests on the ground: at the sea bed on a monopile.
 
         Returns
@@ -356,7 +400,7 @@ class Simulator:
             loads[4] += depth * force[0]
         return reflected_loads(loads) if self.mirrored else loads
 
-    def tower_top(self):
+    def tower_top(self) -> NDArray[np.float64]:
         """Motion of the tower top as it is now, in the form that `reset` takes.
 
         Returns
@@ -374,7 +418,7 @@ class Simulator:
         top = np.concatenate([to_heading @ work.r[nacelle, :2], to_heading @ velocity[:2]])
         return top * _TOWER_TOP_PARITIES if self.mirrored else top
 
-    def motion(self):
+    def motion(self) -> NDArray[np.float64]:
         """Deformation of the structure, its rates and accelerations, in the form of `reset`.
 
         The tower moves along and across the nacelle.
@@ -389,7 +433,7 @@ class Simulator:
         integrator = self.coupling.integrator
         return self.structure.motion(integrator.state, integrator.state_rate, self.drives.command[1])
 
-    def constraint_drift(self, restart=True):
+    def constraint_drift(self, restart: bool = True) -> Drift:
         """How far steps have drifted off the constraint equations before they were put back onto them.
 
         Parameters
@@ -404,16 +448,20 @@ class Simulator:
             largest residual of a constraint equation and of its rate, over all steps and passes since the last time.
             Zeros without constraint equations.
         """
-        drift = self.coupling.integrator.drift
+        drift: Drift = self.coupling.integrator.drift
         if restart:
             self.coupling.integrator.restart_drift()
         return drift
 
-    def _state_arrays(self):
+    def _state_arrays(self) -> dict[str, NDArray[Any]]:
         """Every array that carries state, by name."""
-        return self.coupling.arrays() | {"command": self.drives.command, "values": self._measurement.values}
+        out: dict[str, NDArray[Any]] = self.coupling.arrays() | {
+            "command": self.drives.command,
+            "values": self._measurement.values,
+        }
+        return out
 
-    def linearize(self, operating_point=None, **options):
+    def linearize(self, operating_point: RotorPoint | None = None, **options: Any) -> LinearModel:
         """Linear model about a steady operating point; see :func:`wt_gym.simulation.linear.linearization.linearize`.
 
         Returns
@@ -425,7 +473,7 @@ class Simulator:
 
         return linearize(self, operating_point, **options)
 
-    def geometry(self):
+    def geometry(self) -> dict[str, NDArray[np.float64]]:
         """Shapes for pictures, global coordinates [m].
 
         Returns
@@ -439,11 +487,11 @@ class Simulator:
         shapes = turbine_shapes(self.coupling)
         return reflected_shapes(shapes) if self.mirrored else shapes
 
-    def _require_start(self):
+    def _require_start(self) -> None:
         if not self._started:
             raise SimulationError("the simulator is not running: call reset() first, also after a failed simulation")
 
-    def _measure(self):
+    def _measure(self) -> None:
         """Fill the channel values from the current state, without a past."""
         coupling, drives = self.coupling, self.drives
         torque = drives.torque(coupling.generator_speed)

@@ -1,10 +1,22 @@
 """The start of a simulation: turbine, wake and generator in balance with each other."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.simulation.model.equilibrium import elastic_equilibrium
 from wt_gym.simulation.step import coupling_kernels
 from wt_gym.simulation.step.coupling import Coupling
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.simulation.drivetrain.drives import Drives
+    from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.wind import Inflow
 
 __all__ = ["Starter"]
 
@@ -23,12 +35,21 @@ class Starter:
     drives : Drives
     """
 
-    def __init__(self, coupling, drives):
+    def __init__(self, coupling: Coupling, drives: Drives) -> None:
         self.coupling, self.drives = coupling, drives
         embedded = coupling.models.embedded
         self._balanced = coupling if embedded is None else Coupling(embedded)
 
-    def balance(self, rotor_speed, azimuth, generator_torque, inflow, tower_top=None, wake_thrust=None, motion=None):
+    def balance(
+        self,
+        rotor_speed: float,
+        azimuth: float,
+        generator_torque: float | None,
+        inflow: Inflow,
+        tower_top: NDArray[np.float64] | None = None,
+        wake_thrust: float | None = None,
+        motion: NDArray[np.float64] | None = None,
+    ) -> None:
         """Balance turbine, wake and air, and begin to move; pitch and yaw are those that the drives have started with.
 
         Parameters
@@ -74,18 +95,19 @@ class Starter:
             self._act(coupling)
         coupling.begin(y)
 
-    def _act(self, coupling):
+    def _act(self, coupling: Coupling) -> None:
         self.drives.act(coupling.integrator.inputs, coupling.models.structure.azimuth_u, first=0)
 
-    def _rigid_state(self, rotor_speed, azimuth):
+    def _rigid_state(self, rotor_speed: float, azimuth: float) -> NDArray[np.float64]:
         """Undeformed turbine turning steadily."""
         s = self._balanced.models.structure
-        y, n_y = s.system.initial_state(), s.system.n_q + s.system.n_u
+        y: NDArray[np.float64] = s.system.initial_state()
+        n_y = s.system.n_q + s.system.n_u
         y[s.azimuth_q], y[s.system.n_q + s.azimuth_u] = azimuth, rotor_speed
         y[n_y : n_y + s.system.n_servo] = self.drives.command[1:]
         return y
 
-    def _turn_loads(self, y, rotor_speed, azimuth):
+    def _turn_loads(self, y: NDArray[np.float64], rotor_speed: float, azimuth: float) -> None:
         """Rates of the blades (y, in place) as their balance turns with the rotor past weight, shear and yawed wind.
 
         Each elastic coordinate has its balance at as many azimuths as there are blades. Its mean and the first harmonic
@@ -105,7 +127,7 @@ class Starter:
             for own, rate in zip(u, slope @ np.array(q), strict=True):
                 own[:] = rate
 
-    def _sway(self, y, tower_top):
+    def _sway(self, y: NDArray[np.float64], tower_top: NDArray[np.float64]) -> None:
         """Displacement and motion of the tower top (y, in place) in its first modes."""
         c = self._balanced
         s, yaw = c.models.structure, self.drives.command[1]
@@ -117,7 +139,15 @@ class Starter:
         q += s.tower_sway @ moved
         u += s.tower_sway @ (turn @ tower_top[2:])
 
-    def _find_equilibrium(self, y, rotor_speed, generator_torque, inflow, wake_thrust, accelerations=0.0):
+    def _find_equilibrium(
+        self,
+        y: NDArray[np.float64],
+        rotor_speed: float,
+        generator_torque: float | None,
+        inflow: Inflow,
+        wake_thrust: float | None,
+        accelerations: float | NDArray[np.float64] = 0.0,
+    ) -> None:
         """Wake, loads and elastic state (y, in place) in balance with each other and the generator.
 
         Balance means the given accelerations: a motion that goes on in another wind is not jolted by it.
@@ -130,7 +160,16 @@ class Starter:
             elastic_equilibrium(s.system, y, c.integrator.inputs, c.integrator.work, s.azimuth_q, s.azimuth_u,
                                 _balances_forces(c.models.fidelity), accelerations=accelerations)  # fmt: skip
 
-    def _balance_air(self, y, rotor_speed, generator_torque, inflow, induced, last, wake_thrust):
+    def _balance_air(
+        self,
+        y: NDArray[np.float64],
+        rotor_speed: float,
+        generator_torque: float | None,
+        inflow: Inflow,
+        induced: float | None,
+        last: bool,
+        wake_thrust: float | None,
+    ) -> float:
         """Wake and loads for a state of the structure, and the generator under them; returns what the wake induces."""
         c = self._balanced
         s, lattice, x = c.models.structure, c.models.lattice, c.exchange
@@ -154,7 +193,7 @@ class Starter:
         return induced
 
 
-def _balances_forces(fidelity):
-    """Whether forces are balanced and not accelerations, in which those of small nodes outshout a bent beam."""
+def _balances_forces(fidelity: Fidelity) -> bool:
+    """Whether forces are balanced: accelerations of light nodes would dominate the residual of a bent beam."""
     nodal = "nodal" in (fidelity.blade_coordinates, fidelity.tower_coordinates)
-    return nodal or fidelity.integrator != "hamming"
+    return nodal or not INTEGRATORS[fidelity.integrator].explicit

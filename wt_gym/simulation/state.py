@@ -1,26 +1,34 @@
 """Snapshots of a simulation: plain arrays that can be copied, compared, saved and restored."""
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import dataclass, is_dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from wt_gym.errors import SimulationError
 from wt_gym.fields import counting_fields
 
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from os import PathLike
+
+    from numpy.typing import NDArray
+
 __all__ = ["SimulatorState", "fingerprint"]
 
 
-def fingerprint(*parts):
+def fingerprint(*parts: object) -> str:
     """Digest of nested dataclasses, arrays and plain values: equal content gives an equal text.
 
     A field declared by `wt_gym.fields.later_field` counts only where it has another value than its default.
     """
     digest = hashlib.sha256()
 
-    def feed(value):
-        if is_dataclass(value):
+    def feed(value: object) -> None:
+        if is_dataclass(value) and not isinstance(value, type):
             digest.update(type(value).__name__.encode())
             for f in counting_fields(value):
                 digest.update(f.name.encode())
@@ -52,16 +60,16 @@ class SimulatorState:
         Fingerprint of the simulator's turbine and fidelity.
     """
 
-    arrays: dict
+    arrays: dict[str, NDArray[Any]]
     n_steps: int
     model: str
 
     @classmethod
-    def take(cls, arrays, n_steps, model):
+    def take(cls, arrays: Mapping[str, NDArray[Any]], n_steps: int, model: str) -> SimulatorState:
         """Copy the given arrays."""
         return cls({key: np.array(a) for key, a in arrays.items()}, int(n_steps), model)
 
-    def put(self, arrays, model):
+    def put(self, arrays: Mapping[str, NDArray[Any]], model: str) -> None:
         """Write the snapshot back into the arrays of a simulator with the same fingerprint.
 
         Raises
@@ -75,7 +83,7 @@ class SimulatorState:
         for key, array in arrays.items():
             array[...] = self.arrays[key]
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, SimulatorState):
             return NotImplemented
         same = (self.n_steps, self.model) == (other.n_steps, other.model) and set(self.arrays) == set(other.arrays)
@@ -83,12 +91,13 @@ class SimulatorState:
 
     __hash__: ClassVar[Any] = None
 
-    def save(self, path):
+    def save(self, path: str | PathLike[str]) -> None:
         """Write to a compressed .npz file (plain numbers, no pickle)."""
-        np.savez_compressed(path, n_steps=self.n_steps, model=self.model, **self.arrays)
+        members: dict[str, Any] = {"n_steps": self.n_steps, "model": self.model, **self.arrays}
+        np.savez_compressed(path, **members)
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: str | PathLike[str]) -> SimulatorState:
         """Read a file written by :meth:`save`."""
         with np.load(path, allow_pickle=False) as data:
             arrays = {key: data[key] for key in data.files if key not in ("n_steps", "model")}

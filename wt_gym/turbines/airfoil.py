@@ -213,7 +213,8 @@ def _height(branch: NDArray[np.float64], root: NDArray[np.float64]) -> NDArray[n
     # maximum keeps the branch a function of x, and the first point at one x is the edge of the surface itself.
     x = np.maximum.accumulate(branch[:, 0])
     keep = np.insert(np.diff(x) > 0.0, 0, True)
-    return np.interp(root, np.sqrt(x[keep]), branch[keep, 1])
+    out: NDArray[np.float64] = np.interp(root, np.sqrt(x[keep]), branch[keep, 1])
+    return out
 
 
 def camber_line(

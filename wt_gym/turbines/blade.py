@@ -127,7 +127,9 @@ class Blade(ArrayRecord):
 
     @cached_property
     def _planform(self) -> PchipInterpolator:
-        table = np.column_stack((self.chord, self.twist, self.le_offset, cast(np.ndarray, self.normal_offset)))
+        table = np.column_stack(
+            (self.chord, self.twist, self.le_offset, cast("NDArray[np.float64]", self.normal_offset))
+        )
         return PchipInterpolator(self.aero_station, table, extrapolate=False)
 
     @cached_property
@@ -145,15 +147,18 @@ class Blade(ArrayRecord):
 
     def chord_at(self, z: ArrayLike) -> NDArray[np.float64]:
         """Return the chord [m] at z [m] from the root (monotone cubic, no overshoot)."""
-        return self._planform(self._inside(z))[..., 0]
+        out: NDArray[np.float64] = self._planform(self._inside(z))[..., 0]
+        return out
 
     def twist_at(self, z: ArrayLike) -> NDArray[np.float64]:
         """Return the twist [rad], positive to feather, at z [m] from the root (monotone cubic)."""
-        return self._planform(self._inside(z))[..., 1]
+        out: NDArray[np.float64] = self._planform(self._inside(z))[..., 1]
+        return out
 
     def le_offset_at(self, z: ArrayLike) -> NDArray[np.float64]:
         """Return the distance from leading edge to reference axis divided by the chord, at z [m] from the root."""
-        return self._planform(self._inside(z))[..., 2]
+        out: NDArray[np.float64] = self._planform(self._inside(z))[..., 2]
+        return out
 
     def axis_at(self, z: ArrayLike) -> NDArray[np.float64]:
         """Return points (..., 3) of the reference axis [m] in the blade frame at z [m] from the root."""
@@ -162,7 +167,8 @@ class Blade(ArrayRecord):
 
     def station_at(self, z: ArrayLike) -> NDArray[np.float64]:
         """Return the distance along the reference axis [m] (as in ``structure.station``) at z [m] from the root."""
-        return self._axis_by_z(self._inside(z))[..., 2]
+        out: NDArray[np.float64] = self._axis_by_z(self._inside(z))[..., 2]
+        return out
 
     def _bracket(self, z: float) -> tuple[Airfoil, Airfoil, float]:
         """Return the two airfoils around z and the weight of the second."""

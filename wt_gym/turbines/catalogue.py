@@ -32,7 +32,8 @@ def _built(name: str) -> Turbine:
     source = RECORDS[name].source
     if "function" in source:
         module, _, function = source["function"].partition(":")
-        return getattr(importlib.import_module(module), function)()
+        out: Turbine = getattr(importlib.import_module(module), function)()
+        return out
     return load_turbine(source["turbine"], water_depth=source["water_depth"])
 
 

@@ -158,13 +158,13 @@ class ArrayRecord:
     a turbine whose tables can be changed by accident.
     """
 
-    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field]]  # of the subclasses
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]  # of the subclasses
 
     def __copy__(self) -> "ArrayRecord":
         """Return the record itself: nothing in it changes."""
         return self
 
-    def __deepcopy__(self, memo: dict) -> "ArrayRecord":
+    def __deepcopy__(self, memo: dict[int, object]) -> "ArrayRecord":
         """Return the record itself: nothing in it changes."""
         return self
 

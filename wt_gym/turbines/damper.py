@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from wt_gym.turbines.checks import fail
 
 if TYPE_CHECKING:
-    from wt_gym.turbines.model import Turbine
+    from wt_gym.turbines.model import Drivetrain, Turbine
 
 __all__ = ["GENERATORS", "damped_speed", "with_damper", "with_generator"]
 
@@ -17,7 +17,7 @@ MOST_TORQUE = 1.1
 """Greatest torque that a damper is to bear, over that at rated power, for the range of sensors."""
 
 
-def damped_speed(drivetrain, power):
+def damped_speed(drivetrain: Drivetrain, power: float) -> float:
     """Rotor speed [rad/s] at which a damper makes an electrical power [W]: P = η c Ω².
 
     η is the efficiency of gearbox and generator, c ``drivetrain.generator_damping``.
@@ -62,8 +62,11 @@ def with_damper(turbine: Turbine) -> Turbine:
 
 GENERATORS = ("torque", "damper")
 
+Law = TypeVar("Law")
+"""A law of one's own, see `wt_gym.simulation.drivetrain.drives`."""
 
-def with_generator(turbine: Turbine, choice):
+
+def with_generator(turbine: Turbine, choice: str | Law | None) -> tuple[Turbine, Law | None]:
     """A turbine with the generator that is chosen by name, and what is left of the choice: a law of one's own, or None.
 
     Parameters

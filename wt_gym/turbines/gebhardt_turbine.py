@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from importlib import resources
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,12 @@ from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
 from wt_gym.turbines.blade import Blade
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, PitchSystem, Tower, Turbine
 from wt_gym.turbines.windio import own_file, read_turbine
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from typing import Any
+
+    from numpy.typing import NDArray
 
 __all__ = ["GENERATOR_DAMPER", "gebhardt_data", "gebhardt_turbine"]
 
@@ -29,10 +36,11 @@ ROOT_RAMP = 1.0
 
 
 @cache
-def gebhardt_data():
+def gebhardt_data() -> dict[str, Any]:
     """Contents of ``data/gebhardt45.json``."""
     text = resources.files(__package__).joinpath("data", "gebhardt45.json").read_text(encoding="utf-8")
-    return json.loads(text)
+    out: dict[str, Any] = json.loads(text)
+    return out
 
 
 GENERATOR_DAMPER = gebhardt_data()["inferred"]["generator_damper_Nms"]
@@ -40,7 +48,7 @@ GENERATOR_DAMPER = gebhardt_data()["inferred"]["generator_damper_Nms"]
 
 
 @cache
-def gebhardt_turbine(tower_stiffness=1.0, nacelle_forward=None):
+def gebhardt_turbine(tower_stiffness: float = 1.0, nacelle_forward: float | None = None) -> Turbine:
     """The stand-in turbine, undamped like the paper's, with a generator that turns with the rotor.
 
     Parameters
@@ -102,12 +110,12 @@ def gebhardt_turbine(tower_stiffness=1.0, nacelle_forward=None):
     )
 
 
-def _columns(table, names):
+def _columns(table: Sequence[Sequence[Any]], names: Sequence[str]) -> dict[str, list[Any]]:
     """Columns of a table of rows by name."""
     return {name: [row[i] for row in table] for i, name in enumerate(names)}
 
 
-def _blade(data):
+def _blade(data: dict[str, Any]) -> Blade:
     """Planform and sections of the stand-in blade; the round root carries no lift."""
     blade = data["blade"]
     plan = _columns(blade["planform"], blade["planform_columns"])
@@ -144,7 +152,7 @@ def _blade(data):
     )
 
 
-def _blade_structure(beam):
+def _blade_structure(beam: Mapping[str, NDArray[np.float64]]) -> BeamStations:
     """Section matrices from principal stiffnesses at the structural twist."""
     n = len(beam["span_m"])
     stiffness, zero = np.zeros((n, 6, 6)), np.zeros(n)
@@ -161,7 +169,7 @@ def _blade_structure(beam):
     return BeamStations(beam["span_m"], stiffness, turn @ inertia @ np.swapaxes(turn, 1, 2))
 
 
-def _tower(data, stiffness):
+def _tower(data: dict[str, Any], stiffness: float) -> Tower:
     """Straight prismatic undamped tube."""
     tower = data["tower"]
     height = gebhardt_data()["published"]["tower_height_m"]
@@ -179,7 +187,7 @@ def _tower(data, stiffness):
     )
 
 
-def _nacelle(data, forward):
+def _nacelle(data: dict[str, Any], forward: float | None) -> Nacelle:
     """Rigid nacelle in front of the tower, yaw held."""
     nacelle = data["nacelle"]
     yaw, roll = nacelle["inertia_yaw_kgm2"], nacelle["inertia_roll_kgm2"]

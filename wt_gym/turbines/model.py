@@ -8,8 +8,11 @@ minus the twist about z: x_s normal to the chord to the suction side, y_s from l
 and pitch feather, that is, they turn the leading edge upwind (to -x). OpenFAST's names are given where they exist.
 """
 
+from __future__ import annotations
+
 import warnings
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +34,9 @@ from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.rotational_augmentation import RotationalAugmentation
 from wt_gym.turbines.site import with_site
 from wt_gym.turbines.support import Support
+
+if TYPE_CHECKING:
+    from typing import Any
 
 __all__ = [
     "ROTATIONS",
@@ -447,7 +453,7 @@ class Turbine(ArrayRecord):
                     f"Turbine.{name}", given, f"{geometry:.2f} m +- 1 %, which blade, hub, nacelle and tower give"
                 )
 
-    def with_rotational_augmentation(self, model: str = "du-selig", tip_speed_ratio: float | None = None) -> "Turbine":
+    def with_rotational_augmentation(self, model: str = "du-selig", tip_speed_ratio: float | None = None) -> Turbine:
         """Return this turbine with polars whose stall is delayed by rotation.
 
         Parameters
@@ -483,7 +489,7 @@ class Turbine(ArrayRecord):
             notes = (*notes, f"polars: {unknown}")
         return replace(self, blade=replace(self.blade, augmentation=augmentation), notes=notes)
 
-    def with_site(self, **site) -> "Turbine":
+    def with_site(self, **site: Any) -> Turbine:
         """Return this turbine at a site: another air density, other limits of the wind, another class.
 
         Parameters

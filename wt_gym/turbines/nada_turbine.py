@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from importlib import resources
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,11 @@ from wt_gym.turbines.airfoil import Airfoil, Polar, cosine_grid
 from wt_gym.turbines.beam import BeamStations, inertia_matrix, rotation_about_z
 from wt_gym.turbines.blade import Blade
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, PitchSystem, Tower, Turbine
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
 
 __all__ = ["nada_data", "nada_speed", "nada_turbine", "plate_polar"]
 
@@ -29,23 +35,24 @@ HELD = 1e10
 
 
 @cache
-def nada_data():
+def nada_data() -> dict[str, Any]:
     """Contents of ``data/nada_small.json``."""
     text = resources.files(__package__).joinpath("data", "nada_small.json").read_text(encoding="utf-8")
-    return json.loads(text)
+    out: dict[str, Any] = json.loads(text)
+    return out
 
 
-def nada_speed():
+def nada_speed() -> float:
     """Rotor speed of the rig in the test wind [rad/s]: that of the stand-in tip-speed ratio."""
     data = nada_data()
-    return (
+    return float(
         data["stand_in"]["tip_speed_ratio"]
         * data["published"]["test_wind_speed_m_s"]
         / data["stand_in"]["blade"]["tip_radius_m"]
     )
 
 
-def plate_polar(stall, width, friction, n=361):
+def plate_polar(stall: float, width: float, friction: float, n: int = 361) -> Polar:
     """Polar of a thin plate with sharp edges over the full circle.
 
     The force is normal to the plate but for friction: attached flow has the circulation of thin-airfoil theory and no
@@ -84,7 +91,7 @@ def plate_polar(stall, width, friction, n=361):
 
 
 @cache
-def nada_turbine():
+def nada_turbine() -> Turbine:
     """The stand-in rig, with a generator that turns with the rotor and is a damper or takes a torque.
 
     Returns
@@ -142,12 +149,12 @@ def nada_turbine():
     )
 
 
-def _mass(structure):
+def _mass(structure: BeamStations) -> float:
     """Mass of a beam whose properties are linear between its stations [kg]."""
     return float(np.trapezoid(structure.inertia[:, 0, 0], structure.station))
 
 
-def _blade(data):
+def _blade(data: dict[str, Any]) -> Blade:
     """A tapered, twisted strip of plastic, straight along its mid-chord."""
     blade, root = data["blade"], data["hub"]["radius_m"]
     length, t = blade["tip_radius_m"] - root, blade["thickness_m"]
@@ -179,7 +186,9 @@ def _blade(data):
     )
 
 
-def _strip(z, chord, twist, t, e, rho):
+def _strip(
+    z: NDArray[np.float64], chord: NDArray[np.float64], twist: NDArray[np.float64], t: float, e: float, rho: float
+) -> BeamStations:
     """Sections of a solid strip: E c t³/12 across its flat side, E t c³/12 along it, torsion G c t³/3."""
     area, flat, edge = chord * t, chord * t**3 / 12.0, t * chord**3 / 12.0
     stiffness, zero = np.zeros((len(z), 6, 6)), np.zeros(len(z))
@@ -192,7 +201,7 @@ def _strip(z, chord, twist, t, e, rho):
     return BeamStations(z, stiffness, turn @ inertia @ np.swapaxes(turn, 1, 2))
 
 
-def _tower(tower):
+def _tower(tower: dict[str, Any]) -> Tower:
     """Solid rod of circular section."""
     height, d, rho = tower["length_m"], tower["diameter_m"], tower["density_kg_m3"]
     area, second = 0.25 * np.pi * d**2, np.pi * d**4 / 64.0
@@ -212,7 +221,7 @@ def _tower(tower):
     )
 
 
-def _nacelle(data, mass):
+def _nacelle(data: dict[str, Any], mass: float) -> Nacelle:
     """Rigid body on the tower top, yaw held."""
     return Nacelle(
         mass=mass,

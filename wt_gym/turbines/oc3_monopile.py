@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.turbines.beam import BeamStations, inertia_matrix
 from wt_gym.turbines.model import Support, Tower, Turbine
 from wt_gym.turbines.windio import own_file, read_turbine
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["OC3_FOUNDATION", "oc3_turbine"]
 
@@ -33,7 +37,7 @@ OC3_FOUNDATION[1, 3] = OC3_FOUNDATION[3, 1] = -_KC
 OC3_FOUNDATION.flags.writeable = False
 
 
-def tube(station, diameter, wall) -> BeamStations:
+def tube(station: NDArray[np.float64], diameter: NDArray[np.float64], wall: NDArray[np.float64]) -> BeamStations:
     """Sections of a steel tube at stations (n,) [m] with diameters and walls (n,) [m]."""
     outer, inner = 0.5 * diameter, 0.5 * diameter - wall
     area, second = np.pi * (outer**2 - inner**2), 0.25 * np.pi * (outer**4 - inner**4)

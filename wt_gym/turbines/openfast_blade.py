@@ -74,7 +74,8 @@ class _Planform:
 
     def thickness(self) -> NDArray[np.float64]:
         """Return the largest thickness of every node [m]."""
-        return self.chord * np.array([self.files[i].airfoil.relative_thickness for i in self.index])
+        out: NDArray[np.float64] = self.chord * np.array([self.files[i].airfoil.relative_thickness for i in self.index])
+        return out
 
 
 def read_openfast_blade(

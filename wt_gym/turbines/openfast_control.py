@@ -1,7 +1,9 @@
 """Rating and controller of an OpenFAST model: ROSCO's DISCON.IN, or the generator model of ServoDyn."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,6 +11,9 @@ from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.checks import check_number
 from wt_gym.turbines.control_data import ControlData
 from wt_gym.turbines.openfast_text import TextFile
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["Rating", "read_openfast_control", "read_rating"]
 
@@ -193,7 +198,7 @@ def _from_discon(file: TextFile, rating: Rating, radius: float, density: float, 
     return ControlData(**values)
 
 
-def _schedule(file: TextFile, notes: list[str]) -> dict[str, np.ndarray]:
+def _schedule(file: TextFile, notes: list[str]) -> dict[str, NDArray[np.float64]]:
     """Return the schedule of the pitch gains up to where one of them changes its sign.
 
     ROSCO's tuning subtracts the rotor's own damping from the proportional gain, which at large pitch may leave one of
@@ -249,7 +254,7 @@ def _constant_power(file: TextFile) -> bool:
     return file.integer("VS_ControlMode", 0) in (1, 3)
 
 
-def _positive(file: TextFile, key: str) -> np.ndarray:
+def _positive(file: TextFile, key: str) -> NDArray[np.float64]:
     """Return gains without the minus sign of ROSCO.
 
     Raises

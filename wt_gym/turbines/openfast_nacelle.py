@@ -4,6 +4,10 @@ ElastoDyn counts along its shaft axis, which points downwind: an upwind rotor ha
 and cone are negative. Here all three are positive.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wt_gym.errors import TurbineDefinitionError
@@ -12,6 +16,9 @@ from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
 from wt_gym.turbines.openfast_control import Rating
 from wt_gym.turbines.openfast_text import TextFile
 from wt_gym.turbines.windio_nacelle import YAW_DAMPING, YAW_FREQUENCY
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = [
     "blade_files",
@@ -110,7 +117,7 @@ def _yaw(
     servodyn: TextFile | None,
     vertical: float,
     mass: float,
-    cm: np.ndarray,
+    cm: NDArray[np.float64],
     blade: Blade,
     hub: Hub,
     n_blades: int,

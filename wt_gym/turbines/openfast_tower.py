@@ -1,7 +1,10 @@
 """The tower of an OpenFAST model: ElastoDyn's bending stiffness and mass, AeroDyn's diameter and drag."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.beam import BeamStations, inertia_matrix
@@ -9,6 +12,9 @@ from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Tower
 from wt_gym.turbines.openfast_text import TextFile
 from wt_gym.turbines.windio_tower import POISSON_RATIO
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["read_openfast_tower"]
 
@@ -58,7 +64,7 @@ def read_openfast_tower(elastodyn: TextFile, file: TextFile, aerodyn: TextFile, 
     outer = np.interp(station, wall, diameter)
     stiffness = np.zeros((station.size, 6, 6))
     # A thin tube of diameter D: I = A D^2/8, J = 2 I, so that EA = 8 EI/D^2 and GJ = EI/(1 + nu).
-    diagonal: tuple[float | np.ndarray, ...] = (
+    diagonal: tuple[float | NDArray[np.float64], ...] = (
         np.inf, np.inf, 8.0 * bending / outer**2, side_side, fore_aft, bending / (1.0 + POISSON_RATIO),
     )  # fmt: skip
     for k, value in enumerate(diagonal):

@@ -9,13 +9,19 @@ from the angle of zero lift upwards, in full to 30 degrees, from there on fading
 of 80 % of the radius only.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.attached_flow import attached_lift
 from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.checks import check_number, fail
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["MODELS", "RotationalAugmentation"]
 
@@ -27,7 +33,7 @@ FINE = np.radians(np.arange(-20.0, 60.0, 0.5))
 """Angles at which a corrected polar is tabulated beside its own [rad]."""
 
 
-def snel(chord_ratio, radius_ratio, tip_speed_ratio, slope):
+def snel(chord_ratio: float, radius_ratio: float, tip_speed_ratio: float, slope: float) -> float:
     """Factor g of Snel, Houwink & Bosschers (ECN-C--93-052, 1993): 3.1 (c/r)^2 (Omega r / V_rel)^2.
 
     3.1 and the ratio of the section's own speed to that of its flow, here without induction, were added at ECN later.
@@ -36,12 +42,12 @@ def snel(chord_ratio, radius_ratio, tip_speed_ratio, slope):
     return 3.1 * chord_ratio**2 * local / (1.0 + local)
 
 
-def snel_1993(chord_ratio, radius_ratio, tip_speed_ratio, slope):
+def snel_1993(chord_ratio: float, radius_ratio: float, tip_speed_ratio: float, slope: float) -> float:
     """Factor g of Snel, Houwink & Bosschers as first published (ECN-C--93-052, 1993): 3 (c/r)^2."""
     return 3.0 * chord_ratio**2
 
 
-def du_selig(chord_ratio, radius_ratio, tip_speed_ratio, slope):
+def du_selig(chord_ratio: float, radius_ratio: float, tip_speed_ratio: float, slope: float) -> float:
     """Factor g of Du & Selig (AIAA-98-0021, 1998) with a = b = d = 1.
 
     (1/cla) [1.6 (c/r) / 0.1267 (a - (c/r)^E) / (b + (c/r)^E) - 1], E = (d / Lambda) (R / r),
@@ -49,10 +55,10 @@ def du_selig(chord_ratio, radius_ratio, tip_speed_ratio, slope):
     """
     exponent = np.sqrt(1.0 + tip_speed_ratio**2) / (tip_speed_ratio * radius_ratio)
     power = chord_ratio**exponent
-    return (1.6 * chord_ratio / 0.1267 * (1.0 - power) / (1.0 + power) - 1.0) / slope
+    return float((1.6 * chord_ratio / 0.1267 * (1.0 - power) / (1.0 + power) - 1.0) / slope)
 
 
-def eggers_drag(alpha, extra_lift):
+def eggers_drag(alpha: NDArray[np.float64], extra_lift: NDArray[np.float64]) -> NDArray[np.float64]:
     """Drag that goes with lift gained by rotation (Eggers, Chaney & Digumarthi, ASME Wind Energy Symposium, 2003)."""
     sine, cosine = np.sin(alpha), np.cos(alpha)
     return extra_lift * (sine - 0.12 * cosine) / (cosine + 0.12 * sine)
@@ -86,14 +92,14 @@ class RotationalAugmentation:
     rotor_radius: float
     tip_speed_ratio: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Refuse values without meaning."""
         if self.model not in MODELS:
             raise fail("RotationalAugmentation.model", self.model, " or ".join(map(repr, MODELS)))
         check_number("RotationalAugmentation.rotor_radius", self.rotor_radius, 0.0, 500.0, open_low=True)
         check_number("RotationalAugmentation.tip_speed_ratio", self.tip_speed_ratio, 0.1, 30.0)
 
-    def factor(self, chord, radius, slope):
+    def factor(self, chord: float, radius: float, slope: float) -> float:
         """Share g of the way from the two-dimensional lift to that of attached flow, between 0 and 1.
 
         Parameters
@@ -124,14 +130,17 @@ class RotationalAugmentation:
             The given one where nothing changes: outboard, and for a section without lift.
         """
         line = attached_lift(polar.alpha, polar.cl)
-        g = 0.0 if line is None else self.factor(chord, radius, line[1])
+        if line is None:
+            return polar
+        alpha0, slope = line
+        g = self.factor(chord, radius, slope)
         if g == 0.0:
             return polar
         alpha = np.union1d(polar.alpha, FINE)
         alpha = alpha[np.concatenate(([True], np.diff(alpha) > 1e-9))]
         cl, cd, cm = polar.coefficients(alpha)
-        share = np.where(alpha > line[0], np.clip((NONE - alpha) / (NONE - FULL), 0.0, 1.0), 0.0)
-        extra = g * share * (line[1] * (alpha - line[0]) - cl)
+        share = np.where(alpha > alpha0, np.clip((NONE - alpha) / (NONE - FULL), 0.0, 1.0), 0.0)
+        extra = g * share * (slope * (alpha - alpha0) - cl)
         _, drag = MODELS[self.model]
         if drag is not None:
             cd = np.maximum(cd + drag(alpha, extra), cd.min())

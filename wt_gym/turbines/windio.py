@@ -1,5 +1,7 @@
 """windIO files turned into turbines."""
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import replace
 from pathlib import Path
@@ -158,7 +160,7 @@ def _build(
         raise TurbineDefinitionError(text) from error
 
 
-def _default(node: Node, key: str, default, notes: list[str]):
+def _default(node: Node, key: str, default: object, notes: list[str]) -> Any:
     """Return an entry that the schema has checked, or the schema's default with a note."""
     if key in node:
         return node.data[key]

@@ -43,7 +43,7 @@ class AirfoilLibrary:
             if name in self.nodes:
                 raise fail(node.where("name"), name, "a name that occurs once")
             self.nodes[name] = node
-        self._done: dict[tuple, Airfoil] = {}
+        self._done: dict[tuple[object, ...], Airfoil] = {}
 
     def _node(self, entry: Node) -> Node:
         name = entry.text("name")

@@ -9,8 +9,11 @@ x to the suction side and y to the trailing edge (K44 edgewise, i_edge in the sa
 stiffer edgewise, so the larger of K44 and K55 over the outer blade tells which frame was meant.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +26,9 @@ from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import Blade
 from wt_gym.turbines.source import Node, within
 from wt_gym.turbines.windio_airfoils import AirfoilLibrary
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 __all__ = ["DEFAULT_BLADE_DAMPING", "beam_tables", "damping_ratio", "read_blade"]
 
@@ -42,11 +48,13 @@ class _Axis:
 
     def z(self, grid: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance from the root along z [m]."""
-        return PchipInterpolator(self.grid, self.points[:, 2])(grid)
+        out: NDArray[np.float64] = PchipInterpolator(self.grid, self.points[:, 2])(grid)
+        return out
 
     def s(self, grid: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance from the root along the axis [m]."""
-        return PchipInterpolator(self.grid, self.station)(grid)
+        out: NDArray[np.float64] = PchipInterpolator(self.grid, self.station)(grid)
+        return out
 
 
 def read_blade(root: Node, hub_radius: float, rated_rotor_speed: float, notes: list[str]) -> Blade:
@@ -144,7 +152,7 @@ def _read_planform(shape: Node) -> tuple[NDArray[np.float64], ...]:
 
 
 def _read_airfoils(
-    shape: Node, axis: _Axis, library: AirfoilLibrary, speed_chord
+    shape: Node, axis: _Axis, library: AirfoilLibrary, speed_chord: Callable[[float], float]
 ) -> tuple[tuple[Airfoil, ...], NDArray[np.float64], NDArray[np.int64]]:
     """Return airfoils, their z [m] and index.
 

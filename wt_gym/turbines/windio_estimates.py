@@ -121,7 +121,7 @@ class Machine:
 
     def yaw_mass(self) -> float:
         """Return the mass of the yaw system [kg]."""
-        return 1.5 * 0.0009 * self.rotor_diameter**3.314
+        return float(1.5 * 0.0009 * self.rotor_diameter**3.314)
 
     def nacelle_center(self, overhang: float, shaft_height: float) -> NDArray[np.float64]:
         """Return the center of mass of a nacelle from the tower top (3,) [m].

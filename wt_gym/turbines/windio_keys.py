@@ -119,7 +119,8 @@ def _schema() -> dict[str, Any]:
     import windIO
     from windIO.schemas import schemaPath
 
-    return windIO.load_yaml(schemaPath / SCHEMA)
+    out: dict[str, Any] = windIO.load_yaml(schemaPath / SCHEMA)
+    return out
 
 
 def _optional(schema: Any) -> Any:

@@ -4,14 +4,20 @@ windIO's tower frame: x parallel to the ground downwind, z up, y to the left. Se
 (bending about x) is side-side and K55 fore-aft.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.turbines.beam import BeamStations, inertia_matrix
 from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import Support, Tower
 from wt_gym.turbines.source import Node, within
 from wt_gym.turbines.windio_blade import beam_tables, damping_ratio, require_straight
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["DEFAULT_TOWER_DAMPING", "read_support", "read_tower", "shell_sections"]
 
@@ -219,7 +225,7 @@ def shell_sections(
         raise fail(structure.where("layers"), "a wall of no thickness", "walls along the whole tower")
     factor = structure.number("outfitting_factor", 1.0, 2.0) if "outfitting_factor" in structure else 1.0
     stiffness = np.zeros((grid.size, 6, 6))
-    diagonal: tuple[float | np.ndarray, ...] = (np.inf, np.inf, axial, bending, bending, torsion)
+    diagonal: tuple[float | NDArray[np.float64], ...] = (np.inf, np.inf, axial, bending, bending, torsion)
     for k, value in enumerate(diagonal):
         stiffness[:, k, k] = value
     inertia = inertia_matrix(factor * mass, 0.0, 0.0, factor * rotary, factor * rotary, 0.0)

@@ -92,7 +92,8 @@ def _convert(data: dict[str, Any]) -> dict[str, Any]:
         steps.append(("components.monopile", lambda: converter.convert_monopile(new)))
     for part, step in steps:
         _run(part, step)
-    return _plain(new)
+    out: dict[str, Any] = _plain(new)
+    return out
 
 
 def _run(part: str, step: Callable[[], Any]) -> None:

@@ -68,7 +68,7 @@ def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[P
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style = None
     yaml.width = 120
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # declared as None
     yaml.representer.ignore_aliases = lambda _: True
     text = io.StringIO()
     lines = [f"Turbine in windIO {_VERSION}{f', from {source}' if source else ''}", *turbine.notes]

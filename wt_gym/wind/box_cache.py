@@ -7,6 +7,8 @@ directory that cannot be written costs only the time of the next synthesis and i
 kept below :data:`MAX_BYTES` by removing the boxes not used for longest.
 """
 
+from __future__ import annotations
+
 import contextlib
 import hashlib
 import json
@@ -17,12 +19,16 @@ import tokenize
 import zipfile
 import zlib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.user_cache import user_cache
 from wt_gym.wind.kaimal import KaimalParameters
 from wt_gym.wind.mann import MannParameters
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["MAX_BYTES", "cache_file", "load", "store"]
 
@@ -52,7 +58,7 @@ def _label(parameters: _Parameters) -> str:
     return json.dumps({"format": _FORMAT, **parameters.as_dict()}, sort_keys=True)
 
 
-def load(parameters: _Parameters) -> np.ndarray | None:
+def load(parameters: _Parameters) -> NDArray[np.float32] | None:
     """Fluctuations (n_times, n_z, n_y, 3) from the cache, or None if there is no sound file."""
     path = cache_file(parameters)
     if path is None:
@@ -71,12 +77,13 @@ def load(parameters: _Parameters) -> np.ndarray | None:
     if str(label) != _label(parameters) or fluctuation.shape != shape or fluctuation.dtype != np.float32:
         _log.warning("cached turbulence %s holds another box; it is made again", path)
         return None
+    found: NDArray[np.float32] = fluctuation
     with contextlib.suppress(OSError):  # a read-only cache is still a good cache
         os.utime(path)
-    return fluctuation
+    return found
 
 
-def store(parameters: _Parameters, fluctuation: np.ndarray) -> None:
+def store(parameters: _Parameters, fluctuation: NDArray[np.float32]) -> None:
     """Write the box so that other processes see either the whole file or none."""
     path = cache_file(parameters)
     if path is None:

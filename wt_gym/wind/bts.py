@@ -5,14 +5,20 @@ columns towards +y, components u, v, w) followed by the tower points (downwards)
 (integer − offset)/slope with one slope and offset a component. Described by the readers NREL publishes with TurbSim.
 """
 
+from __future__ import annotations
+
 import os
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.errors import InflowError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["BtsContent", "read", "write"]
 
@@ -30,8 +36,8 @@ class BtsContent:
     included; lengths in meters, times in seconds.
     """
 
-    grid: np.ndarray
-    tower: np.ndarray
+    grid: NDArray[np.float32]
+    tower: NDArray[np.float32]
     time_step: float
     spacing_y: float
     spacing_z: float
@@ -42,7 +48,7 @@ class BtsContent:
     description: str
 
 
-def read(path: str | os.PathLike) -> BtsContent:
+def read(path: str | os.PathLike[str]) -> BtsContent:
     """Read a file; raise InflowError if it is missing, truncated or something else."""
     try:
         data = Path(path).read_bytes()
@@ -91,7 +97,7 @@ def read(path: str | os.PathLike) -> BtsContent:
     )
 
 
-def write(path: str | os.PathLike, content: BtsContent) -> None:
+def write(path: str | os.PathLike[str], content: BtsContent) -> None:
     """Write a file; velocities are rounded to 1/65535 of each component's range."""
     n_times, n_z, n_y, _ = content.grid.shape
     velocity = np.concatenate([content.grid.reshape(n_times, n_z * n_y, 3), content.tower], axis=1)
@@ -116,7 +122,7 @@ def write(path: str | os.PathLike, content: BtsContent) -> None:
     Path(path).write_bytes(header + description + packed.tobytes())
 
 
-def _scaling(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _scaling(velocity: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Slope and offset of each component that map its range to −32768 … 32767, as the file's float32 holds them.
 
     A range below a hundredth of the largest speed is widened: float32 could not hold its offset to one count.

@@ -30,7 +30,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from wt_gym.errors import InflowError
 from wt_gym.wind.mann_files import read_hawc2, read_hipersim
@@ -40,6 +40,9 @@ from wt_gym.wind.series_files import read_csv, read_uniform
 from wt_gym.wind.steady import SteadyInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
 from wt_gym.wind.turbulent import TurbulentInflow
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = ["SUFFIXES", "files_of", "is_described", "is_wind_path", "whole_description", "wind_from"]
 
@@ -68,17 +71,17 @@ _FORMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 _KINDS = ("steady", "step", "ramp")
 
 
-def is_wind_path(value: Any) -> bool:
+def is_wind_path(value: object) -> bool:
     """Whether a value is the path of a file of wind, by its suffix."""
     return isinstance(value, str | os.PathLike) and os.path.splitext(os.fspath(value))[1].lower() in SUFFIXES
 
 
-def is_described(value: Any) -> bool:
+def is_described(value: object) -> TypeGuard[str | os.PathLike[str] | Mapping[str, Any]]:
     """Whether a value is a path or a mapping that describes a wind."""
     return isinstance(value, Mapping) or is_wind_path(value)
 
 
-def whole_description(description: str | os.PathLike | Mapping[str, Any]) -> dict[str, Any]:
+def whole_description(description: str | os.PathLike[str] | Mapping[str, Any]) -> dict[str, Any]:
     """A description as a mapping with whole paths: it means the same in other folders and processes.
 
     Parameters
@@ -92,8 +95,8 @@ def whole_description(description: str | os.PathLike | Mapping[str, Any]) -> dic
         If it is neither, a ``.json`` file cannot be read, or a path has no suffix of `SUFFIXES`.
     """
     folder, given = ".", description
-    if is_wind_path(description):
-        path = os.path.abspath(os.fspath(description))  # type: ignore[arg-type]
+    if not isinstance(description, Mapping) and is_wind_path(description):
+        path = os.path.abspath(os.fspath(description))
         if not path.lower().endswith(".json"):
             return {"file": path}
         folder, given = os.path.dirname(path), _json(path)
@@ -124,7 +127,7 @@ def files_of(description: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def wind_from(
-    description: str | os.PathLike | Mapping[str, Any], hub_height: float = 90.0, rotor_diameter: float = 126.0
+    description: str | os.PathLike[str] | Mapping[str, Any], hub_height: float = 90.0, rotor_diameter: float = 126.0
 ) -> Inflow:
     """Make the wind of a description.
 
@@ -156,7 +159,7 @@ def wind_from(
     if form == "steady":
         return SteadyInflow(**{"hub_height": hub_height, **options})
     if form in ("three files", ".nc"):
-        return _from_mann(form, files, {"hub_height": hub_height, **options})
+        return _from_mann(files, {"hub_height": hub_height, **options})
     options = {"hub_height": hub_height, "reference_length": rotor_diameter, **options}
     if form in _KINDS:
         return SeriesInflow.step(**options) if form == "step" else SeriesInflow.ramp(**options)
@@ -185,9 +188,11 @@ def _from_bts(path: str, options: dict[str, Any]) -> TurbulentInflow:
     return _carried(replace(box, description=f"{Path(path).name}: {box.description}"), options)
 
 
-def _from_mann(form: str, files, options: dict[str, Any]) -> TurbulentInflow:
+def _from_mann(files: str | Sequence[str], options: dict[str, Any]) -> TurbulentInflow:
     carried = {name: options.pop(name) for name in _CARRIED if name in options}
-    return _carried(read_hipersim(files, **options) if form == ".nc" else read_hawc2(files, **options), carried)
+    return _carried(
+        read_hipersim(files, **options) if isinstance(files, str) else read_hawc2(files, **options), carried
+    )
 
 
 def _carried(box: TurbulenceBox, options: dict[str, Any]) -> TurbulentInflow:

@@ -31,12 +31,16 @@ from wt_gym.wind.iec import length_scale
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike, NDArray
+
     from wt_gym.wind.turbulence_box import TurbulenceBox
 
 __all__ = ["coherence_along", "evolved_boxes"]
 
 
-def coherence_along(distance, wavenumber, intensity: float, hub_height: float) -> np.ndarray:
+def coherence_along(
+    distance: ArrayLike, wavenumber: ArrayLike, intensity: float, hub_height: float
+) -> NDArray[np.float64]:
     """Coherence of the wind at two points along its direction, gamma (the root of the magnitude-squared one).
 
     Parameters
@@ -57,7 +61,8 @@ def coherence_along(distance, wavenumber, intensity: float, hub_height: float) -
     """
     decay = 8.4 * intensity + 0.05
     offset = 0.25 * (8.1 * length_scale(hub_height)) ** -1.24
-    return np.exp(-0.5 * decay * np.asarray(distance) * np.hypot(wavenumber, offset))
+    out: NDArray[np.float64] = np.exp(-0.5 * decay * np.asarray(distance) * np.hypot(wavenumber, offset))
+    return out
 
 
 def evolved_boxes(box: TurbulenceBox, distances: Sequence[float]) -> tuple[TurbulenceBox, ...]:

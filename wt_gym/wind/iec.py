@@ -4,12 +4,17 @@ Formulas of IEC 61400-1, edition 4 (2019), clause 6.3. Every function takes SI u
 time take the seconds since the transient began, as a float or an array.
 """
 
+from __future__ import annotations
+
 import math
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from wt_gym.errors import InflowError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = [
     "coherent_gust_direction",
@@ -95,12 +100,12 @@ def turbulence_sigma(
 
 
 def extreme_wind_speed(
-    height: float | np.ndarray,
+    height: float | NDArray[np.float64],
     hub_height: float,
     turbine_class: str = "I",
     return_period: int = 50,
     turbulent: bool = False,
-) -> float | np.ndarray:
+) -> float | NDArray[np.float64]:
     """Extreme wind speed (EWM) [m/s] at a height [m] for a return period of 50 years or of one year.
 
     ``turbulent=False`` gives the steady model (gust speed, 1.4 V_ref at the hub), ``turbulent=True`` the ten-minute
@@ -127,7 +132,7 @@ def operating_gust_amplitude(
     )
 
 
-def operating_gust(time: float | np.ndarray, amplitude: float) -> float | np.ndarray:
+def operating_gust(time: float | NDArray[np.float64], amplitude: float) -> float | NDArray[np.float64]:
     """Speed added by the extreme operating gust [m/s]: a dip, a rise and a dip within 10.5 s."""
     phase = 2.0 * np.pi * _within(time, OPERATING_GUST_DURATION) / OPERATING_GUST_DURATION
     return -0.37 * amplitude * np.sin(1.5 * phase) * (1.0 - np.cos(phase))
@@ -142,7 +147,7 @@ def direction_change_amplitude(
     return min(4.0 * math.atan(slope), math.pi)
 
 
-def direction_change(time: float | np.ndarray, angle: float) -> float | np.ndarray:
+def direction_change(time: float | NDArray[np.float64], angle: float) -> float | NDArray[np.float64]:
     """Direction [rad] during the extreme direction change: half a cosine over 6 s, then held."""
     return angle * _half_cosine_rise(time, DIRECTION_CHANGE_DURATION)
 
@@ -152,7 +157,9 @@ def coherent_gust_direction(mean_speed: float) -> float:
     return math.pi if mean_speed < 4.0 else math.radians(720.0) / mean_speed
 
 
-def coherent_gust_speed(time: float | np.ndarray, amplitude: float = COHERENT_GUST_SPEED) -> float | np.ndarray:
+def coherent_gust_speed(
+    time: float | NDArray[np.float64], amplitude: float = COHERENT_GUST_SPEED
+) -> float | NDArray[np.float64]:
     """Speed added by the extreme coherent gust [m/s] (or its angle [rad]): half a cosine over 10 s, then held."""
     return amplitude * _half_cosine_rise(time, COHERENT_GUST_DURATION)
 
@@ -162,18 +169,18 @@ def wind_shear_amplitude(
 ) -> float:
     """Amplitude A [m/s] of the extreme wind shear (EWS): the speed across D changes by 2 A at the peak."""
     sigma = turbulence_sigma(mean_speed, turbulence_class)
-    return 2.5 + 0.2 * 6.4 * sigma * _size_ratio(hub_height, rotor_diameter) ** 0.25
+    return float(2.5 + 0.2 * 6.4 * sigma * _size_ratio(hub_height, rotor_diameter) ** 0.25)
 
 
-def wind_shear_envelope(time: float | np.ndarray) -> float | np.ndarray:
+def wind_shear_envelope(time: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
     """Time factor 1 − cos(2πt/T) of the extreme wind shear, T = 12 s; zero outside."""
     return 1.0 - np.cos(2.0 * np.pi * _within(time, WIND_SHEAR_DURATION) / WIND_SHEAR_DURATION)
 
 
-def _within(time: float | np.ndarray, duration: float) -> float | np.ndarray:
+def _within(time: float | NDArray[np.float64], duration: float) -> float | NDArray[np.float64]:
     """Time held at the two ends of a transient, where its law has returned to zero or reached its final value."""
     return np.minimum(np.maximum(time, 0.0), duration)
 
 
-def _half_cosine_rise(time: float | np.ndarray, duration: float) -> float | np.ndarray:
+def _half_cosine_rise(time: float | NDArray[np.float64], duration: float) -> float | NDArray[np.float64]:
     return 0.5 * (1.0 - np.cos(np.pi * _within(time, duration) / duration))

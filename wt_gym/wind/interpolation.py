@@ -9,7 +9,14 @@ the wanted spectrum up to half the sampling frequency. x depends only on the num
 that this holds at every speed at which a box is carried along.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["SPECTRUM_OF", "sample_gain", "variance_read"]
 
@@ -17,7 +24,7 @@ SPECTRUM_OF = ("interpolated", "samples")
 """Of what a box has the spectrum and the standard deviation: of the wind as it is read, or of the bare samples."""
 
 
-def sample_gain(n_times: int, spectrum_of: str) -> np.ndarray:
+def sample_gain(n_times: int, spectrum_of: str) -> NDArray[np.float64]:
     """Variance of the samples over that wanted, of the harmonics 1, 2, … below half the sampling frequency.
 
     Parameters
@@ -36,7 +43,7 @@ def sample_gain(n_times: int, spectrum_of: str) -> np.ndarray:
     return np.ones(place.size) if spectrum_of == "samples" else np.sinc(place) ** -4
 
 
-def variance_read(n_times: int, spectrum_of: str) -> np.ndarray:
+def variance_read(n_times: int, spectrum_of: str) -> NDArray[np.float64]:
     """Variance that counts for the standard deviation of a box over that wanted at each harmonic, its images included.
 
     Parameters
@@ -55,6 +62,6 @@ def variance_read(n_times: int, spectrum_of: str) -> np.ndarray:
     return (2.0 + np.cos(2.0 * np.pi * place)) / 3.0 * sample_gain(n_times, spectrum_of)
 
 
-def _places(n_times: int) -> np.ndarray:
+def _places(n_times: int) -> NDArray[np.float64]:
     """Frequencies of the harmonics times the sampling interval."""
     return np.arange(1, (n_times - 1) // 2 + 1) / n_times

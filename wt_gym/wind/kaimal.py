@@ -32,9 +32,11 @@ read, in straight lines between the samples (`wt_gym.wind.interpolation`), unles
     Every harmonic is that of the spectrum, σ falls short. Use it to compare spectra.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import asdict, dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.fft
@@ -43,6 +45,9 @@ from wt_gym.errors import InflowError
 from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.interpolation import SPECTRUM_OF, sample_gain, variance_read
 from wt_gym.wind.protocol import require_number
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["SCALINGS", "KaimalParameters", "coherence_decay", "kaimal_spectrum", "synthesize"]
 
@@ -98,7 +103,7 @@ class KaimalParameters:
         scaling: str,
         lateral_coherence: bool,
         spectrum_of: str = "interpolated",
-    ) -> "KaimalParameters":
+    ) -> KaimalParameters:
         """Check the arguments and fill in the defaults."""
         mean_speed = require_number(mean_speed, "mean_speed", "m/s", 0.0, open_minimum=True)
         hub_height = require_number(hub_height, "hub_height", "m", 0.0, open_minimum=True)
@@ -139,41 +144,43 @@ class KaimalParameters:
         )
 
     @property
-    def sigma(self) -> np.ndarray:
+    def sigma(self) -> NDArray[np.float64]:
         """Standard deviations of u, v and w [m/s], shape (3,)."""
         return SIGMA_RATIO * turbulence_sigma(
             self.mean_speed, self.turbulence_class, self.turbulence, self.turbine_class
         )
 
     @property
-    def frequency(self) -> np.ndarray:
+    def frequency(self) -> NDArray[np.float64]:
         """Frequencies of the harmonics [Hz], shape (n,): multiples of 1/T below half the sampling frequency."""
         return np.arange(1, (self.n_times - 1) // 2 + 1) / (self.n_times * self.time_step)
 
     @property
-    def unscaled_variance(self) -> np.ndarray:
+    def unscaled_variance(self) -> NDArray[np.float64]:
         """Variance S(f)/T of each harmonic by the spectrum [m²/s²], shape (n, 3), of what ``spectrum_of`` names."""
         spectrum = kaimal_spectrum(self.frequency, self.mean_speed, self.hub_height, self.sigma[0])
         return spectrum / (self.n_times * self.time_step)
 
     @property
-    def amplitude_factor(self) -> np.ndarray:
+    def amplitude_factor(self) -> NDArray[np.float64]:
         """Factor on the amplitudes of u, v and w, shape (3,): of the first harmonic or of all (``scaling``)."""
         variance = self._variance_read
         total = variance.sum(axis=0)
         if self.scaling == "low_frequency":  # S falls with f, so the sum never reaches the integral σ²
-            return np.sqrt(1.0 + (self.sigma**2 - total) / variance[0])
+            out: NDArray[np.float64] = np.sqrt(1.0 + (self.sigma**2 - total) / variance[0])
+            return out
         if self.scaling == "uniform":
-            return self.sigma / np.sqrt(total)
+            out = self.sigma / np.sqrt(total)
+            return out
         return np.ones(3)
 
     @property
-    def _variance_read(self) -> np.ndarray:
+    def _variance_read(self) -> NDArray[np.float64]:
         """What each harmonic without a scaling adds to σ² [m²/s²], shape (n, 3)."""
         return self.unscaled_variance * variance_read(self.n_times, self.spectrum_of)[:, None]
 
     @property
-    def harmonic_variance(self) -> np.ndarray:
+    def harmonic_variance(self) -> NDArray[np.float64]:
         """Variance of each harmonic of the samples at the hub [m²/s²], shape (n, 3)."""
         variance = self.unscaled_variance * sample_gain(self.n_times, self.spectrum_of)[:, None]
         variance[: 1 if self.scaling == "low_frequency" else None] *= self.amplitude_factor**2
@@ -206,7 +213,7 @@ class KaimalParameters:
         return {**asdict(self), "grid": list(self.grid)}
 
 
-def _three(numbers: np.ndarray) -> str:
+def _three(numbers: NDArray[np.float64]) -> str:
     return "/".join(f"{number:.3g}" for number in numbers)
 
 
@@ -222,7 +229,7 @@ def _checked_grid(grid: tuple[int, int]) -> tuple[int, int]:
     return n_y, n_z
 
 
-def kaimal_spectrum(frequency: np.ndarray, mean_speed: float, hub_height: float, sigma_u: float) -> np.ndarray:
+def kaimal_spectrum(frequency: ArrayLike, mean_speed: float, hub_height: float, sigma_u: float) -> NDArray[np.float64]:
     """One-sided Kaimal spectra S_k(f) of u, v and w [m²/s²/Hz].
 
     f S_k/σ_k² = 4 (f L_k/V) / (1 + 6 f L_k/V)^(5/3) with L = (8.1, 2.7, 0.66) Λ₁ and σ = (1, 0.8, 0.5) σ_u
@@ -245,16 +252,19 @@ def kaimal_spectrum(frequency: np.ndarray, mean_speed: float, hub_height: float,
     return (SIGMA_RATIO * sigma_u) ** 2 * 4.0 * time_scale / (1.0 + 6.0 * reduced) ** (5.0 / 3.0)
 
 
-def coherence_decay(frequency: np.ndarray, mean_speed: float, hub_height: float) -> np.ndarray:
+def coherence_decay(frequency: ArrayLike, mean_speed: float, hub_height: float) -> NDArray[np.float64]:
     """Decay rate κ(f) [1/m] of the coherence exp(−κ r) between points a distance r apart across the wind.
 
     κ = 12 √((f/V)² + (0.12/L_c)²), L_c = 8.1 Λ₁ (IEC 61400-1, equation C.16, with r taken out of the root).
     """
     scale = LENGTH_RATIO[0] * length_scale(hub_height)
-    return COHERENCE_DECREMENT * np.hypot(np.asarray(frequency) / mean_speed, COHERENCE_OFFSET / scale)
+    out: NDArray[np.float64] = COHERENCE_DECREMENT * np.hypot(
+        np.asarray(frequency, dtype=np.float64) / mean_speed, COHERENCE_OFFSET / scale
+    )
+    return out
 
 
-def synthesize(parameters: KaimalParameters) -> np.ndarray:
+def synthesize(parameters: KaimalParameters) -> NDArray[np.float32]:
     """Fluctuations of one realization [m/s], float32, shape (n_times, n_z, n_y, 3).
 
     Every point has zero mean over the period. The Nyquist frequency carries nothing.
@@ -272,10 +282,13 @@ def synthesize(parameters: KaimalParameters) -> np.ndarray:
     # A harmonic a cos + b sin holds the variance (a² + b²)/2; its coefficient is n/2 (a − ib).
     amplitude = n_times * np.sqrt(0.5 * parameters.harmonic_variance)
     coefficients[1 : frequency.size + 1] *= amplitude[:, None, None, :]
-    return scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
+    out: NDArray[np.float32] = scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
+    return out
 
 
-def _coherent_noise(rng: np.random.Generator, decay: np.ndarray, parameters: KaimalParameters) -> np.ndarray:
+def _coherent_noise(
+    rng: np.random.Generator, decay: NDArray[np.float64], parameters: KaimalParameters
+) -> NDArray[np.float64]:
     """Noise of unit mean square with the coherence at each frequency, shape (n_frequencies, n_z, n_y, 6).
 
     The last axis holds three real and three imaginary parts. At the hub the modulus is exactly one.
@@ -295,19 +308,20 @@ def _coherent_noise(rng: np.random.Generator, decay: np.ndarray, parameters: Kai
             factor = _upper_factor(_parity_block(mirrored, n_y, n_z, parity_y, parity_z))
             part = noise[:, rows, columns]
             blocks[:, rows, columns] = (factor @ part.reshape(decay.size, -1, 6)).reshape(part.shape)
-    coherent = np.einsum("fabc,az,by->fzyc", blocks, basis_z, basis_y, optimize=True)
+    coherent: NDArray[np.float64] = np.einsum("fabc,az,by->fzyc", blocks, basis_z, basis_y, optimize=True)
     if not parameters.lateral_coherence:
         coherent[..., [1, 2, 4, 5]] = noise[..., [1, 2, 4, 5]]
     return coherent
 
 
-def _upper_factor(matrices: np.ndarray) -> np.ndarray:
+def _upper_factor(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Upper triangular U with U Uᵀ the given matrices (n, m, m).
 
     The hub is the last vector of the even-even block, and the last row of U holds its diagonal only: one number of the
     noise decides the hub.
     """
-    return np.linalg.cholesky(matrices[:, ::-1, ::-1])[:, ::-1, ::-1]
+    lower = np.asarray(np.linalg.cholesky(matrices[:, ::-1, ::-1]), dtype=np.float64)
+    return lower[:, ::-1, ::-1]
 
 
 def _halves(n: int) -> tuple[slice, slice]:
@@ -316,7 +330,7 @@ def _halves(n: int) -> tuple[slice, slice]:
     return slice(0, n_even), slice(n_even, n)
 
 
-def _reflection_basis(n: int) -> np.ndarray:
+def _reflection_basis(n: int) -> NDArray[np.float64]:
     """Orthogonal matrix (n, n) whose rows are even, then odd, under reversal of n (odd) points."""
     half = n // 2
     basis = np.zeros((n, n))
@@ -327,7 +341,9 @@ def _reflection_basis(n: int) -> np.ndarray:
     return basis
 
 
-def _mirrored_coherence(decay: np.ndarray, n_y: int, n_z: int, spacing_y: float, spacing_z: float) -> np.ndarray:
+def _mirrored_coherence(
+    decay: NDArray[np.float64], n_y: int, n_z: int, spacing_y: float, spacing_z: float
+) -> NDArray[np.float64]:
     """Coherence of each point of one quadrant with the four mirror images of each other, middle lines included.
 
     Shape (2, 2, n_frequencies, h_z, h_y, h_z, h_y): first index 1 if mirrored top-bottom, second if left-right;
@@ -343,13 +359,16 @@ def _mirrored_coherence(decay: np.ndarray, n_y: int, n_z: int, spacing_y: float,
     return np.array(gathered)
 
 
-def _index_steps(n: int) -> np.ndarray:
+def _index_steps(n: int) -> NDArray[np.int64]:
     """Index distances (2, h, h) between the points of one half and of the other or its mirror image."""
     half = np.arange(n // 2 + 1)
-    return np.abs(np.array([half[:, None] - half, half[:, None] - (n - 1 - half)]))
+    out: NDArray[np.int64] = np.abs(np.array([half[:, None] - half, half[:, None] - (n - 1 - half)]))
+    return out
 
 
-def _parity_block(mirrored: np.ndarray, n_y: int, n_z: int, parity_y: int, parity_z: int) -> np.ndarray:
+def _parity_block(
+    mirrored: NDArray[np.float64], n_y: int, n_z: int, parity_y: int, parity_z: int
+) -> NDArray[np.float64]:
     """Coherence matrices (n_frequencies, m, m) between the basis vectors of one parity (0 even, 1 odd) per axis."""
     sign_y, sign_z = 1.0 - 2.0 * parity_y, 1.0 - 2.0 * parity_z
     block = mirrored[0, 0] + sign_y * mirrored[0, 1] + sign_z * (mirrored[1, 0] + sign_y * mirrored[1, 1])
@@ -357,10 +376,11 @@ def _parity_block(mirrored: np.ndarray, n_y: int, n_z: int, parity_y: int, parit
     m_z, m_y = weight_z.size, weight_y.size
     weight = np.outer(weight_z, weight_y).ravel()
     block = block[:, :m_z, :m_y, :m_z, :m_y].reshape(-1, m_z * m_y, m_z * m_y)
-    return weight[:, None] * block * weight
+    out: NDArray[np.float64] = weight[:, None] * block * weight
+    return out
 
 
-def _mirror_weights(n: int, parity: int) -> np.ndarray:
+def _mirror_weights(n: int, parity: int) -> NDArray[np.float64]:
     """Weight of each basis vector in the mirrored sums: the middle point is its own image and counts once."""
     if parity == 1:
         return np.ones(n // 2)

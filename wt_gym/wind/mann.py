@@ -31,10 +31,12 @@ of k₁ = 0 have no place in the box, so every point has zero mean. Amplitudes a
 from seed to seed and from point to point, σ is that of many of them. ``scaling`` as in `kaimal`.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from typing import ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 import scipy.fft
@@ -45,6 +47,11 @@ from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.interpolation import sample_gain, variance_read
 from wt_gym.wind.kaimal import KaimalParameters
 from wt_gym.wind.protocol import require_number
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["MannParameters", "distortion", "life_time", "one_point_spectra", "spectral_tensor", "synthesize_mann"]
 
@@ -86,7 +93,7 @@ class MannParameters:
     shear: float
 
     @classmethod
-    def resolve(cls, length: float | None, shear: float, **arguments) -> "MannParameters":
+    def resolve(cls, length: float | None, shear: float, **arguments: Any) -> MannParameters:
         """Check the arguments and fill in the defaults; those besides L and Γ are `KaimalParameters.resolve`'s."""
         shared = asdict(KaimalParameters.resolve(**arguments, lateral_coherence=True))
         del shared["lateral_coherence"]
@@ -101,31 +108,33 @@ class MannParameters:
         return self.width / (self.grid[0] - 1), self.width / (self.grid[1] - 1)
 
     @property
-    def sigma(self) -> np.ndarray:
+    def sigma(self) -> NDArray[np.float64]:
         """Standard deviations of u, v and w [m/s], shape (3,): that of u is the standard's, the others the model's."""
         target = turbulence_sigma(self.mean_speed, self.turbulence_class, self.turbulence, self.turbine_class)
         variance = _unit_variance(self.shear)
-        return target * np.sqrt(variance[:3] / variance[0])
+        out: NDArray[np.float64] = target * np.sqrt(variance[:3] / variance[0])
+        return out
 
     @property
     def dissipation(self) -> float:
         """αε^(2/3) [m^(4/3)/s²], with which the model has σ_u."""
-        return self.sigma[0] ** 2 / (_unit_variance(self.shear)[0] * self.length ** (2.0 / 3.0))
+        return float(self.sigma[0] ** 2 / (_unit_variance(self.shear)[0] * self.length ** (2.0 / 3.0)))
 
     @property
-    def wave_number(self) -> np.ndarray:
+    def wave_number(self) -> NDArray[np.float64]:
         """k₁ of the harmonics 1/T, 2/T, … below half the sampling frequency [rad/m], shape (n,)."""
         frequency = np.arange(1, (self.n_times - 1) // 2 + 1) / (self.n_times * self.time_step)
         return 2.0 * np.pi * frequency / self.mean_speed
 
     @property
-    def unscaled_variance(self) -> np.ndarray:
+    def unscaled_variance(self) -> NDArray[np.float64]:
         """Variance of each harmonic by the model [m²/s²], shape (n, 3): 2 F(k₁) Δk₁."""
         spectra = one_point_spectra(self.wave_number, self.length, self.shear, self.dissipation)
-        return 2.0 * spectra[:, :3] * self.wave_number[0]
+        out: NDArray[np.float64] = 2.0 * spectra[:, :3] * self.wave_number[0]
+        return out
 
     @property
-    def harmonic_variance(self) -> np.ndarray:
+    def harmonic_variance(self) -> NDArray[np.float64]:
         """Variance of each harmonic of the samples [m²/s²], shape (n, 3), after ``scaling``."""
         share, gain = (f(self.n_times, self.spectrum_of)[:, None] for f in (variance_read, sample_gain))
         variance = self.unscaled_variance
@@ -150,7 +159,7 @@ class MannParameters:
         return {"model": self.model, **asdict(self), "grid": list(self.grid)}
 
 
-def life_time(wave_number: np.ndarray, shear: float) -> np.ndarray:
+def life_time(wave_number: NDArray[np.float64], shear: float) -> NDArray[np.float64]:
     """Life time β of eddies in units of the mean shear, for kL (Mann 1994, equation 3.6).
 
     Parameters
@@ -163,23 +172,28 @@ def life_time(wave_number: np.ndarray, shear: float) -> np.ndarray:
     k = np.asarray(wave_number, dtype=np.float64)
     if shear == 0.0:
         return np.zeros_like(k)
-    return shear * k ** (-2.0 / 3.0) / np.sqrt(scipy.special.hyp2f1(1.0 / 3.0, 17.0 / 6.0, 4.0 / 3.0, -(k**-2.0)))
+    out: NDArray[np.float64] = (
+        shear * k ** (-2.0 / 3.0) / np.sqrt(scipy.special.hyp2f1(1.0 / 3.0, 17.0 / 6.0, 4.0 / 3.0, -(k**-2.0)))
+    )
+    return out
 
 
 @lru_cache(maxsize=8)
-def _life_time_table(shear: float) -> tuple[np.ndarray, np.ndarray]:
+def _life_time_table(shear: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Logarithms of kL and β: between them β is a power of k to 1e-5, and the hypergeometric function is slow."""
     k = np.geomspace(1e-5, 1e5, 4001)
     return np.log(k), np.log(life_time(k, shear))
 
 
-def _life_time(wave_number: np.ndarray, shear: float) -> np.ndarray:
+def _life_time(wave_number: NDArray[np.float64], shear: float) -> NDArray[np.float64]:
     if shear == 0.0:
         return np.zeros_like(wave_number)
     return np.exp(np.interp(np.log(wave_number), *_life_time_table(shear)))
 
 
-def distortion(k1, k2, k3, beta) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def distortion(
+    k1: NDArray[np.float64], k2: NDArray[np.float64], k3: NDArray[np.float64], beta: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """What shearing has done to a wave: k₃ before it, ζ₁, ζ₂ and the factor k₀²/k² (Mann 1994, equations 3.12 to 3.18).
 
     Parameters
@@ -198,7 +212,7 @@ def distortion(k1, k2, k3, beta) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
     return k30, c1 - k2 / k1 * c2, k2 / k1 * c1 + c2, k0_squared / k_squared
 
 
-def spectral_tensor(k1, k2, k3, shear: float) -> np.ndarray:
+def spectral_tensor(k1: ArrayLike, k2: ArrayLike, k3: ArrayLike, shear: float) -> NDArray[np.float64]:
     """Spectral tensor Φ of the model in units of L and αε^(2/3) L^(2/3): Φ_ij(kL) has the unit L³.
 
     Parameters
@@ -228,11 +242,12 @@ def spectral_tensor(k1, k2, k3, shear: float) -> np.ndarray:
     tensor[..., 3] = -k1 * k2 + zeta2 * uw0 + zeta1 * vw0 + zeta1 * zeta2 * level
     tensor[..., 4] = factor * (uw0 + zeta1 * level)
     tensor[..., 5] = factor * (vw0 + zeta2 * level)
-    return scale[..., None] * tensor
+    out: NDArray[np.float64] = scale[..., None] * tensor
+    return out
 
 
 @lru_cache(maxsize=8)
-def _unit_spectra(shear: float) -> np.ndarray:
+def _unit_spectra(shear: float) -> NDArray[np.float64]:
     """∬ Φ dk₂ dk₃ at the wave numbers of the table, in units of L, shape (n, 4): uu, vv, ww, uw.
 
     In polar coordinates across the wind, by the trapezoidal rule over the angle, where the integrand is periodic, and
@@ -246,7 +261,9 @@ def _unit_spectra(shear: float) -> np.ndarray:
     return np.array(spectra)[:, [0, 1, 2, 4]]
 
 
-def one_point_spectra(k1: np.ndarray, length: float, shear: float, dissipation: float = 1.0) -> np.ndarray:
+def one_point_spectra(
+    k1: NDArray[np.float64], length: float, shear: float, dissipation: float = 1.0
+) -> NDArray[np.float64]:
     """Spectra of the wind at a point over k₁, two-sided: ∫F dk₁ from −∞ to ∞ is the variance.
 
     Parameters
@@ -265,7 +282,8 @@ def one_point_spectra(k1: np.ndarray, length: float, shear: float, dissipation: 
     k, ends = np.log(np.asarray(k1, dtype=np.float64) * length), np.log(_TABLE[[0, -1]])
     sign, power = np.array([1.0, 1.0, 1.0, -1.0]), np.array([-5.0, -5.0, -5.0, -7.0]) / 3.0
     values = _log_spectra(float(shear))(np.clip(k, *ends)) + np.maximum(k - ends[1], 0.0)[..., None] * power
-    return dissipation * length ** (5.0 / 3.0) * sign * np.exp(values)
+    out: NDArray[np.float64] = dissipation * length ** (5.0 / 3.0) * sign * np.exp(values)
+    return out
 
 
 @lru_cache(maxsize=8)
@@ -276,14 +294,15 @@ def _log_spectra(shear: float) -> scipy.interpolate.CubicSpline:
 
 
 @lru_cache(maxsize=8)
-def _unit_variance(shear: float) -> np.ndarray:
+def _unit_variance(shear: float) -> NDArray[np.float64]:
     """Variances of u, v and w and the covariance of u and w, in units of αε^(2/3) L^(2/3), shape (4,)."""
     k = np.geomspace(1e-4, 1e6, 4001)
     spectra = one_point_spectra(k, 1.0, shear)
-    return 2.0 * (np.trapezoid(spectra * k[:, None], np.log(k), axis=0) + k[0] * spectra[0])
+    out: NDArray[np.float64] = 2.0 * (np.trapezoid(spectra * k[:, None], np.log(k), axis=0) + k[0] * spectra[0])
+    return out
 
 
-def synthesize_mann(parameters: MannParameters) -> np.ndarray:
+def synthesize_mann(parameters: MannParameters) -> NDArray[np.float32]:
     """Fluctuations of one realization [m/s], float32, shape (n_times, n_z, n_y, 3).
 
     Every point has zero mean over the period. The Nyquist frequency carries nothing.
@@ -298,10 +317,13 @@ def synthesize_mann(parameters: MannParameters) -> np.ndarray:
         # What passes a point at time t has come from x = −V t: the frequency f belongs to k1 = −2πf/V.
         noise = _plane_noise(rng, -wave[batch] * parameters.length, parameters)
         coefficients[1 + batch.start : 1 + batch.stop] = noise * amplitude[batch, None, None, :]
-    return scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
+    out: NDArray[np.float32] = scipy.fft.irfft(coefficients, n=n_times, axis=0, overwrite_x=True).astype(np.float32)
+    return out
 
 
-def _plane_noise(rng: np.random.Generator, k1: np.ndarray, parameters: MannParameters) -> np.ndarray:
+def _plane_noise(
+    rng: np.random.Generator, k1: NDArray[np.float64], parameters: MannParameters
+) -> NDArray[np.complex128]:
     """Complex noise of unit mean square with the cross-spectra of the model, shape (n, n_z, n_y, 3), for k₁L (n,)."""
     n_y, n_z = parameters.grid
     spacing_y, spacing_z = (d / parameters.length for d in parameters.spacing)
@@ -314,20 +336,21 @@ def _plane_noise(rng: np.random.Generator, k1: np.ndarray, parameters: MannParam
         for i in around
         for j in around
     )
-    tensor = cast(np.ndarray, sum(terms))
+    tensor = cast("NDArray[np.float64]", sum(terms))
     white = rng.standard_normal((2, k1.size, m_z, m_y, 3)) * math.sqrt(0.5)
     waves = _correlated(tensor, white[0] + 1j * white[1])
     field = scipy.fft.ifft2(waves, axes=(1, 2), norm="forward", overwrite_x=True)[:, :n_z, :n_y]
-    return field / np.sqrt(tensor[..., :3].sum(axis=(1, 2)))[:, None, None, :]
+    out: NDArray[np.complex128] = field / np.sqrt(tensor[..., :3].sum(axis=(1, 2)))[:, None, None, :]
+    return out
 
 
 def _wide(n_points: int, spacing: float) -> int:
     """Number of points of a field that may repeat, for a grid of so many, with the spacing in L."""
     least = max(n_points + math.ceil(4.0 / spacing), math.ceil(8.0 / spacing))
-    return scipy.fft.next_fast_len(least)
+    return int(scipy.fft.next_fast_len(least))
 
 
-def _correlated(tensor: np.ndarray, white: np.ndarray) -> np.ndarray:
+def _correlated(tensor: NDArray[np.float64], white: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """White noise (..., 3) with the covariance of the tensor (..., 6): the Cholesky factor times it."""
     uu, vv, ww, uv, uw, vw = np.moveaxis(tensor, -1, 0)
     a = np.sqrt(uu)

@@ -25,6 +25,8 @@ from wt_gym.wind.turbulence_box import TurbulenceBox
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
 __all__ = ["read_hawc2", "read_hipersim", "write_hawc2"]
 
 _FASTEST = 200.0  # m/s; what is above is damage, another number of points or another unit
@@ -32,7 +34,7 @@ _DIMS = ("uvw", "x", "y", "z")
 
 
 def read_hawc2(
-    files: Sequence[str | os.PathLike],
+    files: Sequence[str | os.PathLike[str]],
     shape: tuple[int, int, int],
     spacing: tuple[float, float, float],
     mean_speed: float,
@@ -87,7 +89,7 @@ def read_hawc2(
 
 
 def read_hipersim(
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     mean_speed: float,
     hub_height: float,
     *,
@@ -136,7 +138,7 @@ def read_hipersim(
     return _box(samples, spacing, mean_speed, hub_height, factors, y_center, z_center, Path(path).name)
 
 
-def write_hawc2(box: TurbulenceBox, files: Sequence[str | os.PathLike]) -> tuple[float, float, float]:
+def write_hawc2(box: TurbulenceBox, files: Sequence[str | os.PathLike[str]]) -> tuple[float, float, float]:
     """Write the fluctuations of a box as HAWC2's three files.
 
     Parameters
@@ -159,7 +161,16 @@ def write_hawc2(box: TurbulenceBox, files: Sequence[str | os.PathLike]) -> tuple
     return box.time_step * box.mean_speed, box.spacing_y, box.spacing_z
 
 
-def _box(samples, spacing, mean_speed, hub_height, factors, y_center, z_center, name) -> TurbulenceBox:
+def _box(
+    samples: NDArray[np.float32],
+    spacing: Sequence[float],
+    mean_speed: float,
+    hub_height: float,
+    factors: Sequence[float],
+    y_center: float,
+    z_center: float | None,
+    name: str,
+) -> TurbulenceBox:
     """Box of samples (3, n_x, n_y, n_z)."""
     dx, dy, dz = (
         require_number(d, f"spacing along {axis}", "m", 0.0, open_minimum=True)
@@ -187,7 +198,7 @@ def _box(samples, spacing, mean_speed, hub_height, factors, y_center, z_center, 
     )
 
 
-def _three(values, name: str, unit: str) -> tuple[float, float, float]:
+def _three(values: Sequence[float], name: str, unit: str) -> tuple[float, float, float]:
     try:
         a, b, c = values
     except (TypeError, ValueError) as error:

@@ -1,6 +1,9 @@
 """A wind seen in a mirror: any inflow reflected at the vertical plane y = 0."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +16,9 @@ from wt_gym.wind.protocol import (
     start_speed,
     velocity_ahead,
 )
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["MirroredInflow"]
 
@@ -63,11 +69,13 @@ class MirroredInflow(PointInflow):
         """Refuse a rotor for which the inner inflow has no wind."""
         require_cover(self.inner, hub_height, rotor_diameter)
 
-    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         fill_velocity(self.inner, read_only(rows * _REFLECTION), time, out)
         out[:, 1] *= -1.0
         return -1
 
-    def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
+    def _fill_ahead(
+        self, gates: NDArray[np.float64], time: float, distances: tuple[float, ...], out: NDArray[np.float64]
+    ) -> int:
         np.multiply(velocity_ahead(self.inner, gates * _REFLECTION, time, distances), _REFLECTION, out=out)
         return -1

@@ -12,6 +12,8 @@ from wt_gym.errors import InflowError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike, NDArray
+
 __all__ = [
     "Inflow",
     "PointInflow",
@@ -43,7 +45,7 @@ class Inflow(Protocol):
     def description(self) -> str:
         """One line that tells a person what wind this is."""
 
-    def velocity(self, points: np.ndarray, time: float) -> np.ndarray:
+    def velocity(self, points: NDArray[np.float64], time: float) -> NDArray[np.float64]:
         """Wind velocity [m/s], shape (..., 3), at points [m] of shape (..., 3), to be read only, and a time [s]."""
 
 
@@ -61,9 +63,9 @@ class PointInflow:
         @property
         def description(self) -> str: ...
 
-        def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int: ...
+        def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int: ...
 
-    def velocity(self, points: np.ndarray, time: float) -> np.ndarray:
+    def velocity(self, points: ArrayLike, time: float) -> NDArray[np.float64]:
         """Undisturbed wind velocity at points and a time.
 
         Parameters
@@ -89,7 +91,7 @@ class PointInflow:
         _require_finite(self._fill(rows, time, out), rows)
         return out.reshape(positions.shape)
 
-    def fill_velocity(self, points: np.ndarray, time: float, out: np.ndarray) -> None:
+    def fill_velocity(self, points: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> None:
         """`velocity` for those who ask in every step, without new arrays or checks of shapes.
 
         Parameters
@@ -108,7 +110,9 @@ class PointInflow:
         """
         _require_finite(self._fill(points, time, out), points)
 
-    def velocity_ahead(self, points: np.ndarray, time: float, distances: Sequence[float]) -> np.ndarray:
+    def velocity_ahead(
+        self, points: NDArray[np.float64], time: float, distances: Sequence[float]
+    ) -> NDArray[np.float64]:
         """Wind where a lidar sees it: unlike in `velocity`, turbulence changes on its way from there to the rotor.
 
         Parameters
@@ -140,7 +144,9 @@ class PointInflow:
         _require_finite(bad, positions.reshape(-1, 3))
         return out
 
-    def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
+    def _fill_ahead(
+        self, gates: NDArray[np.float64], time: float, distances: tuple[float, ...], out: NDArray[np.float64]
+    ) -> int:
         """Fill in the wind at points ahead; that of an inflow that does not change on its way."""
         return self._fill(read_only(gates.reshape(-1, 3)), time, out.reshape(-1, 3))
 
@@ -163,7 +169,7 @@ class PointInflow:
         """Wind speed at hub height at time zero [m/s], turbulence left out: a turbine starts at its operating point."""
         return self.mean_speed
 
-    def rotor_effective_speed(self, time: float | np.ndarray, rotor_diameter: float) -> float | np.ndarray:
+    def rotor_effective_speed(self, time: ArrayLike, rotor_diameter: float) -> float | NDArray[np.float64]:
         """Mean over the rotor disc of the wind component along x.
 
         The disc stands upright at x = 0 with its center at hub height and faces −x. The mean is taken over 192
@@ -195,7 +201,7 @@ class PointInflow:
         return self.description
 
 
-def fill_velocity(inflow: Inflow, points: np.ndarray, time: float, out: np.ndarray) -> None:
+def fill_velocity(inflow: Inflow, points: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> None:
     """Wind of any inflow at points, as `PointInflow.fill_velocity`.
 
     Raises
@@ -215,7 +221,9 @@ def fill_velocity(inflow: Inflow, points: np.ndarray, time: float, out: np.ndarr
     out[...] = wind
 
 
-def velocity_ahead(inflow: Inflow, points: np.ndarray, time: float, distances: Sequence[float]) -> np.ndarray:
+def velocity_ahead(
+    inflow: Inflow, points: NDArray[np.float64], time: float, distances: Sequence[float]
+) -> NDArray[np.float64]:
     """Wind where a lidar sees it, of any inflow: one that is no `PointInflow` does not change on its way.
 
     Parameters
@@ -247,7 +255,7 @@ def start_speed(inflow: Inflow) -> float:
     return float(getattr(inflow, "start_speed", inflow.mean_speed))
 
 
-def _checked(points, time) -> tuple[np.ndarray, float]:
+def _checked(points: ArrayLike, time: float) -> tuple[NDArray[np.float64], float]:
     """Points as an array of numbers and a finite time."""
     try:
         positions = np.ascontiguousarray(points, dtype=np.float64)
@@ -261,14 +269,14 @@ def _checked(points, time) -> tuple[np.ndarray, float]:
     return positions, time
 
 
-def read_only(array: np.ndarray) -> np.ndarray:
+def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
     """View that is read-only, whatever the caller passed, so that one compiled signature serves every call."""
     view = array.view()
     view.setflags(write=False)
     return view
 
 
-def _require_finite(bad: int, rows: np.ndarray) -> None:
+def _require_finite(bad: int, rows: NDArray[np.float64]) -> None:
     """Raise for the point that a kernel found wanting, if any."""
     if bad >= 0:
         raise InflowError(f"every point must be finite; point {bad} of {len(rows)} is {rows[bad].tolist()}")

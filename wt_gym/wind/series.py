@@ -15,6 +15,9 @@ from wt_gym.wind.protocol import PointInflow, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from typing import Any
+
+    from numpy.typing import NDArray
 
 __all__ = ["COLUMNS", "SeriesInflow"]
 
@@ -80,8 +83,8 @@ class SeriesInflow(PointInflow):
     [8.0, 12.0, 12.0]
     """
 
-    times: np.ndarray
-    table: np.ndarray
+    times: NDArray[np.float64]
+    table: NDArray[np.float64]
     hub_height: float = 90.0
     reference_length: float = 126.0
     time_offset: float = 0.0
@@ -117,7 +120,7 @@ class SeriesInflow(PointInflow):
             raise InflowError(f"travels must be True or False; got {self.travels!r}")
 
     @classmethod
-    def of(cls, columns: Mapping[str, np.ndarray | list[float]], **more) -> SeriesInflow:
+    def of(cls, columns: Mapping[str, NDArray[np.float64] | list[float]], **more: Any) -> SeriesInflow:
         """Of columns by name.
 
         Parameters
@@ -152,7 +155,9 @@ class SeriesInflow(PointInflow):
         return cls(arrays["time"], table, **more)
 
     @classmethod
-    def step(cls, before: float, after: float, time: float, *, shear_exponent: float = 0.0, **more) -> SeriesInflow:
+    def step(
+        cls, before: float, after: float, time: float, *, shear_exponent: float = 0.0, **more: Any
+    ) -> SeriesInflow:
         """A step of the wind speed.
 
         Parameters
@@ -169,7 +174,7 @@ class SeriesInflow(PointInflow):
 
     @classmethod
     def ramp(
-        cls, before: float, after: float, time: float, duration: float, *, shear_exponent: float = 0.0, **more
+        cls, before: float, after: float, time: float, duration: float, *, shear_exponent: float = 0.0, **more: Any
     ) -> SeriesInflow:
         """A wind speed that changes in a straight line.
 
@@ -239,7 +244,7 @@ class SeriesInflow(PointInflow):
         low, high = f"{values.min():.4g}", f"{values.max():.4g}"
         return f"{low if low == high else f'{low} to {high}'} {unit}".strip()
 
-    def _mean(self, values: np.ndarray) -> float:
+    def _mean(self, values: NDArray[np.float64]) -> float:
         return float(np.trapezoid(values, self.times) / self.duration if self.duration else values[-1])
 
     @cached_property
@@ -248,19 +253,19 @@ class SeriesInflow(PointInflow):
         slow = not self.travels or self.mean_speed <= 0.0
         return (0.0 if slow else 1.0 / self.mean_speed), self._mean(self.table[:, 1])
 
-    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
-        return series_velocity(
+    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
+        return int(series_velocity(
             rows, time + self.time_offset, self.times, self.table, self.hub_height, self.reference_length,
             *self._travel, out,
-        )  # fmt: skip
+        ))  # fmt: skip
 
-    def __setstate__(self, state: dict) -> None:
+    def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
             object.__setattr__(self, name, value)
         for array in (self.times, self.table):  # pickle drops the flag; without it another form of the kernel would run
             array.setflags(write=False)
 
-    def _key(self) -> tuple:
+    def _key(self) -> tuple[object, ...]:
         numbers = self.hub_height, self.reference_length, self.time_offset, self.travels, self.name
         return (*numbers, self.times.tobytes(), self.table.tobytes())
 
@@ -274,7 +279,7 @@ class SeriesInflow(PointInflow):
         return f"<SeriesInflow: {self.description}>"
 
 
-def _check_times(times: np.ndarray) -> None:
+def _check_times(times: NDArray[np.float64]) -> None:
     """Refuse times that decrease, or stand more than twice."""
     steps = np.diff(times)
     if (steps < 0.0).any():

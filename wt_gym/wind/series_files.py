@@ -24,6 +24,9 @@ from wt_gym.wind.series import COLUMNS, SeriesInflow
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Sequence
+    from os import PathLike
+    from typing import Any
 
 __all__ = ["read_csv", "read_uniform"]
 
@@ -34,7 +37,7 @@ _UNIFORM = (
 )  # fmt: skip
 
 
-def read_csv(path: str | os.PathLike, **more) -> SeriesInflow:
+def read_csv(path: str | os.PathLike[str], **more: Any) -> SeriesInflow:
     """Read a CSV file.
 
     Parameters
@@ -64,7 +67,7 @@ def read_csv(path: str | os.PathLike, **more) -> SeriesInflow:
     return _series(path, names, body, 1.0, more)
 
 
-def read_uniform(path: str | os.PathLike, **more) -> SeriesInflow:
+def read_uniform(path: str | os.PathLike[str], **more: Any) -> SeriesInflow:
     """Read a uniform wind file of InflowWind.
 
     Parameters
@@ -91,7 +94,7 @@ def read_uniform(path: str | os.PathLike, **more) -> SeriesInflow:
     return _series(path, _UNIFORM[:width], body, -1.0, more)
 
 
-def _lines(path: str | os.PathLike) -> list[tuple[int, str]]:
+def _lines(path: str | os.PathLike[str]) -> list[tuple[int, str]]:
     """Lines that hold something, with their numbers from 1."""
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
@@ -105,7 +108,7 @@ def _lines(path: str | os.PathLike) -> list[tuple[int, str]]:
     return [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
 
 
-def _check_names(path: str | os.PathLike, names: list[str]) -> None:
+def _check_names(path: str | os.PathLike[str], names: list[str]) -> None:
     allowed = ("time", *COLUMNS)
     for name in names:
         if name not in allowed:
@@ -119,7 +122,13 @@ def _check_names(path: str | os.PathLike, names: list[str]) -> None:
             raise InflowError(f"{path}: the column {name!r} must be there, got {', '.join(names)}")
 
 
-def _series(path, names, body, sign: float, more: dict) -> SeriesInflow:
+def _series(
+    path: str | PathLike[str],
+    names: Sequence[str],
+    body: Sequence[tuple[int, list[str]]],
+    sign: float,
+    more: dict[str, Any],
+) -> SeriesInflow:
     """Series of the rows of a file; ``sign`` turns its directions into ours."""
     values = np.empty((len(body), len(names)))
     for row, (number, cells) in enumerate(body):

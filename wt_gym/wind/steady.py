@@ -1,13 +1,19 @@
 """Wind that does not change in time: uniform, power-law, logarithmic or jet profile, with veer, yaw and inclination."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.errors import InflowError
 from wt_gym.wind.inflow_kernels import mean_velocity
 from wt_gym.wind.protocol import PointInflow, require_number
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["SteadyInflow"]
 
@@ -147,6 +153,6 @@ class SteadyInflow(PointInflow):
         layer = self.speed, self.hub_height, self.shear_exponent, self.roughness_length or 0.0
         return *layer, self.jet_height or 0.0, self.jet_share, self.veer
 
-    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         angles = self.yaw_misalignment, self.inclination
-        return mean_velocity(rows, *self.kernel_profile, *angles, out)
+        return int(mean_velocity(rows, *self.kernel_profile, *angles, out))

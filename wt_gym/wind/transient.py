@@ -1,7 +1,10 @@
 """Deterministic transients of IEC 61400-1: operating gust, direction change, coherent gust, extreme shear."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +13,9 @@ from wt_gym.wind import iec
 from wt_gym.wind.inflow_kernels import transient_velocity
 from wt_gym.wind.protocol import PointInflow, require_number
 from wt_gym.wind.steady import SteadyInflow
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["TransientInflow"]
 
@@ -72,7 +78,7 @@ class TransientInflow(PointInflow):
         turbulence_class: str = "B",
         turbine_class: str = "I",
         start_time: float = 0.0,
-    ) -> "TransientInflow":
+    ) -> TransientInflow:
         """Extreme operating gust on the normal wind profile."""
         steady = _normal_profile(speed, hub_height)
         amplitude = iec.operating_gust_amplitude(speed, hub_height, rotor_diameter, turbulence_class, turbine_class)
@@ -87,7 +93,7 @@ class TransientInflow(PointInflow):
         turbulence_class: str = "B",
         sign: int = 1,
         start_time: float = 0.0,
-    ) -> "TransientInflow":
+    ) -> TransientInflow:
         """Extreme direction change on the normal wind profile; ``sign`` +1 turns counter-clockwise from above."""
         steady = _normal_profile(speed, hub_height)
         angle = iec.direction_change_amplitude(speed, hub_height, rotor_diameter, turbulence_class)
@@ -96,7 +102,7 @@ class TransientInflow(PointInflow):
     @classmethod
     def ecd(
         cls, speed: float, hub_height: float, rotor_diameter: float, sign: int = 1, start_time: float = 0.0
-    ) -> "TransientInflow":
+    ) -> TransientInflow:
         """Extreme coherent gust with direction change; ``sign`` +1 turns counter-clockwise from above."""
         steady = _normal_profile(speed, hub_height)
         angle = _sign(sign) * iec.coherent_gust_direction(speed)
@@ -112,7 +118,7 @@ class TransientInflow(PointInflow):
         axis: str = "vertical",
         sign: int = 1,
         start_time: float = 0.0,
-    ) -> "TransientInflow":
+    ) -> TransientInflow:
         """Extreme wind shear; ``sign`` +1 speeds up the top (``"vertical"``) or the left (``"horizontal"``, +y)."""
         steady = _normal_profile(speed, hub_height)
         amplitude = _sign(sign) * iec.wind_shear_amplitude(speed, hub_height, rotor_diameter, turbulence_class)
@@ -138,9 +144,9 @@ class TransientInflow(PointInflow):
             parts.append(f"turning {math.degrees(self.direction_amplitude):.3g} deg")
         return ", ".join(parts) + f", on {self.steady.description}"
 
-    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         elapsed = self._elapsed(rows, time)
-        none: float | np.ndarray = np.zeros(len(rows))
+        none: float | NDArray[np.float64] = np.zeros(len(rows))
         changes = dict.fromkeys(("increment", "turn", "lateral", "vertical"), none)
         if self.kind == "EOG":
             changes["increment"] = iec.operating_gust(elapsed, self.speed_amplitude)
@@ -155,9 +161,9 @@ class TransientInflow(PointInflow):
         steady = self.steady
         angles = steady.yaw_misalignment, steady.inclination
         reach = 0.5 * self.rotor_diameter
-        return transient_velocity(rows, *steady.kernel_profile, *angles, *changes.values(), reach, out)
+        return int(transient_velocity(rows, *steady.kernel_profile, *angles, *changes.values(), reach, out))
 
-    def _elapsed(self, rows: np.ndarray, time: float) -> np.ndarray:
+    def _elapsed(self, rows: NDArray[np.float64], time: float) -> NDArray[np.float64]:
         """Time since the transient began at each point [s], shape (n,)."""
         elapsed = np.full(len(rows), time - self.start_time)
         steady = self.steady

@@ -1,10 +1,12 @@
 """A frozen field of turbulence on a y-z grid over time."""
 
+from __future__ import annotations
+
 import os
 import warnings
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -14,6 +16,11 @@ from wt_gym.wind.kaimal import KaimalParameters, synthesize
 from wt_gym.wind.mann import SHEAR, MannParameters, synthesize_mann
 from wt_gym.wind.protocol import require_number
 from wt_gym.wind.steady import SteadyInflow
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["TurbulenceBox"]
 
@@ -63,7 +70,7 @@ class TurbulenceBox:
         Shapes do not fit, or a value is not finite or out of range.
     """
 
-    fluctuation: np.ndarray = field(repr=False)
+    fluctuation: NDArray[np.float32] = field(repr=False)
     time_step: float
     spacing_y: float
     spacing_z: float
@@ -72,7 +79,7 @@ class TurbulenceBox:
     hub_height: float
     periodic: bool = True
     holds_profile: bool = False
-    tower: np.ndarray | None = field(default=None, repr=False)
+    tower: NDArray[np.float32] | None = field(default=None, repr=False)
     scale: float = 1.0
     description: str = "turbulence box"
     y_center: float = 0.0
@@ -102,7 +109,7 @@ class TurbulenceBox:
         object.__setattr__(self, "fluctuation", samples)
         object.__setattr__(self, "tower", tower)
 
-    def carried_along(self, mean_speed: float, scale: float, description: str) -> "TurbulenceBox":
+    def carried_along(self, mean_speed: float, scale: float, description: str) -> TurbulenceBox:
         """The same field carried along at another speed [m/s] and multiplied by another ``scale``.
 
         The samples are shared, and not looked at again: a box of them takes no time.
@@ -119,13 +126,13 @@ class TurbulenceBox:
             object.__setattr__(box, field_.name, changes.get(field_.name, getattr(self, field_.name)))
         return box
 
-    def __copy__(self) -> "TurbulenceBox":
+    def __copy__(self) -> TurbulenceBox:
         return self
 
-    def __deepcopy__(self, memo: dict) -> "TurbulenceBox":
+    def __deepcopy__(self, memo: dict[int, object]) -> TurbulenceBox:
         return self
 
-    def __setstate__(self, state: dict) -> None:
+    def __setstate__(self, state: dict[str, Any]) -> None:
         # NumPy does not carry the read-only flag through pickle; without it another form of the kernels would run.
         for name, value in state.items():
             object.__setattr__(self, name, value)
@@ -133,9 +140,9 @@ class TurbulenceBox:
             samples.setflags(write=False)
 
     @property
-    def _tower(self) -> np.ndarray:
+    def _tower(self) -> NDArray[np.float32]:
         """``tower``, which is an array from the start, without points where none was given."""
-        return cast(np.ndarray, self.tower)
+        return cast("NDArray[np.float32]", self.tower)
 
     @classmethod
     def kaimal(
@@ -156,7 +163,7 @@ class TurbulenceBox:
         lateral_coherence: bool = True,
         spectrum_of: str = "interpolated",
         cache: bool = True,
-    ) -> "TurbulenceBox":
+    ) -> TurbulenceBox:
         """Kaimal turbulence of IEC 61400-1 around a rotor, periodic in time.
 
         Each component has exactly zero mean (to float32 rounding) over the period at every point. The components
@@ -245,7 +252,7 @@ class TurbulenceBox:
         length: float | None = None,
         shear: float = SHEAR,
         cache: bool = True,
-    ) -> "TurbulenceBox":
+    ) -> TurbulenceBox:
         """Turbulence of Mann's uniform shear model around a rotor, periodic in time; see `wt_gym.wind.mann`.
 
         Parameters
@@ -285,7 +292,7 @@ turbine_class, spectrum_of, cache
         return _made_box(parameters, bool(cache))
 
     @classmethod
-    def from_bts(cls, path: str | os.PathLike, *, remove_profile: bool = False) -> "TurbulenceBox":
+    def from_bts(cls, path: str | os.PathLike[str], *, remove_profile: bool = False) -> TurbulenceBox:
         """Read a TurbSim full-field file (``.bts``).
 
         Parameters
@@ -323,7 +330,7 @@ turbine_class, spectrum_of, cache
             description=content.description,
         )
 
-    def to_bts(self, path: str | os.PathLike, steady: SteadyInflow | None = None) -> None:
+    def to_bts(self, path: str | os.PathLike[str], steady: SteadyInflow | None = None) -> None:
         """Write a TurbSim full-field file (``.bts``).
 
         Parameters
@@ -376,18 +383,19 @@ turbine_class, spectrum_of, cache
     @property
     def duration(self) -> float:
         """Period of the box [s]."""
-        return self.fluctuation.shape[0] * self.time_step
+        return float(self.fluctuation.shape[0] * self.time_step)
 
     @property
-    def y(self) -> np.ndarray:
+    def y(self) -> NDArray[np.float64]:
         """Lateral positions of the columns [m], shape (n_y,)."""
         n = self.fluctuation.shape[2]
-        return self.y_center + self.spacing_y * (np.arange(n) - 0.5 * (n - 1))
+        out: NDArray[np.float64] = self.y_center + self.spacing_y * (np.arange(n) - 0.5 * (n - 1))
+        return out
 
     @property
-    def z(self) -> np.ndarray:
+    def z(self) -> NDArray[np.float64]:
         """Heights of the rows [m], shape (n_z,)."""
-        return self.z_bottom + self.spacing_z * np.arange(self.fluctuation.shape[1])
+        return np.asarray(self.z_bottom + self.spacing_z * np.arange(self.fluctuation.shape[1]), dtype=np.float64)
 
     @cached_property
     def profile_description(self) -> str:
@@ -441,7 +449,7 @@ turbine_class, spectrum_of, cache
             stacklevel=2,
         )
 
-    def _key(self) -> tuple:
+    def _key(self) -> tuple[object, ...]:
         numbers = (self.time_step, self.spacing_y, self.spacing_z, self.z_bottom, self.mean_speed, self.hub_height)
         return (
             *numbers,
@@ -472,7 +480,7 @@ turbine_class, spectrum_of, cache
         )
 
 
-def _frozen_samples(samples: np.ndarray, name: str) -> np.ndarray:
+def _frozen_samples(samples: ArrayLike, name: str) -> NDArray[np.float32]:
     """Return a read-only, contiguous float32 array; a copy unless it is one already."""
     array = np.asarray(samples)
     if array.dtype != np.float32 or not array.flags.c_contiguous or array.flags.writeable:

@@ -1,8 +1,10 @@
 """Turbulent wind: a mean profile with a box of frozen turbulence carried along by it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -12,6 +14,11 @@ from wt_gym.wind.inflow_kernels import add_tower_points, turbulent_velocity
 from wt_gym.wind.protocol import PointInflow, require_number
 from wt_gym.wind.steady import SteadyInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
 
 __all__ = ["BEYOND_GRID", "TurbulentInflow"]
 
@@ -123,18 +130,20 @@ class TurbulentInflow(PointInflow):
         """
         self.box.require_cover(hub_height, rotor_diameter, hold=self.beyond_grid == "hold")
 
-    def __getstate__(self) -> dict:
+    def __getstate__(self) -> dict[str, Any]:
         """What a copy or a pickle takes along: the field ahead is made anew."""
         return {**self.__dict__, "_evolved": {}}
 
-    def __setstate__(self, state: dict) -> None:
+    def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
             object.__setattr__(self, name, value)
 
-    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         return self._fill_from(self.box, rows, time, out)
 
-    def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
+    def _fill_ahead(
+        self, gates: NDArray[np.float64], time: float, distances: tuple[float, ...], out: NDArray[np.float64]
+    ) -> int:
         if distances not in self._evolved:
             self._evolved[distances] = evolved_boxes(self.box, distances)
         before = 0
@@ -145,13 +154,13 @@ class TurbulentInflow(PointInflow):
             before += len(rows)
         return -1
 
-    def _fill_from(self, box: TurbulenceBox, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+    def _fill_from(self, box: TurbulenceBox, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         place = box.time_step, box.spacing_y, box.spacing_z, box.y_center, box.z_bottom
         seen = time + self.time_offset
         bad = turbulent_velocity(rows, seen, *self._mean_wind, box.fluctuation, box.scale, *place, out)
-        tower = cast(np.ndarray, box.tower)
+        tower = cast("NDArray[np.float32]", box.tower)  # a box without one holds an empty array
         if bad < 0 and tower.shape[1] > 0:
             steady = self._steady
             mean = steady.speed, steady.hub_height, steady.yaw_misalignment, steady.inclination
             add_tower_points(rows, seen, *mean, box.fluctuation, tower, box.scale, *place, out)
-        return bad
+        return int(bad)

@@ -1,13 +1,22 @@
 """A wind that turns: any inflow with a direction that changes with time."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.errors import InflowError
 from wt_gym.wind.protocol import Inflow, PointInflow, require_cover, start_speed, velocity_ahead
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.random import Generator
+    from numpy.typing import NDArray
 
 __all__ = ["TurningInflow"]
 
@@ -35,8 +44,8 @@ class TurningInflow(PointInflow):
     """
 
     inner: Inflow
-    times: np.ndarray
-    directions: np.ndarray
+    times: NDArray[np.float64]
+    directions: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         times, directions = (np.array(a, dtype=np.float64) for a in (self.times, self.directions))
@@ -49,12 +58,14 @@ class TurningInflow(PointInflow):
             object.__setattr__(self, name, array)
 
     @classmethod
-    def by(cls, inner, angle) -> "TurningInflow":
+    def by(cls, inner: Inflow, angle: float) -> TurningInflow:
         """Another inflow turned by an angle that stays [rad]."""
         return cls(inner, np.zeros(1), np.array([angle]))
 
     @classmethod
-    def wandering(cls, inner, start, deviation, time_constant, duration, rng) -> "TurningInflow":
+    def wandering(
+        cls, inner: Inflow, start: float, deviation: float, time_constant: float, duration: float, rng: Generator
+    ) -> TurningInflow:
         """Direction that wanders about its start as an Ornstein-Uhlenbeck process.
 
         Parameters
@@ -76,7 +87,8 @@ class TurningInflow(PointInflow):
         kicks = deviation * math.sqrt(1.0 - keep * keep) * rng.standard_normal(times.size)
         for k in range(1, times.size):
             directions[k] = keep * directions[k - 1] + kicks[k]
-        return cls(inner, times, start + directions)
+        turned: NDArray[np.float64] = start + directions
+        return cls(inner, np.asarray(times, dtype=np.float64), turned)
 
     def direction(self, time: float) -> float:
         """Direction at a time [rad]."""
@@ -108,13 +120,21 @@ class TurningInflow(PointInflow):
         """Refuse a rotor for which the inner inflow has no wind."""
         require_cover(self.inner, hub_height, rotor_diameter)
 
-    def _fill(self, rows: np.ndarray, time: float, out: np.ndarray) -> int:
+    def _fill(self, rows: NDArray[np.float64], time: float, out: NDArray[np.float64]) -> int:
         return self._fill_turned(rows, time, self.inner.velocity, out)
 
-    def _fill_ahead(self, gates: np.ndarray, time: float, distances: tuple[float, ...], out: np.ndarray) -> int:
+    def _fill_ahead(
+        self, gates: NDArray[np.float64], time: float, distances: tuple[float, ...], out: NDArray[np.float64]
+    ) -> int:
         return self._fill_turned(gates, time, partial(velocity_ahead, self.inner, distances=distances), out)
 
-    def _fill_turned(self, points: np.ndarray, time: float, velocity, out: np.ndarray) -> int:
+    def _fill_turned(
+        self,
+        points: NDArray[np.float64],
+        time: float,
+        velocity: Callable[[NDArray[np.float64], float], NDArray[np.float64]],
+        out: NDArray[np.float64],
+    ) -> int:
         angle = self.direction(time)
         cos, sin = math.cos(angle), math.sin(angle)
         turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])  # R^T on columns, R on rows

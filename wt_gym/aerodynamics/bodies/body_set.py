@@ -5,9 +5,11 @@ body of vortex rings would lack one rank. The strengths are eliminated from the 
 `body_kernels.couple_bodies`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,11 @@ from wt_gym.aerodynamics.bodies import body_kernels
 from wt_gym.aerodynamics.errors import AerodynamicsError
 from wt_gym.aerodynamics.lattice.bound_kernels import invert
 from wt_gym.aerodynamics.lattice.ring_work import RingWork
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "BodyArrays",
@@ -36,39 +43,42 @@ MAX_WARP = 0.05
 class TowerAxis(NamedTuple):
     """Straight axis and radii of a tower."""
 
-    ends: np.ndarray  # (2, 3) base and top [m]
-    stations: np.ndarray  # (n,) distances from the base [m]
-    radii: np.ndarray  # (n,) [m]
+    ends: NDArray[np.float64]  # (2, 3) base and top [m]
+    stations: NDArray[np.float64]  # (n,) distances from the base [m]
+    radii: NDArray[np.float64]  # (n,) [m]
 
 
 class BodyArrays(NamedTuple):
     """What the kernels need of the panels of all bodies."""
 
-    corners: np.ndarray  # (n_panel, 4, 3) in the mean plane, counter-clockwise about the normal [m]
-    center: np.ndarray  # (3, n_panel) control points: centroids [m]
-    normal: np.ndarray  # (n_panel, 3) unit, out of the body
-    far: np.ndarray  # (n_panel, 8): area [m^2], xx, yy, zz, xy, yz, zx about the centroid [m^4], all over 4 pi,
+    corners: NDArray[np.float64]  # (n_panel, 4, 3) in the mean plane, counter-clockwise about the normal [m]
+    center: NDArray[np.float64]  # (3, n_panel) control points: centroids [m]
+    normal: NDArray[np.float64]  # (n_panel, 3) unit, out of the body
+    # (n_panel, 8): area [m^2], xx, yy, zz, xy, yz, zx about the centroid [m^4], all over 4 pi,
+    far: NDArray[np.float64]
     # and the square of the distance [m^2] below which the exact velocity is computed
-    motion: np.ndarray  # (3, n_panel) velocity of the control points [m/s]
-    owner: np.ndarray  # int64 (n_panel,) number of the body
-    axis: np.ndarray  # (2, 3) base and top of the tower [m]
-    stations: np.ndarray  # (n,) distances from its base [m]; none without a tower
-    radii: np.ndarray  # (n,) its radii there [m]
-    inverse: np.ndarray  # (n_panel, n_panel): strengths = inverse @ normal velocities that the panels must induce
+    motion: NDArray[np.float64]  # (3, n_panel) velocity of the control points [m/s]
+    owner: NDArray[np.int64]  # (n_panel,) number of the body
+    axis: NDArray[np.float64]  # (2, 3) base and top of the tower [m]
+    stations: NDArray[np.float64]  # (n,) distances from its base [m]; none without a tower
+    radii: NDArray[np.float64]  # (n,) its radii there [m]
+    # (n_panel, n_panel): strengths = inverse @ normal velocities that the panels must induce
+    inverse: NDArray[np.float64]
 
 
 class BodyWork(NamedTuple):
     """Work arrays of `body_kernels.couple_bodies`; the first three are its input."""
 
-    ring_influence: np.ndarray  # (n_ring, 3, n_panel) velocity of each unit ring at the control points
-    wind: np.ndarray  # (n_panel, 3) undisturbed wind there [m/s]
-    wake_flow: np.ndarray  # (3, n_panel) velocity of the wake there [m/s]
-    through: np.ndarray  # (n_panel,) normal velocities [m/s]
-    source_influence: np.ndarray  # (n_panel, 3, n_point) velocity of each unit panel at the points of the blades
-    eliminated: np.ndarray  # (n_ring, n_panel) strengths that answer a unit ring, with opposite sign
-    start: np.ndarray  # (n_panel,) strengths without rings [m/s]
+    ring_influence: NDArray[np.float64]  # (n_ring, 3, n_panel) velocity of each unit ring at the control points
+    wind: NDArray[np.float64]  # (n_panel, 3) undisturbed wind there [m/s]
+    wake_flow: NDArray[np.float64]  # (3, n_panel) velocity of the wake there [m/s]
+    through: NDArray[np.float64]  # (n_panel,) normal velocities [m/s]
+    # (n_panel, 3, n_point) velocity of each unit panel at the points of the blades
+    source_influence: NDArray[np.float64]
+    eliminated: NDArray[np.float64]  # (n_ring, n_panel) strengths that answer a unit ring, with opposite sign
+    start: NDArray[np.float64]  # (n_panel,) strengths without rings [m/s]
     rings: RingWork
-    flags: np.ndarray  # int8 (n_max + 1, n_blade, n_edge + 1), see tower_kernels.flag_wake_segments
+    flags: NDArray[np.int8]  # (n_max + 1, n_blade, n_edge + 1), see tower_kernels.flag_wake_segments
 
 
 @dataclass(frozen=True)
@@ -105,18 +115,18 @@ class BodySurface:
         If a panel has no area or is far from flat, if the surface is not closed, or if normals point inwards.
     """
 
-    vertices: np.ndarray
-    quads: np.ndarray
+    vertices: NDArray[np.float64]
+    quads: NDArray[np.int64]
     ground: float | None = None
     name: str = "body"
     tower: TowerAxis | None = None
-    corners: np.ndarray = field(init=False, repr=False)
-    center: np.ndarray = field(init=False, repr=False)
-    normal: np.ndarray = field(init=False, repr=False)
-    area: np.ndarray = field(init=False, repr=False)
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+    center: NDArray[np.float64] = field(init=False, repr=False)
+    normal: NDArray[np.float64] = field(init=False, repr=False)
+    area: NDArray[np.float64] = field(init=False, repr=False)
     volume: float = field(init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the mesh and compute its panels."""
         vertices, quads = np.array(self.vertices, dtype=np.float64), np.array(self.quads, dtype=np.int64)
         if vertices.ndim != 2 or vertices.shape[1:] != (3,) or not np.isfinite(vertices).all():
@@ -143,7 +153,7 @@ class BodySurface:
         """Number of panels."""
         return len(self.quads)
 
-    def _check_edges(self, vertices, quads):
+    def _check_edges(self, vertices: NDArray[np.float64], quads: NDArray[np.int64]) -> None:
         """Each edge must be passed once in each direction, or lie on the ground."""
         start, end = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
         panel = np.repeat(np.arange(len(quads)), 4)
@@ -170,7 +180,9 @@ class BodySurface:
             )
 
 
-def _panel_geometry(corners, name):
+def _panel_geometry(
+    corners: NDArray[np.float64], name: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Corners (n, 4, 3) in their mean planes, centroids, unit normals and areas."""
     diagonals = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     normal = 0.5 * np.cross(*diagonals)
@@ -197,19 +209,24 @@ def _panel_geometry(corners, name):
     return corners, center, normal, area
 
 
-def _triangles(corners, normal):
+def _triangles(
+    corners: NDArray[np.float64], normal: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Two triangles (n, 2, 3, 3) of each panel and their areas (n, 2), negative beyond a re-entrant corner."""
     triangles = np.stack([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]], axis=1)
     a, b, c = (triangles[:, :, k] for k in range(3))
     return triangles, 0.5 * np.einsum("pti,pi->pt", np.cross(b - a, c - a), normal)
 
 
-def _second_moments(corners, center, normal):
+def _second_moments(
+    corners: NDArray[np.float64], center: NDArray[np.float64], normal: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Integrals of x_i x_j about the centroid, (n, 3, 3) [m^4]."""
     triangles, areas = _triangles(corners - center[:, None], normal)
     total = triangles.sum(axis=2)
     pairs = np.einsum("ptki,ptkj->ptij", triangles, triangles) + np.einsum("pti,ptj->ptij", total, total)
-    return np.einsum("ptij,pt->pij", pairs, areas) / 12.0
+    out: NDArray[np.float64] = np.einsum("ptij,pt->pij", pairs, areas) / 12.0
+    return out
 
 
 class BodySet:
@@ -240,7 +257,7 @@ class BodySet:
         If there is no body, if a body reaches below the ground or is open on another ground, or if two intersect.
     """
 
-    def __init__(self, bodies, ground: float | None = None):
+    def __init__(self, bodies: Iterable[BodySurface], ground: float | None = None) -> None:
         bodies = tuple(bodies)
         if not bodies:
             raise AerodynamicsError("a set of bodies needs at least one BodySurface")
@@ -250,10 +267,10 @@ class BodySet:
             if body.ground is not None and body.ground != ground:
                 raise AerodynamicsError(f"{body.name} stands on a ground at {body.ground} m, the set has {ground}")
         self.first_panel = np.concatenate([[0], np.cumsum([body.n_panels for body in bodies])])
-        towers = [body for body in bodies if body.tower is not None]
+        towers = [(body.name, body.tower) for body in bodies if body.tower is not None]
         if len(towers) > 1:
-            raise AerodynamicsError(f"the bodies {[body.name for body in towers]} are towers; one is allowed")
-        tower = towers[0].tower if towers else TowerAxis(np.zeros((2, 3)), np.zeros(0), np.zeros(0))
+            raise AerodynamicsError(f"the bodies {[name for name, _ in towers]} are towers; one is allowed")
+        tower = towers[0][1] if towers else TowerAxis(np.zeros((2, 3)), np.zeros(0), np.zeros(0))
         n = self.n_panels
         self.arrays = BodyArrays(
             corners=np.zeros((n, 4, 3)), center=np.zeros((3, n)), normal=np.zeros((n, 3)), far=np.zeros((n, 8)),
@@ -272,16 +289,22 @@ class BodySet:
         return int(self.first_panel[-1])
 
     @property
-    def control_points(self) -> np.ndarray:
+    def control_points(self) -> NDArray[np.float64]:
         """Control points, shape (n_panel, 3) [m]; where the wind is needed."""
         return np.ascontiguousarray(self.arrays.center.T)
 
     @property
-    def area(self) -> np.ndarray:
+    def area(self) -> NDArray[np.float64]:
         """Panel areas, shape (n_panel,) [m^2]."""
         return 4.0 * np.pi * self.arrays.far[:, 0]
 
-    def place(self, rotations, origins, velocities=None, angular_velocities=None) -> bool:
+    def place(
+        self,
+        rotations: ArrayLike,
+        origins: ArrayLike,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+    ) -> bool:
         """Move the bodies.
 
         A body of revolution that spins about its axis need not be turned: its surface stays where it is.
@@ -310,7 +333,7 @@ class BodySet:
             raise AerodynamicsError(f"frames of {self.names} must be finite, {len(self.bodies)} of them")
         elsewhere = np.flatnonzero((frames != self._frames).any(axis=(1, 2)))
         self._frames[elsewhere] = np.nan  # should a refusal leave the panels between two places
-        for k in elsewhere:
+        for k in elsewhere.tolist():
             self._move(k, frames[k, :, :3], frames[k, :, 3])
         self._frames[:] = frames
         moved, self._bent = self._bent or len(elsewhere) > 0, False
@@ -330,7 +353,7 @@ class BodySet:
             self.arrays.motion[:, panels] = (velocities[b] + np.cross(spins[b], arm)).T
         return moved
 
-    def bend(self, body, vertices) -> None:
+    def bend(self, body: int, vertices: ArrayLike) -> None:
         """Deform a body; the influences follow in the next call of `place`, which must not turn or shift it.
 
         Parameters
@@ -366,7 +389,7 @@ class BodySet:
             start=np.zeros(n), rings=RingWork.empty(n_ring, n_corner, n), flags=np.zeros(wake_shape, dtype=np.int8),
         )  # fmt: skip
 
-    def strengths(self, flow) -> np.ndarray:
+    def strengths(self, flow: ArrayLike) -> NDArray[np.float64]:
         """Source strengths that make the bodies impermeable, shape (n_panel,) [m/s].
 
         Parameters
@@ -375,9 +398,10 @@ class BodySet:
             Velocity of everything but the bodies at the control points [m/s].
         """
         relative = np.asarray(flow) - self.arrays.motion.T
-        return -self.arrays.inverse @ np.einsum("pi,pi->p", self.arrays.normal, relative)
+        out: NDArray[np.float64] = -self.arrays.inverse @ np.einsum("pi,pi->p", self.arrays.normal, relative)
+        return out
 
-    def velocity(self, points, strengths) -> np.ndarray:
+    def velocity(self, points: ArrayLike, strengths: ArrayLike) -> NDArray[np.float64]:
         """Velocity of the sources at points (..., 3) [m/s]; at a control point, that on the outside."""
         points = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3).T)
@@ -386,18 +410,25 @@ class BodySet:
         body_kernels.panels_velocity(self.arrays, strengths, flat, self.ground, self.has_ground, part, out)
         return out.T.reshape(points.shape)
 
-    def _panels(self):
+    def _panels(self) -> list[slice]:
         """Slice of the panels of each body."""
         return [slice(*ends) for ends in pairwise(self.first_panel)]
 
-    def _move(self, b, rotation, origin):
+    def _move(self, b: int, rotation: NDArray[np.float64], origin: NDArray[np.float64]) -> None:
         body = self.bodies[b]
         corners, center = body.corners @ rotation.T + origin, body.center @ rotation.T + origin
         if body.tower is not None:
             self.arrays.axis[:] = body.tower.ends @ rotation.T + origin
         self._set_panels(b, corners, center, body.normal @ rotation.T, body.area)
 
-    def _set_panels(self, b, corners, center, normal, area):
+    def _set_panels(
+        self,
+        b: int,
+        corners: NDArray[np.float64],
+        center: NDArray[np.float64],
+        normal: NDArray[np.float64],
+        area: NDArray[np.float64],
+    ) -> None:
         """Panels of a body: corners (n, 4, 3), centroids, normals (n, 3) and areas (n,)."""
         body, panels, a = self.bodies[b], self._panels()[b], self.arrays
         a.corners[panels], a.center[:, panels], a.normal[panels] = corners, center.T, normal
@@ -412,7 +443,7 @@ class BodySet:
             [area, q[:, 0, 0], q[:, 1, 1], q[:, 2, 2], q[:, 0, 1], q[:, 1, 2], q[:, 2, 0], 4.0 * np.pi * near]
         ) / (4.0 * np.pi)
 
-    def _check_apart(self):
+    def _check_apart(self) -> None:
         """No control point may lie in another body: the flux of a uniformly strong surface tells inside and outside."""
         parts, a = list(zip(self.names, self._panels(), strict=True)), self.arrays
         for (name, mine), (other, theirs) in permutations(parts, 2):
@@ -420,7 +451,7 @@ class BodySet:
                 raise AerodynamicsError(f"the bodies {name} and {other} intersect")
 
 
-def _inside(corners, points):
+def _inside(corners: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether points (n, 3) are enclosed by panels (m, 4, 3): the panels' solid angles then sum to -4 pi."""
     arms = points[:, None, None] - corners
     sizes = np.linalg.norm(arms, axis=-1)
@@ -435,7 +466,13 @@ def _inside(corners, points):
 
 
 def revolution_body(
-    stations, radii, n_around: int, origin=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0), name="body", ground=None
+    stations: ArrayLike,
+    radii: ArrayLike,
+    n_around: int,
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+    name: str = "body",
+    ground: float | None = None,
 ) -> BodySurface:
     """Body of revolution from its profile; flat ends are closed by discs.
 
@@ -481,7 +518,7 @@ def revolution_body(
     angle = 2.0 * np.pi / n_around * (np.arange(n_around) + 0.5)
     circle = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * np.cross(axis, side)
     scale = np.sqrt(2.0 * np.pi / n_around / np.sin(2.0 * np.pi / n_around))
-    vertices: list[np.ndarray] = []
+    vertices: list[NDArray[np.float64]] = []
     rings = []
     for s, r in zip(stations, radii, strict=True):
         rings.append(len(vertices) + (np.arange(n_around) if r > 0.0 else np.zeros(n_around, dtype=int)))
@@ -502,7 +539,9 @@ def revolution_body(
     return BodySurface(np.array(vertices), np.array(quads), ground if standing else None, name)
 
 
-def ellipsoid_body(semi_axes, n_around: int, n_along: int, origin=(0.0, 0.0, 0.0), name="ellipsoid") -> BodySurface:
+def ellipsoid_body(
+    semi_axes: ArrayLike, n_around: int, n_along: int, origin: ArrayLike = (0.0, 0.0, 0.0), name: str = "ellipsoid"
+) -> BodySurface:
     """Ellipsoid with its poles on the x axis of its frame, for hubs, nacelles and tests.
 
     Parameters
@@ -537,7 +576,16 @@ def ellipsoid_body(semi_axes, n_around: int, n_along: int, origin=(0.0, 0.0, 0.0
     return BodySurface(ball.vertices * semi_axes + np.asarray(origin), ball.quads, name=name)
 
 
-def tower_body(stations, diameters, base, top, n_around: int, n_along: int, ground=None, name="tower") -> BodySurface:
+def tower_body(
+    stations: ArrayLike,
+    diameters: ArrayLike,
+    base: ArrayLike,
+    top: ArrayLike,
+    n_around: int,
+    n_along: int,
+    ground: float | None = None,
+    name: str = "tower",
+) -> BodySurface:
     """Tower as a closed body: frusta between base and top, discs at free ends.
 
     Parameters
@@ -563,10 +611,11 @@ def tower_body(stations, diameters, base, top, n_around: int, n_along: int, grou
         If base and top coincide or the diameters are not positive at increasing stations.
     """
     base, stations, diameters = (np.asarray(x, dtype=np.float64) for x in (base, stations, diameters))
-    axis = np.asarray(top, dtype=np.float64) - base
+    end = np.asarray(top, dtype=np.float64)
+    axis = end - base
     height = float(np.linalg.norm(axis))
     if not height > 0.0:
-        raise AerodynamicsError(f"the top of the {name} must be above its base, got base {base} and top {top}")
+        raise AerodynamicsError(f"the top of the {name} must be above its base, got base {base} and top {end}")
     if stations.shape != diameters.shape or np.any(np.diff(stations) <= 0.0) or not np.all(diameters > 0.0):
         raise AerodynamicsError(f"{name} diameters {diameters} must be positive, at increasing stations {stations}")
     if n_along < 1:

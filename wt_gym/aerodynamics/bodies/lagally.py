@@ -15,12 +15,21 @@ taken strip by strip of a slender body: a strip of the area S has Σ m r = −2 
 2 ρ S (dU/dt + U·∇U) − ρ S du/dt, twice and once the mass of the displaced air.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["convective_force", "impulse"]
 
 
-def convective_force(flux, flow, velocity, density):
+def convective_force(
+    flux: NDArray[np.float64], flow: NDArray[np.float64], velocity: ArrayLike, density: float
+) -> NDArray[np.float64]:
     """−ρ Σ m (v − u) [N].
 
     Parameters
@@ -38,10 +47,17 @@ def convective_force(flux, flow, velocity, density):
     -------
     array (..., 3)
     """
-    return -density * np.einsum("...n,...ni->...i", flux, flow - np.asarray(velocity)[..., None, :])
+    out: NDArray[np.float64] = -density * np.einsum("...n,...ni->...i", flux, flow - np.asarray(velocity)[..., None, :])
+    return out
 
 
-def impulse(flux, arm, volume, velocity, density):
+def impulse(
+    flux: NDArray[np.float64],
+    arm: NDArray[np.float64],
+    volume: ArrayLike,
+    velocity: NDArray[np.float64],
+    density: float,
+) -> NDArray[np.float64]:
     """P = −ρ Σ m r + ρ V u [kg m/s].
 
     Parameters
@@ -62,4 +78,5 @@ def impulse(flux, arm, volume, velocity, density):
     array (..., 3)
     """
     inertia = np.asarray(volume)[..., None] * velocity
-    return density * (inertia - np.einsum("...n,...ni->...i", flux, arm))
+    out: NDArray[np.float64] = density * (inertia - np.einsum("...n,...ni->...i", flux, arm))
+    return out

@@ -1,9 +1,16 @@
 """The tower in the flow: potential flow past a slender cylinder, felt by the blades in front of it."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wt_gym.aerodynamics.bodies import tower_kernels
 from wt_gym.aerodynamics.errors import AerodynamicsError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["TowerFlow", "tower_perturbation"]
 
@@ -31,7 +38,7 @@ class TowerFlow:
         If the diameters are not positive at increasing stations.
     """
 
-    def __init__(self, base, stations, diameters):
+    def __init__(self, base: ArrayLike, stations: ArrayLike, diameters: ArrayLike) -> None:
         base, stations, diameters = (np.array(x, dtype=np.float64) for x in (base, stations, diameters))
         if base.shape != (3,) or not np.isfinite(base).all():
             raise AerodynamicsError(f"the tower base is {base}; must be three finite coordinates [m]")
@@ -40,7 +47,7 @@ class TowerFlow:
             raise AerodynamicsError(f"tower diameters {diameters} must be positive, at increasing stations {stations}")
         self.base, self.stations, self.radii = base, stations, 0.5 * diameters
 
-    def add(self, points, wind, top) -> None:
+    def add(self, points: NDArray[np.float64], wind: NDArray[np.float64], top: NDArray[np.float64]) -> None:
         """Add the flow past the tower to the wind, in place.
 
         Parameters
@@ -64,7 +71,9 @@ class TowerFlow:
             raise AerodynamicsError(f"the tower top must be above its base, got base {self.base} and top {top}")
 
 
-def tower_perturbation(points, wind, base, top, stations, diameters):
+def tower_perturbation(
+    points: ArrayLike, wind: ArrayLike, base: ArrayLike, top: ArrayLike, stations: ArrayLike, diameters: ArrayLike
+) -> NDArray[np.float64]:
     """Velocity that a tower adds to the wind, for a single use: see `TowerFlow`, which checks its tower only once.
 
     Parameters
@@ -86,8 +95,9 @@ def tower_perturbation(points, wind, base, top, stations, diameters):
     AerodynamicsError
         If base and top coincide or the diameters are not positive at increasing stations.
     """
-    disturbed = np.array(wind, dtype=np.float64)
+    undisturbed = np.asarray(wind, dtype=np.float64)
+    disturbed = undisturbed.copy()
     TowerFlow(base, stations, diameters).add(
         np.ascontiguousarray(points, dtype=np.float64), disturbed, np.asarray(top, dtype=np.float64)
     )
-    return disturbed - wind
+    return disturbed - undisturbed

@@ -1,6 +1,15 @@
 """Work arrays that begin at a cache line and share none with another array."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import DTypeLike, NDArray
 
 __all__ = ["aligned_zeros"]
 
@@ -8,7 +17,7 @@ LINES = 128
 """Bytes that the processor fetches together: two cache lines."""
 
 
-def aligned_zeros(shape, dtype=np.float64):
+def aligned_zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """Zeros of a shape and type, in C order, in cache lines of their own.
 
     Vectors of 16 float32 numbers then lie in one cache line each, and threads do not wait for each other's writes.

@@ -1,5 +1,9 @@
 """The induction of big wakes, done between the compiled calls of a step by the tree code, in several threads."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
 import numpy as np
 
 from wt_gym.aerodynamics.induction.aligned import aligned_zeros
@@ -8,10 +12,36 @@ from wt_gym.aerodynamics.induction.tree_induction import TreeInduction, split_di
 from wt_gym.aerodynamics.wake.far_wake_kernels import far_wake_velocity
 from wt_gym.aerodynamics.wake.wake_kernels import fold_images, mean_induced, pad_targets, wake_sheets
 
-__all__ = ["SplitInduction"]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.aerodynamics.options import AeroOptions
+    from wt_gym.aerodynamics.state import AeroConstants, AeroState, AeroWork, PlanformArrays
+
+__all__ = ["SplitInduction", "SplitLattice"]
 
 SLOWEST = 0.01
 """Mean induced velocity [m/s] below which the tolerance of the tree code is no longer relative to it."""
+
+
+class SplitLattice(Protocol):
+    """What of a `VortexLattice` the induction of its wake takes."""
+
+    @property
+    def options(self) -> AeroOptions:
+        """With the tolerance of the tree code."""
+
+    @property
+    def arrays(self) -> PlanformArrays:
+        """With the table of the far wake."""
+
+    @property
+    def constants(self) -> AeroConstants:
+        """Numbers as the kernels take them."""
+
+    @property
+    def work(self) -> AeroWork:
+        """Work arrays."""
 
 
 class SplitInduction:
@@ -19,13 +49,13 @@ class SplitInduction:
 
     Parameters
     ----------
-    lattice : VortexLattice
+    lattice : SplitLattice
         With the tolerance of the tree code in its options.
     threads : int
         At least 1.
     """
 
-    def __init__(self, lattice, threads: int):
+    def __init__(self, lattice: SplitLattice, threads: int) -> None:
         o, w = lattice.options, lattice.work
         self._lattice, self._work, self.threads = lattice, w, threads
         n_row, n_blade, n_node, _ = w.wake_sheet.shape
@@ -35,7 +65,7 @@ class SplitInduction:
         self._tree = TreeInduction(n_row, n_blade, n_node, w.targets.shape[2], threads)
         self._tolerance = o.tree_tolerance
 
-    def at_points(self, state, n_threads: int) -> None:
+    def at_points(self, state: AeroState, n_threads: int) -> None:
         """Velocity of the wake, without its newest ring, at the points of the blades, into ``state``."""
         a, w = state.arrays, self._work
         n = w.points.shape[1]
@@ -43,7 +73,9 @@ class SplitInduction:
         self.at_targets(state, w.bound_sheet[:0], 1, n, n_threads)
         a.wake_flow[:] = w.velocity[0, :, :n]
 
-    def at_targets(self, state, bound_sheet, first: int, n_target: int, n_threads: int) -> None:
+    def at_targets(
+        self, state: AeroState, bound_sheet: NDArray[np.float32], first: int, n_target: int, n_threads: int
+    ) -> None:
         """Velocity at the first ``n_target`` targets of the work arrays, into their velocity, by so many threads.
 
         What induces it: ``bound_sheet``, the wake from row ``first`` on and the far wake.

@@ -4,9 +4,11 @@ The compiled functions are in `tree_induction_kernels` and `induction_kernels`; 
 arrays are made here, once.
 """
 
+from __future__ import annotations
+
 import os
-from collections import namedtuple
 from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -31,30 +33,52 @@ from wt_gym.aerodynamics.induction.tree_induction_kernels import (
     walk_blocks,
 )
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
 __all__ = ["Block", "Tree", "TreeInduction", "make_block", "make_tree", "run_beside", "split_direct", "split_range"]
 
-Tree = namedtuple(
-    "Tree",
-    "centers keys spare_keys spare_order count tiles order bounds records measures reach parts root",
-)
-Tree.__doc__ = """Arrays of the clusters of a sheet and of the order of the targets.
 
-centers (3, n_tile): middle nodes of the tiles [m]; keys, spare_keys, spare_order, count: of the sort; tiles (n_tile,):
-tiles in the order of the curve; order (n,): targets likewise; bounds (n_tile, 5): rows, sheet and nodes of a tile;
-records, measures, reach, parts: moments, sizes, least distance [m] and first and last + 1 part of each cluster (leaves
-first); root (1,): number of the last cluster, which holds all others.
-"""
-Block = namedtuple("Block", "targets velocity segments spheres far near group_far group_near stack scratch acted")
-Block.__doc__ = """Arrays of one block of targets, one set for each thread.
+class Tree(NamedTuple):
+    """Arrays of the clusters of a sheet and of the order of the targets."""
 
-targets, velocity (3, TARGETS); segments: of one tile; spheres: center and radius of the block and of each of its
-vectors [m]; far, near: gathered clusters and tiles; group_far, group_near: the same as one vector of targets sees them;
-stack: of the walk; scratch: vectors from the nodes of a tile; acted (2,): count of clusters and of tiles that acted on
-a vector of targets.
-"""
+    centers: NDArray[np.float32]  # (3, n_tile) middle nodes of the tiles [m]
+    keys: NDArray[np.int32]  # (n_key,) of the sort, n_key the larger of tiles and targets
+    spare_keys: NDArray[np.int32]  # (n_key,)
+    spare_order: NDArray[np.int32]  # (n_key,)
+    count: NDArray[np.int32]  # type: ignore[assignment]  # (DIGIT,) of the sort; hides the method of tuples
+    tiles: NDArray[np.int32]  # (n_tile,) tiles in the order of the curve
+    order: NDArray[np.int32]  # (n_key,) targets likewise
+    bounds: NDArray[np.int32]  # (n_tile, 5) rows, sheet and nodes of a tile
+    records: NDArray[np.float32]  # (n_cluster, RECORD) moments of each cluster, leaves first
+    measures: NDArray[np.float32]  # (n_cluster, MEASURES) sizes
+    reach: NDArray[np.float32]  # (n_cluster,) least distance [m]
+    parts: NDArray[np.int32]  # (n_cluster, 2) first and last + 1 part
+    root: NDArray[np.int32]  # (1,) number of the last cluster, which holds all others
 
 
-def make_tree(n_row, n_sheet, n_node, n_target):
+class Block(NamedTuple):
+    """Arrays of one block of targets, one set for each thread."""
+
+    targets: NDArray[np.float32]  # (3, TARGETS) [m]
+    velocity: NDArray[np.float32]  # (3, TARGETS) [m/s]
+    segments: NDArray[np.float32]  # (2 TILE², 8) of one tile
+    spheres: NDArray[np.float32]  # (1 + TARGETS / WIDTH, 4) center and radius of the block and of its vectors [m]
+    far: NDArray[np.int32]  # (LIST,) gathered clusters
+    near: NDArray[np.int32]  # (LIST,) gathered tiles
+    group_far: NDArray[np.int32]  # (2 LIST,) clusters as one vector of targets sees them
+    group_near: NDArray[np.int32]  # (LIST,) tiles as one vector of targets sees them
+    stack: NDArray[np.int32]  # (STACK,) of the walk
+    scratch: NDArray[np.float32]  # (4 WIDTH (TILE + 1)²,) vectors from the nodes of a tile
+    acted: NDArray[np.int32]  # (2,) count of clusters and of tiles that acted on a vector of targets
+
+
+Arrays = TypeVar("Arrays", Tree, Block)
+
+
+def make_tree(n_row: int, n_sheet: int, n_node: int, n_target: int) -> Tree:
     """Work arrays for sheets of up to (n_row, n_sheet, n_node, 7) and up to n_target targets.
 
     Returns
@@ -87,7 +111,7 @@ def make_tree(n_row, n_sheet, n_node, n_target):
     return _arrays(Tree, integers, reals)
 
 
-def make_block():
+def make_block() -> Block:
     """Work arrays of one thread.
 
     Returns
@@ -95,7 +119,7 @@ def make_block():
     Block
     """
     integers = {"far": LIST, "near": LIST, "group_far": 2 * LIST, "group_near": LIST, "stack": STACK, "acted": 2}
-    reals = {
+    reals: dict[str, int | tuple[int, ...]] = {
         "targets": (3, TARGETS),
         "velocity": (3, TARGETS),
         "segments": (2 * TILE * TILE, 8),
@@ -105,7 +129,9 @@ def make_block():
     return _arrays(Block, integers, reals)
 
 
-def _arrays(kind, integers, reals):
+def _arrays(
+    kind: type[Arrays], integers: Mapping[str, int | tuple[int, ...]], reals: Mapping[str, int | tuple[int, ...]]
+) -> Arrays:
     """Fill a named tuple with int32 and float32 arrays of the given shapes."""
     arrays = {name: aligned_zeros(shape, np.int32) for name, shape in integers.items()}
     arrays |= {name: aligned_zeros(shape, np.float32) for name, shape in reals.items()}
@@ -123,7 +149,7 @@ if hasattr(os, "register_at_fork"):  # processes can be forked
     os.register_at_fork(after_in_child=_pools.clear)
 
 
-def split_range(part, n, step, n_threads):
+def split_range(part: Callable[[int, int, int], None], n: int, step: int, n_threads: int) -> None:
     """Call ``part(first, last, thread)`` for equal parts of range(n), which the threads take in turn.
 
     The calling thread is number 0. The others are started at the first call and kept. They are Python threads, so
@@ -146,7 +172,7 @@ def split_range(part, n, step, n_threads):
     bounds = [min(n, n_step * k // max(n_chunk, 1) * step) for k in range(n_chunk + 1)]
     chunks = iter(range(n_chunk))  # the interpreter's lock gives each number to one thread
 
-    def work(thread):
+    def work(thread: int) -> None:
         for k in chunks:
             part(bounds[k], bounds[k + 1], thread)
 
@@ -158,7 +184,7 @@ def split_range(part, n, step, n_threads):
             result.result()
 
 
-def run_beside(function, other, n_threads):
+def run_beside(function: Callable[[], None], other: Callable[[], None], n_threads: int) -> None:
     """Call two functions at once, ``other`` in the calling thread; one after the other with one thread."""
     if n_threads == 1:
         function()
@@ -171,13 +197,18 @@ def run_beside(function, other, n_threads):
         result.result()
 
 
-def _pool(n_threads):
+def _pool(n_threads: int) -> ThreadPoolExecutor:
     if n_threads not in _pools:
         _pools[n_threads] = ThreadPoolExecutor(max_workers=n_threads - 1, thread_name_prefix="induction")
     return _pools[n_threads]
 
 
-def split_direct(sheet, targets, velocity, scratch):
+def split_direct(
+    sheet: NDArray[np.float32],
+    targets: NDArray[np.float32],
+    velocity: NDArray[np.float32],
+    scratch: Sequence[NDArray[np.float32]],
+) -> None:
     """Add the velocity of all segments at all targets, in as many threads as there are rows of ``scratch``.
 
     Parameters
@@ -191,7 +222,7 @@ def split_direct(sheet, targets, velocity, scratch):
     if len(sheet) == 0:
         return
 
-    def part(first, last, thread):
+    def part(first: int, last: int, thread: int) -> None:
         direct_induction(sheet, targets, velocity, first, last, scratch[thread])
 
     split_range(part, targets.shape[1], WIDTH, len(scratch))
@@ -215,7 +246,7 @@ class TreeInduction:
         If a size is below 1, a call exceeds the sizes, or its limit is not positive.
     """
 
-    def __init__(self, n_row, n_sheet, n_node, n_target, n_threads=1):
+    def __init__(self, n_row: int, n_sheet: int, n_node: int, n_target: int, n_threads: int = 1) -> None:
         sizes = {"n_row": n_row, "n_sheet": n_sheet, "n_node": n_node, "n_target": n_target, "n_threads": n_threads}
         for name, size in sizes.items():
             if size < 1:
@@ -223,7 +254,14 @@ class TreeInduction:
         self.tree = make_tree(n_row, n_sheet, n_node, n_target)
         self.blocks = [make_block() for _ in range(n_threads)]
 
-    def add_velocity(self, sheet, targets, velocity, limit, n_threads=None):
+    def add_velocity(
+        self,
+        sheet: NDArray[np.float32],
+        targets: NDArray[np.float32],
+        velocity: NDArray[np.float32],
+        limit: float,
+        n_threads: int | None = None,
+    ) -> None:
         """Add the velocity of all sheets at all targets.
 
         Parameters
@@ -251,19 +289,21 @@ class TreeInduction:
             return
         self._plant(sheet, targets, n, limit, n_threads)
 
-        def part(first, last, thread):
+        def part(first: int, last: int, thread: int) -> None:
             walk_blocks(sheet, self.tree, targets, n, velocity, first, last, self.blocks[thread])
 
         split_range(part, -(-n // TARGETS), 1, n_threads)
 
-    def _plant(self, sheet, targets, n_target, limit, n_threads):
+    def _plant(
+        self, sheet: NDArray[np.float32], targets: NDArray[np.float32], n_target: int, limit: float, n_threads: int
+    ) -> None:
         """Build the tree of a sheet and put the targets in order."""
         n_tile = order_tiles(sheet, self.tree)  # with the keys that the targets take next
 
-        def part(first, last, thread):
+        def part(first: int, last: int, thread: int) -> None:
             plant_leaves(sheet, self.tree, first, last, self.blocks[thread].segments)
 
-        def leaves():
+        def leaves() -> None:
             split_range(part, n_tile, 1, n_threads)
 
         run_beside(lambda: order_targets(targets, n_target, self.tree), leaves, n_threads)

@@ -1,10 +1,16 @@
 """Which edges of a blade shed the wake, and which segments its rings and the newest wake rings are made of."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.aerodynamics.options import AeroOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["SheddingEdge", "bound_segments"]
 
@@ -23,12 +29,12 @@ class SheddingEdge:
         Local chord at the nodes [m].
     """
 
-    nodes: np.ndarray
-    rings: np.ndarray
-    chord: np.ndarray
+    nodes: NDArray[np.int64]
+    rings: NDArray[np.int64]
+    chord: NDArray[np.float64]
 
     @classmethod
-    def of(cls, n_chord: int, n_span: int, edge_chord, options: AeroOptions) -> "SheddingEdge":
+    def of(cls, n_chord: int, n_span: int, edge_chord: ArrayLike, options: AeroOptions) -> SheddingEdge:
         """Edges that the options let shed."""
         n_node = n_span + 1
         corner = n_chord * n_node + n_span
@@ -43,7 +49,9 @@ class SheddingEdge:
         return cls(line, np.array(rings), np.asarray(edge_chord, dtype=np.float64)[line % n_node])
 
 
-def bound_segments(n_chord, n_span, edge_chord, edge, options, has_wake):
+def bound_segments(
+    n_chord: int, n_span: int, edge_chord: NDArray[np.float64], edge: SheddingEdge, options: AeroOptions, has_wake: bool
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Distinct segments of the rings of one blade, with the newest wake rings if there is a wake.
 
     A newest wake ring lies between the shedding edge and the newest wake row and has the circulation of the ring it
@@ -72,7 +80,7 @@ def bound_segments(n_chord, n_span, edge_chord, edge, options, has_wake):
     if has_wake:
         for e, ring in enumerate(edge.rings):
             loops.append((ring, (edge.nodes[e], edge.nodes[e + 1], n_bound + e + 1, n_bound + e)))
-    sides = {}
+    sides: dict[tuple[int, int], dict[int, int]] = {}
     for ring, corners in loops:
         for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
             key, sign = ((start, end), 1) if start < end else ((end, start), -1)

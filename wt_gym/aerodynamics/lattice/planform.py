@@ -1,14 +1,19 @@
 """The geometry of a blade or wing as a vortex lattice on its camber surface."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from numbers import Integral
-from typing import cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
 
 from wt_gym.aerodynamics.errors import AerodynamicsError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "LatticePlanform",
@@ -23,6 +28,8 @@ __all__ = [
 MOST_LISTED = 8  # panels that a message names
 SECTION_FIELDS = ("alpha0_lattice", "lift_slope", "moment0_lattice", "slope_angle")
 ARRAY_FIELDS = ("nodes", "chord", "edge_chord", "span_edges", "polars", *SECTION_FIELDS)
+Camber: TypeAlias = "Callable[[float, ArrayLike], tuple[ArrayLike, ArrayLike]]"
+"""Height and slope of a camber line, in chords, at a span coordinate [m] and chord fractions."""
 FINE_PANELS = 48  # the zero-lift angle of measured camber lines is converged to 0.05 degrees
 
 
@@ -44,7 +51,7 @@ class SectionLattice:
         Direction from the first to the last ring node against the chord line [rad].
     """
 
-    heights: np.ndarray
+    heights: NDArray[np.float64]
     zero_lift_angle: float
     lift_slope: float
     zero_lift_moment: float
@@ -79,18 +86,18 @@ class LatticePlanform:
         and nodes that do not run from root to tip and from the leading to the trailing edge.
     """
 
-    nodes: np.ndarray
-    chord: np.ndarray
-    edge_chord: np.ndarray
-    span_edges: np.ndarray
-    polars: np.ndarray
-    alpha0_lattice: np.ndarray
-    lift_slope: np.ndarray
-    moment0_lattice: np.ndarray
-    slope_angle: np.ndarray
+    nodes: NDArray[np.float64]
+    chord: NDArray[np.float64]
+    edge_chord: NDArray[np.float64]
+    span_edges: NDArray[np.float64]
+    polars: NDArray[np.float64]
+    alpha0_lattice: NDArray[np.float64]
+    lift_slope: NDArray[np.float64]
+    moment0_lattice: NDArray[np.float64]
+    slope_angle: NDArray[np.float64]
     root_radius: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check shapes, orientation and values, then make the arrays read-only."""
         arrays = {name: numeric_array(name, getattr(self, name)) for name in ARRAY_FIELDS}
         for name, array in arrays.items():
@@ -125,7 +132,7 @@ class LatticePlanform:
             array.setflags(write=False)
 
     @property
-    def ring_chord(self) -> np.ndarray:
+    def ring_chord(self) -> NDArray[np.float64]:
         """Chord of the rings of each strip, which join its two edges, shape (n_span,) [m].
 
         The mean of the edges; not that of the strip where the chord is curved or has a kink, as at the tip of a blade.
@@ -135,15 +142,15 @@ class LatticePlanform:
     @property
     def n_chord(self) -> int:
         """Panels along the chord."""
-        return self.nodes.shape[0] - 1
+        return int(self.nodes.shape[0]) - 1
 
     @property
     def n_span(self) -> int:
         """Panels along the span."""
-        return self.nodes.shape[1] - 1
+        return int(self.nodes.shape[1]) - 1
 
 
-def numeric_array(name, values):
+def numeric_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Contiguous array of double precision; `AerodynamicsError` with this name for anything else than numbers."""
     try:
         return np.ascontiguousarray(values, dtype=np.float64)
@@ -151,13 +158,13 @@ def numeric_array(name, values):
         raise AerodynamicsError(f"{name} must be an array of numbers: {error}") from error
 
 
-def _panel_sides(nodes):
+def _panel_sides(nodes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean vectors along chord and span of every panel, shape (..., n_chord, n_span, 3)."""
     along, across = nodes[..., 1:, :, :] - nodes[..., :-1, :, :], nodes[..., 1:, :] - nodes[..., :-1, :]
     return 0.5 * (along[..., 1:, :] + along[..., :-1, :]), 0.5 * (across[..., 1:, :, :] + across[..., :-1, :, :])
 
 
-def check_areas(nodes) -> None:
+def check_areas(nodes: NDArray[np.float64]) -> None:
     """Refuse panels without area.
 
     Parameters
@@ -179,13 +186,13 @@ def check_areas(nodes) -> None:
         raise AerodynamicsError(f"every panel must have an area; panels {where} have none: {_listed(flat)}")
 
 
-def _listed(wrong):
+def _listed(wrong: NDArray[np.bool_]) -> str:
     """Indices of the first panels for which ``wrong`` holds, as text."""
     places = np.argwhere(wrong).tolist()
     return f"{places[:MOST_LISTED]}" + (f" and {len(places) - MOST_LISTED} more" if places[MOST_LISTED:] else "")
 
 
-def _check_panels(nodes):
+def _check_panels(nodes: NDArray[np.float64]) -> None:
     """Refuse non-finite nodes, rings without area, rings turned inside out and blades against their own frame."""
     if not np.all(np.isfinite(nodes)):
         raise AerodynamicsError("nodes of the lattice must be finite")
@@ -211,7 +218,9 @@ def _check_panels(nodes):
             raise AerodynamicsError(f"in the blade frame {need}; panels (chord, span) that do not: {_listed(wrong)}")
 
 
-def section_lattice(slope: Callable, n_chord: int, height: Callable | None = None) -> SectionLattice:
+def section_lattice(
+    slope: Callable[[NDArray[np.float64]], ArrayLike], n_chord: int, height: Callable[[float], ArrayLike] | None = None
+) -> SectionLattice:
     """Build the lattice of one camber line and solve it in two dimensions.
 
     Every panel gets the slope of the camber line at its collocation point (three quarters of the panel), which with
@@ -229,7 +238,7 @@ def section_lattice(slope: Callable, n_chord: int, height: Callable | None = Non
     height : callable, optional
         Camber h(x) in chords, used at the first node; zero if not given.
     """
-    start = 0.0 if height is None else float(height(0.25 / n_chord))
+    start = 0.0 if height is None else float(np.asarray(height(0.25 / n_chord)))
     slopes = _collocation_slopes(slope, n_chord)
     exact = _solve_section(0.0, _collocation_slopes(slope, FINE_PANELS)).zero_lift_angle
     for _ in range(3):  # the zero-lift angle turns with the panels almost one to one
@@ -237,11 +246,11 @@ def section_lattice(slope: Callable, n_chord: int, height: Callable | None = Non
     return _solve_section(start, slopes)
 
 
-def _collocation_slopes(slope, n_chord):
+def _collocation_slopes(slope: Callable[[NDArray[np.float64]], ArrayLike], n_chord: int) -> NDArray[np.float64]:
     return np.asarray(slope((np.arange(n_chord) + 0.75) / n_chord), dtype=np.float64)
 
 
-def _solve_section(start: float, slopes: np.ndarray) -> SectionLattice:
+def _solve_section(start: float, slopes: NDArray[np.float64]) -> SectionLattice:
     """Solve the lattice that begins at height ``start`` and has these panel slopes."""
     panel = 1.0 / slopes.size
     heights = start + np.concatenate(([0.0], np.cumsum(slopes * panel)))
@@ -270,7 +279,7 @@ def span_distribution(
     refinement: float = 0.3,
     inset: tuple[float, float] = (0.0, 0.25),
     towards: str = "ends",
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Span edges of a lattice between root and tip.
 
     Parameters
@@ -306,19 +315,20 @@ def span_distribution(
     uneven = 0.5 * (1.0 - np.cos(np.pi * even)) if towards == "ends" else np.sin(0.5 * np.pi * even)
     edges = (1.0 - refinement) * even + refinement * uneven
     before, behind = inset[0] * (edges[1] - edges[0]), inset[1] * (edges[-1] - edges[-2])
-    return root + (tip - root) * (edges + before) / (1.0 + before + behind)
+    out: NDArray[np.float64] = root + (tip - root) * (edges + before) / (1.0 + before + behind)
+    return out
 
 
 def build_planform(
-    span_edges,
-    axis,
-    chord,
-    twist,
-    le_offset,
-    polars,
+    span_edges: ArrayLike,
+    axis: ArrayLike,
+    chord: ArrayLike,
+    twist: ArrayLike,
+    le_offset: ArrayLike,
+    polars: ArrayLike,
     n_chord: int,
-    camber: Callable | None = None,
-    strip_chord=None,
+    camber: Camber | None = None,
+    strip_chord: ArrayLike | None = None,
     root_radius: float | None = None,
 ) -> LatticePlanform:
     """Lattice of a blade from its planform at the span edges.
@@ -375,7 +385,7 @@ def build_planform(
         chord=0.5 * (chord[1:] + chord[:-1]) if strip_chord is None else numeric_array("strip_chord", strip_chord),
         edge_chord=chord,
         span_edges=span_edges,
-        polars=polars,
+        polars=numeric_array("polars", polars),
         alpha0_lattice=np.array([s.zero_lift_angle for s in strips]),
         lift_slope=np.array([s.lift_slope for s in strips]),
         moment0_lattice=np.array([s.zero_lift_moment for s in strips]),
@@ -384,7 +394,7 @@ def build_planform(
     )
 
 
-def _edge_section(camber, z, n_chord) -> SectionLattice:
+def _edge_section(camber: Camber | None, z: float, n_chord: int) -> SectionLattice:
     if camber is None:
         return section_lattice(np.zeros_like, n_chord)
     return section_lattice(lambda x: camber(z, x)[1], n_chord, lambda x: camber(z, x)[0])

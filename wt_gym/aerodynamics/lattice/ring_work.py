@@ -1,10 +1,15 @@
 """Work arrays for the influence of the bound rings at the points of the blades or of bodies."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from wt_gym.aerodynamics.induction.aligned import aligned_zeros
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["RingWork"]
 
@@ -15,12 +20,12 @@ PADDED = 16
 class RingWork(NamedTuple):
     """Work arrays of `bound_kernels.bound_influence`."""
 
-    points: np.ndarray  # (3, n) repeated points [m]
-    distance: np.ndarray  # (n_corner, n) of the corners of one blade [m]
-    rings: np.ndarray  # (n_ring + 1, 3, n) velocity of each ring, and of none
+    points: NDArray[np.float64]  # (3, n) repeated points [m]
+    distance: NDArray[np.float64]  # (n_corner, n) of the corners of one blade [m]
+    rings: NDArray[np.float64]  # (n_ring + 1, 3, n) velocity of each ring, and of none
 
     @classmethod
-    def empty(cls, n_ring: int, n_corner: int, n_point: int) -> "RingWork":
+    def empty(cls, n_ring: int, n_corner: int, n_point: int) -> RingWork:
         """Arrays of the right shapes."""
         n = -(-n_point // PADDED) * PADDED
         return cls(aligned_zeros((3, n)), aligned_zeros((n_corner, n)), aligned_zeros((n_ring + 1, 3, n)))

@@ -12,9 +12,16 @@ finer its steps, would jump from one to the other. Such a fall is therefore give
 replaced by the largest lift below it that does not fall with the angle, and fst follows from the polar.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wt_gym.attached_flow import attached_lift
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["separation_tables"]
 
@@ -23,7 +30,7 @@ FADE = np.radians([40.0, 50.0])
 boundary layer can hold on; as in AeroDyn, whose unsteady model ends at 45 degrees."""
 
 
-def separation_tables(polars, monotone=True):
+def separation_tables(polars: ArrayLike, monotone: bool = True) -> NDArray[np.float64]:
     """Tables of the dynamic stall model on the angles of the polars.
 
     Parameters
@@ -47,7 +54,9 @@ def separation_tables(polars, monotone=True):
     return np.array([_table(alpha, polar[:, 0], polar[:, 1], monotone) for polar in polars])
 
 
-def _table(alpha, cl, cd, monotone):
+def _table(
+    alpha: NDArray[np.float64], cl: NDArray[np.float64], cd: NDArray[np.float64], monotone: bool
+) -> NDArray[np.float64]:
     """Columns (n_alpha, 4) of one section."""
     line = attached_lift(alpha, cl)
     if line is None:
@@ -72,13 +81,13 @@ def _table(alpha, cl, cd, monotone):
     return np.column_stack([attached, separated, point, share * (cd - np.interp(alpha0, alpha, cd))])
 
 
-def _connected(within, center):
+def _connected(within: NDArray[np.bool_], center: int) -> NDArray[np.bool_]:
     """Entries of ``within`` (n,) that hold from index ``center`` outwards without a gap."""
     below, above = within[:center][::-1], within[center:]
     return np.concatenate([np.logical_and.accumulate(below)[::-1], np.logical_and.accumulate(above)])
 
 
-def _without_fall(lift, arm):
+def _without_fall(lift: NDArray[np.float64], arm: NDArray[np.float64]) -> NDArray[np.float64]:
     """Largest lift not above ``lift`` (n,) that grows with the distance ``arm`` from zero lift; both sides alike."""
     limit = lift.copy()
     for side in (1.0, -1.0):

@@ -1,15 +1,23 @@
 """The velocity of a semi-infinite vortex cylinder as a table: what lies behind the last row of a rotor wake."""
 
+from __future__ import annotations
+
 from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ellipe, ellipkm1
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 __all__ = ["cylinder_table", "ring_velocity"]
 
 
-def ring_velocity(axial, radial, core):
+def ring_velocity(
+    axial: NDArray[np.float64], radial: NDArray[np.float64], core: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Velocity of a vortex ring of unit radius and unit circulation.
 
     Parameters
@@ -36,7 +44,7 @@ def ring_velocity(axial, radial, core):
 
 
 @lru_cache(maxsize=2)
-def cylinder_table(n_axial: int = 193, n_radial: int = 129, core: float = 0.05) -> np.ndarray:
+def cylinder_table(n_axial: int = 193, n_radial: int = 129, core: float = 0.05) -> NDArray[np.float32]:
     """Velocity of the cylinder r = 1, z > 0 with unit tangential vorticity per length.
 
     The rings of the cylinder are summed along z. Far upstream it acts as a sink of strength pi in its first disc;

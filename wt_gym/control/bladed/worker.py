@@ -10,11 +10,13 @@ import ctypes
 import os
 import struct
 import sys
+from collections.abc import Sequence
+from typing import IO, Any
 
 MESSAGE_LENGTH = 1025
 
 
-def call(function, parts):
+def call(function: Any, parts: Sequence[bytes]) -> tuple[bytes, bytes, bytes]:
     """One call: input file name, output name and records in, flag, message and records out."""
     in_file, out_name, records = parts
     swap = (ctypes.c_float * (len(records) // 4)).from_buffer_copy(records)
@@ -23,21 +25,21 @@ def call(function, parts):
     return struct.pack("<i", fail.value), message.value, bytes(swap)
 
 
-def read_part(stream):
+def read_part(stream: IO[bytes]) -> bytes | None:
     """One part of a request, None where there are no more."""
     head = stream.read(4)
     return stream.read(struct.unpack("<I", head)[0]) if len(head) == 4 else None
 
 
-def main(path, name):
+def main(path: str, name: str) -> None:
     """Answer requests until there are no more."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # prints of the library
     function = getattr(ctypes.CDLL(path), name)
     function.restype = None
     while True:
-        parts = [read_part(sys.stdin.buffer) for _ in range(3)]
-        if parts[-1] is None:
+        parts = [part for _ in range(3) if (part := read_part(sys.stdin.buffer)) is not None]
+        if len(parts) < 3:
             return
         for part in call(function, parts):
             answers.write(struct.pack("<I", len(part)) + part)

@@ -51,7 +51,7 @@ __all__ = [
 ]
 
 
-def _discon(turbine: Turbine, **parameters) -> Controller:
+def _discon(turbine: Turbine, **parameters: Any) -> Controller:
     """The turbine's own controller, with published constants where its data have them (`own`)."""
     return own_controller(turbine, **parameters)
 
@@ -61,54 +61,54 @@ def _retuned(turbine: Turbine, gain_factor: float | None = None) -> Controller:
     return retuned_controller(turbine, gain_factor)
 
 
-def _rosco(turbine: Turbine, **parameters) -> Controller:
+def _rosco(turbine: Turbine, **parameters: Any) -> Controller:
     """Tip-speed-ratio tracking with a wind estimate, set-point smoothing, peak shaving (`tsr_tracking`)."""
     return TsrTrackingController.of_turbine(turbine, **parameters)
 
 
-def _ipc(turbine: Turbine, **parameters) -> Addition:
+def _ipc(turbine: Turbine, **parameters: Any) -> Addition:
     """Individual pitch against the load once per revolution (`individual_pitch`)."""
     return IndividualPitch.of_turbine(turbine, **parameters)
 
 
-def _ipc_2p(turbine: Turbine, second_harmonic: float = 0.5, **parameters) -> Addition:
+def _ipc_2p(turbine: Turbine, second_harmonic: float = 0.5, **parameters: Any) -> Addition:
     """Individual pitch against the loads once and twice per revolution."""
     return IndividualPitch.of_turbine(turbine, second_harmonic=second_harmonic, **parameters)
 
 
-def _constrained_ipc(turbine: Turbine, level: float = 0.1, **parameters) -> Addition:
+def _constrained_ipc(turbine: Turbine, level: float = 0.1, **parameters: Any) -> Addition:
     """Individual pitch that acts only where the moment in the fixed frame leaves a band of this level."""
     return IndividualPitch.of_turbine(turbine, level=level, **parameters)
 
 
-def _fore_aft_damper(turbine: Turbine, **parameters) -> Addition:
+def _fore_aft_damper(turbine: Turbine, **parameters: Any) -> Addition:
     """Damper of the tower's fore-aft motion by collective pitch (`tower_dampers`)."""
     return ForeAftDamper.of_turbine(turbine, **parameters)
 
 
-def _side_side_damper(turbine: Turbine, **parameters) -> Addition:
+def _side_side_damper(turbine: Turbine, **parameters: Any) -> Addition:
     """Damper of the tower's side-side motion by generator torque (`tower_dampers`)."""
     return SideSideDamper.of_turbine(turbine, **parameters)
 
 
-def _yaw(turbine: Turbine, **parameters) -> Addition:
+def _yaw(turbine: Turbine, **parameters: Any) -> Addition:
     """Yaw by dead-band (`yaw`)."""
     return YawByDeadBand.of_turbine(turbine, **parameters)
 
 
-def _lidar(turbine: Turbine, base: Controller, **parameters) -> Controller:
+def _lidar(turbine: Turbine, base: Controller, **parameters: Any) -> Controller:
     """Collective pitch ahead of the wind that a lidar sees (`lidar_feedforward`)."""
     return LidarFeedforward.of_turbine(turbine, base, **parameters)  # type: ignore[arg-type]  # checked by the class
 
 
-def _bladed(turbine: Turbine, library: str | None = None, **parameters) -> Controller:
+def _bladed(turbine: Turbine, library: str | None = None, **parameters: Any) -> Controller:
     """A compiled controller with the Bladed interface (`wt_gym.control.bladed`)."""
     if library is None:
         raise ValueError("the controller 'bladed' must be given a library: bladed:path/of/the/library.so")
     return BladedController.of_turbine(turbine, library, **parameters)
 
 
-def _real_rosco(turbine: Turbine, **parameters) -> Controller:
+def _real_rosco(turbine: Turbine, **parameters: Any) -> Controller:
     """NREL's reference open-source controller itself, from the package rosco (`wt_gym.control.bladed`)."""
     return RoscoController.of_turbine(turbine, **parameters)
 

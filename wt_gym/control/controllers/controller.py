@@ -21,9 +21,13 @@ from wt_gym.control.sensors import Lidar
 from wt_gym.errors import ControllerError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
+    from numpy.typing import NDArray
 
     from wt_gym.simulation import Signals
+    from wt_gym.wind import Inflow
 
 __all__ = [
     "Addition",
@@ -129,7 +133,7 @@ class WithLidar:
 
     __slots__ = ("_seen", "_signals")
 
-    def __init__(self, signals: Readings, seen):
+    def __init__(self, signals: Readings, seen: Sequence[float] | NDArray[np.float64]) -> None:
         self._signals = signals
         self._seen = dict(zip(_gates(len(seen)), map(float, seen), strict=True))
 
@@ -144,7 +148,7 @@ def lidar_of(controller: Controller) -> Lidar | None:
     return lidar if isinstance(lidar, Lidar) else None
 
 
-def readings_of(controller: Controller, signals: Signals, inflow, hub_height: float) -> Readings:
+def readings_of(controller: Controller, signals: Signals, inflow: Inflow, hub_height: float) -> Readings:
     """What a controller gets to read: the signals, with those of its lidar if it has one.
 
     Parameters
@@ -163,24 +167,24 @@ def readings_of(controller: Controller, signals: Signals, inflow, hub_height: fl
     return WithLidar(signals, lidar.read(inflow, signals["time"], signals["yaw"], hub_height))
 
 
-def is_controller(candidate) -> TypeGuard[Controller]:
+def is_controller(candidate: object) -> TypeGuard[Controller]:
     """Whether something is a `Controller`; an `Addition` has the same names, but its methods take other arguments."""
     return _keeps(candidate, Controller, start=2, step=2)
 
 
-def is_addition(candidate) -> TypeGuard[Addition]:
+def is_addition(candidate: object) -> TypeGuard[Addition]:
     """Whether something is an `Addition`."""
     return _keeps(candidate, Addition, start=1, step=3)
 
 
-def _keeps(candidate, contract: type, **counts: int) -> bool:
+def _keeps(candidate: object, contract: type, **counts: int) -> bool:
     """Whether an object has what a contract names and its methods can be called with so many arguments."""
     if inspect.isclass(candidate) or not isinstance(candidate, contract):
         return False
     return all(_takes(getattr(candidate, name), count) for name, count in counts.items())
 
 
-def _takes(method: Callable, count: int) -> bool:
+def _takes(method: Callable[..., Any], count: int) -> bool:
     try:
         inspect.signature(method).bind(*range(count))
     except TypeError:
@@ -213,12 +217,12 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
     return demand if demand.pitch is pitch else replace(demand, pitch=pitch)
 
 
-def parts_of(controller: Controller) -> tuple[Controller | Addition, ...]:
+def parts_of(controller: Controller | Addition) -> tuple[Controller | Addition, ...]:
     """A controller alone, or what it is combined of."""
     return (controller.base, *controller.additions) if isinstance(controller, Combined) else (controller,)
 
 
-def _name(controller) -> str:
+def _name(controller: Controller | Addition) -> str:
     """Class of a controller, with its parts."""
     parts = parts_of(controller)
     return " + ".join(type(part).__name__ for part in parts)

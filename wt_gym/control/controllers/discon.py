@@ -32,6 +32,8 @@ from wt_gym.errors import ControllerError
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
@@ -138,7 +140,8 @@ class BaselineParameters:
                 given["gain_doubling_pitch"] = own.gain_doubling_pitch
             else:
                 given["gain_table"] = GainTable(*(tuple(row.tolist()) for row in (own.gain_pitch, kp, ki)))
-        return replace(rule, **{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
+        known = {name: value for name, value in given.items() if value is not None}
+        return replace(rule, **known)  # type: ignore[arg-type]  # each by its own field
 
     @classmethod
     def by_rule(cls, turbine: Turbine, design: DesignPoint | None = None) -> BaselineParameters:
@@ -219,7 +222,7 @@ class BaselineState:
 
     filtered_speed: float
     speed_integral: float
-    pitch: np.ndarray
+    pitch: NDArray[np.float64]
     torque: float
 
 
@@ -250,7 +253,7 @@ class BaselineController:
         damping = self.parameters.filter_damping
         self._filter = SecondOrderLowPass(self.parameters.corner_frequency, damping) if damping > 0.0 else None
 
-    def start(self, generator_speed: float, pitch, torque: float = math.nan) -> None:
+    def start(self, generator_speed: float, pitch: ArrayLike, torque: float = math.nan) -> None:
         """Start bumplessly: the first command continues from the present pitch.
 
         Parameters
@@ -279,7 +282,7 @@ class BaselineController:
             self._filter.reset(speed)
         self.state = BaselineState(float(generator_speed), float(integral), pitch, float(torque))
 
-    def step(self, generator_speed: float, dt: float) -> tuple[np.ndarray, float]:
+    def step(self, generator_speed: float, dt: float) -> tuple[NDArray[np.float64], float]:
         """Advance by one call.
 
         Parameters

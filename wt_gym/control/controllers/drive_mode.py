@@ -24,6 +24,8 @@ from scipy.integrate import cumulative_trapezoid
 from wt_gym.control.operating_point import rotor_inertia
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.turbines import Turbine
 
 __all__ = ["DriveMode", "drive_mode"]
@@ -74,16 +76,20 @@ def drive_mode(turbine: Turbine) -> DriveMode:
     return DriveMode(math.sqrt(squared), math.sqrt(clamped_squared), float(response), blade.damping_ratio)
 
 
-def _deflection(s: np.ndarray, load: np.ndarray, bending_stiffness: np.ndarray) -> np.ndarray:
+def _deflection(
+    s: NDArray[np.float64], load: NDArray[np.float64], bending_stiffness: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Deflection of a cantilever under a distributed load [N/m]: the load integrated four times."""
     shear = _from_tip(s, load)
     return _from_root(s, _from_root(s, _from_tip(s, shear) / bending_stiffness))
 
 
-def _from_root(s: np.ndarray, y: np.ndarray) -> np.ndarray:
-    return cumulative_trapezoid(y, s, initial=0.0)
+def _from_root(s: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    out: NDArray[np.float64] = cumulative_trapezoid(y, s, initial=0.0)
+    return out
 
 
-def _from_tip(s: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _from_tip(s: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     whole = _from_root(s, y)
-    return whole[-1] - whole
+    out: NDArray[np.float64] = whole[-1] - whole
+    return out

@@ -13,6 +13,8 @@ from wt_gym.control.operating_point import least_pitch
 from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from wt_gym.turbines import Turbine
 
 __all__ = ["FADE", "AboveRated", "FadeParameters"]
@@ -56,7 +58,7 @@ class FadeParameters:
     speed: tuple[float, float] = (0.85, 0.95)
     time_constant: float = 5.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("pitch", "speed"):
             low, high = getattr(self, name)
             if not low < high:
@@ -116,7 +118,7 @@ class AboveRated:
         """Start in steady state at a collective pitch [rad]."""
         self._pitch.reset(pitch)
 
-    def update(self, pitch, rotor_speed: float, dt: float) -> float:
+    def update(self, pitch: Sequence[float], rotor_speed: float, dt: float) -> float:
         """Factor after a step of ``dt`` [s] with these pitch demands [rad] at a rotor speed [rad/s]."""
         p = self.parameters
         filtered = self._pitch.update(sum(pitch) / len(pitch), dt)

@@ -24,6 +24,10 @@ from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import PitchSystem, Turbine
 
@@ -90,7 +94,7 @@ class HarmonicPitchParameters:
     limit: float = math.radians(4.0)
     rate_limit: float = math.radians(1.5)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.harmonic not in (1, 2):
             raise ValueError(f"harmonic must be 1 or 2, got {self.harmonic!r}")
         for name in ("integral_gain", "proportional_gain", "level", "leak", "limit", "rate_limit"):
@@ -124,16 +128,23 @@ class HarmonicPitch:
         self._pitch = self._moment = self._integral = (0.0, 0.0)
 
     @property
-    def pitch(self) -> np.ndarray:
+    def pitch(self) -> NDArray[np.float64]:
         """Tilt and yaw component after the last step [rad], shape (2,)."""
         return np.array(self._pitch)
 
     @property
-    def moment(self) -> np.ndarray:
+    def moment(self) -> NDArray[np.float64]:
         """Tilt and yaw component measured last [N m], shape (2,)."""
         return np.array(self._moment)
 
-    def step(self, moments, azimuth: float, dt: float, lead: float = 0.0, share: float = 1.0) -> np.ndarray:
+    def step(
+        self,
+        moments: Sequence[float] | NDArray[np.float64],
+        azimuth: float,
+        dt: float,
+        lead: float = 0.0,
+        share: float = 1.0,
+    ) -> NDArray[np.float64]:
         """Pitch to be added to each blade [rad], shape (n_blades,).
 
         Parameters
@@ -149,7 +160,14 @@ class HarmonicPitch:
         """
         return np.array(self.turn(moments, azimuth, dt, lead, share))
 
-    def turn(self, moments, azimuth: float, dt: float, lead: float = 0.0, share: float = 1.0) -> list[float]:
+    def turn(
+        self,
+        moments: Sequence[float] | NDArray[np.float64],
+        azimuth: float,
+        dt: float,
+        lead: float = 0.0,
+        share: float = 1.0,
+    ) -> list[float]:
         """The same as a list, for those who go on with numbers one by one."""
         p = self.parameters
         self._moment = to_harmonic(moments, azimuth, p.harmonic)
@@ -205,13 +223,13 @@ class IndividualPitch:
 
     def __init__(
         self,
-        harmonics,
+        harmonics: Iterable[HarmonicPitchParameters],
         fade: AboveRated | None,
         drive: PitchSystem,
         n_blades: int = 3,
         lead: float | None = None,
         simulator_step: float | None = None,
-    ):
+    ) -> None:
         self.harmonics = tuple(HarmonicPitch(p) for p in harmonics)
         if n_blades < 3:
             raise ValueError(f"individual pitch in the fixed frame needs at least 3 blades, got {n_blades}")

@@ -17,6 +17,8 @@ from wt_gym.control.sensors import Lidar, LowPass
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
@@ -87,14 +89,14 @@ class LidarFeedforward:
     def __init__(
         self,
         base: ShiftablePitch,
-        winds,
-        pitch,
+        winds: ArrayLike,
+        pitch: ArrayLike,
         lidar: Lidar,
         wavenumber: float,
         delay: float = 0.5,
         fade: AboveRated | None = None,
         gain: float = 1.0,
-    ):
+    ) -> None:
         if not isinstance(lidar, Lidar):
             raise ValueError(f"lidar must be a wt_gym.control.Lidar, got {lidar!r}")
         if not isinstance(base, ShiftablePitch):

@@ -20,6 +20,8 @@ from wt_gym.turbines import Turbine
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from wt_gym.control.controllers.controller import Controller
 
 __all__ = ["Memory", "changing_parts", "memory_of", "remember"]
@@ -39,8 +41,8 @@ class Memory(NamedTuple):
         Of the parts: numbers, arrays, and lists of numbers, which may grow and shrink.
     """
 
-    values: np.ndarray
-    sizes: np.ndarray
+    values: NDArray[np.float64]
+    sizes: NDArray[np.float64]
 
 
 def memory_of(controller: Controller) -> Memory:
@@ -49,7 +51,7 @@ def memory_of(controller: Controller) -> Memory:
     return Memory(np.concatenate([np.zeros(0), *parts]), np.array([part.size for part in parts], dtype=int))
 
 
-def changing_parts(memories: Sequence[Memory]) -> np.ndarray:
+def changing_parts(memories: Sequence[Memory]) -> NDArray[np.bool_]:
     """Which parts differ between memories of one controller, shape (n_parts,), bool: the others are its parameters."""
     first = _split(memories[0])
     changing = np.zeros(len(first), dtype=bool)
@@ -59,11 +61,11 @@ def changing_parts(memories: Sequence[Memory]) -> np.ndarray:
     return changing
 
 
-def _split(memory: Memory) -> list[np.ndarray]:
+def _split(memory: Memory) -> list[NDArray[np.float64]]:
     return np.split(memory.values[: memory.sizes.sum()], np.cumsum(memory.sizes)[:-1])
 
 
-def remember(controller: Controller, memory: Memory, changing: np.ndarray) -> None:
+def remember(controller: Controller, memory: Memory, changing: NDArray[np.float64]) -> None:
     """Put numbers into a controller.
 
     Parameters
@@ -92,7 +94,7 @@ def remember(controller: Controller, memory: Memory, changing: np.ndarray) -> No
             put(_like(value, part))
 
 
-def _like(value: Any, numbers: np.ndarray) -> Any:
+def _like(value: Any, numbers: NDArray[np.float64]) -> Any:
     """Numbers in the form of a value."""
     if isinstance(value, np.ndarray):
         return numbers.reshape(value.shape).astype(value.dtype)
@@ -134,7 +136,7 @@ def _is_series(value: Any) -> bool:
     return all(isinstance(entry, _NUMBER) for entry in value)
 
 
-def _put_into_tuple(entries: list, kind: type, put: Callable[[Any], None], k: int, entry: Any) -> None:
+def _put_into_tuple(entries: list[Any], kind: type, put: Callable[[Any], None], k: int, entry: Any) -> None:
     """Replace a tuple by one with another entry, and with those that were replaced before."""
     entries[k] = entry
     put(kind(*entries) if hasattr(kind, "_fields") else kind(entries))

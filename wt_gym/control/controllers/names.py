@@ -6,7 +6,7 @@
 ``path/file.py:Class:key=value,...``    a class of one's own, or a function, in a file
 ``module:Class:key=value,...``          the same in a module
 ``FOLDER``, ``FILE.zip:key=value,...``  a trained model
-another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.agents.choices`
+another word, ``WORD:key=value,...``    what a command knows besides, see `wt_gym.agents.names`
 ======================================  ===========================================================================
 """
 
@@ -52,6 +52,11 @@ _IDENTIFIER = r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*"
 _FILE_CLASS = re.compile(rf"(?P<target>.+\.py:{_IDENTIFIER})(?::(?P<rest>.*))?", re.DOTALL)
 _MODULE_CLASS = re.compile(rf"(?P<target>{_IDENTIFIER}:{_IDENTIFIER})(?::(?P<rest>.*))?")
 _MODEL = re.compile(r"(?P<target>.+\.zip)(?::(?P<rest>.*))?", re.DOTALL)
+
+
+_NAME_BEHIND_PARAMETERS = re.compile(
+    rf"\+(?P<name>{'|'.join(sorted(CONTROLLERS, key=len, reverse=True))})\b(?P<rest>.*)"
+)
 
 
 @dataclass(frozen=True)
@@ -151,8 +156,19 @@ def _canonical(names: str) -> str:
 
 def _parameters(rest: str | None, text: str, strings: bool | Collection[str] = False) -> dict[str, Any]:
     """Parameters of ``key=value,key=value``: numbers, True, False, None, and words, for all keys or for some."""
+    if not rest:
+        if text.endswith(":"):
+            raise ValueError(f"the colon of {text!r} must be followed by key=value, or left out")
+        return {}
+    if found := _NAME_BEHIND_PARAMETERS.search(rest):
+        head = text[: len(text) - len(rest)].rstrip(":")
+        pairs = [rest[: found.start()], *filter(None, [(found["rest"] or "").lstrip(":")])]
+        raise ValueError(
+            f"the names of {text!r} must all stand before the colon, the parameters of all parts behind it: "
+            f"{head}+{found['name']}:{','.join(pairs)}"
+        )
     parameters: dict[str, Any] = {}
-    for pair in filter(None, (rest or "").split(",")):
+    for pair in rest.split(","):
         key, separator, value = pair.partition("=")
         if not (separator and key):
             raise ValueError(f"a parameter of a controller must be key=value, got {pair!r} in {text!r}")
@@ -231,7 +247,7 @@ def is_agent_class(maker: Any) -> bool:
 
 
 def make_controller(
-    choice: str | Controller | Callable[[Turbine], Controller], turbine: Turbine, **parameters
+    choice: str | Controller | Callable[[Turbine], Controller], turbine: Turbine, **parameters: Any
 ) -> Controller:
     """Make a controller for a turbine.
 
@@ -330,7 +346,7 @@ def _of_own_class(target: str, turbine: Turbine, parameters: dict[str, Any]) -> 
     return made
 
 
-def _what(given) -> str:
+def _what(given: object) -> str:
     """Name a thing that is no controller."""
     if is_addition(given):
         return f"the addition {given!r}, which changes the demand of a controller: use Combined(controller, addition)"

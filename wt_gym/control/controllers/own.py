@@ -58,14 +58,8 @@ def _pole(name: str) -> Callable[[Turbine], float | None]:
     return in_use
 
 
-def _of_torque_curve(name: str) -> Callable[[Turbine], float | None]:
-    """A number that only a controller with a torque curve uses."""
-    return lambda turbine: None if tracks_tip_speed_ratio(turbine) else _field(name)(turbine)
-
-
-def _region_2_gain(turbine: Turbine) -> float | None:
-    tracks = tracks_tip_speed_ratio(turbine)
-    return None if tracks else BaselineParameters.from_turbine(turbine).torque.region_2_gain
+def _region_2_gain(turbine: Turbine) -> float:
+    return BaselineParameters.from_turbine(turbine).torque.region_2_gain
 
 
 def _tip_speed_ratio(turbine: Turbine) -> float:
@@ -73,6 +67,10 @@ def _tip_speed_ratio(turbine: Turbine) -> float:
         return design_point(turbine).tip_speed_ratio
     own = turbine.control
     return (own and own.optimal_tip_speed_ratio) or blade_element_table(turbine).optimum[0]
+
+
+def _has_torque_curve(turbine: Turbine) -> bool:
+    return not tracks_tip_speed_ratio(turbine)
 
 
 _ITS_OWN = "the turbine's own"
@@ -115,15 +113,15 @@ PARAMETERS = (
     ),
     Parameter(
         "min_pitch", "rad", "least pitch, of a controller with a torque curve", -math.pi, math.pi,
-        otherwise=_ITS_OWN, in_use=_of_torque_curve("min_pitch"),
+        otherwise=_ITS_OWN, in_use=_field("min_pitch"), only_of=_has_torque_curve,
     ),
     Parameter(
         "region_3_min_pitch", "rad", "pitch from which on region 3 holds, of a controller with a torque curve",
-        -math.pi, math.pi, otherwise=_ITS_OWN, in_use=_of_torque_curve("region_3_min_pitch"),
+        -math.pi, math.pi, otherwise=_ITS_OWN, in_use=_field("region_3_min_pitch"), only_of=_has_torque_curve,
     ),
     Parameter(
         "region_2_gain", "N m s²/rad²", "torque over generator speed squared below rated, of a torque curve", 0.0,
-        above=True, otherwise=_ITS_OWN, in_use=_region_2_gain,
+        above=True, otherwise=_ITS_OWN, in_use=_region_2_gain, only_of=_has_torque_curve,
     ),
     Parameter(
         "tip_speed_ratio", "-", "ratio that is run at below rated", 0.0, above=True, otherwise=_ITS_OWN,
@@ -132,6 +130,7 @@ PARAMETERS = (
     Parameter(
         "thrust_limit", "-", "largest steady thrust over the peak that it has without a limit, of a controller that "
         "estimates the wind", 0.0, 1.0, above=True, otherwise="the published least pitch, if any",
+        only_of=tracks_tip_speed_ratio,
     ),
 )  # fmt: skip
 """What can be chosen (`wt_gym.control.controllers.parameters`)."""
@@ -221,7 +220,7 @@ def own_controller(
     region_2_gain: float | None = None,
     tip_speed_ratio: float | None = None,
     thrust_limit: float | None = None,
-    **parameters,
+    **parameters: Any,
 ) -> Controller:
     """Make the turbine's own controller and look at its speed loop (`wt_gym.control.speed_loop.check_speed_loop`).
 

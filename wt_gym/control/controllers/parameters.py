@@ -50,6 +50,8 @@ class Parameter:
         Name of a class whose objects are allowed too, from Python only; "" for none.
     only_object : bool
         Whether no number is allowed, only such an object, a switch or a word.
+    only_of : callable or None
+        Whether the controller of a turbine takes it, from the turbine; None where that of every turbine does.
     word : str
         What a word stands for, as "a path"; "" where no word is allowed.
     default : object
@@ -67,8 +69,13 @@ class Parameter:
     switch: bool = False
     kind: str = ""
     only_object: bool = False
+    only_of: Callable[[Turbine], bool] | None = None
     word: str = ""
     default: Any = inspect.Parameter.empty
+
+    def taken(self, turbine: Turbine | None) -> bool:
+        """Whether the controller of a turbine takes it; without a turbine, whether that of any does."""
+        return turbine is None or self.only_of is None or self.only_of(turbine)
 
     @property
     def allowed(self) -> str:

@@ -33,7 +33,7 @@ class GainTable:
     proportional: tuple[float, ...]
     integral: tuple[float, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not len(self.pitch) == len(self.proportional) == len(self.integral) > 0:
             raise ControllerError(
                 f"a gain table needs as many gains as pitch angles, at least one, got {len(self.pitch)} angles, "

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.turbines import Support, Tower, Turbine
 
 __all__ = ["TowerTop", "flap_moment_sensitivity", "same_rotor", "slower_than_reference", "tower_top"]
@@ -100,14 +102,14 @@ def tower_top(turbine: Turbine) -> TowerTop:
 class _Column:
     """Tower with the support it may stand on: tables from the foot up, a lump of mass, and the ground."""
 
-    station: np.ndarray  # (n,) [m]
-    stiffness: np.ndarray  # (n, 6, 6)
-    mass: np.ndarray  # (n,) [kg/m]
+    station: NDArray[np.float64]  # (n,) [m]
+    stiffness: NDArray[np.float64]  # (n, 6, 6)
+    mass: NDArray[np.float64]  # (n,) [kg/m]
     lump: float  # [kg]
     lump_at: float  # [m]
     support: Support | None
 
-    def water(self, z: np.ndarray) -> np.ndarray | float:
+    def water(self, z: NDArray[np.float64]) -> NDArray[np.float64] | float:
         """Mass per length of the water that moves along [kg/m], at distances from the foot (n,) [m]."""
         return 0.0 if self.support is None else np.where(z <= self.lump_at, self.support.added_mass_at(z), 0.0)
 
@@ -137,6 +139,6 @@ def _column(tower: Tower) -> _Column:
     )
 
 
-def _integral(values: np.ndarray, step: float) -> np.ndarray:
+def _integral(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Integral from the start by the trapezoidal rule, shape of the values."""
     return np.concatenate(([0.0], np.cumsum(0.5 * step * (values[1:] + values[:-1]))))

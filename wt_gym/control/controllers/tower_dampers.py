@@ -61,7 +61,9 @@ class ForeAftDamper:
 
     channels = ("nacelle_acceleration_fore_aft", "rotor_speed")
 
-    def __init__(self, gain: float, corner: float, limit: float, fade: AboveRated | None, pitch_limits):
+    def __init__(
+        self, gain: float, corner: float, limit: float, fade: AboveRated | None, pitch_limits: tuple[float, float]
+    ) -> None:
         self.gain, self.limit, self.fade, self.pitch_limits = gain, limit, fade, tuple(pitch_limits)
         self._velocity, self._fresh = BandLimitedIntegrator(corner), True
 

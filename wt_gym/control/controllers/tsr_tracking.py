@@ -33,6 +33,10 @@ from wt_gym.control.sensors import LowPass, Notch
 from wt_gym.deprecated import renamed_names
 
 if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
@@ -86,7 +90,7 @@ PARAMETERS = (
 
 def pitch_schedule(
     table: RotorTable, turbine: Turbine, tip_speed_ratio: float, thrust_limit: float = 1.0
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Least pitch over the wind: the best one below rated, and what keeps the thrust below a limit.
 
     Parameters
@@ -170,13 +174,13 @@ class TsrTrackingParameters:
     pitch_to_speed: float
     torque_to_speed: float
     smoothing_time_constant: float
-    schedule_wind: np.ndarray
-    schedule_pitch: np.ndarray
+    schedule_wind: NDArray[np.float64]
+    schedule_pitch: NDArray[np.float64]
     table: RotorTable
     constant_power_pitch: float = 0.0
 
     @classmethod
-    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters) -> TsrTrackingParameters:
+    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters: Any) -> TsrTrackingParameters:
         """Numbers of the turbine's own controller, by rule where its data say nothing.
 
         Parameters
@@ -200,7 +204,7 @@ class TsrTrackingParameters:
         if own.min_pitch_wind is not None and "thrust_limit" not in parameters:
             given["schedule_wind"] = own.min_pitch_wind
             given["schedule_pitch"] = np.array([least_pitch(turbine, wind) for wind in own.min_pitch_wind.tolist()])
-        return replace(made, **given)  # type: ignore[arg-type]
+        return replace(made, **given)  # type: ignore[arg-type]  # each by its own field
 
     @classmethod
     def from_turbine(
@@ -316,7 +320,7 @@ class TsrTrackingController:
 
     @classmethod
     def of_turbine(
-        cls, turbine: Turbine, estimator_bandwidth: float | None = None, **parameters
+        cls, turbine: Turbine, estimator_bandwidth: float | None = None, **parameters: Any
     ) -> TsrTrackingController:
         """By rule; parameters as those of `TsrTrackingParameters.from_turbine`.
 
@@ -327,7 +331,7 @@ class TsrTrackingController:
 
     @classmethod
     def published(
-        cls, turbine: Turbine, baseline: BaselineParameters, estimator_bandwidth: float | None = None, **parameters
+        cls, turbine: Turbine, baseline: BaselineParameters, estimator_bandwidth: float | None = None, **parameters: Any
     ) -> TsrTrackingController:
         """With the turbine's own numbers, see `TsrTrackingParameters.published`."""
         made = TsrTrackingParameters.published(turbine, baseline, **parameters)

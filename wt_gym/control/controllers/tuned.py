@@ -56,4 +56,5 @@ def _name(key: str) -> str:
 def record_of(name: str) -> dict[str, Any]:
     """Record of the search behind a name of `TUNED`, as `wt_gym.agents.tuning.tune` writes it."""
     path = Path(__file__).with_name("data") / f"{name}.json"
-    return json.loads(path.read_text(encoding="utf-8"))
+    out: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return out

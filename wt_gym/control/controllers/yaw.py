@@ -15,6 +15,8 @@ from wt_gym.control.controllers.parameters import Parameter
 from wt_gym.control.sensors import AngleLowPass
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
@@ -70,7 +72,7 @@ class YawByDeadBand:
         self._slow, self._fast, self.turning = AngleLowPass(slow), AngleLowPass(fast), 0
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters) -> YawByDeadBand:
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> YawByDeadBand:
         """With the yaw drive of a turbine; parameters as those of the class."""
         return cls(turbine.nacelle.max_yaw_rate, **parameters)
 

@@ -28,14 +28,14 @@ class ActuatorUse:
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
         turbine, before, after = transition.turbine, transition.before, transition.after
-        travel = sum(after["pitch_travel"].tolist()) / turbine.n_blades
+        travel: float = sum(after["pitch_travel"].tolist()) / turbine.n_blades
         uses = [travel / transition.dt / turbine.pitch.max_rate]
         if turbine.drivetrain.takes_torque:
-            torque = abs(after["generator_torque"] - before["generator_torque"]) / transition.dt
+            torque: float = abs(after["generator_torque"] - before["generator_torque"]) / transition.dt
             uses.append(torque / turbine.drivetrain.max_torque_rate)
         if turbine.nacelle.max_yaw_rate > 0.0:
             uses.append(abs(after["yaw_rate"]) / turbine.nacelle.max_yaw_rate)
-        return -self.weight * sum(min(use, 1.0) for use in uses) / len(uses)
+        return -self.weight * sum([min(use, 1.0) for use in uses]) / len(uses)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import Transition
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
 
 __all__ = ["Power", "available_power"]
 
@@ -136,7 +137,7 @@ class Power:
         self._mean_wind = mean_x + gain * (x - mean_x), mean_y + gain * (y - mean_y)
         return min(1.0, self._power_factor * self._wind_speed**3 / self._rated_power)
 
-    def _wind(self, inflow, signals: Signals) -> tuple[float, float]:
+    def _wind(self, inflow: Inflow | None, signals: Signals) -> tuple[float, float]:
         """Mean horizontal wind over the disc, components along x and y [m/s]."""
         if inflow is None:
             return signals["wind_x"], signals["wind_y"]

@@ -68,8 +68,8 @@ class RainflowCounter:
         """Damage-equivalent load at 1 Hz over a duration [s], in the unit of the load."""
         if not duration > 0.0:
             raise ValueError(f"duration must be positive, got {duration!r} s")
-        return self.scale * (self.damage / duration) ** (1.0 / self.exponent)
+        return float(self.scale * (self.damage / duration) ** (1.0 / self.exponent))
 
     def _damage(self, span: float) -> float:
         """Damage of one full cycle [-]."""
-        return (span / self.scale) ** self.exponent
+        return float((span / self.scale) ** self.exponent)

@@ -25,13 +25,13 @@ def constraint_frame(c, side, y, yd, tree, work):
     ja[:, :] = 0.0
     if p < 0:
         for i in range(3):
-            work.frame_r[side, i] = work.x[i]
+            work.frame_r[side, i] = work.place[i]
             work.frame_v[side, i] = 0.0
             work.frame_w[side, i] = 0.0
             work.frame_bl[side, i] = 0.0
             work.frame_ba[side, i] = 0.0
             for j in range(3):
-                work.frame_rot[side, i, j] = work.rj[i, j]
+                work.frame_rot[side, i, j] = work.joint_rot[i, j]
         return
     rot = work.rot[p]
     n_parent = tree.n_col[p]
@@ -42,19 +42,27 @@ def constraint_frame(c, side, y, yd, tree, work):
         work.frame_bl[side, i] = 0.0
         work.frame_ba[side, i] = 0.0
         for m in range(3):
-            work.frame_r[side, i] += rot[i, m] * work.x[m]
-            work.frame_v[side, i] += rot[i, m] * work.nv[m]
-            work.frame_w[side, i] += rot[i, m] * work.wn[m]
-            work.frame_bl[side, i] += rot[i, m] * work.nb_lin[m]
-            work.frame_ba[side, i] += rot[i, m] * work.nb_ang[m]
+            work.frame_r[side, i] += rot[i, m] * work.place[m]
+            work.frame_v[side, i] += rot[i, m] * work.joint_v[m]
+            work.frame_w[side, i] += rot[i, m] * work.joint_omega[m]
+            work.frame_bl[side, i] += rot[i, m] * work.joint_bias_lin[m]
+            work.frame_ba[side, i] += rot[i, m] * work.joint_bias_ang[m]
         for j in range(3):
             work.frame_rot[side, i, j] = (
-                rot[i, 0] * work.rj[0, j] + rot[i, 1] * work.rj[1, j] + rot[i, 2] * work.rj[2, j]
+                rot[i, 0] * work.joint_rot[0, j] + rot[i, 1] * work.joint_rot[1, j] + rot[i, 2] * work.joint_rot[2, j]
             )
         for col in range(n_in):
             u = tree.cols[p, col] if col < n_parent else tree.elastic_u[p] + col - n_parent
-            jl[i, u] = rot[i, 0] * work.nl[0, col] + rot[i, 1] * work.nl[1, col] + rot[i, 2] * work.nl[2, col]
-            ja[i, u] = rot[i, 0] * work.na[0, col] + rot[i, 1] * work.na[1, col] + rot[i, 2] * work.na[2, col]
+            jl[i, u] = (
+                rot[i, 0] * work.joint_vl[0, col]
+                + rot[i, 1] * work.joint_vl[1, col]
+                + rot[i, 2] * work.joint_vl[2, col]
+            )
+            ja[i, u] = (
+                rot[i, 0] * work.joint_va[0, col]
+                + rot[i, 1] * work.joint_va[1, col]
+                + rot[i, 2] * work.joint_va[2, col]
+            )
 
 
 @kernel
@@ -65,18 +73,18 @@ def turn_by_servo(c, y, tree, work):
     angle, rate, accel = y[n_y + s], y[n_y + tree.n_servo + s], work.servo_acceleration[s]
     axis, rot = tree.constraint_axis[c], work.frame_rot[0]
     for i in range(3):
-        work.th[i] = axis[i] * angle
-        work.thd[i] = rot[i, 0] * axis[0] + rot[i, 1] * axis[1] + rot[i, 2] * axis[2]
-    rotation_exp(work.th, work.rn, work.ti)
+        work.turn[i] = axis[i] * angle
+        work.turn_rate[i] = rot[i, 0] * axis[0] + rot[i, 1] * axis[1] + rot[i, 2] * axis[2]
+    rotation_exp(work.turn, work.turn_rot, work.tangent)
     for i in range(3):
         r0, r1, r2 = rot[i, 0], rot[i, 1], rot[i, 2]
         for j in range(3):
-            rot[i, j] = r0 * work.rn[0, j] + r1 * work.rn[1, j] + r2 * work.rn[2, j]
-        work.frame_ba[0, i] += work.thd[i] * accel
-        work.c1[i] = work.thd[i] * rate
-    cross_add(work.frame_w[0], work.c1, work.frame_ba[0])
+            rot[i, j] = r0 * work.turn_rot[0, j] + r1 * work.turn_rot[1, j] + r2 * work.turn_rot[2, j]
+        work.frame_ba[0, i] += work.turn_rate[i] * accel
+        work.one[i] = work.turn_rate[i] * rate
+    cross_add(work.frame_w[0], work.one, work.frame_ba[0])
     for i in range(3):
-        work.frame_w[0, i] += work.c1[i]
+        work.frame_w[0, i] += work.one[i]
 
 
 @kernel(separate=True)
@@ -95,19 +103,19 @@ def constraint_rows(y, tree, work):
             turn_by_servo(c, y, tree, work)
         constraint_frame(c, 1, y, yd, tree, work)
         rc, rd, wc, wd = work.frame_rot[0], work.frame_rot[1], work.frame_w[0], work.frame_w[1]
-        delta, rate, bias, spin = work.c1, work.c2, work.th, work.thd
+        delta, rate, bias, spin = work.one, work.two, work.turn, work.turn_rate
         for i in range(3):
             delta[i] = work.frame_r[1, i] - work.frame_r[0, i]
             rate[i] = work.frame_v[1, i] - work.frame_v[0, i]
             bias[i] = work.frame_bl[1, i] - work.frame_bl[0, i]
             spin[i] = work.frame_ba[1, i] - work.frame_ba[0, i]
-            work.x[i] = 0.0
-            work.xd[i] = 0.0
+            work.place[i] = 0.0
+            work.place_rate[i] = 0.0
         cross_add(delta, wc, rate)  # ḋ seen from the first frame
-        cross_add(wc, delta, work.x)
+        cross_add(wc, delta, work.place)
         for i in range(3):
-            work.x[i] += 2.0 * rate[i]
-        cross_add(work.x, wc, bias)
+            work.place[i] += 2.0 * rate[i]
+        cross_add(work.place, wc, bias)
         cross_add(delta, work.frame_ba[0], bias)
         cross_add(wd, wc, spin)
         jl, ja = work.frame_jl, work.frame_ja
@@ -130,20 +138,20 @@ def constraint_rows(y, tree, work):
             continue
         # rotation of the second frame against the first: small angle, or tilt of the hinge axes against each other
         for i in range(3):
-            work.x[i] = 0.0
+            work.place[i] = 0.0
             if kind == WELD:
                 j, k = (i + 1) % 3, (i + 2) % 3
                 for m in range(3):
-                    work.x[i] += 0.5 * (rc[m, k] * rd[m, j] - rc[m, j] * rd[m, k])
+                    work.place[i] += 0.5 * (rc[m, k] * rd[m, j] - rc[m, j] * rd[m, k])
             else:
                 for m in range(3):
                     for n in range(3):
-                        work.xd[i] += rc[m, i] * rd[m, n] * tree.constraint_axis[c, n]
+                        work.place_rate[i] += rc[m, i] * rd[m, n] * tree.constraint_axis[c, n]
         if kind == HINGE:
-            cross_add(tree.constraint_axis[c], work.xd, work.x)
+            cross_add(tree.constraint_axis[c], work.place_rate, work.place)
         for t in range(n_turn):
             e = tree.constraint_turn[c, t]
-            work.residual[row] = e[0] * work.x[0] + e[1] * work.x[1] + e[2] * work.x[2]
+            work.residual[row] = e[0] * work.place[0] + e[1] * work.place[1] + e[2] * work.place[2]
             d0 = rc[0, 0] * e[0] + rc[0, 1] * e[1] + rc[0, 2] * e[2]
             d1 = rc[1, 0] * e[0] + rc[1, 1] * e[1] + rc[1, 2] * e[2]
             d2 = rc[2, 0] * e[0] + rc[2, 1] * e[1] + rc[2, 2] * e[2]

@@ -8,15 +8,26 @@ positions and four quaternion components and one norm condition each. Both are t
     [B̄      0 ] [λ] = [c    ],     B̄ = [B L; 2 pᵀ],
 
 with c = −γ − 2 α φ̇ − α² φ (Baumgarte) for the six equations of a blade root, and the same for p·p − 1 = 0. This module
-assembles eqs. (7)–(11) densely, for inspection and as the yardstick of the fast solution.
+assembles eqs. (7)–(11) densely, for inspection and as the reference of the fast solution.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.multibody.system import MultibodyError
+from wt_gym.multibody.errors import MultibodyError
 from wt_gym.multibody.tree import tree_kernels
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.arrays import Inputs
+    from wt_gym.multibody.system import MultibodySystem
+
+    Array = NDArray[np.float64]
 
 __all__ = ["DescriptorForm", "descriptor_form"]
 
@@ -37,13 +48,13 @@ class DescriptorForm:
         L: u = L ẋ.
     """
 
-    mass: np.ndarray
-    jacobian: np.ndarray
-    force: np.ndarray
-    right_hand_side: np.ndarray
-    to_velocities: np.ndarray
+    mass: Array
+    jacobian: Array
+    force: Array
+    right_hand_side: Array
+    to_velocities: Array
 
-    def solve(self):
+    def solve(self) -> tuple[Array, Array]:
         """Accelerations ẍ (n_x,) and multipliers λ (n_c,) of eq. (7).
 
         Raises
@@ -60,7 +71,7 @@ class DescriptorForm:
         return solution[:n], solution[n:]
 
 
-def descriptor_form(system, y, inputs=None):
+def descriptor_form(system: MultibodySystem, y: ArrayLike, inputs: Inputs | None = None) -> DescriptorForm:
     """Assemble eqs. (7)–(11) for a state.
 
     Parameters
@@ -78,7 +89,7 @@ def descriptor_form(system, y, inputs=None):
     Raises
     ------
     MultibodyError
-        For a state without meaning, such as a quaternion that is no unit quaternion.
+        For a state without meaning, such as a quaternion that is not a unit quaternion.
     """
     inputs, work = inputs or system.new_inputs(), system.new_work()
     y = np.ascontiguousarray(y, dtype=float)
@@ -110,7 +121,7 @@ def descriptor_form(system, y, inputs=None):
     )
 
 
-def _velocity_transform(system, y):
+def _velocity_transform(system: MultibodySystem, y: Array) -> tuple[Array, list[int]]:
     """L (n_u, n_q) with u = L ẋ, and the first indices of all quaternions."""
     transform, norms = np.zeros((system.n_u, system.n_q)), []
     for i, q in enumerate(system.tree.dof_q):

@@ -1,6 +1,8 @@
 """The modified Hamming predictor–corrector scheme on a multibody system."""
 
-from collections import namedtuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -10,26 +12,49 @@ from wt_gym.multibody.integrators import integrator_kernels
 from wt_gym.multibody.integrators.stability import check_hamming_step
 from wt_gym.multibody.tree import tree_kernels
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.arrays import Inputs, System, Work
+
 __all__ = ["Drift", "HammingIntegrator", "History", "checked_start", "new_history"]
 
-History = namedtuple("History", "y f memory counters matrix pivot")
-"""What an integration goes on from, of one type for all schemes: states y and rates f (n_points, n_state), newest last;
-memory: of the Hamming scheme its error estimate (n_state,), of implicit ones the pseudo-accelerations (n_v,), those of
-the origins of constrained free bodies in body axes; marks: how many older points count (1,), or the counters of the
-implicit schemes (3,); factors of Newton's matrix (n_v, n_v) with pivots (n_v,), of implicit schemes. n_v counts
-velocities and servos."""
-Drift = namedtuple("Drift", "norm position velocity")
+
+class History(NamedTuple):
+    """What an integration goes on from, of one type for all schemes; n_v counts velocities and servos.
+
+    The Hamming scheme keeps four points and no matrix, implicit schemes one point.
+    """
+
+    y: NDArray[np.float64]  # (n_points, n_state) states, newest last
+    f: NDArray[np.float64]  # (n_points, n_state) their rates
+    memory: NDArray[np.float64]
+    # (n_state,) error estimate of the Hamming scheme; (n_v,) pseudo-accelerations of implicit ones, of the origins of
+    # constrained free bodies in body axes
+    counters: NDArray[np.int64]  # (1,) how many older points count; (3,) counters of the implicit schemes
+    matrix: NDArray[np.float64]  # (n_v, n_v) factors of Newton's matrix
+    pivot: NDArray[np.int64]  # (n_v,) its row exchanges
+
+
+class Drift(NamedTuple):
+    """What steps have drifted by before they were put back."""
+
+    norm: float  # of quaternions, | |q| − 1 |
+    position: float  # of constraint equations, |φ| [m, rad]
+    velocity: float  # |φ̇| [m/s, rad/s]
+
+
 STARTERS = {"adams": 0, "runge-kutta": -3}
 """What ``marks`` of an empty history is."""
 
 
-def new_history(n):
+def new_history(n: int) -> History:
     """Empty history of the Hamming scheme for a state of length n."""
     points, count = np.zeros((4, n)), np.zeros(1, dtype=np.int64)
     return History(points, points.copy(), np.zeros(n), count, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
 
 
-def checked_start(system, y, inputs, work):
+def checked_start(system: System, y: ArrayLike, inputs: Inputs, work: Work) -> NDArray[np.float64]:
     """A copy of the state y, put exactly onto the constraint equations that it satisfies nearly.
 
     Raises
@@ -38,12 +63,12 @@ def checked_start(system, y, inputs, work):
         For a state without meaning, or one that is farther from the constraint equations than
         :data:`wt_gym.multibody.checks.CONSISTENT`.
     """
-    y = check_state(system, y).copy()
+    state = check_state(system, y).copy()
     if system.constraints:
-        system.rates(y, inputs, work)
+        system.rates(state, inputs, work)
         check_residuals(system, work.residual, work.residual_rate)
-        system.project(y, inputs)
-    return y
+        system.project(state, inputs)
+    return state
 
 
 class HammingIntegrator:
@@ -70,7 +95,9 @@ class HammingIntegrator:
         For a step or a number of passes that is not positive and finite, an unknown starter or a system not yet built.
     """
 
-    def __init__(self, system, step, n_corrections=3, starter="adams", trail=0):
+    def __init__(
+        self, system: System, step: float, n_corrections: int = 3, starter: str = "adams", trail: int = 0
+    ) -> None:
         system.require_built()
         if not 0.0 < step < np.inf:
             raise MultibodyError(f"integration step must be positive and finite, got {step}")
@@ -83,7 +110,7 @@ class HammingIntegrator:
         self.work, self.inputs = system.new_work(trail), system.new_inputs()
         self.history = new_history(system.n_state)
 
-    def start(self, y, check=True):
+    def start(self, y: ArrayLike, check: bool = True) -> None:
         """Begin at a state; the starters run again.
 
         Parameters
@@ -102,15 +129,15 @@ class HammingIntegrator:
         """
         system, history = self.system, self.history
         if check:
-            y = checked_start(system, y, self.inputs, self.work)
-            check_hamming_step(system, y, self.step, self.n_corrections, self.inputs, self.work)
+            y = state = checked_start(system, y, self.inputs, self.work)
+            check_hamming_step(system, state, self.step, self.n_corrections, self.inputs, self.work)
         history.y[3] = check_state(system, y)
         history.memory[:] = 0.0
         history.counters[0] = STARTERS[self.starter]
         history.f[3] = system.rates(y, self.inputs, self.work)
 
     @property
-    def drift(self):
+    def drift(self) -> Drift:
         """What steps have drifted by before they were put back, the largest since `restart_drift`.
 
         Returns
@@ -121,21 +148,21 @@ class HammingIntegrator:
         """
         return Drift(*self.work.drift.tolist())
 
-    def restart_drift(self):
+    def restart_drift(self) -> None:
         """Forget the drift of the steps so far."""
         self.work.drift[:] = 0.0
 
     @property
-    def state(self):
+    def state(self) -> NDArray[np.float64]:
         """Current state (n_state,), a view."""
-        return self.history.y[3]
+        return cast("NDArray[np.float64]", self.history.y[3])
 
     @property
-    def state_rate(self):
+    def state_rate(self) -> NDArray[np.float64]:
         """Current dy/dt (n_state,), a view."""
-        return self.history.f[3]
+        return cast("NDArray[np.float64]", self.history.f[3])
 
-    def advance(self, n_steps=1):
+    def advance(self, n_steps: int = 1) -> None:
         """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.
 
         Raises

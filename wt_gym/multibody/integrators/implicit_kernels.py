@@ -14,8 +14,21 @@ change little. Newmark's scheme is the case αm = αf = 0. Because the equations
 the stored rate belongs to the stored state. With constraint equations the state is then put back onto them, if the
 system asks for it, and the rate is taken there.
 
-Newton's matrix ∂(x₁ − u̇)/∂x₁ comes from finite differences. It is kept over the steps and made anew when the iteration
-slows down.
+One loop of steps serves two matrices of Newton's iteration, which change its speed and not its result:
+
+- ∂(x₁ − u̇)/∂x₁ by finite differences, for every system. It is kept over the steps and made anew when the iteration
+  slows down.
+- For systems without constraint equations that of the structure, by which the equations of motion are not solved for
+  the accelerations but balanced,
+
+      r(x) = M(q₁) x − f(q₁, u₁, t₁) = 0,    S Δx = −r,    S = M + h γ r_α C + h² β r_α K,   r_α = (1 − αf)/(1 − αm),
+
+  with the constant damping C and stiffness K of the elastic coordinates and joint springs. S leaves out what turning
+  adds to stiffness and damping, of the order (Ω h)² and Ω h of M. It has the pattern of M, so that its factors cost
+  little more than M itself, and many degrees of freedom a body (nodal coordinates) need no matrix of differences.
+
+The step of bodies in observer frames (:mod:`wt_gym.multibody.observer_frame.observer_frame_kernels`) is another: its
+equations are linear in the unknowns, and one solution of them is the step.
 """
 
 import math
@@ -23,8 +36,16 @@ import math
 from wt_gym.compiled import kernel
 from wt_gym.multibody.integrators.integrator_kernels import normalize_quaternions
 from wt_gym.multibody.tree.linear_algebra_kernels import factorize, solve_factorized
-from wt_gym.multibody.tree.rate_kernels import keep_drift, project, rates
-from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, NOT_CONVERGED, OK, SPHERICAL
+from wt_gym.multibody.tree.rate_kernels import (
+    balance_terms,
+    keep_drift,
+    position_rates,
+    prescribe_servos,
+    project,
+    rates,
+)
+from wt_gym.multibody.tree.sparse_kernels import factorize_tree, multiply_tree, solve_tree
+from wt_gym.multibody.tree.tree_kernels import DIVERGED, FREE, NOT_CONVERGED, OK, SINGULAR_MASS, SPHERICAL
 
 FRESH, EVALUATIONS, TANGENTS = range(3)
 SLOW = 0.2
@@ -175,38 +196,121 @@ def step_end(h, scheme, history, x, tree, scratch, constrained):
 
 
 @kernel
-def residual(h, scheme, history, x, tau, inputs, tree, work, scratch, out, constrained):
-    """Out = x − u̇ at the end of the step; returns the code of the right-hand side."""
+def imbalance(h, scheme, history, x, tau, inputs, tree, work, scratch, out, difference, constrained):
+    """What is left of the equations of motion at the end of the step, into out (n_v,); returns a code.
+
+    x − u̇, for Newton's matrix from differences; M x − f for that of the structure (``difference`` None).
+    """
     step_end(h, scheme, history, x, tree, scratch, constrained)
-    code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
     history.counters[EVALUATIONS] += 1
-    if code != OK:
-        return code
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
-    for i in range(n_u + n_s):
-        out[i] = x[i] - scratch.rate[n_q + i if i < n_u else n_q + n_u + n_s + i - n_u]
+    if difference is None:
+        balance_terms(scratch.trial, tau, inputs, tree, work, scratch.rate)
+        multiply_tree(work.mass, tree.dof_parent, x, out)
+        for i in range(n_u):
+            out[i] -= work.force[i]
+        for s in range(n_s):
+            out[n_u + s] = x[n_u + s] - work.servo_acceleration[s]
+    else:
+        code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
+        if code != OK:
+            return code
+        for i in range(n_u + n_s):
+            out[i] = x[i] - scratch.rate[n_q + i if i < n_u else n_q + n_u + n_s + i - n_u]
     return OK
 
 
 @kernel
-def newton_matrix(h, scheme, history, x, tau, inputs, tree, work, scratch, difference, constrained):
-    """Factorized ∂(x − u̇)/∂x by forward differences about x, where scratch.residual is up to date."""
+def newton_matrix(h, scheme, history, x, tau, inputs, tree, work, scratch, reach, difference, constrained):
+    """Factors of Newton's matrix at x, where scratch.residual is up to date; returns a code.
+
+    By forward differences ∂(x − u̇)/∂x, or S of the structure (``difference`` None).
+    """
     matrix = history.matrix
-    for j in range(x.shape[0]):
-        origin = x[j]
-        x[j] = origin + difference
-        code = residual(h, scheme, history, x, tau, inputs, tree, work, scratch, scratch.shifted, constrained)
-        x[j] = origin
-        if code != OK:
-            return code
-        for i in range(x.shape[0]):
-            matrix[i, j] = (scratch.shifted[i] - scratch.residual[i]) / difference
     history.counters[TANGENTS] += 1
     history.counters[FRESH] = 1
-    return OK if factorize(matrix, history.pivot) else NOT_CONVERGED
+    if difference is None:
+        structure_matrix(h, scheme, tree, work.mass, matrix)
+        return OK if factorize_tree(matrix, tree.dof_parent) else SINGULAR_MASS
+    else:
+        change = difference / reach
+        for j in range(x.shape[0]):
+            origin = x[j]
+            x[j] = origin + change
+            code = imbalance(
+                h, scheme, history, x, tau, inputs, tree, work, scratch, scratch.shifted, difference, constrained
+            )
+            x[j] = origin
+            if code != OK:
+                history.counters[FRESH] = 0
+                return code
+            for i in range(x.shape[0]):
+                matrix[i, j] = (scratch.shifted[i] - scratch.residual[i]) / change
+        return OK if factorize(matrix, history.pivot) else NOT_CONVERGED
 
 
 @kernel
+def structure_matrix(h, scheme, tree, mass, matrix):
+    """S = M + h γ r_α C + h² β r_α K into the lower triangle of ``matrix``."""
+    ratio = (1.0 - scheme[3]) / (1.0 - scheme[2])
+    by_rate, by_position = h * scheme[1] * ratio, h * h * scheme[0] * ratio
+    for i in range(tree.n_u):
+        matrix[i, i] = mass[i, i] + by_rate * tree.dof_damping[i] + by_position * tree.dof_stiffness[i]
+        j = tree.dof_parent[i]
+        while j >= 0:
+            matrix[i, j] = mass[i, j]
+            j = tree.dof_parent[j]
+    for b in range(tree.parent.shape[0]):
+        u = tree.elastic_u[b]
+        for k in range(tree.n_elastic[b]):
+            for j in range(k + 1):
+                matrix[u + k, u + j] += by_rate * tree.damping[b, k, j] + by_position * tree.stiffness[b, k, j]
+
+
+@kernel
+def solve_newton(h, scheme, history, inputs, tree, r, difference):
+    """Replace what is left of the equations, r (n_v,), by minus the change of the accelerations that removes it."""
+    if difference is None:
+        solve_tree(history.matrix, tree.dof_parent, r)
+        ratio = (1.0 - scheme[3]) / (1.0 - scheme[2])
+        by_rate, by_position = h * scheme[1] * ratio, h * h * scheme[0] * ratio
+        for s in range(tree.n_servo):  # the other servos move as they are told
+            if inputs.servo_interval[1, s] <= 0.0:
+                w = tree.servo_frequency[s]
+                r[tree.n_u + s] /= 1.0 + w * (2.0 * tree.servo_damping[s] * by_rate + w * by_position)
+    else:
+        solve_factorized(history.matrix, history.pivot, r)
+
+
+@kernel
+def complete_step(h, scheme, history, x, tau, inputs, tree, work, scratch, difference, constrained):
+    """State and rate at the end of a step that has converged, on the constraint equations; returns a code."""
+    if difference is None:
+        n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
+        n_y, trial, rate = n_q + n_u, scratch.trial, scratch.rate
+        step_end(h, scheme, history, x, tree, scratch, constrained)
+        prescribe_servos(trial, tau, inputs, n_y)
+        position_rates(trial, trial[n_q:n_y], tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, rate)
+        for i in range(n_u + n_s):
+            rate[n_q + i if i < n_u else n_y + n_s + i - n_u] = x[i]
+        for s in range(n_s):
+            rate[n_y + s] = trial[n_y + n_s + s]
+        return OK
+    else:
+        code = imbalance(
+            h, scheme, history, x, tau, inputs, tree, work, scratch, scratch.residual, difference, constrained
+        )
+        if code == OK and constrained is not None:
+            keep_drift(work)
+            if tree.projection:
+                project(scratch.trial, tree, work, scratch.shifted, scratch.rate)
+                normalize_quaternions(scratch.trial, tree.kind, tree.joint_q, work.drift)
+                code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
+                history.counters[EVALUATIONS] += 1
+        return code
+
+
+@kernel(separate=True)
 def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, tolerance, max_iterations, difference,
                      constrained=None):  # fmt: skip
     """Advance the state by n_steps of length h while the inputs run linearly from their start to their end.
@@ -217,7 +321,9 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
         y (1, n) and f (1, n) state and rate; memory (n_v,) pseudo-acceleration; matrix (n_v, n_v) and pivot (n_v,)
         factors of Newton's matrix; marks (3,): matrix usable, evaluations, matrices made. n_v = n_u + n_servo.
     inputs : Inputs
-    tree, work : arrays of the system
+    tree : Tree
+    work : Work
+        ``work.trail`` and ``work.trail_rate`` take the state and rate after each step, as far as they have rows.
     scratch : ImplicitScratch
     h : float
         Step [s].
@@ -226,37 +332,37 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
     n_steps, max_iterations : int
     tolerance : float
         Newton's iteration ends when the position increments change by less than ``tolerance`` (1 + their size).
-    difference : float
-        Change of the position increments [m or rad] from which Newton's matrix is made.
+    difference : float or None
+        Change of the position increments [m or rad] from which Newton's matrix is made; None: from mass, damping and
+        stiffness of the structure.
     constrained : None or int
         As for the right-hand side.
 
     Returns
     -------
     int
-        OK, NOT_CONVERGED, or a code of the right-hand side.
+        OK, NOT_CONVERGED, DIVERGED, or a code of the right-hand side.
     """
     x, r = scratch.acceleration, scratch.residual
     n_q, n_u, n_s = tree.n_q, tree.n_u, tree.n_servo
     # what a change of an acceleration does to the position at the end, by itself and by the velocity over a step
-    ratio = (1.0 - scheme[3]) / (1.0 - scheme[2])
-    reach = h * h * ratio * (scheme[0] + scheme[1])
+    reach = h * h * ((1.0 - scheme[3]) / (1.0 - scheme[2])) * (scheme[0] + scheme[1])
+    if difference is None:  # costs little more than the mass matrix: one of a call before is not worth keeping
+        history.counters[FRESH] = 0
     for step in range(n_steps):
         tau = (step + 1.0) / n_steps
         for i in range(n_u + n_s):
             x[i] = history.f[0, n_q + i if i < n_u else n_q + n_u + n_s + i - n_u]
         before, converged = 0.0, False
         for iteration in range(max_iterations):
-            code = residual(h, scheme, history, x, tau, inputs, tree, work, scratch, r, constrained)
+            code = imbalance(h, scheme, history, x, tau, inputs, tree, work, scratch, r, difference, constrained)
+            if code == OK and history.counters[FRESH] == 0:
+                code = newton_matrix(
+                    h, scheme, history, x, tau, inputs, tree, work, scratch, reach, difference, constrained
+                )
             if code != OK:
                 return code
-            if history.counters[FRESH] == 0:
-                code = newton_matrix(
-                    h, scheme, history, x, tau, inputs, tree, work, scratch, difference / reach, constrained
-                )
-                if code != OK:
-                    return code
-            solve_factorized(history.matrix, history.pivot, r)
+            solve_newton(h, scheme, history, inputs, tree, r, difference)
             change, finite = 0.0, True
             for i in range(n_u + n_s):
                 x[i] -= r[i]
@@ -272,18 +378,9 @@ def implicit_advance(history, inputs, tree, work, scratch, h, scheme, n_steps, t
             before = change
         if not converged:
             return NOT_CONVERGED
-        code = residual(h, scheme, history, x, tau, inputs, tree, work, scratch, r, constrained)
+        code = complete_step(h, scheme, history, x, tau, inputs, tree, work, scratch, difference, constrained)
         if code != OK:
             return code
-        if constrained is not None:
-            keep_drift(work)
-            if tree.projection:
-                project(scratch.trial, tree, work, scratch.shifted, scratch.rate)
-                normalize_quaternions(scratch.trial, tree.kind, tree.joint_q, work.drift)
-                code = rates(scratch.trial, tau, inputs, tree, work, scratch.rate, constrained)
-                history.counters[EVALUATIONS] += 1
-                if code != OK:
-                    return code
         for i in range(n_u + n_s):
             history.memory[i] = scratch.pseudo[i]
         for i in range(history.y.shape[1]):

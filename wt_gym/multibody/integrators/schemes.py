@@ -1,45 +1,95 @@
-"""Time integrators of a multibody system: one family with one contract.
+"""Time integrators of a multibody system: one family with one contract, and the registry of its members.
 
 Every integrator has ``start(y)``, ``advance(n_steps)``, ``state``, ``state_rate``, ``step``, ``inputs``, ``work`` and
-``history`` (arrays that carry everything needed to continue bit for bit):
+``history`` (arrays that carry everything needed to continue bit for bit). `INTEGRATORS` says of each by which name it
+is chosen, what it needs, up to which step it is stable, and how a coupled simulation makes and moves it:
 
 - ``"hamming"``: the explicit modified Hamming scheme, stable on an undamped structure up to ω h = 1.08; of fourth order
   from a Runge–Kutta start, of third from the published starters, which are the default;
 - ``"newmark"``: Newmark's implicit scheme, by default the average-acceleration rule (no numerical damping);
-- ``"generalized-alpha"``: Chung & Hulbert's implicit scheme with a chosen damping of high frequencies.
+- ``"generalized_alpha"``: Chung & Hulbert's implicit scheme with a chosen damping of high frequencies.
+
+A further one is an entry of `INTEGRATORS`; where it is another kernel than those that exist, the kernel and its branch
+in :mod:`wt_gym.multibody.integrators.advance_kernels` come with a field of `Method`.
 
 All take systems with constraint equations too: these are solved for the accelerations at every evaluation, with
 Baumgarte's stabilization, so that the schemes see a plain differential equation and keep their order.
 """
 
-from collections import namedtuple
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from wt_gym.multibody.arrays import System
 from wt_gym.multibody.checks import check_state
 from wt_gym.multibody.errors import FAILURES, MultibodyError, failure_of_a_step
-from wt_gym.multibody.integrators import implicit_kernels, structural_newton_kernels
-from wt_gym.multibody.integrators.hamming import HammingIntegrator, History, checked_start
-from wt_gym.multibody.integrators.stability import check_conditional_step
-from wt_gym.multibody.tree import tree_kernels
+from wt_gym.multibody.integrators import implicit_kernels
+from wt_gym.multibody.integrators.hamming import Drift, HammingIntegrator, History, checked_start
+from wt_gym.multibody.integrators.stability import check_conditional_step, undamped_limit
+from wt_gym.multibody.tree import rate_kernels, tree_kernels
 
 __all__ = [
     "INTEGRATORS",
     "NEWMARK",
     "GeneralizedAlphaIntegrator",
+    "Integrator",
+    "IntegratorEntry",
+    "Method",
     "NewmarkIntegrator",
-    "generalised_alpha",
+    "Newton",
+    "SchemeSettings",
+    "coupled_integrator",
+    "generalized_alpha",
+    "integrator_name",
     "make_integrator",
+    "method_of",
 ]
 
 NEWMARK = (0.25, 0.5, 0.0, 0.0)
 """β, γ, αm, αf of the average-acceleration rule."""
+ROUGH = 100.0
+"""Tolerance of an implicit step that only predicts a motion, over that of others."""
 
 TANGENTS = ("difference", "structure")
-ImplicitScratch = namedtuple("ImplicitScratch", "trial rate acceleration pseudo increment residual shifted")
 
 
-class _ImplicitIntegrator:
+class ImplicitScratch(NamedTuple):
+    """Scratch arrays of the implicit schemes; n_v = n_u + n_servo."""
+
+    trial: NDArray[np.float64]  # (n_state,) state at the end of the step
+    rate: NDArray[np.float64]  # (n_state,) its rate
+    acceleration: NDArray[np.float64]  # (n_v,) x, the unknowns: accelerations at the end of the step
+    pseudo: NDArray[np.float64]  # (n_v,) pseudo-accelerations a₁
+    increment: NDArray[np.float64]  # (n_v,) Δ, of the positions over the step [m, rad]
+    residual: NDArray[np.float64]  # (n_v,) what is left of the equations of motion
+    shifted: NDArray[np.float64]  # (n_v,) the same for a changed unknown
+
+
+class Newton(NamedTuple):
+    """How an implicit scheme solves for the end of a step, as kernels take it."""
+
+    scratch: ImplicitScratch
+    scheme: NDArray[np.float64]  # (4,) β, γ, αm, αf
+    tolerance: float  # change of the position increments at which the iteration ends, over 1 + their size [m, rad]
+    rough_tolerance: float  # the same where a motion is only predicted
+    max_iterations: int
+    difference: float | None  # change of the increments for the matrix [m, rad]; None: matrix of the structure
+
+
+class Method(NamedTuple):
+    """How a scheme moves a structure on, as kernels take it: all fields None are the Hamming scheme."""
+
+    implicit: Newton | None
+
+
+class ImplicitIntegrator:
     """Newton iteration on the accelerations at the end of the step, shared by the implicit schemes.
 
     Parameters
@@ -68,7 +118,17 @@ class _ImplicitIntegrator:
         For a step, tolerance or number of iterations that is not positive, and for a tangent that does not exist.
     """
 
-    def __init__(self, system, step, scheme, tolerance, max_iterations, difference, tangent, trail):
+    def __init__(
+        self,
+        system: System,
+        step: float,
+        scheme: tuple[float, float, float, float],
+        tolerance: float,
+        max_iterations: int,
+        difference: float,
+        tangent: str,
+        trail: int,
+    ) -> None:
         system.require_built()
         for name, value in (("step", step), ("tolerance", tolerance), ("difference", difference)):
             if not 0.0 < value < np.inf:
@@ -81,7 +141,7 @@ class _ImplicitIntegrator:
         self.tangent = tangent
         self.system, self.step, self.scheme = system, float(step), np.array(scheme, dtype=float)
         self.tolerance, self.max_iterations = float(tolerance), int(max_iterations)
-        self.difference = float(difference)
+        self.difference = None if tangent == "structure" else float(difference)
         self.work, self.inputs = system.new_work(trail), system.new_inputs()
         n, n_v = system.n_state, system.n_u + system.n_servo
         self.history = History(
@@ -91,14 +151,14 @@ class _ImplicitIntegrator:
         self.scratch = ImplicitScratch(np.zeros(n), np.zeros(n), *(np.zeros(n_v) for _ in range(5)))
 
     @property
-    def phase_limit(self):
+    def phase_limit(self) -> float:
         """Largest ω h of an undamped mode: (γ/2 − β)^(−½), infinite for an unconditionally stable scheme."""
         beta, gamma, alpha_m, _ = self.scheme
         if alpha_m != 0.0 or gamma <= 2.0 * beta:
-            return np.inf
+            return math.inf
         return float((0.5 * gamma - beta) ** -0.5)
 
-    def start(self, y, check=True):
+    def start(self, y: ArrayLike, check: bool = True) -> None:
         """Begin at a state.
 
         Parameters
@@ -114,42 +174,49 @@ class _ImplicitIntegrator:
         """
         system, history = self.system, self.history
         if check:
-            y = checked_start(system, y, self.inputs, self.work)
+            y = state = checked_start(system, y, self.inputs, self.work)
             if np.isfinite(self.phase_limit):
-                check_conditional_step(system, y, self.step, self.phase_limit, self.inputs, self.work)
+                check_conditional_step(system, state, self.step, self.phase_limit, self.inputs, self.work)
         history.y[0] = check_state(system, y)
         history.f[0] = self._rates(history.y[0])
         implicit_kernels.begin_memory(history, system.tree, system.constrained)
         history.counters[:] = 0
 
-    def _rates(self, y):
+    def _rates(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """dy/dt (n_state,) under the inputs at their start."""
         if self.tangent == "difference":
             return self.system.rates(y, self.inputs, self.work)
         rate = np.zeros(self.system.n_state)
-        code = structural_newton_kernels.tree_rates(y, 0.0, self.inputs, self.system.tree, self.work, rate)
+        code = rate_kernels.tree_rates(y, 0.0, self.inputs, self.system.tree, self.work, rate)
         if code != tree_kernels.OK:
             raise MultibodyError(FAILURES[code])
         return rate
 
-    drift, restart_drift = HammingIntegrator.drift, HammingIntegrator.restart_drift
+    @property
+    def drift(self) -> Drift:
+        """As `HammingIntegrator.drift`."""
+        return Drift(*self.work.drift.tolist())
+
+    def restart_drift(self) -> None:
+        """Forget the drift of the steps so far."""
+        self.work.drift[:] = 0.0
 
     @property
-    def state(self):
+    def state(self) -> NDArray[np.float64]:
         """Current state (n_state,), a view."""
-        return self.history.y[0]
+        return cast("NDArray[np.float64]", self.history.y[0])
 
     @property
-    def state_rate(self):
+    def state_rate(self) -> NDArray[np.float64]:
         """Current dy/dt (n_state,), a view."""
-        return self.history.f[0]
+        return cast("NDArray[np.float64]", self.history.f[0])
 
     @property
-    def n_evaluations(self):
+    def n_evaluations(self) -> int:
         """Right-hand sides evaluated since the start."""
         return int(self.history.counters[implicit_kernels.EVALUATIONS])
 
-    def advance(self, n_steps=1):
+    def advance(self, n_steps: int = 1) -> None:
         """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.
 
         Raises
@@ -157,16 +224,10 @@ class _ImplicitIntegrator:
         MultibodyError
             When Newton's iteration does not converge, the state diverges or the mass matrix is singular.
         """
-        if self.tangent == "structure":
-            code = structural_newton_kernels.structural_advance(
-                self.history, self.inputs, self.system.tree, self.work, self.scratch, self.step, self.scheme,
-                int(n_steps), self.tolerance, self.max_iterations,
-            )  # fmt: skip
-        else:
-            code = implicit_kernels.implicit_advance(
-                self.history, self.inputs, self.system.tree, self.work, self.scratch, self.step, self.scheme,
-                int(n_steps), self.tolerance, self.max_iterations, self.difference, self.system.constrained,
-            )  # fmt: skip
+        code = implicit_kernels.implicit_advance(
+            self.history, self.inputs, self.system.tree, self.work, self.scratch, self.step, self.scheme,
+            int(n_steps), self.tolerance, self.max_iterations, self.difference, self.system.constrained,
+        )  # fmt: skip
         if code == tree_kernels.OK:
             return
         self.history.counters[implicit_kernels.FRESH] = 0
@@ -178,7 +239,7 @@ class _ImplicitIntegrator:
         raise MultibodyError(failure_of_a_step(code, self.step))
 
 
-class NewmarkIntegrator(_ImplicitIntegrator):
+class NewmarkIntegrator(ImplicitIntegrator):
     """Newmark's scheme with Newton iteration on the equations of motion at the end of the step.
 
     Parameters
@@ -202,15 +263,25 @@ class NewmarkIntegrator(_ImplicitIntegrator):
         For parameters that make no stable scheme.
     """
 
-    def __init__(self, system, step, beta=0.25, gamma=0.5, tolerance=1e-9, max_iterations=20, difference=1e-6,
-                 tangent="difference", trail=0):  # fmt: skip
+    def __init__(
+        self,
+        system: System,
+        step: float,
+        beta: float = 0.25,
+        gamma: float = 0.5,
+        tolerance: float = 1e-9,
+        max_iterations: int = 20,
+        difference: float = 1e-6,
+        tangent: str = "difference",
+        trail: int = 0,
+    ) -> None:
         if not (gamma >= 0.5 and beta >= 0.0):
             raise MultibodyError(f"Newmark needs gamma >= 1/2 and beta >= 0, got gamma = {gamma}, beta = {beta}")
         self.beta, self.gamma = float(beta), float(gamma)
         super().__init__(system, step, (beta, gamma, 0.0, 0.0), tolerance, max_iterations, difference, tangent, trail)
 
 
-def generalised_alpha(rho_inf):
+def generalized_alpha(rho_inf: float) -> tuple[float, float, float, float]:
     """β, γ, αm, αf of the scheme that is optimal for a spectral radius (0 … 1) at ω h → ∞.
 
     αm = (2ρ − 1)/(ρ + 1), αf = ρ/(ρ + 1), γ = ½ − αm + αf, β = ¼ (1 − αm + αf)² (Chung & Hulbert 1993).
@@ -219,10 +290,10 @@ def generalised_alpha(rho_inf):
     return 0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f
 
 
-class GeneralizedAlphaIntegrator(_ImplicitIntegrator):
+class GeneralizedAlphaIntegrator(ImplicitIntegrator):
     """Chung & Hulbert's generalized-α scheme (J. Appl. Mech. 60, 1993), optimal for a given spectral radius at ω h → ∞.
 
-    Its parameters are those of `generalised_alpha`; second order, stable at every step.
+    Its parameters are those of `generalized_alpha`; second order, stable at every step.
 
     Parameters
     ----------
@@ -240,31 +311,129 @@ class GeneralizedAlphaIntegrator(_ImplicitIntegrator):
         For a spectral radius outside 0 … 1.
     """
 
-    def __init__(self, system, step, rho_inf=0.8, tolerance=1e-9, max_iterations=20, difference=1e-6,
-                 tangent="difference", trail=0):  # fmt: skip
+    def __init__(
+        self,
+        system: System,
+        step: float,
+        rho_inf: float = 0.8,
+        tolerance: float = 1e-9,
+        max_iterations: int = 20,
+        difference: float = 1e-6,
+        tangent: str = "difference",
+        trail: int = 0,
+    ) -> None:
         if not 0.0 <= rho_inf <= 1.0:
             raise MultibodyError(f"the spectral radius rho_inf must lie in 0 … 1, got {rho_inf}")
         self.rho_inf = float(rho_inf)
         super().__init__(
-            system, step, generalised_alpha(rho_inf), tolerance, max_iterations, difference, tangent, trail
+            system, step, generalized_alpha(rho_inf), tolerance, max_iterations, difference, tangent, trail
         )
 
 
+# ---- registry --------------------------------------------------------------------------------------------------------
+
+
+Integrator = HammingIntegrator | ImplicitIntegrator
+"""What the family has in common, see the beginning of this module."""
+
+
+class SchemeSettings(NamedTuple):
+    """What a coupled simulation chooses for its integrator; each takes from it what concerns its scheme."""
+
+    corrections: int = 3  # corrector passes of an explicit scheme
+    starter: str = "adams"  # first steps of a scheme of several steps
+    spectral_radius: float = 0.8  # at infinite frequency, of a scheme with numerical damping
+    tolerance: float = 1e-9  # change of the increments at which Newton's iteration ends [m, rad]
+    trail: int = 0  # steps of one call whose states are kept
+
+
+@dataclass(frozen=True)
+class IntegratorEntry:
+    """What the registry says of an integrator.
+
+    Attributes
+    ----------
+    kind : type
+    explicit : bool
+        It needs steps that resolve the highest frequency of the structure, also where this is not of interest.
+    phase_limit : callable
+        Largest ω h of an undamped mode, of `SchemeSettings`; infinite for a scheme that is stable at every step.
+    options : callable
+        Arguments of ``kind`` in a coupled simulation, of `SchemeSettings`.
+    method : callable
+        `Method` of an integrator.
+    rule : callable
+        β, γ, αm, αf of the steps of observer frames, of `SchemeSettings`; an explicit scheme has none, and they take
+        Newmark's.
+    """
+
+    kind: type[HammingIntegrator] | type[ImplicitIntegrator]
+    explicit: bool
+    phase_limit: Callable[[SchemeSettings], float]
+    options: Callable[[SchemeSettings], dict[str, Any]]
+    method: Callable[[Any], Method]
+    rule: Callable[[SchemeSettings], tuple[float, float, float, float]]
+
+
+def _newton(integrator: ImplicitIntegrator) -> Method:
+    i = integrator
+    return Method(Newton(i.scratch, i.scheme, i.tolerance, ROUGH * i.tolerance, i.max_iterations, i.difference))
+
+
 INTEGRATORS = {
-    "hamming": HammingIntegrator,
-    "newmark": NewmarkIntegrator,
-    "generalized-alpha": GeneralizedAlphaIntegrator,
+    "hamming": IntegratorEntry(
+        kind=HammingIntegrator,
+        explicit=True,
+        phase_limit=lambda settings: undamped_limit(settings.corrections),
+        options=lambda settings: {"n_corrections": settings.corrections, "starter": settings.starter},
+        method=lambda integrator: Method(None),
+        rule=lambda settings: NEWMARK,
+    ),
+    "newmark": IntegratorEntry(
+        kind=NewmarkIntegrator,
+        explicit=False,
+        phase_limit=lambda settings: math.inf,
+        options=lambda settings: {"tolerance": settings.tolerance},
+        method=_newton,
+        rule=lambda settings: NEWMARK,
+    ),
+    "generalized_alpha": IntegratorEntry(
+        kind=GeneralizedAlphaIntegrator,
+        explicit=False,
+        phase_limit=lambda settings: math.inf,
+        options=lambda settings: {"rho_inf": settings.spectral_radius, "tolerance": settings.tolerance},
+        method=_newton,
+        rule=lambda settings: generalized_alpha(settings.spectral_radius),
+    ),
 }
+_EARLIER_NAMES = {"generalised_alpha": "generalized_alpha", "generalized-alpha": "generalized_alpha"}
 
 
-def make_integrator(name, system, step, **options):
+def integrator_name(name: str) -> str:
+    """The present name of an integrator, with a `DeprecationWarning` for an earlier spelling; others as they are."""
+    if not isinstance(name, str) or name not in _EARLIER_NAMES:
+        return name
+    present = _EARLIER_NAMES[name]
+    message = f"the integrator {name!r} is named {present!r}; the earlier spelling goes with the next version"
+    warnings.warn(message, DeprecationWarning, stacklevel=4)
+    return present
+
+
+def _entry(name: str) -> IntegratorEntry:
+    name = integrator_name(name)
+    if name not in INTEGRATORS:
+        raise MultibodyError(f"integrator must be one of {', '.join(INTEGRATORS)}, got {name!r}")
+    return INTEGRATORS[name]
+
+
+def make_integrator(name: str, system: System, step: float, **options: Any) -> Integrator:
     """Integrator of the family by its name.
 
     Parameters
     ----------
     name : str
-        "hamming" (options n_corrections, starter), "newmark" (beta, gamma) or "generalized-alpha" (rho_inf); the
-        implicit ones also take tolerance, max_iterations, difference, tangent and trail.
+        "hamming" (options n_corrections, starter), "newmark" (beta, gamma) or "generalized_alpha" (rho_inf); the
+        implicit ones also take tolerance, max_iterations, difference and tangent, all of them trail.
     system : MultibodySystem
     step : float
         [s].
@@ -291,9 +460,30 @@ def make_integrator(name, system, step, **options):
     >>> integrator.start(np.array([0.1, 0.0]))
     >>> integrator.advance(100)
     """
-    if name not in INTEGRATORS:
-        raise MultibodyError(f"integrator must be one of {', '.join(INTEGRATORS)}, got {name!r}")
+    kind = _entry(name).kind
     try:
-        return INTEGRATORS[name](system, step, **options)
+        return kind(system, step, **options)
     except TypeError as error:
         raise MultibodyError(f"integrator {name!r} does not take these options: {error}") from error
+
+
+def coupled_integrator(name: str, system: System, step: float, settings: SchemeSettings) -> Integrator:
+    """Integrator of a structure that is coupled to the air, in steps [s].
+
+    An implicit one takes the matrix of the structure, where there are no constraint equations.
+
+    Raises
+    ------
+    MultibodyError
+        For an unknown name, or a value without meaning.
+    """
+    entry = _entry(name)
+    options = entry.options(settings) | {"trail": settings.trail}
+    if not entry.explicit and not system.constraints:
+        options["tangent"] = "structure"
+    return entry.kind(system, step, **options)
+
+
+def method_of(integrator: Integrator) -> Method:
+    """How kernels move the structure of an integrator on."""
+    return next(entry for entry in INTEGRATORS.values() if type(integrator) is entry.kind).method(integrator)

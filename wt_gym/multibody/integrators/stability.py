@@ -5,11 +5,21 @@ roots of a system come from its equations of motion linearized about the state f
 that state; a rotor that speeds up stiffens, so that the step should leave some reserve.
 """
 
+from __future__ import annotations
+
 from functools import cache
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from wt_gym.multibody.errors import MultibodyError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.arrays import Inputs, System, Work
+
+    Complex = NDArray[np.complex128]
 
 __all__ = ["BAUMGARTE_LIMIT", "check_conditional_step", "check_hamming_step", "damped_limit", "hamming_growth",
            "hamming_matrix", "system_eigenvalues", "undamped_limit"]  # fmt: skip
@@ -22,7 +32,7 @@ NOTABLE = 1e-6
 """Growth in a step from which a start is refused; difference quotients know the damping of a mode no better."""
 
 
-def hamming_matrix(z, passes, final=True):
+def hamming_matrix(z: ArrayLike, passes: int | None, final: bool = True) -> Complex:
     """The modified Hamming scheme on y' = λ y with z = λ h, from its formulas.
 
     Carried are y and h f of four points and the error estimate; f is evaluated again at the final y.
@@ -56,7 +66,7 @@ def hamming_matrix(z, passes, final=True):
     return np.stack(np.broadcast_arrays(new, y[3], y[2], y[1], z * new, f[3], f[2], error), axis=-2)
 
 
-def _limit(direction, passes):
+def _limit(direction: complex, passes: int | None) -> float:
     """Length of z along a direction of the complex plane up to which the scheme is stable."""
     step = 0.002
     for size in np.arange(step, 3.0, step):
@@ -66,18 +76,24 @@ def _limit(direction, passes):
 
 
 @cache
-def undamped_limit(passes):
+def undamped_limit(passes: int | None) -> float:
     """Largest ω h of an undamped mode: 0.276, 0.78 and 1.08 for one, two and three corrector passes."""
     return _limit(1j, passes)
 
 
 @cache
-def damped_limit(passes):
+def damped_limit(passes: int | None) -> float:
     """Largest α h of a real root −α: 0.87, 0.72 and 1.46 for one, two and three corrector passes."""
     return _limit(-1.0, passes)
 
 
-def system_eigenvalues(system, y, inputs=None, work=None, step=1e-6):
+def system_eigenvalues(
+    system: System,
+    y: NDArray[np.float64],
+    inputs: Inputs | None = None,
+    work: Work | None = None,
+    step: float = 1e-6,
+) -> Complex:
     """Eigenvalues [1/s] of small motions about a state, servos included.
 
     Positions are perturbed along the velocities, so that quaternions turn by small rotations about body axes.
@@ -120,15 +136,22 @@ def system_eigenvalues(system, y, inputs=None, work=None, step=1e-6):
     return np.concatenate([np.linalg.eigvals(matrix), w * (-z + apart), w * (-z - apart)])
 
 
-def hamming_growth(roots, step, passes):
+def hamming_growth(roots: ArrayLike, step: float, passes: int | None) -> NDArray[np.float64]:
     """Growth in a step of the modified Hamming scheme beyond that of the motion itself, for roots λ (n,) [1/s]."""
     z = np.asarray(roots) * step
     radius = np.abs(np.linalg.eigvals(hamming_matrix(z, passes))).max(axis=1)
     true = np.maximum(np.abs(np.exp(z)), 1.0)
-    return radius - true - 0.5 * (true - 1.0)
+    return np.asarray(radius - true - 0.5 * (true - 1.0))
 
 
-def check_hamming_step(system, y, step, passes, inputs=None, work=None):
+def check_hamming_step(
+    system: System,
+    y: NDArray[np.float64],
+    step: float,
+    passes: int,
+    inputs: Inputs | None = None,
+    work: Work | None = None,
+) -> None:
     """Refuse a step with which the modified Hamming scheme is unstable near a state.
 
     Every root of the system is held against the roots of the scheme, Baumgarte's stabilization against its limit too.
@@ -162,7 +185,14 @@ def check_hamming_step(system, y, step, passes, inputs=None, work=None):
         _refuse(roots[k], step, undamped_limit(passes), f"with {passes} corrector pass(es)")
 
 
-def check_conditional_step(system, y, step, limit, inputs=None, work=None):
+def check_conditional_step(
+    system: System,
+    y: NDArray[np.float64],
+    step: float,
+    limit: float,
+    inputs: Inputs | None = None,
+    work: Work | None = None,
+) -> None:
     """Refuse a step with ω h beyond the limit of a conditionally stable implicit scheme; arguments as above.
 
     Raises
@@ -176,7 +206,7 @@ def check_conditional_step(system, y, step, limit, inputs=None, work=None):
         _refuse(roots[k], step, limit, "of this scheme")
 
 
-def _refuse(root, step, limit, scheme):
+def _refuse(root: complex, step: float, limit: float, scheme: str) -> NoReturn:
     raise MultibodyError(
         f"the step exceeds the stability limit: a motion with ω = {abs(root):.5g} rad/s (damping ratio "
         f"{-root.real / abs(root) + 0.0:.3g}) at a step of {step:.4g} s gives ω h = {abs(root) * step:.3g}; "

@@ -121,8 +121,11 @@ None of them shortens the lever of p itself, (s − σ), by the deflection, so t
 since u and φ are relative to the frame, the result depends on the reference condition when deflections are large.
 """
 
-from collections import namedtuple
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -130,6 +133,7 @@ from scipy.spatial.transform import Rotation
 from wt_gym.multibody.integrators.schemes import NEWMARK
 from wt_gym.multibody.observer_frame import observer_frame_constraint_kernels as constraint
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
+from wt_gym.multibody.observer_frame.observer_frame_arrays import Model, State, Work
 from wt_gym.multibody.observer_frame.observer_frame_body import (
     DISPLACEMENTS,
     REFERENCE_CONDITIONS,
@@ -139,6 +143,13 @@ from wt_gym.multibody.observer_frame.observer_frame_body import (
 )
 from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_kernels import renew
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
 
 __all__ = [
     "DISPLACEMENTS",
@@ -153,28 +164,9 @@ __all__ = [
 LOAD_AXES = {"fixed": constraint.FIXED, "undeformed": constraint.UNDEFORMED, "deformed": constraint.DEFORMED}
 LOAD_AXES |= {"turned": constraint.TURNED, "consistent": constraint.CONSISTENT}
 RIGID_MODES = ("deformed", "undeformed")
-
-Model = namedtuple(
-    "Model",
-    "n first stiffness damping gyro second first_moment reference_moment ends reach mass_low mass_up gravity "
-    "marker_body marker_position marker_shape marker_held mass_columns mass_pairs row_kind row_marker row_vector "
-    "load_marker load_axes load_field load_second marker_lever reference_first reference_second deformed_modes "
-    "prediction row_drive row_axis row_spring row_stiffness row_damping row_inertia load_section "
-    "rule definite bends bend_first bend_moment bend_mass bend_marker elastic_first elastic_moment marker_place "
-    "marker_linear extra_mass geometric",
-)
-State = namedtuple(
-    "State",
-    "position rotation velocity omega acceleration alpha q v a lead deformed multiplier age turned n_updates angle "
-    "reaction",
-)
-Work = namedtuple(
-    "Work",
-    "low up columns pairs base rhs next vector schur multiplier row_value row_rate row_bias weight marker_rotation "
-    "marker_tangent marker_point marker_rate marker_bias marker_field turn tangent angle spare lever one two normal "
-    "normal_rate field field_rate rate bias pull load moments second mixed mean pair drive spring body_load row_change "
-    "axis second_rate second_bias order row_scale row_reach ahead",
-)
+Three = tuple[float, float, float]
+Course = Callable[[float], Three]
+"""Three numbers as functions of time [s]."""
 
 
 @dataclass(frozen=True)
@@ -186,11 +178,11 @@ class _Row:
     """
 
     kind: int
-    markers: tuple
-    vectors: tuple
+    markers: tuple[int, int]
+    vectors: tuple[Array, Array]
     connection: str
     drive: int = -1
-    axis: tuple = (0.0, 0.0, 0.0)
+    axis: ArrayLike = (0.0, 0.0, 0.0)
     spring: int = -1
 
 
@@ -206,9 +198,9 @@ class Drive:
     """
 
     name: str
-    motion: object = None
+    motion: Course | None = None
 
-    def at(self, time):
+    def at(self, time: float) -> Three:
         """Angle, rate and acceleration."""
         return (0.0, 0.0, 0.0) if self.motion is None else self.motion(time)
 
@@ -233,11 +225,11 @@ class Spring:
     name: str
     stiffness: float
     damping: float
-    acting: object = None
+    acting: Course | None = None
     angle: float = 0.0
     inertia: float = 0.0
 
-    def at(self, time):
+    def at(self, time: float) -> Three:
         """References of angle and rate, and torque."""
         return (0.0, 0.0, 0.0) if self.acting is None else self.acting(time)
 
@@ -264,31 +256,32 @@ class ObserverFrameSystem:
     >>> integrator.advance(10)
     """
 
-    def __init__(self, gravity=(0.0, 0.0, 0.0), rigid_modes="deformed") -> None:
+    def __init__(self, gravity: ArrayLike = (0.0, 0.0, 0.0), rigid_modes: str = "deformed") -> None:
         if rigid_modes not in RIGID_MODES:
             raise ObserverFrameError(f"rigid_modes must be one of {', '.join(RIGID_MODES)}, got {rigid_modes!r}")
-        self.gravity, self.rigid_modes = np.asarray(gravity, dtype=float), rigid_modes
+        self.gravity: Array = np.asarray(gravity, dtype=float)
+        self.rigid_modes = rigid_modes
         self.bodies: list[Substructure] = []
-        self.frames: list[tuple] = []
-        self.motions: list[tuple] = []
-        self.loads: list[tuple] = []
+        self.frames: list[tuple[Array, Array]] = []
+        self.motions: list[tuple[Array, Array, Array, Array]] = []
+        self.loads: list[tuple[int, ArrayLike | Callable[[float], ArrayLike], str]] = []
         self.drives: list[Drive] = []
         self.springs: list[Spring] = []
         self._rows: list[_Row] = []
-        self._markers: list[tuple] = []
+        self._markers: list[tuple[int, str]] = []
 
     # ---- assembly --------------------------------------------------------------------------------------------------
 
     def add(
         self,
-        body,
-        position=(0.0, 0.0, 0.0),
-        rotation=None,
-        velocity=(0.0, 0.0, 0.0),
-        angular_velocity=(0.0, 0.0, 0.0),
-        coordinates=None,
-        rates=None,
-    ):
+        body: Substructure,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        rotation: ArrayLike | None = None,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
+        coordinates: ArrayLike | None = None,
+        rates: ArrayLike | None = None,
+    ) -> int:
         """Add a substructure with the initial place and motion of its frame; returns its index.
 
         Parameters
@@ -308,12 +301,12 @@ class ObserverFrameSystem:
         """
         if any(body.name == b.name for b in self.bodies):
             raise ObserverFrameError(f"a substructure named {body.name!r} exists already")
-        r = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+        r: Array = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
         if r.shape != (3, 3) or np.abs(r.T @ r - np.eye(3)).max() > 1e-9 or np.linalg.det(r) < 0.0:
             raise ObserverFrameError(f"substructure {body.name!r}: the rotation is not a proper rotation matrix (3, 3)")
-        relative = []
-        for what, value in (("coordinates", coordinates), ("rates", rates)):
-            value = np.zeros(body.n) if value is None else np.asarray(value, dtype=float)
+        relative: list[Array] = []
+        for what, given in (("coordinates", coordinates), ("rates", rates)):
+            value = np.zeros(body.n) if given is None else np.asarray(given, dtype=float)
             if value.shape != (body.n,):
                 raise ObserverFrameError(
                     f"substructure {body.name!r}: {what} have shape {value.shape}, expected ({body.n},)"
@@ -322,11 +315,16 @@ class ObserverFrameSystem:
         self.bodies.append(body)
         self.frames.append((np.asarray(position, dtype=float), r))
         self.motions.append(
-            (np.asarray(velocity, dtype=float), r.T @ np.asarray(angular_velocity, dtype=float), *relative)
+            (
+                np.asarray(velocity, dtype=float),
+                r.T @ np.asarray(angular_velocity, dtype=float),
+                relative[0],
+                relative[1],
+            )
         )
         return len(self.bodies) - 1
 
-    def weld(self, body, marker, other, other_marker):
+    def weld(self, body: str, marker: str, other: str, other_marker: str) -> None:
         """Join two markers in displacement and rotation (eqs 13, 14), in the relative orientation they have now."""
         self.join(body, marker, other, other_marker)
         # rows of S are the fixed axes seen from the section: vectors that coincide now
@@ -337,14 +335,19 @@ class ObserverFrameSystem:
         pairs = ((0, 1), (1, 2), (2, 0))
         self._orthogonal(body, marker, other, other_marker, [(mine[i], yours[j]) for i, j in pairs], "weld")
 
-    def join(self, body, marker, other, other_marker):
+    def join(self, body: str, marker: str, other: str, other_marker: str) -> None:
         """Join two markers in displacement only (a ball joint, eq. 13)."""
         a, b = self._marker(body, marker), self._marker(other, other_marker)
         name = f"{body}.{marker} to {other}.{other_marker}"
         for d in np.eye(3):
             self._rows.append(_Row(constraint.DISPLACEMENT, (a, b), (d, np.zeros(3)), name))
 
-    def support(self, body, marker, directions=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
+    def support(
+        self,
+        body: str,
+        marker: str,
+        directions: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    ) -> None:
         """Hold a marker where it is along unit directions (n, 3) of the fixed frame (a bearing, eq. 15)."""
         a = self._marker(body, marker)
         index = self._index(body)
@@ -355,7 +358,14 @@ class ObserverFrameSystem:
                 raise ObserverFrameError(f"support of {body}.{marker}: direction {tuple(d)} is not a unit vector")
             self._rows.append(_Row(constraint.DISPLACEMENT, (a, -1), (d, place), f"support of {body}.{marker}"))
 
-    def hinge(self, body, marker, axis, other=None, other_marker=None):
+    def hinge(
+        self,
+        body: str,
+        marker: str,
+        axis: ArrayLike,
+        other: str | None = None,
+        other_marker: str | None = None,
+    ) -> None:
         """Hold a marker on the ground or on another marker and let its section turn about a unit axis only.
 
         Parameters
@@ -370,7 +380,7 @@ class ObserverFrameSystem:
         if axis.shape != (3,) or not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9):
             raise ObserverFrameError(f"hinge of {body}.{marker}: axis {tuple(axis)} is not a unit vector")
         yours = np.eye(3)
-        if other is None:
+        if other is None or other_marker is None:
             self.support(body, marker)
         else:
             self.join(body, marker, other, other_marker)
@@ -379,7 +389,7 @@ class ObserverFrameSystem:
         across = np.linalg.svd(axis[None])[2][1:]
         self._orthogonal(body, marker, other, other_marker, [(mine.T @ axis, yours.T @ t) for t in across], "hinge")
 
-    def clamp(self, body, marker):
+    def clamp(self, body: str, marker: str) -> None:
         """Hold a marker and its section fast."""
         self.support(body, marker)
         mine = self._displaced(self._index(body), marker)[1].T
@@ -387,7 +397,17 @@ class ObserverFrameSystem:
         pairs = [(mine[:, i], unit[j]) for i, j in ((0, 1), (1, 2), (2, 0))]
         self._orthogonal(body, marker, None, None, pairs, "clamp")
 
-    def turn(self, body, marker, other, other_marker, axis, name, rotation=None, motion=None):
+    def turn(
+        self,
+        body: str,
+        marker: str,
+        other: str | None,
+        other_marker: str | None,
+        axis: ArrayLike,
+        name: str,
+        rotation: ArrayLike | None = None,
+        motion: Course | None = None,
+    ) -> None:
         """Join two markers in displacement, while a drive turns the first section against the second.
 
         Parameters
@@ -403,16 +423,26 @@ class ObserverFrameSystem:
         motion : callable, optional
             See :class:`Drive`.
         """
-        rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
-        if other is None:
+        turned = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+        if other is None or other_marker is None:
             self.support(body, marker)
         else:
             self.join(body, marker, other, other_marker)
         self.drives.append(Drive(name, motion))
-        pairs = [(np.eye(3)[i], rotation[:, j]) for i, j in ((0, 1), (1, 2), (2, 0))]
+        pairs = [(np.eye(3)[i], turned[:, j]) for i, j in ((0, 1), (1, 2), (2, 0))]
         self._orthogonal(body, marker, other, other_marker, pairs, f"drive {name}", len(self.drives) - 1, axis)
 
-    def spring(self, body, marker, other, other_marker, axis, vectors, spring, drive=-1):
+    def spring(
+        self,
+        body: str,
+        marker: str,
+        other: str | None,
+        other_marker: str | None,
+        axis: ArrayLike,
+        vectors: tuple[ArrayLike, ArrayLike],
+        spring: Spring,
+        drive: int = -1,
+    ) -> None:
         """Let a torque act between two sections that are hinged about an axis.
 
         Parameters
@@ -428,12 +458,14 @@ class ObserverFrameSystem:
             Number of a drive that turns the second vector about the axis; −1: none.
         """
         self.springs.append(spring)
-        pairs = [tuple(np.asarray(v, dtype=float) for v in vectors)]
+        pairs = [(np.asarray(vectors[0], dtype=float), np.asarray(vectors[1], dtype=float))]
         self._orthogonal(
             body, marker, other, other_marker, pairs, f"spring {spring.name}", drive, axis, len(self.springs) - 1
         )
 
-    def load(self, body, marker, value, axes="fixed"):
+    def load(
+        self, body: str, marker: str, value: ArrayLike | Callable[[float], ArrayLike], axes: str = "fixed"
+    ) -> None:
         """Apply a force and a moment at a marker.
 
         Parameters
@@ -462,18 +494,29 @@ class ObserverFrameSystem:
             raise ObserverFrameError(f"load on {body}.{marker}: expected force and moment (6,), got {np.shape(value)}")
         self.loads.append((self._marker(body, marker), value, axes))
 
-    def _orthogonal(self, body, marker, other, other_marker, pairs, kind, drive=-1, axis=(0.0, 0.0, 0.0), spring=-1):
+    def _orthogonal(
+        self,
+        body: str,
+        marker: str,
+        other: str | None,
+        other_marker: str | None,
+        pairs: Sequence[tuple[ArrayLike, ArrayLike]],
+        kind: str,
+        drive: int = -1,
+        axis: ArrayLike = (0.0, 0.0, 0.0),
+        spring: int = -1,
+    ) -> None:
         row = constraint.ORTHOGONAL if spring < 0 else constraint.TORQUE
         axis = np.asarray(axis, dtype=float)
         if (drive >= 0 or spring >= 0) and (axis.shape != (3,) or not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9)):
             raise ObserverFrameError(f"{kind} of {body}.{marker}: axis {tuple(axis)} is not a unit vector")
         a = self._marker(body, marker)
-        b = -1 if other is None else self._marker(other, other_marker)
+        b = -1 if other is None or other_marker is None else self._marker(other, other_marker)
         name = f"{kind} of {body}.{marker}" + ("" if other is None else f" to {other}.{other_marker}")
         for mine, yours in pairs:
             self._rows.append(_Row(row, (a, b), (np.array(mine), np.array(yours)), name, drive, axis, spring))
 
-    def _displaced(self, index, marker):
+    def _displaced(self, index: int, marker: str) -> tuple[Array, Array]:
         """Place (3,) and section orientation (3, 3, to fixed axes) of a marker at the initial coordinates."""
         body, q = self.bodies[index], self.motions[index][2]
         field = body.marker_shape(marker) @ q
@@ -482,14 +525,14 @@ class ObserverFrameSystem:
         turn = self.frames[index][1] @ Rotation.from_rotvec(field[3:]).as_matrix()
         return body.marker_position(marker) + field[:3], turn
 
-    def _index(self, name):
+    def _index(self, name: str) -> int:
         for i, body in enumerate(self.bodies):
             if body.name == name:
                 return i
         known = ", ".join(repr(b.name) for b in self.bodies)
         raise ObserverFrameError(f"no substructure is named {name!r}, only {known or 'none at all'}")
 
-    def _marker(self, body, marker):
+    def _marker(self, body: str, marker: str) -> int:
         index = self._index(body)
         if marker not in self.bodies[index].places:
             known = sorted(self.bodies[index].places)
@@ -500,8 +543,13 @@ class ObserverFrameSystem:
 
     # ---- packing ---------------------------------------------------------------------------------------------------
 
-    def pack(self, prediction=0):
-        """Arrays for the constraint.
+    def pack(self, prediction: int = 0) -> tuple[Model, State, Work]:
+        """Arrays for the kernels.
+
+        Parameters
+        ----------
+        prediction : int
+            Code of the motion of the frames over a step.
 
         Returns
         -------
@@ -535,7 +583,7 @@ class ObserverFrameSystem:
             first_moment=z((n_b, n_max, 3)),
             reference_moment=z((n_b, n_max, 9)),
             ends=np.array([b.ends for b in self.bodies]),
-            reach=max(np.linalg.norm(b.ends, axis=1).max() for b in self.bodies),
+            reach=max(float(np.linalg.norm(b.ends, axis=1).max()) for b in self.bodies),
             mass_low=z((n_b, n_max, n_max)),
             mass_up=z((n_b, n_max, n_max)),
             gravity=self.gravity,
@@ -582,9 +630,10 @@ class ObserverFrameSystem:
         self._pack_markers(model)
         state = self._new_state(n_b, n_max, n_row)
         work = _new_work(n_b, n_max, n_m, n_row, len(self.drives), len(self.springs))
-        for which, acting in ((work.drive, self.drives), (work.spring, self.springs)):
-            for k, one in enumerate(acting):
-                which[k] = one.at(0.0)
+        for k, drive in enumerate(self.drives):
+            work.drive[k] = drive.at(0.0)
+        for k, spring in enumerate(self.springs):
+            work.spring[k] = spring.at(0.0)
         if model.deformed_modes:
             for b, body in enumerate(self.bodies):
                 if bends[b]:
@@ -594,7 +643,7 @@ class ObserverFrameSystem:
         self._check_constraints(model, state, work)
         return model, state, work
 
-    def _pack_bodies(self, model):
+    def _pack_bodies(self, model: Model) -> None:
         for i, body in enumerate(self.bodies):
             n = body.n
             model.first[i, :n] = body.envelope()
@@ -610,10 +659,10 @@ class ObserverFrameSystem:
                 model.bend_mass[i, :nf, :nf, :nf] = more.mass
                 model.elastic_first[i, :nf] = body.first_moment[:nf]
                 model.elastic_moment[i, :nf] = body.reference_moment[:nf]
-            if not matrix.factorize(0, n, model.first[i], model.mass_low[i], model.mass_up[i], body.definite):
+            if not matrix.factorize_envelope(0, n, model.first[i], model.mass_low[i], model.mass_up[i], body.definite):
                 raise ObserverFrameError(f"substructure {body.name!r}: the mass matrix is singular")
 
-    def _pack_markers(self, model):
+    def _pack_markers(self, model: Model) -> None:
         for m, (index, name) in enumerate(self._markers):
             body = self.bodies[index]
             model.marker_position[m] = model.marker_place[m] = body.marker_position(name)
@@ -624,10 +673,10 @@ class ObserverFrameSystem:
                 model.bend_marker[m, :, :nf, :nf] = body.places[name].second_order()
             model.mass_columns[m] = model.marker_shape[m]
             for column in model.mass_columns[m]:
-                matrix.solve(body.n, model.first[index], model.mass_low[index], model.mass_up[index], column)
+                matrix.solve_envelope(body.n, model.first[index], model.mass_low[index], model.mass_up[index], column)
         constraint.marker_pairs(model, model.mass_columns, model.mass_pairs)
 
-    def _second_order_fields(self, n_max):
+    def _second_order_fields(self, n_max: int) -> Array:
         """Second-order displacement H of the points of consistent loads (n, 3, n_max, n_max)."""
         fields = []
         for marker, _, axes in self.loads:
@@ -639,7 +688,7 @@ class ObserverFrameSystem:
                 fields.append(out)
         return np.array(fields).reshape(-1, 3, n_max, n_max)
 
-    def _new_state(self, n_b, n_max, n_row):
+    def _new_state(self, n_b: int, n_max: int, n_row: int) -> State:
         z = np.zeros
         state = State(
             position=z((n_b, 3)),
@@ -666,7 +715,7 @@ class ObserverFrameSystem:
             state.velocity[i], state.omega[i], state.q[i, :n], state.v[i, :n] = motion
         return state
 
-    def _check_constraints(self, model, state, work):
+    def _check_constraints(self, model: Model, state: State, work: Work) -> None:
         """Refuse redundant and violated constraints, by name."""
         constraint.constraint_rows(model, state, state.q, state.v, work)
         jacobian = np.zeros((len(self._rows), state.q.size))
@@ -694,8 +743,8 @@ class ObserverFrameSystem:
                 )
 
 
-def _new_work(n_b, n_max, n_m, n_row, n_drive, n_spring):
-    shapes = dict.fromkeys(Work._fields, (3,))
+def _new_work(n_b: int, n_max: int, n_m: int, n_row: int, n_drive: int, n_spring: int) -> Work:
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Work._fields, (3,))
     shapes |= dict.fromkeys(("low", "up"), (n_b, n_max, n_max))
     shapes |= dict.fromkeys(("base", "rhs", "next", "vector", "ahead", "body_load"), (n_b, n_max))
     shapes |= dict.fromkeys(("multiplier", "row_value", "row_rate", "row_bias", "row_change", "row_scale"), (n_row,))

@@ -16,10 +16,12 @@ angular velocity can be inserted afterwards (eqs 7–8 without their ω):
 (K. Holm-Jørgensen, S. R. K. Nielsen, R. Rubak, System reduction in nonlinear multibody dynamics of wind turbines.)
 """
 
+from __future__ import annotations
+
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.linalg import null_space
@@ -28,6 +30,15 @@ from wt_gym.errors import WtGymError
 from wt_gym.structure.beam import skew
 from wt_gym.structure.flexible_body import particle_fields
 from wt_gym.structure.modes import lowest_modes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.structure.beam import Beam
+
+    Array = NDArray[np.float64]
 
 __all__ = [
     "DISPLACEMENTS",
@@ -49,7 +60,7 @@ class ObserverFrameError(WtGymError, ValueError):
     """A system in local observer frames that cannot be built or integrated."""
 
 
-def reference_condition(beam, name):
+def reference_condition(beam: Beam, name: str) -> Array:
     """Rows C (6, n_dof) of a reference condition: C q_nodal = 0 for shapes that comply with it.
 
     Parameters
@@ -85,7 +96,7 @@ def reference_condition(beam, name):
     return rows
 
 
-def rigid_modes(beam):
+def rigid_modes(beam: Beam) -> Array:
     """Nodal displacements (n_dof, 6) of the linearized rigid-body motions about the origin of the body frame."""
     modes = np.zeros((beam.n_dof, 6))
     for node, p in enumerate(beam.node_position):
@@ -95,13 +106,13 @@ def rigid_modes(beam):
     return modes
 
 
-def _complying_vectors(rows):
+def _complying_vectors(rows: Array) -> Array:
     """Columns (n_dof, n_dof − 6) that span the null space of C; unit vectors where the rows allow it."""
     single = np.count_nonzero(rows, axis=1) == 1
     if np.all(single):
         held = np.argmax(np.abs(rows), axis=1)
         return np.delete(np.eye(rows.shape[1]), held, axis=1)
-    return null_space(rows)
+    return cast("Array", null_space(rows))
 
 
 @dataclass(frozen=True)
@@ -118,28 +129,28 @@ class Place:
         Without arguments; the second-order displacement H (3, n_f, n_f) of the point, computed when it is needed.
     """
 
-    position: np.ndarray
-    field: np.ndarray
-    second_order: Callable = dataclasses.field(repr=False)
+    position: Array
+    field: Array
+    second_order: Callable[[], Array] = dataclasses.field(repr=False)
 
     @classmethod
-    def on_beam(cls, beam, basis, s):
+    def on_beam(cls, beam: Beam, basis: Array, s: float) -> Place:
         """The section of a beam at the arc length s [m]."""
         linear = np.vstack(beam.linear_field(s, basis))
         return cls(beam.sections.axis_at(s), linear, partial(_second_order, beam, basis, s))
 
-    def shape(self):
+    def shape(self) -> Array:
         """Displacement and rotation (6, n) per coordinate, rigid-body motions last."""
         rigid = np.eye(6)
         rigid[:3, 3:] = -skew(self.position)
         return np.hstack([self.field, rigid])
 
 
-def _second_order(beam, basis, s):
+def _second_order(beam: Beam, basis: Array, s: float) -> Array:
     return beam.second_order_field(basis).at(s)
 
 
-def seen_from_frame(second, position, linear, rigid):
+def seen_from_frame(second: Array, position: Array, linear: Array, rigid: Array) -> Array:
     """Second-order displacement H of points seen from a frame that moves against the root as the shapes say.
 
     A point at r = s + S q + ½ qᵀ H q from the root, whose place and rotation vector in the frame are (u, φ) = R q, is
@@ -185,13 +196,13 @@ class SecondOrder:
         Without arguments; H (n_p, 3, n, n) of the mass points.
     """
 
-    first: np.ndarray
-    moment: np.ndarray
-    mass: np.ndarray
-    particles: Callable
+    first: Array
+    moment: Array
+    mass: Array
+    particles: Callable[[], Array]
 
     @classmethod
-    def from_points(cls, mass, position, linear, particles):
+    def from_points(cls, mass: Array, position: Array, linear: Array, particles: Callable[[], Array]) -> SecondOrder:
         """Sums over mass points (n_p,) at positions (n_p, 3) with elastic shapes (n_p, 3, n)."""
         second, n = particles(), linear.shape[2]
         return cls(
@@ -239,25 +250,37 @@ class Substructure:
 
     name: str
     reference: str
-    places: dict
-    frequency: np.ndarray
-    ends: np.ndarray
-    particle_mass: np.ndarray = dataclasses.field(repr=False)
-    particle_position: np.ndarray = dataclasses.field(repr=False)
-    particle_shape: np.ndarray = dataclasses.field(repr=False)
-    stiffness: np.ndarray = dataclasses.field(repr=False)
-    damping: np.ndarray = dataclasses.field(repr=False)
-    first_moment: np.ndarray = dataclasses.field(repr=False)
-    gyro: np.ndarray = dataclasses.field(repr=False)
-    second: np.ndarray = dataclasses.field(repr=False)
-    reference_moment: np.ndarray = dataclasses.field(repr=False)
+    places: dict[str, Place]
+    frequency: Array
+    ends: Array
+    particle_mass: Array = dataclasses.field(repr=False)
+    particle_position: Array = dataclasses.field(repr=False)
+    particle_shape: Array = dataclasses.field(repr=False)
+    stiffness: Array = dataclasses.field(repr=False)
+    damping: Array = dataclasses.field(repr=False)
+    first_moment: Array = dataclasses.field(repr=False)
+    gyro: Array = dataclasses.field(repr=False)
+    second: Array = dataclasses.field(repr=False)
+    reference_moment: Array = dataclasses.field(repr=False)
     definite: bool = True
-    beam: object = dataclasses.field(default=None, repr=False)
-    basis: np.ndarray | None = dataclasses.field(default=None, repr=False)
+    beam: Beam | None = dataclasses.field(default=None, repr=False)
+    basis: Array | None = dataclasses.field(default=None, repr=False)
     second_order: SecondOrder | None = dataclasses.field(default=None, repr=False)
 
     @classmethod
-    def from_points(cls, name, points, stiffness, damping, places, ends, *, reference="given", second=None, **more):
+    def from_points(
+        cls,
+        name: str,
+        points: tuple[Array, Array, Array],
+        stiffness: Array,
+        damping: Array,
+        places: dict[str, Place],
+        ends: Array,
+        *,
+        reference: str = "given",
+        second: Callable[[], Array] | None = None,
+        **more: Any,
+    ) -> Substructure:
         """Build a substructure from mass points.
 
         Parameters
@@ -286,14 +309,21 @@ class Substructure:
         more.setdefault("frequency", np.zeros(0))
         if second is not None:
             more["second_order"] = SecondOrder.from_points(mass, position, linear, second)
-        constants = _integrals(mass, position, shape)
+        constants: dict[str, Any] = _integrals(mass, position, shape)
         return cls(name, reference, places, ends=ends, particle_mass=mass, particle_position=position,
                    particle_shape=shape, stiffness=strain[0], damping=strain[1], **constants, **more)  # fmt: skip
 
     @classmethod
     def from_beam(
-        cls, name, beam, reference="clamped", n_modes=None, damping_time=0.0, markers=None, displacement="linear"
-    ):
+        cls,
+        name: str,
+        beam: Beam,
+        reference: str = "clamped",
+        n_modes: int | None = None,
+        damping_time: float = 0.0,
+        markers: Mapping[str, float] | None = None,
+        displacement: str = "linear",
+    ) -> Substructure:
         """Build a substructure from a beam.
 
         Parameters
@@ -358,46 +388,46 @@ class Substructure:
                                frequency=frequency, beam=beam, basis=basis, second=second)  # fmt: skip
 
     @property
-    def n(self):
+    def n(self) -> int:
         """Number of coordinates, elastic and rigid."""
-        return self.stiffness.shape[0]
+        return len(self.stiffness)
 
     @property
-    def n_elastic(self):
+    def n_elastic(self) -> int:
         """Number of elastic coordinates."""
         return self.n - 6
 
     @property
-    def mass_matrix(self):
+    def mass_matrix(self) -> Array:
         """M (n, n)."""
-        return self.second[:3].sum(axis=0)
+        return cast("Array", self.second[:3].sum(axis=0))
 
-    def gyroscopic_matrix(self, omega):
+    def gyroscopic_matrix(self, omega: ArrayLike) -> Array:
         """G (n, n) of eq. (8) for an angular velocity (3,) in frame axes [rad/s]."""
-        return np.einsum("k,kij->ij", omega, self.gyro)
+        return np.asarray(np.einsum("k,kij->ij", np.asarray(omega, dtype=float), self.gyro))
 
-    def centrifugal_matrix(self, omega):
+    def centrifugal_matrix(self, omega: ArrayLike) -> Array:
         """D (n, n) of eq. (7) for an angular velocity (3,) in frame axes [rad/s]."""
         w = np.asarray(omega, dtype=float)
         weight = np.array([*(w * w - w @ w), w[0] * w[1], w[0] * w[2], w[1] * w[2]])
-        return np.einsum("k,kij->ij", weight, self.second)
+        return np.asarray(np.einsum("k,kij->ij", weight, self.second))
 
-    def marker_shape(self, name):
+    def marker_shape(self, name: str) -> Array:
         """Displacement and rotation (6, n) of the axis at a marker per coordinate, in frame axes."""
         return self.places[name].shape()
 
-    def marker_position(self, name):
+    def marker_position(self, name: str) -> Array:
         """Undeformed position (3,) of a marker in the frame [m]."""
         return self.places[name].position
 
-    def displacement(self, place, q):
+    def displacement(self, place: Place, q: Array) -> Array:
         """Displacement and rotation (6,) of a :class:`Place` from the moving frame, for elastic coordinates (n_f,)."""
-        field = place.field @ q
+        field: Array = place.field @ q
         if self.second_order is not None:
             field[:3] += 0.5 * place.second_order() @ q @ q
         return field
 
-    def envelope(self):
+    def envelope(self) -> NDArray[np.int64]:
         """First non-zero column (n,) of each row of the lower triangles of all matrices."""
         if self.second_order is not None:
             return np.zeros(self.n, dtype=np.int64)  # the deformed body couples all its coordinates
@@ -405,22 +435,22 @@ class Substructure:
         scale = np.abs(matrices).max(axis=(1, 2), keepdims=True)
         filled = (np.abs(matrices) > 1e-14 * np.maximum(scale, 1e-300)).any(axis=0)
         np.fill_diagonal(filled, True)
-        first = np.argmax(filled | filled.T, axis=1)
+        first: NDArray[np.int64] = np.argmax(filled | filled.T, axis=1)
         first[-6:] = 0  # a deformed body couples its rigid-body modes to everything
         return first
 
 
-def check_displacement(name):
+def check_displacement(name: str) -> None:
     """Refuse a displacement that is none of :data:`DISPLACEMENTS`."""
     if name not in DISPLACEMENTS:
         raise ObserverFrameError(f"displacement must be one of {', '.join(DISPLACEMENTS)}, got {name!r}")
 
 
-def _second_of_particles(beam, basis):
+def _second_of_particles(beam: Beam, basis: Array) -> Array:
     return particle_fields(beam, basis).second
 
 
-def _integrals(m, s, shape):
+def _integrals(m: Array, s: Array, shape: Array) -> dict[str, Array]:
     """Constant matrices of mass points m (n_p,) at s (n_p, 3) with shapes (n_p, 3, n)."""
     n = np.swapaxes(shape, 0, 1)
     weighted = m[:, None] * n

@@ -13,8 +13,11 @@ move with both bodies alike, so that the machine stays the same when their mass 
 itself both bodies get mass points and the hinge an inertia (`Joint.rotor_tensors`).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -37,6 +40,18 @@ from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.beam import SecondOrderField, skew
 from wt_gym.structure.flexible_body import particle_fields
 
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.observer_frame.frame import Course
+    from wt_gym.multibody.system import MultibodySystem
+    from wt_gym.structure.beam import Beam
+    from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, Marker, ParticleFields
+
+    Array = NDArray[np.float64]
+
 __all__ = ["FRAME", "Translation", "mass_points", "observer_frame_from_system", "substructure_from_body"]
 
 FRAME = "frame"
@@ -46,15 +61,15 @@ LENT = 0.05
 
 
 def observer_frame_from_system(
-    system,
-    beams=None,
-    y=None,
-    rigid_modes="deformed",
-    reference="clamped",
-    motions=None,
-    torques=None,
-    displacement="linear",
-):
+    system: MultibodySystem,
+    beams: Mapping[str, tuple[Beam, Array]] | None = None,
+    y: ArrayLike | None = None,
+    rigid_modes: str = "deformed",
+    reference: str = "clamped",
+    motions: Mapping[str, Course] | None = None,
+    torques: Mapping[str, Course] | None = None,
+    displacement: str = "linear",
+) -> ObserverFrameSystem:
     """A system in local observer frames from a built multibody system.
 
     Parameters
@@ -109,7 +124,7 @@ def observer_frame_from_system(
     ).observed
 
 
-def mass_points(inertia):
+def mass_points(inertia: BodyInertia) -> tuple[Array, Array]:
     """Masses (6,) and positions (6, 3) of points with the mass, mass center and inertia tensor of a rigid body.
 
     Two points on each principal axis, at ± √(3 e/m) from the mass center for the second moment e = ∫ x² dm.
@@ -123,7 +138,7 @@ def mass_points(inertia):
     return np.full(6, inertia.mass / 6.0), center + np.concatenate([reach.T, -reach.T])
 
 
-def _massless_points(tensor):
+def _massless_points(tensor: Array) -> tuple[Array, Array]:
     """The same for an inertia tensor (3, 3) without mass: points one meter out on its axes, one that makes up for them.
 
     Some of their masses are negative; in the sums over mass points that does not matter.
@@ -133,7 +148,14 @@ def _massless_points(tensor):
     return masses, np.concatenate([np.stack([axis.T, -axis.T], axis=1).reshape(6, 3), np.zeros((1, 3))])
 
 
-def substructure_from_body(body, beam=None, basis=None, reference="clamped", lumped_masses=(), displacement="linear"):
+def substructure_from_body(
+    body: FlexibleBody,
+    beam: Beam | None = None,
+    basis: Array | None = None,
+    reference: str = "clamped",
+    lumped_masses: Sequence[tuple[float, Array]] = (),
+    displacement: str = "linear",
+) -> Substructure:
     """A substructure with the elastic coordinates, markers and mass of a body.
 
     Parameters
@@ -155,7 +177,7 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", lum
         When a flexible body comes without beam and basis, or with those of another body.
     """
     n, second = body.n_elastic, None
-    rigid = np.zeros((6, n))
+    rigid: Array = np.zeros((6, n))
     check_displacement(displacement)
     if n == 0:
         whole = body.inertia.mass > 0.0
@@ -177,7 +199,7 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", lum
         ends = beam.node_position[[0, -1]]
         if reference != "clamped":
             rows = reference_condition(beam, reference)
-            rigid = -np.linalg.solve(rows @ rigid_modes(beam), rows @ basis)
+            rigid = np.asarray(-np.linalg.solve(rows @ rigid_modes(beam), rows @ basis), dtype=float)
             points = *points[:2], points[2] + rigid[:3] - skew(points[1]) @ rigid[3:]
         if displacement == "second_order":
             second = partial(_second_of_points, fields, rigid)
@@ -190,19 +212,19 @@ def substructure_from_body(body, beam=None, basis=None, reference="clamped", lum
     )  # fmt: skip
 
 
-def _second_of_points(fields, rigid):
+def _second_of_points(fields: ParticleFields, rigid: Array) -> Array:
     return seen_from_frame(fields.second, fields.position, fields.linear, rigid)
 
 
-def _place(marker, offset, rigid):
+def _place(marker: Marker, offset: Array, rigid: Array) -> Place:
     """The point at an offset (3,) from a marker, carried by its section; shapes with a rigid-body part (6, n)."""
     position = marker.position + offset
     clamped = marker.linear - skew(offset) @ marker.rotation
     linear = clamped + rigid[:3] - skew(position) @ rigid[3:]
 
-    def second_order():
+    def second_order() -> Array:
         second = marker.second + SecondOrderField.of_offset(marker.rotation[None], offset[None])[0]
-        return seen_from_frame(second[None], position[None], clamped[None], rigid)[0]
+        return cast("Array", seen_from_frame(second[None], position[None], clamped[None], rigid)[0])
 
     return Place(position, np.vstack([linear, marker.rotation + rigid[3:]]), second_order)
 
@@ -216,10 +238,10 @@ class _Base:
 
     body: int  # −1: the ground
     place: str | None
-    position: np.ndarray  # (3,) of the ground
-    rotation: np.ndarray  # R (3, 3)
+    position: Array  # (3,) of the ground
+    rotation: Array  # R (3, 3)
     drive: int = -1
-    axis: np.ndarray | None = None  # a (3,)
+    axis: Array | None = None  # a (3,)
 
 
 class Translation:
@@ -240,39 +262,39 @@ class Translation:
 
     def __init__(
         self,
-        system,
-        beams,
-        y,
-        rigid_modes="deformed",
-        reference="clamped",
-        motions=None,
-        torques=None,
-        displacement="linear",
-    ):
+        system: MultibodySystem,
+        beams: Mapping[str, tuple[Beam, Array]],
+        y: ArrayLike,
+        rigid_modes: str = "deformed",
+        reference: str = "clamped",
+        motions: Mapping[str, Course] | None = None,
+        torques: Mapping[str, Course] | None = None,
+        displacement: str = "linear",
+    ) -> None:
         unknown = sorted(set(beams) - {body.name for body in system.bodies})
         if unknown:
             raise ObserverFrameError(
                 f"beams are given for {unknown}, but the bodies are {[b.name for b in system.bodies]}"
             )
-        self.system, self.y = system, np.ascontiguousarray(y, dtype=float)
+        self.system = system
+        self.y: Array = np.ascontiguousarray(y, dtype=float)
         self._motions, self._torques = dict(motions or {}), torques
         self.work = system.new_work()
         tree_kernels.kinematics(self.y, system.tree, self.work)
         self.observed = ObserverFrameSystem(system.gravity, rigid_modes)
-        self.hinges, self.servos = [], []
+        self.hinges: list[tuple[int, int]] = []
+        self.servos: list[int] = []
         self._is_carrier = [self._carries_only(b) for b in range(len(system.bodies))]
         self.tree_bodies = [b for b, carrier in enumerate(self._is_carrier) if not carrier]
         lumped_masses = self._lend()
-        self.bodies = [
-            None
-            if self._is_carrier[b]
-            else substructure_from_body(
-                body, *beams.get(body.name, (None, None)), reference, lumped_masses[b], displacement
-            )
-            for b, body in enumerate(system.bodies)
-        ]
+        self.bodies = {  # by the body of the multibody system
+            b: substructure_from_body(system.bodies[b], beam, basis, reference, lumped_masses[b], displacement)
+            for b in self.tree_bodies
+            for beam, basis in [beams.get(system.bodies[b].name, (None, None))]
+        }
         self.rigid_parts = [self.bodies[b].places[FRAME].field for b in self.tree_bodies]
-        self.frames, self._bases = [], []
+        self.frames: list[tuple[Array, Array]] = []
+        self._bases: list[_Base] = []
         for b in range(len(system.bodies)):
             self._place_by_joint(b)
         for c in range(len(system.constraints)):
@@ -286,18 +308,19 @@ class Translation:
 
     # ---- bodies without mass -----------------------------------------------------------------------------------------
 
-    def _carries_only(self, b):
+    def _carries_only(self, b: int) -> bool:
         """Whether a body is nothing but a turned section of its parent."""
         body = self.system.bodies[b]
         nothing = body.n_elastic == 0 and body.inertia.mass == 0.0 and not np.any(body.inertia.j0)
         return nothing and self.system.joints[b].kind in ("fixed", "servo")
 
-    def _lend(self):
+    def _lend(self) -> list[list[tuple[float, Array]]]:
         """Mass points (mass, place) that each body gets or gives.
 
         Bodies without mass borrow on their hinge; rotors geared to hinges have axial inertia in both bodies.
         """
-        system, lumped_masses = self.system, [[] for _ in self.system.bodies]
+        system = self.system
+        lumped_masses: list[list[tuple[float, Array]]] = [[] for _ in system.bodies]
         for b, body in enumerate(system.bodies):
             if body.inertia.mass > 0.0 or self._is_carrier[b]:
                 continue
@@ -313,7 +336,7 @@ class Translation:
             least = np.linalg.eigvalsh(lender.inertia.j0 + mass * arm @ arm)[0]
             axis, offset = np.asarray(joint.axis, dtype=float), np.asarray(joint.offset, dtype=float)
             turn = np.eye(3) if joint.rotation is None else joint.rotation
-            there = system._markers[b].position + offset
+            there = self._marker_of(b).position + offset
             reach = np.sqrt(least / mass)
             for side in (-reach, reach):
                 lumped_masses[b].append((0.5 * LENT * mass, side * axis))
@@ -329,31 +352,37 @@ class Translation:
             points.extend(zip(*_massless_points(tensor), strict=True))
         return lumped_masses
 
+    def _marker_of(self, b: int) -> Marker:
+        """Marker of the parent that carries the joint of a body."""
+        return cast("Marker", self.system._markers[b])
+
     # ---- places ------------------------------------------------------------------------------------------------------
 
-    def _elastic(self, b):
+    def _elastic(self, b: int) -> tuple[Array, Array]:
         """Elastic coordinates and rates (n_f,) of a body."""
         n = self.system.bodies[b].n_elastic
         q, u = self.system.index(b, "elastic_q"), self.system.n_q + self.system.index(b, "elastic_u")
         return self.y[q : q + n], self.y[u : u + n]
 
-    def _servo(self, number):
+    def _servo(self, number: int) -> float:
         """Angle of a servo."""
-        return self.y[self.system.n_q + self.system.n_u + number]
+        return float(self.y[self.system.n_q + self.system.n_u + number])
 
-    def _carried(self, b, marker, offset, rotation):
+    def _carried(
+        self, b: int, marker: Marker | None, offset: ArrayLike, rotation: ArrayLike | None
+    ) -> tuple[Array, Array, Place | None]:
         """Position and orientation of a frame on a marker of a body (on the ground for −1), and its place."""
-        offset = np.asarray(offset, dtype=float)
-        rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
-        if b < 0:
-            return offset, rotation, None
-        place = _place(marker, offset, self.bodies[b].places[FRAME].field)
+        lever: Array = np.asarray(offset, dtype=float)
+        turned: Array = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+        if b < 0 or marker is None:
+            return lever, turned, None
+        place = _place(marker, lever, self.bodies[b].places[FRAME].field)
         field = self.bodies[b].displacement(place, self._elastic(b)[0])
         position, frame = self.frames[b]
         turn = Rotation.from_rotvec(field[3:]).as_matrix()
-        return position + frame @ (place.position + field[:3]), frame @ turn @ rotation, place
+        return position + frame @ (place.position + field[:3]), frame @ turn @ turned, place
 
-    def _base(self, b):
+    def _base(self, b: int) -> tuple[Array, Array, _Base]:
         """Where the joint of a body is, with the section as it stands: (position, orientation of the joint, base)."""
         joint, p = self.system.joints[b], self.system.parents[b]
         rotation = np.eye(3) if joint.rotation is None else np.asarray(joint.rotation, dtype=float)
@@ -371,7 +400,7 @@ class Translation:
         self.bodies[p].places[name] = place
         return position, frame, _Base(p, name, position, rotation)
 
-    def _place_by_joint(self, b):
+    def _place_by_joint(self, b: int) -> None:
         """Frames are placed by the displacements of this formulation, so that its constraints hold exactly."""
         joint, kind = self.system.joints[b], self.system.joints[b].kind
         if kind == "prismatic":
@@ -387,7 +416,9 @@ class Translation:
             angle = self._servo(number)
             rotation = rotation @ Rotation.from_rotvec(angle * np.asarray(joint.axis)).as_matrix()
             drive = self._new_drive(joint.name or f"{self.system.bodies[b].name}_joint", number)
-            base = _Base(base.body, base.place, base.position, base.rotation, drive, base.rotation @ joint.axis)
+            base = _Base(
+                base.body, base.place, base.position, base.rotation, drive, base.rotation @ np.asarray(joint.axis)
+            )
         elif kind == "spherical":
             rotation = rotation @ _matrix(self.y[first : first + 4])
         elif kind == "free":
@@ -400,14 +431,14 @@ class Translation:
             position = position - rotation @ field[:3]
         self.frames.append((position, rotation))
 
-    def _new_drive(self, name, number):
+    def _new_drive(self, name: str, number: int) -> int:
         """A drive that follows a servo of the system, or keeps its present angle."""
         angle = self._servo(number)
         self.observed.drives.append(Drive(name, self._motions.get(name, lambda time: (angle, 0.0, 0.0))))
         self.servos.append(number)
         return len(self.servos) - 1
 
-    def _place_by_constraint(self, c):
+    def _place_by_constraint(self, c: int) -> None:
         """A free body is put where its constraint holds it; names the places on both sides."""
         constraint, (first, second, marker, second_marker) = self.system.constraints[c], self.system._tied[c]
         one = self._carried(first, marker, constraint.offset, constraint.rotation)
@@ -424,7 +455,7 @@ class Translation:
             turn = held @ two[1].T if constraint.kind == "weld" else np.eye(3)
             self.frames[second] = one[0] + turn @ (position - two[0]), turn @ rotation
 
-    def _add(self, b, body):
+    def _add(self, b: int, body: Substructure) -> None:
         position, rotation = self.frames[b]
         q, rate = self._elastic(b)
         none, own = np.zeros(6), self.work.rot[b]
@@ -441,76 +472,92 @@ class Translation:
 
     # ---- what holds them ---------------------------------------------------------------------------------------------
 
-    def _hold_by_joint(self, b):
+    def _hold_by_joint(self, b: int) -> None:
         joint, base, observed = self.system.joints[b], self._bases[b], self.observed
         kind, mine = joint.kind, (self.bodies[b].name, FRAME)
-        other = (None, None) if base.body < 0 else (self.bodies[base.body].name, base.place)
         if kind == "free":
             return
-        observed.support(*mine) if base.body < 0 else observed.join(*mine, *other)
+        other: tuple[str | None, str | None] = None, None
+        if base.place is None:
+            observed.support(*mine)
+        else:
+            other = self.bodies[base.body].name, base.place
+            observed.join(*mine, self.bodies[base.body].name, base.place)
         axes, label = base.rotation, joint.name or f"{self.system.bodies[b].name}_joint"
-        drive = base.drive, np.zeros(3) if base.axis is None else base.axis
+        turned = np.zeros(3) if base.axis is None else base.axis
         if kind in ("fixed", "servo"):
             pairs = [(np.eye(3)[i], axes[:, j]) for i, j in ((0, 1), (1, 2), (2, 0))]
-            observed._orthogonal(*mine, *other, pairs, f"{kind} joint {label}", *drive)
+            observed._orthogonal(*mine, *other, pairs, f"{kind} joint {label}", base.drive, turned)
         elif kind == "revolute":
             axis = np.asarray(joint.axis, dtype=float)
             across = np.linalg.svd(axis[None])[2][1:]
-            observed._orthogonal(*mine, *other, [(axis, axes @ t) for t in across], f"hinge {label}", *drive)
+            rows = [(axis, axes @ t) for t in across]
+            observed._orthogonal(*mine, *other, rows, f"hinge {label}", base.drive, turned)
             acts = joint.stiffness or joint.damping or joint.rotor_inertia
             acts = acts or self._torques is None or label in self._torques
             if acts:
                 self._bridge(b, mine, other, label, axes @ axis, (across[0], axes @ across[0]))
 
-    def _bridge(self, b, mine, other, label, axis, vectors):
+    def _bridge(
+        self,
+        b: int,
+        mine: tuple[str, str],
+        other: tuple[str | None, str | None],
+        label: str,
+        axis: Array,
+        vectors: tuple[Array, Array],
+    ) -> None:
         """Spring, damper and torque of a revolute joint."""
         joint, base = self.system.joints[b], self._bases[b]
-        if base.drive >= 0 and base.axis @ axis < 1.0 - 1e-12:
+        if base.axis is not None and base.axis @ axis < 1.0 - 1e-12:
             raise ObserverFrameError(f"joint {label!r}: a spring behind a servo needs the axis of the servo")
-        along = base.axis if base.drive >= 0 else axis
+        along = axis if base.axis is None else base.axis
         spring = Spring(label, joint.stiffness, joint.damping, (self._torques or {}).get(label))
         spring.angle = float(self.y[self.system.index(b, "joint_q")])
         spring.inertia = joint.rotor_tensors[2]
         self.observed.spring(*mine, *other, along, vectors, spring, base.drive)
         self.hinges.append((len(self.observed.springs) - 1, b))
 
-    def _hold_by_constraint(self, c):
+    def _hold_by_constraint(self, c: int) -> None:
         constraint, (first, second, marker, _) = self.system.constraints[c], self.system._tied[c]
         here = _constraint_place(c)
         names = [None if b < 0 else self.bodies[b].name for b in (first, second)]
         if constraint.servo_frequency > 0.0:
-            if constraint.kind != "weld" or second < 0:
+            if constraint.kind != "weld" or names[1] is None:
                 raise ObserverFrameError(f"constraint {constraint.name!r}: only the weld of a body takes a servo")
-            axes, own = (np.eye(3) if r is None else r for r in (constraint.rotation, constraint.second_rotation))
+            axes, own = (
+                np.eye(3) if r is None else np.asarray(r, dtype=float)
+                for r in (constraint.rotation, constraint.second_rotation)
+            )
             drive = self._new_drive(constraint.name or here, self.system._constraint_servo[c])
-            if first < 0:
+            if names[0] is None:
                 self.observed.support(names[1], here)
             else:
                 self.observed.join(names[1], here, names[0], here)
             pairs = [(own[:, i], axes[:, j]) for i, j in ((0, 1), (1, 2), (2, 0))]
             place = None if first < 0 else here
-            label = f"servo {constraint.name}"
-            self.observed._orthogonal(names[1], here, names[0], place, pairs, label, drive, axes @ constraint.axis)
+            label, axis = f"servo {constraint.name}", axes @ np.asarray(constraint.axis)
+            self.observed._orthogonal(names[1], here, names[0], place, pairs, label, drive, axis)
             return
         axis = self._carried(first, marker, constraint.offset, constraint.rotation)[1] @ np.asarray(constraint.axis)
-        ends = [(name, here) for name in names[::-1]]
-        self._hold(constraint.kind, *(ends if second >= 0 else ends[::-1]), axis)
+        one, other = names if names[1] is None else names[::-1]
+        self._hold(constraint.kind, cast("str", one), other, here, axis)
 
-    def _hold(self, kind, mine, yours, axis):
-        """Weld, hinge or ball between two places (body, place); the second body may be the ground, None."""
-        ground = yours[0] is None
+    def _hold(self, kind: str, body: str, other: str | None, here: str, axis: Array) -> None:
+        """Weld, hinge or ball between the places ``here`` of two bodies; the second may be the ground, None."""
+        observed = self.observed
         if kind == "weld":
-            self.observed.clamp(*mine) if ground else self.observed.weld(*yours, *mine)
+            observed.clamp(body, here) if other is None else observed.weld(other, here, body, here)
         elif kind == "ball":
-            self.observed.support(*mine) if ground else self.observed.join(*yours, *mine)
+            observed.support(body, here) if other is None else observed.join(other, here, body, here)
         elif kind == "hinge":
-            self.observed.hinge(*mine, axis, *(() if ground else yours))
+            observed.hinge(body, here, axis, other, None if other is None else here)
 
 
-def _constraint_place(c):
+def _constraint_place(c: int) -> str:
     return f"constraint {c}"
 
 
-def _matrix(quaternion):
+def _matrix(quaternion: Array) -> Array:
     """Rotation matrix of a scalar-first quaternion."""
-    return Rotation.from_quat(np.roll(quaternion, -1)).as_matrix()
+    return cast("Array", Rotation.from_quat(np.roll(quaternion, -1)).as_matrix())

@@ -3,17 +3,75 @@
 The equations and the scheme are derived in :mod:`wt_gym.multibody.observer_frame.frame`.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol, cast
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wt_gym.multibody.integrators.schemes import generalised_alpha
+from wt_gym.multibody.integrators.schemes import generalized_alpha
 from wt_gym.multibody.observer_frame import observer_frame_kernels as kernels
 from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError
 from wt_gym.structure.beam import skew
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.observer_frame.observer_frame_arrays import Model, State, Work
+    from wt_gym.multibody.observer_frame.observer_frame_body import Substructure
+
+    Array = NDArray[np.float64]
+
 __all__ = ["PREDICTIONS", "ObserverFrameIntegrator"]
 
 PREDICTIONS = {"uniform": kernels.UNIFORM, "accelerated": kernels.MEAN, "printed": kernels.PRINTED}
+
+
+class Acting(Protocol):
+    """A drive or a spring."""
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """What it says at a time [s]."""
+        ...
+
+
+class Connected(Protocol):
+    """A row of the constraint equations."""
+
+    @property
+    def connection(self) -> str:
+        """What it belongs to."""
+        ...
+
+
+class System(Protocol):
+    """What the integrator needs of a `wt_gym.multibody.observer_frame.frame.ObserverFrameSystem`."""
+
+    gravity: Array
+    bodies: list[Substructure]
+    loads: list[tuple[int, ArrayLike | Callable[[float], ArrayLike], str]]
+
+    @property
+    def drives(self) -> Sequence[Acting]:
+        """What turns sections."""
+        ...
+
+    @property
+    def springs(self) -> Sequence[Acting]:
+        """What acts on hinges."""
+        ...
+
+    @property
+    def _rows(self) -> Sequence[Connected]: ...
+
+    def _index(self, name: str) -> int: ...
+
+    def pack(self, prediction: int = 0) -> tuple[Model, State, Work]:
+        """Arrays for the kernels."""
+        ...
 
 
 class ObserverFrameIntegrator:
@@ -51,7 +109,15 @@ class ObserverFrameIntegrator:
         of range, and for systems that cannot be packed.
     """
 
-    def __init__(self, system, step, n_iterations=1, update="step", prediction="uniform", spectral_radius=None):
+    def __init__(
+        self,
+        system: System,
+        step: float,
+        n_iterations: int = 1,
+        update: str | float = "step",
+        prediction: str = "uniform",
+        spectral_radius: float | None = None,
+    ) -> None:
         if not (np.isfinite(step) and step > 0.0):
             raise ObserverFrameError(f"the time step must be positive, got {step}")
         if int(n_iterations) < 1:
@@ -66,12 +132,13 @@ class ObserverFrameIntegrator:
         self._threshold = 0.0 if update == "step" else float(update)
         self.model, self.state, self._work = system.pack(PREDICTIONS[prediction])
         if spectral_radius is not None:
-            self.model.rule[:] = generalised_alpha(spectral_radius)
+            self.model.rule[:] = generalized_alpha(spectral_radius)
         self.time = 0.0
-        self._shapes, self._seconds = {}, {}
+        self._shapes: dict[tuple[str, str], tuple[Array, Array | None]] = {}
+        self._seconds: dict[int, Array] = {}
         self._start()
 
-    def _start(self):
+    def _start(self) -> None:
         """Consistent velocities and accelerations, and the frames set to follow them."""
         if len(self.model.row_kind):
             self._check(kernels.hold_velocities(self.model, self.state, self._work))
@@ -85,12 +152,12 @@ class ObserverFrameIntegrator:
                 self.state.alpha[b] += rigid[3:]
         self._check(kernels.accelerations(values, self.model, self.state, self._work))
 
-    def _acting(self, acting, start, n_steps):
+    def _acting(self, acting: Sequence[Acting], start: float, n_steps: int) -> Array:
         """What drives and springs say (n_steps, n, 3) at the ends of the coming steps."""
         values = [[one.at(start + k * self.step) for one in acting] for k in range(n_steps)]
         return np.array(values, dtype=float).reshape(n_steps, len(acting), 3)
 
-    def advance(self, n_steps=1):
+    def advance(self, n_steps: int = 1) -> None:
         """Take n_steps.
 
         Raises
@@ -109,18 +176,18 @@ class ObserverFrameIntegrator:
         self.time += self.step * float(done[0])
         self._check(code)
 
-    def _load_values(self, start, n_steps):
+    def _load_values(self, start: float, n_steps: int) -> Array:
         """Loads (n_steps, n_loads, 6) at the ends of the coming steps."""
         loads = self.system.loads
         out = np.zeros((n_steps, len(loads), 6))
         for i, (_, value, _) in enumerate(loads):
             if callable(value):
-                out[:, i] = [value(start + k * self.step) for k in range(n_steps)]
+                out[:, i] = np.array([value(start + k * self.step) for k in range(n_steps)], dtype=float)
             else:
                 out[:, i] = value
         return out
 
-    def _check(self, code):
+    def _check(self, code: int) -> None:
         if code == kernels.SINGULAR_BODY:
             raise ObserverFrameError(
                 f"a matrix of the step is singular at t = {self.time:.6g} s: the motion has diverged, or the step "
@@ -135,27 +202,28 @@ class ObserverFrameIntegrator:
 
     # ---- what is seen ----------------------------------------------------------------------------------------------
 
-    def coordinates(self, body):
+    def coordinates(self, body: str) -> Array:
         """Coordinates [q_f, q_r] (n,) of a substructure, a copy."""
         b = self.system._index(body)
-        return self.state.q[b, : self.system.bodies[b].n].copy()
+        return np.array(self.state.q[b, : self.system.bodies[b].n])
 
-    def displacement(self, body, marker):
+    def displacement(self, body: str, marker: str) -> Array:
         """Displacement and rotation (6,) of a marker from the moving frame, in frame axes [m, rad]."""
         return self._displacement(*self._marker(body, marker))
 
-    def position(self, body, marker):
+    def position(self, body: str, marker: str) -> Array:
         """Position (3,) of a marker in the fixed frame [m]."""
         b = self.system._index(body)
         local = self.system.bodies[b].marker_position(marker) + self.displacement(body, marker)[:3]
-        return self.state.position[b] + self.state.rotation[b] @ local
+        return cast("Array", self.state.position[b] + self.state.rotation[b] @ local)
 
-    def orientation(self, body, marker):
+    def orientation(self, body: str, marker: str) -> Array:
         """Rotation (3, 3) of a marker's section to fixed axes."""
         b = self.system._index(body)
-        return self.state.rotation[b] @ Rotation.from_rotvec(self.displacement(body, marker)[3:]).as_matrix()
+        turn = Rotation.from_rotvec(self.displacement(body, marker)[3:]).as_matrix()
+        return np.asarray(self.state.rotation[b] @ turn)
 
-    def velocity(self, body, marker):
+    def velocity(self, body: str, marker: str) -> Array:
         """Velocity and angular velocity (6,) of a marker in fixed axes [m/s, rad/s]."""
         b, shape, shorter = self._marker(body, marker)
         n, omega, r = shape.shape[1], self.state.omega[b], self.state.rotation[b]
@@ -165,7 +233,7 @@ class ObserverFrameIntegrator:
         linear = self.state.velocity[b] + r @ (np.cross(omega, point) + rate[:3])
         return np.concatenate([linear, r @ (omega + rate[3:])])
 
-    def _marker(self, body, marker):
+    def _marker(self, body: str, marker: str) -> tuple[int, Array, Array]:
         """Index of the body, shape (6, n) of the marker with rotations of the undeformed body, and ½ qᵀ H q (3,)."""
         b = self.system._index(body)
         place, shorter = self.system.bodies[b].places[marker], np.zeros(3)
@@ -180,14 +248,14 @@ class ObserverFrameIntegrator:
             shape[:3, : len(known)] += turn
         return b, shape, shorter
 
-    def _displacement(self, b, shape, shorter):
+    def _displacement(self, b: int, shape: Array, shorter: Array) -> Array:
         n = shape.shape[1]
         q = self.state.q[b, :n]
-        field = shape @ q
+        field: Array = shape @ q
         field[:3] += np.cross(q[n - 3 :], shape[:3] @ self.state.deformed[b, :n] - shorter) - shorter
         return field
 
-    def reaction(self, connection):
+    def reaction(self, connection: str) -> Array:
         """Multipliers [N, N m] of a connection by the start of its name, e.g. "support of shaft.B1"."""
         chosen = [i for i, row in enumerate(self.system._rows) if row.connection.startswith(connection)]
         if not chosen:
@@ -195,7 +263,7 @@ class ObserverFrameIntegrator:
             raise ObserverFrameError(f"no connection starts with {connection!r}; there are {known}")
         return self.state.multiplier[chosen]
 
-    def energy(self):
+    def energy(self) -> Array:
         """Kinetic, elastic and gravitational energy (3,) [J] of all substructures and the rotors geared to hinges."""
         total = np.zeros(3)
         total[0] = 0.5 * self.model.row_inertia @ self._work.row_rate**2
@@ -203,14 +271,12 @@ class ObserverFrameIntegrator:
             q, v = self.state.q[b, : body.n], self.state.v[b, : body.n]
             point, rate = _particle_motion(self, b, body, q, v)
             m = body.particle_mass
-            total += [
-                0.5 * np.sum(m[:, None] * rate**2),
-                0.5 * q @ body.stiffness @ q,
-                -np.sum(m @ (point @ self.system.gravity)),
-            ]
+            total[0] += 0.5 * np.sum(m[:, None] * rate**2)
+            total[1] += 0.5 * q @ body.stiffness @ q
+            total[2] -= np.sum(m @ (point @ self.system.gravity))
         return total
 
-    def momentum(self):
+    def momentum(self) -> Array:
         """Momentum and angular momentum about the fixed origin (6,) [kg m/s, kg m²/s] of all substructures."""
         total = np.zeros(6)
         for b, body in enumerate(self.system.bodies):
@@ -221,9 +287,12 @@ class ObserverFrameIntegrator:
         return total
 
 
-def _particle_motion(integrator, b, body, q, v):
+def _particle_motion(
+    integrator: ObserverFrameIntegrator, b: int, body: Substructure, q: Array, v: Array
+) -> tuple[Array, Array]:
     """Positions and velocities (n_p, 3) of the mass points of a body in fixed axes."""
-    s, shape, shorter = integrator.state, body.particle_shape, 0.0
+    s, shape = integrator.state, body.particle_shape
+    shorter: Array = np.zeros(3)
     known = s.deformed[b, : body.n]
     if body.second_order is not None:
         if b not in integrator._seconds:

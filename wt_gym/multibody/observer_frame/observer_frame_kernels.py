@@ -17,15 +17,14 @@ from wt_gym.multibody.observer_frame.observer_frame_constraint_kernels import (
     subtract_reactions,
 )
 from wt_gym.multibody.observer_frame.observer_frame_matrix_kernels import (
-    factorize,
-    factorize_dense,
+    factorize_envelope,
     gyroscopic_product,
     inner_forces,
     mass_product,
-    solve,
-    solve_dense,
+    solve_envelope,
     step_matrix,
 )
+from wt_gym.multibody.tree.linear_algebra_kernels import factorize, solve_factorized
 from wt_gym.multibody.tree.rotation_kernels import rotation_exp
 
 OK, SINGULAR_BODY, SINGULAR_CONSTRAINTS, DIVERGED = range(4)
@@ -138,7 +137,7 @@ def take_out(b, w, share, model, state, work):
     gyroscopic_product(b, w, model, field, carried)
     if share >= 0.0 and model.bends[b]:
         turn_shapes(b, field, share, model, state, work, carried)
-    solve(n, model.first[b], model.mass_low[b], model.mass_up[b], carried)
+    solve_envelope(n, model.first[b], model.mass_low[b], model.mass_up[b], carried)
     for i in range(n):
         state.v[b, i] -= carried[i]
 
@@ -399,7 +398,7 @@ def renew_rotations(b, model, state, work):
             model.mass_low[b, row, j], model.mass_up[b, row, j] = mass, mass
     for i in range(n - 6):
         state.deformed[b, i] = q[i]
-    return factorize(start, n, model.first[b], model.mass_low[b], model.mass_up[b], model.definite[b])
+    return factorize_envelope(start, n, model.first[b], model.mass_low[b], model.mass_up[b], model.definite[b])
 
 
 @kernel
@@ -433,7 +432,7 @@ def renew_markers(b, model, state):
             column = model.mass_columns[m, i]
             for k in range(n):
                 column[k] = shape[i, k]
-            solve(n, model.first[b], model.mass_low[b], model.mass_up[b], column)
+            solve_envelope(n, model.first[b], model.mass_low[b], model.mass_up[b], column)
 
 
 @kernel
@@ -488,7 +487,7 @@ def factorize_constraints(model, work):
     """Factors of B M⁻¹ Bᵀ for the directions of the rows as they were evaluated last; False when it is singular."""
     schur_complement(model, model.mass_pairs, work, work.schur)
     free_hinges(model, work, 1.0)
-    return factorize_dense(model.row_kind.shape[0], work.schur, work.order)
+    return factorize(work.schur, work.order)
 
 
 @kernel
@@ -499,14 +498,14 @@ def accelerate(value, model, state, work):
         inner_forces(b, model, state, state.q[b], state.v[b], state.a[b])
     add_loads(value, model, state, state.q, work, state.a)
     for b in range(model.n.shape[0]):
-        solve(model.n[b], model.first[b], model.mass_low[b], model.mass_up[b], state.a[b])
+        solve_envelope(model.n[b], model.first[b], model.mass_low[b], model.mass_up[b], state.a[b])
     if n_row == 0:
         return
     for r in range(n_row):
         work.multiplier[r] = work.row_bias[r]
     rows_of(model, state.a, work, work.multiplier)
     give_torques(model, work, True)
-    solve_dense(n_row, work.schur, work.order, work.multiplier)
+    solve_factorized(work.schur, work.order, work.multiplier)
     for r in range(n_row):
         state.multiplier[r] = work.multiplier[r]
     keep_reactions(model, state, work)
@@ -533,9 +532,9 @@ def hold_positions(model, state, work, n_passes):
         if i == 0:
             schur_complement(model, work.pairs, work, work.schur)
             free_hinges(model, work, 0.0)
-            if not factorize_dense(n_row, work.schur, work.order):
+            if not factorize(work.schur, work.order):
                 return SINGULAR_CONSTRAINTS
-        solve_dense(n_row, work.schur, work.order, work.multiplier)
+        solve_factorized(work.schur, work.order, work.multiplier)
         subtract_reactions(model, work.columns, work.multiplier, work, state.q)
     constraint_rows(model, state, state.q, state.v, work)
     return OK
@@ -548,7 +547,7 @@ def hold_rates(model, state, work):
     for r in range(n_row):
         work.multiplier[r] = work.row_rate[r]
     give_torques(model, work, False)
-    solve_dense(n_row, work.schur, work.order, work.multiplier)
+    solve_factorized(work.schur, work.order, work.multiplier)
     subtract_reactions(model, model.mass_columns, work.multiplier, work, state.v)
 
 
@@ -569,7 +568,7 @@ def factorize_step(h, model, state, work):
         if model.bends[b]:
             geometric_stiffness(b, model, state, work)
         step_matrix(b, h, model, state, work.low[b], work.up[b])
-        if not factorize(0, model.n[b], model.first[b], work.low[b], work.up[b], model.definite[b]):
+        if not factorize_envelope(0, model.n[b], model.first[b], work.low[b], work.up[b], model.definite[b]):
             return SINGULAR_BODY
     for m in range(model.marker_body.shape[0]):
         b = model.marker_body[m]
@@ -577,7 +576,7 @@ def factorize_step(h, model, state, work):
             column = work.columns[m, i]
             for k in range(model.n[b]):
                 column[k] = model.marker_shape[m, i, k]
-            solve(model.n[b], model.first[b], work.low[b], work.up[b], column)
+            solve_envelope(model.n[b], model.first[b], work.low[b], work.up[b], column)
     marker_pairs(model, work.columns, work.pairs)
     return OK
 
@@ -664,7 +663,7 @@ def step_solve(h, value, n_iterations, model, state, work):
                 work.rhs[b, k] = work.base[b, k]
         add_loads(value, model, state, work.next, work, work.rhs)
         for b in range(n_b):
-            solve(model.n[b], model.first[b], work.low[b], work.up[b], work.rhs[b])
+            solve_envelope(model.n[b], model.first[b], work.low[b], work.up[b], work.rhs[b])
         if n_row > 0:
             constraint_rows(model, state, work.next, work.ahead, work)
             for b in range(n_b):
@@ -675,9 +674,9 @@ def step_solve(h, value, n_iterations, model, state, work):
             rows_of(model, work.vector, work, work.multiplier)
             schur_complement(model, work.pairs, work, work.schur)
             spring_rows(h, model, state, work)
-            if not factorize_dense(n_row, work.schur, work.order):
+            if not factorize(work.schur, work.order):
                 return SINGULAR_CONSTRAINTS
-            solve_dense(n_row, work.schur, work.order, work.multiplier)
+            solve_factorized(work.schur, work.order, work.multiplier)
             subtract_reactions(model, work.columns, work.multiplier, work, work.rhs)
         for b in range(n_b):
             for k in range(model.n[b]):

@@ -12,7 +12,7 @@ from wt_gym.compiled import kernel
 
 
 @kernel
-def factorize(start, n, first, low, up, definite):
+def factorize_envelope(start, n, first, low, up, definite):
     """A = L U in place, L with unit diagonal, from the row start on; False when a pivot is not positive.
 
     No pivoting is needed: the matrices have a positive definite symmetric part. Where they are not ``definite``, since
@@ -38,8 +38,8 @@ def factorize(start, n, first, low, up, definite):
 
 
 @kernel
-def solve(n, first, low, up, x):
-    """Solve x ← A⁻¹ x with the factors of A."""
+def solve_envelope(n, first, low, up, x):
+    """Solve x ← A⁻¹ x with the factors of `factorize_envelope`."""
     for i in range(n):
         value = x[i]
         for k in range(first[i], i):
@@ -50,53 +50,6 @@ def solve(n, first, low, up, x):
         x[i] = value
         for k in range(first[i], i):
             x[k] -= up[i, k] * value
-
-
-@kernel
-def factorize_dense(n, a, order):
-    """P a = L U in place by elimination with row exchanges, kept in ``order`` (n,). False when a is singular."""
-    scale = 0.0
-    for i in range(n):
-        for j in range(n):
-            scale = max(scale, abs(a[i, j]))
-    for k in range(n):
-        p = k
-        for i in range(k + 1, n):
-            if abs(a[i, k]) > abs(a[p, k]):
-                p = i
-        if not abs(a[p, k]) > 1e-14 * scale:
-            return False
-        order[k] = p
-        if p != k:
-            for j in range(n):
-                a[k, j], a[p, j] = a[p, j], a[k, j]
-        pivot = 1.0 / a[k, k]
-        for i in range(k + 1, n):
-            if a[i, k] != 0.0:
-                f = a[i, k] * pivot
-                a[i, k] = f
-                for j in range(k + 1, n):
-                    a[i, j] -= f * a[k, j]
-    return True
-
-
-@kernel
-def solve_dense(n, a, order, x):
-    """Solve x ← a⁻¹ x with the factors of a."""
-    for k in range(n):
-        p = order[k]
-        if p != k:
-            x[k], x[p] = x[p], x[k]
-    for i in range(n):
-        value = x[i]
-        for j in range(i):
-            value -= a[i, j] * x[j]
-        x[i] = value
-    for k in range(n - 1, -1, -1):
-        value = x[k]
-        for j in range(k + 1, n):
-            value -= a[k, j] * x[j]
-        x[k] = value / a[k, k]
 
 
 # ---- inertia and stiffness of one body -----------------------------------------------------------------------------

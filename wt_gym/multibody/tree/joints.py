@@ -1,6 +1,9 @@
 """What connects bodies: joints of the tree, and constraint equations between its bodies."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,6 +11,9 @@ from wt_gym.multibody.checks import check_number, check_rotation, check_vector
 from wt_gym.multibody.constraints import constraint_kernels
 from wt_gym.multibody.errors import MultibodyError
 from wt_gym.multibody.tree import tree_kernels
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Constraint", "Joint"]
 
@@ -56,14 +62,15 @@ class Joint:
     Raises
     ------
     MultibodyError
-        For an unknown kind, vectors that are not three finite numbers, an axis that is no unit vector, a matrix that is
-        no proper rotation, negative values, and springs, dampers, servos or rotors that the kind does not have.
+        For an unknown kind, vectors that are not three finite numbers, an axis that is not a unit vector, a matrix
+        that is not a proper rotation, negative values, and springs, dampers, servos or rotors that the kind does not
+        support.
     """
 
     kind: str = "fixed"
-    axis: tuple = (0.0, 0.0, 1.0)
-    rotation: np.ndarray | None = None
-    offset: tuple = (0.0, 0.0, 0.0)
+    axis: ArrayLike = (0.0, 0.0, 1.0)
+    rotation: ArrayLike | None = None
+    offset: ArrayLike = (0.0, 0.0, 0.0)
     stiffness: float = 0.0
     damping: float = 0.0
     servo_frequency: float = 0.0
@@ -72,7 +79,7 @@ class Joint:
     rotor_inertia: float = 0.0
     rotor_ratio: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.kind not in _JOINTS:
             raise MultibodyError(f"joint kind must be one of {', '.join(_JOINTS)}, got {self.kind!r}")
         owner = f"{self.kind} joint {self.name!r}"
@@ -85,14 +92,14 @@ class Joint:
             check_number(owner, name, getattr(self, name), positive=self.kind == "servo" and name == "servo_frequency")
             if getattr(self, name) != 0.0 and self.kind not in kinds:
                 raise MultibodyError(
-                    f"{owner}: {name} is {getattr(self, name)}; must be 0 for this kind "
-                    f"({' and '.join(kinds)} joints support it)"
+                    f"{owner}: {name} must be 0, got {getattr(self, name)}: joint type {self.kind!r} does not support "
+                    f"it; allowed: {' and '.join(kinds)}"
                 )
         check_number(owner, "servo_damping", self.servo_damping)
         check_number(owner, "rotor_ratio", self.rotor_ratio, signed=True)
 
     @property
-    def rotor_tensors(self):
+    def rotor_tensors(self) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """Inertia tensors (3, 3) of parent and body, and inertia of the coordinate, that stand for the geared rotor.
 
         With n the ratio, a the axis, ω the angular velocity of the parent and u the rate of the joint, the rotor has
@@ -110,17 +117,17 @@ class Joint:
         return (1.0 - n) * inertia * np.outer(turned, turned), body, n * (n - 1.0) * inertia
 
     @property
-    def code(self):
+    def code(self) -> int:
         """Number of the kind in the compiled kernels."""
         return _JOINTS[self.kind][0]
 
     @property
-    def n_position(self):
+    def n_position(self) -> int:
         """Number of position coordinates; a quaternion has four."""
         return _JOINTS[self.kind][1]
 
     @property
-    def n_velocity(self):
+    def n_velocity(self) -> int:
         """Number of velocities."""
         return _JOINTS[self.kind][2]
 
@@ -145,16 +152,16 @@ class Constraint:
     """
 
     kind: str = "weld"
-    rotation: np.ndarray | None = None
-    offset: tuple = (0.0, 0.0, 0.0)
-    second_rotation: np.ndarray | None = None
-    second_offset: tuple = (0.0, 0.0, 0.0)
-    axis: tuple = (0.0, 0.0, 1.0)
+    rotation: ArrayLike | None = None
+    offset: ArrayLike = (0.0, 0.0, 0.0)
+    second_rotation: ArrayLike | None = None
+    second_offset: ArrayLike = (0.0, 0.0, 0.0)
+    axis: ArrayLike = (0.0, 0.0, 1.0)
     servo_frequency: float = 0.0
     servo_damping: float = 1.0
     name: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.kind not in _CONSTRAINTS:
             raise MultibodyError(f"constraint kind must be one of {', '.join(_CONSTRAINTS)}, got {self.kind!r}")
         owner = f"{self.kind} constraint {self.name!r}"
@@ -166,11 +173,11 @@ class Constraint:
             check_number(owner, name, getattr(self, name))
 
     @property
-    def code(self):
+    def code(self) -> int:
         """Number of the kind in the compiled kernels."""
         return _CONSTRAINTS[self.kind][0]
 
     @property
-    def n_rows(self):
+    def n_rows(self) -> int:
         """Number of equations."""
         return _CONSTRAINTS[self.kind][1]

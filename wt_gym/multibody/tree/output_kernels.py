@@ -14,13 +14,13 @@ def energies(y, tree, work):
     inertia_terms(y, yd, tree, work)
     kinetic, elastic, potential = 0.0, 0.0, 0.0
     for b in range(tree.parent.shape[0]):
-        v, w, mc, jj, rot = work.v[b], work.omega[b], work.mc[b], work.jj[b], work.rot[b]
+        v, w, mc, jj, rot = work.v[b], work.omega[b], work.first_moment[b], work.inertia[b], work.rot[b]
         m, nf, u0, q0 = tree.mass[b], tree.n_elastic[b], tree.elastic_u[b], tree.elastic_q[b]
         for i in range(3):
-            work.c1[i] = 0.0
-        cross_add(w, mc, work.c1)
+            work.one[i] = 0.0
+        cross_add(w, mc, work.one)
         for i in range(3):
-            kinetic += 0.5 * m * v[i] * v[i] + v[i] * work.c1[i]
+            kinetic += 0.5 * m * v[i] * v[i] + v[i] * work.one[i]
             center = m * work.r[b, i]
             for j in range(3):
                 kinetic += 0.5 * w[i] * jj[i, j] * w[j]
@@ -28,9 +28,9 @@ def energies(y, tree, work):
             potential -= tree.gravity[i] * center
         for k in range(nf):
             for i in range(3):
-                kinetic += yd[u0 + k] * (v[i] * work.cc[b, i, k] + w[i] * work.dk[b, i, k])
+                kinetic += yd[u0 + k] * (v[i] * work.coupling_lin[b, i, k] + w[i] * work.coupling_ang[b, i, k])
             for j in range(nf):
-                kinetic += 0.5 * yd[u0 + k] * work.mff[b, k, j] * yd[u0 + j]
+                kinetic += 0.5 * yd[u0 + k] * work.elastic_mass[b, k, j] * yd[u0 + j]
                 elastic += 0.5 * y[q0 + k] * tree.stiffness[b, k, j] * y[q0 + j]
     for i in range(n_u):
         kinetic += 0.5 * tree.dof_inertia[i] * yd[i] * yd[i]
@@ -50,10 +50,17 @@ def joint_wrenches(y, acceleration, loads, tree, work, wrench):
     n_q = tree.n_q
     yd = y[n_q : n_q + tree.n_u]
     wrench[:, :] = 0.0
-    a, al = work.a, work.al
+    a, al = work.acceleration, work.angular_acceleration
     inertia_terms(y, yd, tree, work)
     for b in range(tree.parent.shape[0] - 1, -1, -1):
-        m, nf, mc, jj, h, rot = tree.mass[b], tree.n_elastic[b], work.mc[b], work.jj[b], work.h[b], work.rot[b]
+        m, nf, mc, jj, h, rot = (
+            tree.mass[b],
+            tree.n_elastic[b],
+            work.first_moment[b],
+            work.inertia[b],
+            work.bias_force[b],
+            work.rot[b],
+        )
         for i in range(3):
             a[i] = (
                 work.bias_lin[b, i]
@@ -66,14 +73,14 @@ def joint_wrenches(y, acceleration, loads, tree, work, wrench):
                 rate = acceleration[tree.cols[b, c]]
                 a[i] += work.vl[b, i, c] * rate
                 al[i] += work.va[b, i, c] * rate
-        f, t = work.c1, work.c2
+        f, t = work.one, work.two
         for i in range(3):
             f[i] = m * a[i] + h[i] - loads[b, i]
             t[i] = jj[i, 0] * al[0] + jj[i, 1] * al[1] + jj[i, 2] * al[2] + h[3 + i] - loads[b, 3 + i]
             for k in range(nf):
                 rate = acceleration[tree.elastic_u[b] + k]
-                f[i] += work.cc[b, i, k] * rate
-                t[i] += work.dk[b, i, k] * rate
+                f[i] += work.coupling_lin[b, i, k] * rate
+                t[i] += work.coupling_ang[b, i, k] * rate
         cross_add(al, mc, f)
         cross_add(mc, a, t)
         for i in range(3):
@@ -84,15 +91,15 @@ def joint_wrenches(y, acceleration, loads, tree, work, wrench):
             # into parent components: global difference of origins gives the lever
             pr = work.rot[p]
             for i in range(3):
-                work.th[i] = 0.0
-                work.thd[i] = 0.0
-                work.x[i] = 0.0
+                work.turn[i] = 0.0
+                work.turn_rate[i] = 0.0
+                work.place[i] = 0.0
                 for j in range(3):
-                    work.x[i] += pr[j, i] * (work.r[b, j] - work.r[p, j])
+                    work.place[i] += pr[j, i] * (work.r[b, j] - work.r[p, j])
                     turn = pr[0, i] * rot[0, j] + pr[1, i] * rot[1, j] + pr[2, i] * rot[2, j]
-                    work.th[i] += turn * wrench[b, j]
-                    work.thd[i] += turn * wrench[b, 3 + j]
-            cross_add(work.x, work.th, work.thd)
+                    work.turn[i] += turn * wrench[b, j]
+                    work.turn_rate[i] += turn * wrench[b, 3 + j]
+            cross_add(work.place, work.turn, work.turn_rate)
             for i in range(3):
-                wrench[p, i] += work.th[i]
-                wrench[p, 3 + i] += work.thd[i]
+                wrench[p, i] += work.turn[i]
+                wrench[p, 3 + i] += work.turn_rate[i]

@@ -3,6 +3,7 @@
 from wt_gym.compiled import kernel
 from wt_gym.multibody.constraints.constraint_kernels import constraint_rows, solve_constrained
 from wt_gym.multibody.tree.linear_algebra_kernels import cholesky, solve_lower, solve_upper
+from wt_gym.multibody.tree.sparse_kernels import factorize_tree, solve_tree
 from wt_gym.multibody.tree.tree_kernels import FREE, OK, SINGULAR_MASS, SPHERICAL, assemble, kinematics
 
 
@@ -34,6 +35,20 @@ def rates(y, tau, inputs, tree, work, dy, constrained=None):
     for i in range(n_u):
         dy[n_q + i] = force[i]
     position_rates(y, yd, tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, dy)
+    return OK
+
+
+@kernel(separate=True)
+def tree_rates(y, tau, inputs, tree, work, dy):
+    """As `rates` without constraint equations, by factors along the branches of the tree, for many coordinates."""
+    balance_terms(y, tau, inputs, tree, work, dy)
+    n_q, n_u, force = tree.n_q, tree.n_u, work.force
+    if not factorize_tree(work.mass, tree.dof_parent):
+        return SINGULAR_MASS
+    solve_tree(work.mass, tree.dof_parent, force)
+    for i in range(n_u):
+        dy[n_q + i] = force[i]
+    position_rates(y, y[n_q : n_q + n_u], tree.dof_q, tree.kind, tree.joint_q, tree.joint_u, dy)
     return OK
 
 

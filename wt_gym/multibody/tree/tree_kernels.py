@@ -29,8 +29,9 @@ OK, SINGULAR_MASS, SINGULAR_CONSTRAINTS, DIVERGED, NOT_CONVERGED = range(5)
 def attachment(b, p, y, yd, tree, work):
     """Position, rotation and rates of marker b on body p, in components of p.
 
-    Fills work.x (position), work.rn (rotation), work.ti (tangent), work.s_eff (S + H q) and, relative to the parent
-    frame, work.xd (velocity), work.xb (acceleration bias), work.wn (angular velocity), work.wb (angular bias).
+    Fills work.place (position), work.turn_rot (rotation) with its tangent, work.marker_shape (S + H q) and, relative to
+    the parent frame, work.place_rate (velocity), work.place_bias (acceleration bias), work.joint_omega (angular
+    velocity) and work.marker_bias (angular bias).
     """
     nf = tree.n_elastic[p]
     q0, u0 = tree.elastic_q[p], tree.elastic_u[p]
@@ -44,19 +45,19 @@ def attachment(b, p, y, yd, tree, work):
                 lin += h * y[q0 + j]
                 half += 0.5 * h * y[q0 + j]
                 bias += h * yd[u0 + j]
-            work.s_eff[i, k] = lin
+            work.marker_shape[i, k] = lin
             x += half * y[q0 + k]
             rate = yd[u0 + k]
             xd += lin * rate
             xb += bias * rate
             th += tree.marker_rotation[b, i, k] * y[q0 + k]
             thd += tree.marker_rotation[b, i, k] * rate
-        work.x[i], work.xd[i], work.xb[i], work.th[i], work.thd[i] = x, xd, xb, th, thd
-    rotation_exp(work.th, work.rn, work.ti)
-    t, td = work.th, work.thd
+        work.place[i], work.place_rate[i], work.place_bias[i], work.turn[i], work.turn_rate[i] = x, xd, xb, th, thd
+    rotation_exp(work.turn, work.turn_rot, work.tangent)
+    t, td = work.turn, work.turn_rate
     for i in range(3):
-        work.wn[i] = work.ti[i, 0] * td[0] + work.ti[i, 1] * td[1] + work.ti[i, 2] * td[2]
-    tangent_bias(t, td, work.wb)
+        work.joint_omega[i] = work.tangent[i, 0] * td[0] + work.tangent[i, 1] * td[1] + work.tangent[i, 2] * td[2]
+    tangent_bias(t, td, work.marker_bias)
 
 
 @kernel(separate=True, distinct=True)
@@ -68,11 +69,11 @@ def kinematics(y, tree, work):
         p = tree.parent[b]
         n_in = joint_frame(b, p, y, yd, tree, work)
         for i in range(3):
-            work.r[b, i] = work.x[i]
+            work.r[b, i] = work.place[i]
             if p >= 0:
                 work.r[b, i] = work.r[p, i]
                 for j in range(3):
-                    work.r[b, i] += work.rot[p, i, j] * work.x[j]
+                    work.r[b, i] += work.rot[p, i, j] * work.place[j]
         joint_motion(b, p, tree.kind[b], n_in, y, yd, tree, work)
 
 
@@ -80,80 +81,81 @@ def kinematics(y, tree, work):
 def joint_frame(k, p, y, yd, tree, work):
     """Motion of the frame that marker k carries on body p (the ground for p = −1), in components of p.
 
-    Fills work.x (position in p), work.rj (orientation in p), work.wn and work.nv (absolute angular and linear
-    velocity), work.nb_ang and work.nb_lin (acceleration bias) and the columns work.na and work.nl, which belong to the
-    velocities ``cols[p]`` followed by the elastic ones of p. Returns the number of columns.
+    Fills work.place (position in p), work.joint_rot (orientation in p), work.joint_omega and work.joint_v (absolute
+    angular and linear velocity), work.joint_bias_ang and work.joint_bias_lin (acceleration bias) and the columns
+    work.joint_va and work.joint_vl, which belong to the velocities ``cols[p]`` followed by the elastic ones of p.
+    Returns the number of columns.
     """
-    lever, wn, nb_lin, nb_ang, nv = work.lever, work.wn, work.nb_lin, work.nb_ang, work.nv
+    lever, wn, nb_lin, nb_ang, nv = work.lever, work.joint_omega, work.joint_bias_lin, work.joint_bias_ang, work.joint_v
     if p < 0:
         for i in range(3):
-            work.x[i] = tree.joint_offset[k, i]
+            work.place[i] = tree.joint_offset[k, i]
             wn[i] = 0.0
             nb_lin[i] = 0.0
             nb_ang[i] = 0.0
             nv[i] = 0.0
             for j in range(3):
-                work.rj[i, j] = tree.joint_rotation[k, i, j]
+                work.joint_rot[i, j] = tree.joint_rotation[k, i, j]
         return 0
     attachment(k, p, y, yd, tree, work)
     for i in range(3):
         lever[i] = (
-            work.rn[i, 0] * tree.joint_offset[k, 0]
-            + work.rn[i, 1] * tree.joint_offset[k, 1]
-            + work.rn[i, 2] * tree.joint_offset[k, 2]
+            work.turn_rot[i, 0] * tree.joint_offset[k, 0]
+            + work.turn_rot[i, 1] * tree.joint_offset[k, 1]
+            + work.turn_rot[i, 2] * tree.joint_offset[k, 2]
         )
         for j in range(3):
-            work.rj[i, j] = (
-                work.rn[i, 0] * tree.joint_rotation[k, 0, j]
-                + work.rn[i, 1] * tree.joint_rotation[k, 1, j]
-                + work.rn[i, 2] * tree.joint_rotation[k, 2, j]
+            work.joint_rot[i, j] = (
+                work.turn_rot[i, 0] * tree.joint_rotation[k, 0, j]
+                + work.turn_rot[i, 1] * tree.joint_rotation[k, 1, j]
+                + work.turn_rot[i, 2] * tree.joint_rotation[k, 2, j]
             )
     # relative position, velocity and bias of the joint origin in the parent frame
     for i in range(3):
-        work.x[i] += lever[i]
-        work.c1[i] = 0.0
-        work.c2[i] = 0.0
-    cross_add(wn, lever, work.c1)  # w × lever
-    cross_add(wn, work.c1, work.c2)
-    cross_add(work.wb, lever, work.c2)
+        work.place[i] += lever[i]
+        work.one[i] = 0.0
+        work.two[i] = 0.0
+    cross_add(wn, lever, work.one)  # w × lever
+    cross_add(wn, work.one, work.two)
+    cross_add(work.marker_bias, lever, work.two)
     wp, vp = work.omega[p], work.v[p]
     for i in range(3):
-        work.xd[i] += work.c1[i]
-        work.xb[i] += work.c2[i]
-        work.c1[i] = 0.0
-        work.c2[i] = 0.0
-        nb_lin[i] = work.bias_lin[p, i] + work.xb[i]
-        nb_ang[i] = work.bias_ang[p, i] + work.wb[i]
-        nv[i] = vp[i] + work.xd[i]
-    cross_add(wp, work.x, work.c1)
+        work.place_rate[i] += work.one[i]
+        work.place_bias[i] += work.two[i]
+        work.one[i] = 0.0
+        work.two[i] = 0.0
+        nb_lin[i] = work.bias_lin[p, i] + work.place_bias[i]
+        nb_ang[i] = work.bias_ang[p, i] + work.marker_bias[i]
+        nv[i] = vp[i] + work.place_rate[i]
+    cross_add(wp, work.place, work.one)
     for i in range(3):
-        nv[i] += work.c1[i]
-        work.c2[i] = work.c1[i] + 2.0 * work.xd[i]
-    cross_add(wp, work.c2, nb_lin)
-    cross_add(work.bias_ang[p], work.x, nb_lin)
+        nv[i] += work.one[i]
+        work.two[i] = work.one[i] + 2.0 * work.place_rate[i]
+    cross_add(wp, work.two, nb_lin)
+    cross_add(work.bias_ang[p], work.place, nb_lin)
     cross_add(wp, wn, nb_ang)
     for i in range(3):
         wn[i] += wp[i]
     # columns: those of the parent, then the parent's elastic coordinates
-    x = work.x
+    x = work.place
     n_in = tree.n_col[p]
     for c in range(n_in):
         va0, va1, va2 = work.va[p, 0, c], work.va[p, 1, c], work.va[p, 2, c]
-        work.na[0, c], work.na[1, c], work.na[2, c] = va0, va1, va2
-        work.nl[0, c] = work.vl[p, 0, c] + va1 * x[2] - va2 * x[1]
-        work.nl[1, c] = work.vl[p, 1, c] + va2 * x[0] - va0 * x[2]
-        work.nl[2, c] = work.vl[p, 2, c] + va0 * x[1] - va1 * x[0]
+        work.joint_va[0, c], work.joint_va[1, c], work.joint_va[2, c] = va0, va1, va2
+        work.joint_vl[0, c] = work.vl[p, 0, c] + va1 * x[2] - va2 * x[1]
+        work.joint_vl[1, c] = work.vl[p, 1, c] + va2 * x[0] - va0 * x[2]
+        work.joint_vl[2, c] = work.vl[p, 2, c] + va0 * x[1] - va1 * x[0]
     for e in range(tree.n_elastic[p]):
         for i in range(3):
-            work.na[i, n_in] = (
-                work.ti[i, 0] * tree.marker_rotation[k, 0, e]
-                + work.ti[i, 1] * tree.marker_rotation[k, 1, e]
-                + work.ti[i, 2] * tree.marker_rotation[k, 2, e]
+            work.joint_va[i, n_in] = (
+                work.tangent[i, 0] * tree.marker_rotation[k, 0, e]
+                + work.tangent[i, 1] * tree.marker_rotation[k, 1, e]
+                + work.tangent[i, 2] * tree.marker_rotation[k, 2, e]
             )
-        va0, va1, va2 = work.na[0, n_in], work.na[1, n_in], work.na[2, n_in]
-        work.nl[0, n_in] = work.s_eff[0, e] + va1 * lever[2] - va2 * lever[1]
-        work.nl[1, n_in] = work.s_eff[1, e] + va2 * lever[0] - va0 * lever[2]
-        work.nl[2, n_in] = work.s_eff[2, e] + va0 * lever[1] - va1 * lever[0]
+        va0, va1, va2 = work.joint_va[0, n_in], work.joint_va[1, n_in], work.joint_va[2, n_in]
+        work.joint_vl[0, n_in] = work.marker_shape[0, e] + va1 * lever[2] - va2 * lever[1]
+        work.joint_vl[1, n_in] = work.marker_shape[1, e] + va2 * lever[0] - va0 * lever[2]
+        work.joint_vl[2, n_in] = work.marker_shape[2, e] + va0 * lever[1] - va1 * lever[0]
         n_in += 1
     return n_in
 
@@ -163,7 +165,7 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
     """Carry the joint-frame kinematics (parent components) through the joint of body b."""
     q0, u0 = tree.joint_q[b], tree.joint_u[b]
     axis = tree.axis[b]
-    wn, nb_lin, nb_ang, nv = work.wn, work.nb_lin, work.nb_ang, work.nv
+    wn, nb_lin, nb_ang, nv = work.joint_omega, work.joint_bias_lin, work.joint_bias_ang, work.joint_v
     rate, accel = 0.0, 0.0
     if kind == PRISMATIC or kind == FREE:
         slide_joint(b, p, kind, n_in, y, yd, tree, work)
@@ -176,23 +178,25 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
             s = tree.servo[b]
             angle, rate, accel = y[n_y + s], y[n_y + tree.n_servo + s], work.servo_acceleration[s]
         for i in range(3):
-            work.th[i] = axis[i] * angle
-        rotation_exp(work.th, work.rn, work.ti)
+            work.turn[i] = axis[i] * angle
+        rotation_exp(work.turn, work.turn_rot, work.tangent)
     elif kind == SPHERICAL:
-        quaternion_rotation(y[q0 : q0 + 4], work.rn)
+        quaternion_rotation(y[q0 : q0 + 4], work.turn_rot)
     elif kind == FREE:
-        quaternion_rotation(y[q0 + 3 : q0 + 7], work.rn)
+        quaternion_rotation(y[q0 + 3 : q0 + 7], work.turn_rot)
     if kind == FIXED or kind == PRISMATIC:
         for i in range(3):
             for j in range(3):
-                work.rb[i, j] = work.rj[i, j]
+                work.child_rot[i, j] = work.joint_rot[i, j]
     else:
         for i in range(3):
             for j in range(3):
-                work.rb[i, j] = (
-                    work.rj[i, 0] * work.rn[0, j] + work.rj[i, 1] * work.rn[1, j] + work.rj[i, 2] * work.rn[2, j]
+                work.child_rot[i, j] = (
+                    work.joint_rot[i, 0] * work.turn_rot[0, j]
+                    + work.joint_rot[i, 1] * work.turn_rot[1, j]
+                    + work.joint_rot[i, 2] * work.turn_rot[2, j]
                 )
-    rb = work.rb
+    rb = work.child_rot
     # into body components
     for i in range(3):
         work.omega[b, i] = rb[0, i] * wn[0] + rb[1, i] * wn[1] + rb[2, i] * wn[2]
@@ -200,8 +204,12 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
         work.bias_lin[b, i] = rb[0, i] * nb_lin[0] + rb[1, i] * nb_lin[1] + rb[2, i] * nb_lin[2]
         work.bias_ang[b, i] = rb[0, i] * nb_ang[0] + rb[1, i] * nb_ang[1] + rb[2, i] * nb_ang[2]
         for c in range(n_in):
-            work.vl[b, i, c] = rb[0, i] * work.nl[0, c] + rb[1, i] * work.nl[1, c] + rb[2, i] * work.nl[2, c]
-            work.va[b, i, c] = rb[0, i] * work.na[0, c] + rb[1, i] * work.na[1, c] + rb[2, i] * work.na[2, c]
+            work.vl[b, i, c] = (
+                rb[0, i] * work.joint_vl[0, c] + rb[1, i] * work.joint_vl[1, c] + rb[2, i] * work.joint_vl[2, c]
+            )
+            work.va[b, i, c] = (
+                rb[0, i] * work.joint_va[0, c] + rb[1, i] * work.joint_va[1, c] + rb[2, i] * work.joint_va[2, c]
+            )
         for j in range(3):
             if p >= 0:
                 work.rot[b, i, j] = (
@@ -212,10 +220,10 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
     # relative rotation of the joint: the axis is the same in both frames
     if kind == REVOLUTE or kind == SERVO:
         for i in range(3):
-            work.th[i] = axis[i] * rate
-        cross_add(work.omega[b], work.th, work.bias_ang[b])
+            work.turn[i] = axis[i] * rate
+        cross_add(work.omega[b], work.turn, work.bias_ang[b])
         for i in range(3):
-            work.omega[b, i] += work.th[i]
+            work.omega[b, i] += work.turn[i]
             if kind == SERVO:
                 work.bias_ang[b, i] += axis[i] * accel
             else:
@@ -224,10 +232,10 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
     elif kind == SPHERICAL or kind == FREE:
         first = u0 if kind == SPHERICAL else u0 + 3
         for i in range(3):
-            work.th[i] = yd[first + i]
-        cross_add(work.omega[b], work.th, work.bias_ang[b])
+            work.turn[i] = yd[first + i]
+        cross_add(work.omega[b], work.turn, work.bias_ang[b])
         for i in range(3):
-            work.omega[b, i] += work.th[i]
+            work.omega[b, i] += work.turn[i]
             for j in range(3):
                 work.va[b, j, n_in + i] = 1.0 if i == j else 0.0
                 work.vl[b, j, n_in + i] = 0.0
@@ -241,7 +249,7 @@ def slide_joint(b, p, kind, n_in, y, yd, tree, work):
     ω × d etc. and the columns d/du.
     """
     q0, u0 = tree.joint_q[b], tree.joint_u[b]
-    d, dd = work.c1, work.c2
+    d, dd = work.one, work.two
     n_slide = 1 if kind == PRISMATIC else 3
     for i in range(3):
         d[i] = 0.0
@@ -249,41 +257,44 @@ def slide_joint(b, p, kind, n_in, y, yd, tree, work):
         for k in range(n_slide):
             if kind == PRISMATIC:
                 direction = (
-                    work.rj[i, 0] * tree.axis[b, 0] + work.rj[i, 1] * tree.axis[b, 1] + work.rj[i, 2] * tree.axis[b, 2]
+                    work.joint_rot[i, 0] * tree.axis[b, 0]
+                    + work.joint_rot[i, 1] * tree.axis[b, 1]
+                    + work.joint_rot[i, 2] * tree.axis[b, 2]
                 )
             else:
-                direction = work.rj[i, k]
+                direction = work.joint_rot[i, k]
             d[i] += direction * y[q0 + k]
             dd[i] += direction * yd[u0 + k]
-            work.nl[i, n_in + k] = direction
-            work.na[i, n_in + k] = 0.0
+            work.joint_vl[i, n_in + k] = direction
+            work.joint_va[i, n_in + k] = 0.0
     for c in range(n_in):
-        a0, a1, a2 = work.na[0, c], work.na[1, c], work.na[2, c]
-        work.nl[0, c] += a1 * d[2] - a2 * d[1]
-        work.nl[1, c] += a2 * d[0] - a0 * d[2]
-        work.nl[2, c] += a0 * d[1] - a1 * d[0]
+        a0, a1, a2 = work.joint_va[0, c], work.joint_va[1, c], work.joint_va[2, c]
+        work.joint_vl[0, c] += a1 * d[2] - a2 * d[1]
+        work.joint_vl[1, c] += a2 * d[0] - a0 * d[2]
+        work.joint_vl[2, c] += a0 * d[1] - a1 * d[0]
     for i in range(3):
-        work.th[i] = 0.0
-    cross_add(work.wn, d, work.th)
+        work.turn[i] = 0.0
+    cross_add(work.joint_omega, d, work.turn)
     for i in range(3):
-        work.nv[i] += dd[i] + work.th[i]
-        work.thd[i] = work.th[i] + 2.0 * dd[i]
+        work.joint_v[i] += dd[i] + work.turn[i]
+        work.turn_rate[i] = work.turn[i] + 2.0 * dd[i]
         if p >= 0:
             work.r[b, i] += work.rot[p, i, 0] * d[0] + work.rot[p, i, 1] * d[1] + work.rot[p, i, 2] * d[2]
         else:
             work.r[b, i] += d[i]
-    cross_add(work.wn, work.thd, work.nb_lin)
-    cross_add(work.nb_ang, d, work.nb_lin)
+    cross_add(work.joint_omega, work.turn_rate, work.joint_bias_lin)
+    cross_add(work.joint_bias_ang, d, work.joint_bias_lin)
 
 
 @kernel(inline="always")
 def elastic_mass(b, y, tree, work):
-    """Elastic mass matrix of body b, work.mff, and what else is of its order.
+    """Elastic mass matrix of body b, work.elastic_mass, and what else is of its order.
 
-    work.dq[k, j, i] = ∂D_ki/∂q_j, and for bodies with complete integrals work.reach[k, l, j] = ∫ (H q)_k · H_lj dm.
+    work.coupling_slope[k, j, i] = ∂D_ki/∂q_j, and for bodies with complete integrals work.reach[k, l, j] =
+    ∫ (H q)_k · H_lj dm.
     """
     nf, n_full, q0 = tree.n_elastic[b], tree.n_complete[b], tree.elastic_q[b]
-    mff, dq, reach = work.mff[b], work.dq, work.reach
+    mff, dq, reach = work.elastic_mass[b], work.coupling_slope, work.reach
     for k in range(nf):
         for j in range(nf):
             for i in range(3):
@@ -332,16 +343,16 @@ def body_terms(b, y, yd, tree, work):
     q0, u0 = tree.elastic_q[b], tree.elastic_u[b]
     elastic_mass(b, y, tree, work)
     w = work.omega[b]
-    mc, jj, h = work.mc[b], work.jj[b], work.h[b]
+    mc, jj, h = work.first_moment[b], work.inertia[b], work.bias_force[b]
     for i in range(3):
         mc[i] = tree.c0[b, i]
         h[i] = 0.0
         h[3 + i] = 0.0
-        work.cd[i] = 0.0
-        work.dd[i] = 0.0
+        work.elastic_lin[i] = 0.0
+        work.elastic_ang[i] = 0.0
         for j in range(3):
             jj[i, j] = tree.j0[b, i, j]
-            work.jd[i, j] = 0.0
+            work.inertia_rate[i, j] = 0.0
     for k in range(nf):
         qk, rk = y[q0 + k], yd[u0 + k]
         for i in range(3):
@@ -353,13 +364,13 @@ def body_terms(b, y, yd, tree, work):
                 c += c2 * qj
                 half += 0.5 * c2 * qj
                 bias += c2 * rj
-                d += 0.5 * (tree.d1[b, k, j, i] + work.dq[k, j, i]) * qj
-                dbias += work.dq[k, j, i] * rj
-            work.cc[b, i, k] = c
-            work.dk[b, i, k] = d
+                d += 0.5 * (tree.d1[b, k, j, i] + work.coupling_slope[k, j, i]) * qj
+                dbias += work.coupling_slope[k, j, i] * rj
+            work.coupling_lin[b, i, k] = c
+            work.coupling_ang[b, i, k] = d
             mc[i] += half * qk
-            work.cd[i] += c * rk
-            work.dd[i] += d * rk
+            work.elastic_lin[i] += c * rk
+            work.elastic_ang[i] += d * rk
             h[i] += bias * rk
             h[3 + i] += dbias * rk
         centrifugal = 0.0
@@ -371,7 +382,7 @@ def body_terms(b, y, yd, tree, work):
                     g += j2
                     half += 0.5 * j2
                 jj[i, m] += half * qk
-                work.jd[i, m] += g * rk
+                work.inertia_rate[i, m] += g * rk
                 centrifugal += w[i] * g * w[m]
         gyro = 0.0
         for j in range(nf):
@@ -380,9 +391,9 @@ def body_terms(b, y, yd, tree, work):
                 convective += (tree.m1[b, k, l, j] - 0.5 * tree.m1[b, l, j, k]) * yd[u0 + l]
             gyro += yd[u0 + j] * (
                 convective
-                + w[0] * (work.dq[k, j, 0] - work.dq[j, k, 0])
-                + w[1] * (work.dq[k, j, 1] - work.dq[j, k, 1])
-                + w[2] * (work.dq[k, j, 2] - work.dq[j, k, 2])
+                + w[0] * (work.coupling_slope[k, j, 0] - work.coupling_slope[j, k, 0])
+                + w[1] * (work.coupling_slope[k, j, 1] - work.coupling_slope[j, k, 1])
+                + w[2] * (work.coupling_slope[k, j, 2] - work.coupling_slope[j, k, 2])
             )
             if k < tree.n_complete[b]:
                 for l in range(nf):
@@ -390,14 +401,14 @@ def body_terms(b, y, yd, tree, work):
         h[6 + k] = gyro - 0.5 * centrifugal
     # rotational velocity terms
     for i in range(3):
-        work.c1[i] = 2.0 * work.cd[i]
-        work.c2[i] = work.dd[i]
+        work.one[i] = 2.0 * work.elastic_lin[i]
+        work.two[i] = work.elastic_ang[i]
         for j in range(3):
-            work.c2[i] += jj[i, j] * w[j]
-            h[3 + i] += work.jd[i, j] * w[j]
-    cross_add(w, mc, work.c1)
-    cross_add(w, work.c1, h[:3])
-    cross_add(w, work.c2, h[3:6])
+            work.two[i] += jj[i, j] * w[j]
+            h[3 + i] += work.inertia_rate[i, j] * w[j]
+    cross_add(w, mc, work.one)
+    cross_add(w, work.one, h[:3])
+    cross_add(w, work.two, h[3:6])
 
 
 @kernel(inline="always")
@@ -413,9 +424,9 @@ def assemble(y, loads, tree, work):
     inertia_terms(y, yd, tree, work)
     for b in range(tree.parent.shape[0]):
         m, nf, nc = tree.mass[b], tree.n_elastic[b], tree.n_col[b]
-        mc, jj, h, cols = work.mc[b], work.jj[b], work.h[b], tree.cols[b]
+        mc, jj, h, cols = work.first_moment[b], work.inertia[b], work.bias_force[b], tree.cols[b]
         rot = work.rot[b]
-        a, al, f, t = work.a, work.al, work.c1, work.c2
+        a, al, f, t = work.acceleration, work.angular_acceleration, work.one, work.two
         for i in range(3):
             a[i] = (
                 work.bias_lin[b, i]
@@ -451,8 +462,8 @@ def assemble(y, loads, tree, work):
                     mass[j, i] += value
         u0, q0 = tree.elastic_u[b], tree.elastic_q[b]
         for k in range(nf):
-            c0, c1, c2 = work.cc[b, 0, k], work.cc[b, 1, k], work.cc[b, 2, k]
-            d0, d1, d2 = work.dk[b, 0, k], work.dk[b, 1, k], work.dk[b, 2, k]
+            c0, c1, c2 = work.coupling_lin[b, 0, k], work.coupling_lin[b, 1, k], work.coupling_lin[b, 2, k]
+            d0, d1, d2 = work.coupling_ang[b, 0, k], work.coupling_ang[b, 1, k], work.coupling_ang[b, 2, k]
             q = loads[b, 6 + k] - h[6 + k]
             q -= c0 * a[0] + c1 * a[1] + c2 * a[2] + d0 * al[0] + d1 * al[1] + d2 * al[2]
             for j in range(nf):
@@ -466,4 +477,4 @@ def assemble(y, loads, tree, work):
                 else:
                     mass[j, i] += value
             for j in range(k + 1):
-                mass[u0 + k, u0 + j] += work.mff[b, k, j]
+                mass[u0 + k, u0 + j] += work.elastic_mass[b, k, j]

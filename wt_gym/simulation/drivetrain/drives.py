@@ -6,10 +6,12 @@ all they remember is the command, an array that belongs to the state of the simu
 law of one's own, or one that wraps another and fails in some way, needs the same two methods (see `Law`).
 """
 
+from __future__ import annotations
+
 import math
 import numbers
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,12 +19,22 @@ from wt_gym.errors import ActionError
 from wt_gym.simulation.drivetrain.drive_kernels import act
 from wt_gym.turbines import Drivetrain, PitchSystem
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.arrays import Inputs
+    from wt_gym.turbines import Turbine
+
 __all__ = [
     "Drives",
+    "Fault",
     "GeneratorLaw",
     "Law",
     "LinearDamper",
     "PitchDrives",
+    "PitchLaw",
     "TorqueCommand",
     "YawDrive",
     "available_torque",
@@ -38,7 +50,7 @@ TORQUE, YAW, PITCH = slice(0, 1), slice(1, 2), slice(2, None)
 """Parts of the command."""
 
 
-def check_finite(**values):
+def check_finite(**values: float) -> None:
     """Refuse what is no finite number.
 
     Raises
@@ -51,7 +63,7 @@ def check_finite(**values):
             raise ActionError(f"{name} is {value!r}; must be a finite number")
 
 
-def available_torque(drivetrain, speed):
+def available_torque(drivetrain: Drivetrain, speed: float) -> float:
     """Largest torque [N m, high-speed shaft] that a generator can brake with at a rotor speed [rad/s].
 
     Parameters
@@ -64,7 +76,7 @@ def available_torque(drivetrain, speed):
     return drivetrain.max_generator_torque * min(max(turning, 0.0), 1.0)
 
 
-def pitch_delay(drive, interval, step=None):
+def pitch_delay(drive: PitchSystem, interval: float, step: float | None = None) -> float:
     """Time from a demand for a moving pitch to the pitch itself [s].
 
     At t, a multiple of the interval T, a controller asks for d(t) = r t. The command gets there at t + T: evenly, over
@@ -87,14 +99,17 @@ def pitch_delay(drive, interval, step=None):
     return interval + 2.0 * drive.servo_damping / drive.servo_frequency
 
 
-class Law(Protocol):
-    """What turns demands into commands."""
+Demand = TypeVar("Demand", contravariant=True)
 
-    def first(self, value, speed: float) -> np.ndarray:
+
+class Law(Protocol[Demand]):
+    """What turns demands into commands: numbers of the generator and the yaw drive, angles of the pitch drives."""
+
+    def first(self, value: Demand, speed: float) -> NDArray[np.float64]:
         """Command at the start, for a rotor speed [rad/s]; an `ActionError` for a value without meaning."""
         ...
 
-    def follow(self, command: np.ndarray, demand, dt: float, speed: float) -> None:
+    def follow(self, command: NDArray[np.float64], demand: Demand, dt: float, speed: float) -> None:
         """Move the command, in place, through a step of dt [s] at a generator speed [rad/s, low-speed shaft]."""
         ...
 
@@ -119,7 +134,7 @@ class PitchDrives:
     limits: PitchSystem
     n_blades: int
 
-    def vector(self, pitch):
+    def vector(self, pitch: ArrayLike) -> NDArray[np.float64]:
         """One angle or one a blade [rad] as an array (n_blades,).
 
         Raises
@@ -141,14 +156,14 @@ class PitchDrives:
             raise ActionError(f"pitch {pitch!r} is beyond ±π rad; are these degrees?")
         return np.array(angles if len(angles) == n else angles * n)
 
-    def first(self, value, speed):
+    def first(self, value: ArrayLike, speed: float) -> NDArray[np.float64]:
         """Command (n_blades,) at the start [rad]."""
         pitch, low, high = self.vector(value), self.limits.min_pitch, self.limits.max_pitch
         if pitch.min() < low - START_MARGIN or pitch.max() > high + START_MARGIN:
             raise ActionError(f"pitch {pitch} rad at the start; must be {low:.3f} … {high:.3f} rad (± {START_MARGIN})")
         return pitch
 
-    def follow(self, command, demand, dt, speed):
+    def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
         """Move the commands (n_blades,) towards the demanded angles (n_blades,) [rad]."""
         low, high, reach = self.limits.min_pitch, self.limits.max_pitch, self.limits.max_rate * dt
         moved = zip(command.tolist(), np.asarray(demand).tolist(), strict=True)
@@ -167,17 +182,34 @@ class YawDrive:
 
     max_rate: float
 
-    def first(self, value, speed):
+    def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """Command (1,) at the start: an angle [rad]."""
         check_finite(yaw=value)
         return np.array([value])
 
-    def follow(self, command, demand, dt, speed):
+    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
         """Move the command (1,) with the demanded rate [rad/s]."""
         command[0] += dt * min(max(demand, -self.max_rate), self.max_rate)
 
 
-class GeneratorLaw(Law, Protocol):
+class PitchLaw(Law["ArrayLike"], Protocol):
+    """What moves the blades; demands are angles [rad], one or one a blade.
+
+    Attributes
+    ----------
+    n_blades : int
+    """
+
+    @property
+    def n_blades(self) -> int:
+        """Number of blades."""
+
+    def vector(self, pitch: ArrayLike) -> NDArray[np.float64]:
+        """One angle or one a blade [rad] as an array (n_blades,); an `ActionError` for anything else."""
+        ...
+
+
+class GeneratorLaw(Law[float], Protocol):
     """What loads the rotor.
 
     Attributes
@@ -187,17 +219,19 @@ class GeneratorLaw(Law, Protocol):
         stage of the integration; held over an aerodynamic step instead, a strong one would drive a light hub unstable.
     """
 
-    damping: float
+    @property
+    def damping(self) -> float:
+        """Of the damper between nacelle and rotor [N m s/rad, low-speed shaft]."""
 
     def balance(self, moment: float, speed: float) -> float:
         """The torque [N m, high-speed shaft] that comes closest to holding a moment of the air [N m, low-speed]."""
         ...
 
-    def moment(self, command: np.ndarray) -> float:
+    def moment(self, command: NDArray[np.float64]) -> float:
         """Moment [N m, low-speed shaft] with which the command brakes the rotor, beside the damper."""
         ...
 
-    def torque(self, command: np.ndarray, speed: float) -> float:
+    def torque(self, command: NDArray[np.float64], speed: float) -> float:
         """Torque of the generator [N m, high-speed shaft], damper included."""
         ...
 
@@ -214,7 +248,7 @@ class TorqueCommand:
     drivetrain: Drivetrain
     damping = 0.0
 
-    def first(self, value, speed):
+    def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """Command (1,) at the start [N m, high-speed shaft]."""
         check_finite(generator_torque=value)
         limit = available_torque(self.drivetrain, speed)
@@ -224,21 +258,21 @@ class TorqueCommand:
             )
         return np.array([value])
 
-    def balance(self, moment, speed):
+    def balance(self, moment: float, speed: float) -> float:
         """The torque that balances the moment, as far as there is one; what the gearbox loses balances its part."""
         torque = moment * self.drivetrain.gearbox_efficiency / self.drivetrain.gear_ratio
         return min(max(torque, 0.0), available_torque(self.drivetrain, speed))
 
-    def follow(self, command, demand, dt, speed):
+    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
         """Move the command (1,) towards the demanded torque [N m], from 0 to what is available at this speed."""
         now, reach = command.item(0), self.drivetrain.max_torque_rate * dt
         command[0] = min(max(demand, now - reach, 0.0), now + reach, available_torque(self.drivetrain, speed))
 
-    def moment(self, command):
+    def moment(self, command: NDArray[np.float64]) -> float:
         """Moment on the rotor [N m]; what the gearbox loses brakes it too."""
         return command.item(0) * self.drivetrain.gear_ratio / self.drivetrain.gearbox_efficiency
 
-    def torque(self, command, speed):
+    def torque(self, command: NDArray[np.float64], speed: float) -> float:
         """Torque of the generator [N m, high-speed shaft]."""
         return command.item(0)
 
@@ -257,42 +291,50 @@ class LinearDamper:
     damping: float
     drivetrain: Drivetrain
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not 0.0 <= self.damping < math.inf:
             raise ActionError(f"generator damping is {self.damping} N m s/rad; must be a finite value from 0 on")
 
-    def first(self, value, speed):
+    def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """Nothing is commanded."""
         self._refuse(value)
         return np.zeros(1)
 
-    def balance(self, moment, speed):
+    def balance(self, moment: float, speed: float) -> float:
         """Nothing can be chosen."""
         return 0.0
 
-    def follow(self, command, demand, dt, speed):
+    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
         """The damper acts in the structure."""
         self._refuse(demand)
 
-    def moment(self, command):
+    def moment(self, command: NDArray[np.float64]) -> float:
         """The damper acts in the structure."""
         return 0.0
 
-    def torque(self, command, speed):
+    def torque(self, command: NDArray[np.float64], speed: float) -> float:
         """Torque of the generator [N m, high-speed shaft]."""
         return self.damping * speed * self.drivetrain.gearbox_efficiency / self.drivetrain.gear_ratio
 
     @staticmethod
-    def _refuse(demand):
+    def _refuse(demand: float) -> None:
         if demand != 0.0:
             raise ActionError(f"generator_torque is {demand} N m; a generator that is a linear damper takes no demand")
 
 
-def _own_law(drivetrain):
+def _own_law(drivetrain: Drivetrain) -> TorqueCommand | LinearDamper:
     """Law of a generator as its drivetrain describes it."""
     if drivetrain.takes_torque:
         return TorqueCommand(drivetrain)
     return LinearDamper(drivetrain.generator_damping, drivetrain)
+
+
+class Fault(Protocol):
+    """What happens to drives, see `wt_gym.simulation.drivetrain.faults`."""
+
+    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
+        """Put laws that fail in the place of those that the drives have."""
+        ...
 
 
 class Drives:
@@ -314,20 +356,21 @@ class Drives:
         Generator torque [N m], yaw and pitch of each blade [rad]; part of the state of the simulation.
     """
 
-    def __init__(self, turbine, generator=None):
-        self.pitch, self.yaw = PitchDrives(turbine.pitch, turbine.n_blades), YawDrive(turbine.nacelle.max_yaw_rate)
-        self.generator = _own_law(turbine.drivetrain) if generator is None else generator
+    def __init__(self, turbine: Turbine, generator: GeneratorLaw | None = None) -> None:
+        self.pitch: PitchLaw = PitchDrives(turbine.pitch, turbine.n_blades)
+        self.yaw: Law[float] = YawDrive(turbine.nacelle.max_yaw_rate)
+        self.generator: GeneratorLaw = _own_law(turbine.drivetrain) if generator is None else generator
         self._sound_pitch, self.sound_generator = self.pitch, self.generator
         self.command = np.zeros(2 + turbine.n_blades)
         self._ideal_pitch = turbine.pitch.servo_frequency is None
         self._step, self._before = 0.0, np.zeros(turbine.n_blades)  # the last step, and the pitch command before it
 
-    def fail(self, faults, clock):
+    def fail(self, faults: Iterable[Fault], clock: Callable[[], float]) -> None:
         """Let the drives have these faults and no others.
 
         Parameters
         ----------
-        faults : iterable of wt_gym.simulation.drivetrain.faults.DriveFault
+        faults : iterable of Fault
             Later ones act upon what earlier ones have left.
         clock : callable
             Gives the time at the start of the present step [s].
@@ -345,7 +388,7 @@ class Drives:
             self.pitch, self.generator = self._sound_pitch, self.sound_generator
             raise
 
-    def start(self, pitch, yaw, speed, generator_torque=None):
+    def start(self, pitch: ArrayLike, yaw: float, speed: float, generator_torque: float | None = None) -> None:
         """Place pitch [rad], yaw [rad] and torque [N m] at a rotor speed [rad/s]; without a torque see `load`.
 
         Raises
@@ -359,12 +402,12 @@ class Drives:
         self.command[YAW], self.command[PITCH] = first
         self._step, self._before[:] = 0.0, self.command[PITCH]
 
-    def load(self, moment, speed, generator_torque=None):
+    def load(self, moment: float, speed: float, generator_torque: float | None = None) -> None:
         """Load a rotor on which the air acts with a moment [N m], with a torque or with what balances the moment."""
         chosen = self.generator.balance(moment, speed) if generator_torque is None else generator_torque
         self.command[TORQUE] = self.generator.first(chosen, speed)
 
-    def follow(self, pitch, yaw_rate, generator_torque, dt, speed):
+    def follow(self, pitch: ArrayLike, yaw_rate: float, generator_torque: float, dt: float, speed: float) -> None:
         """Move all commands towards the demands through one step of dt [s]."""
         pitch_command = self.command[PITCH]
         self.generator.follow(self.command[TORQUE], generator_torque, dt, speed)
@@ -373,7 +416,7 @@ class Drives:
         self.pitch.follow(pitch_command, pitch, dt, speed)
         self._step = dt
 
-    def act(self, inputs, azimuth_u, first=1):
+    def act(self, inputs: Inputs, azimuth_u: int, first: int = 1) -> None:
         """Write all commands into the inputs of the structure.
 
         Parameters
@@ -391,6 +434,6 @@ class Drives:
             inputs.servo_interval,
         )  # fmt: skip
 
-    def torque(self, speed):
+    def torque(self, speed: float) -> float:
         """Torque of the generator [N m, high-speed shaft] at a speed of the rotor [rad/s]."""
         return self.generator.torque(self.command[TORQUE], speed)

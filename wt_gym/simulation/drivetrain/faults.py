@@ -7,17 +7,24 @@ the time is it asks a clock. A sensor that fails changes what controllers and ag
 Times count from the reset. A fault acts in the first step that begins at its time or later.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from wt_gym.angles import wrapped
 from wt_gym.errors import ActionError
 from wt_gym.simulation.channels import Signals, channel_table
-from wt_gym.simulation.drivetrain.drives import GeneratorLaw, PitchDrives
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.simulation.drivetrain.drives import Drives, GeneratorLaw, PitchLaw
 
 __all__ = ["DriveFault", "GeneratorLoss", "SensorBias", "ShutDown", "StuckPitch", "checked_faults"]
 
@@ -44,10 +51,10 @@ class DriveFault:
 
     time: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _require("time of a fault", self.time, "s", 0.0)
 
-    def fail(self, drives, clock: Callable[[], float]) -> None:
+    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
         """Put laws that fail in the place of those that the drives have.
 
         Parameters
@@ -77,14 +84,16 @@ class StuckPitch(DriveFault):
 
     blade: int = 1
 
-    def fail(self, drives, clock):
+    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
         """See `DriveFault.fail`."""
         n = drives.pitch.n_blades
         if not (isinstance(self.blade, int) and 1 <= self.blade <= n):
             raise ActionError(f"blade {self.blade!r} cannot be stuck; the turbine has the blades 1 to {n}")
         drives.pitch = _FailingPitch(drives.pitch, self, clock)
 
-    def move_pitch(self, law, command, demand, dt, speed):
+    def move_pitch(
+        self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
+    ) -> None:
         """Let all blades but one follow."""
         stays = command[self.blade - 1]
         law.follow(command, demand, dt, speed)
@@ -107,21 +116,25 @@ class ShutDown(DriveFault):
 
     rate: float = math.radians(8.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         _require("pitch rate of a shut-down", self.rate, "rad/s", 0.0, open_low=True)
 
-    def fail(self, drives, clock):
+    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
         """See `DriveFault.fail`."""
         drives.pitch = _FailingPitch(drives.pitch, self, clock)
         drives.generator = _FailingGenerator(drives.generator, self, clock)
 
-    def move_pitch(self, law, command, demand, dt, speed):
+    def move_pitch(
+        self, law: PitchLaw, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float
+    ) -> None:
         """Let the blades follow a demand for feather."""
         reach = self.rate * dt
         law.follow(command, [now + min(max(FEATHER - now, -reach), reach) for now in command.tolist()], dt, speed)
 
-    def move_torque(self, law, command, demand, dt, speed):
+    def move_torque(
+        self, law: GeneratorLaw, command: NDArray[np.float64], demand: float, dt: float, speed: float
+    ) -> None:
         """Let the torque go."""
         law.follow(command, 0.0, dt, speed)
 
@@ -130,13 +143,15 @@ class ShutDown(DriveFault):
 class GeneratorLoss(DriveFault):
     """From a time on the generator brakes no more: the grid is lost, and with it the torque, within one step."""
 
-    def fail(self, drives, clock):
+    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
         """See `DriveFault.fail`."""
         if drives.generator.damping:
             raise ActionError("the torque of a damper that is part of the rotor cannot be lost")
         drives.generator = _FailingGenerator(drives.generator, self, clock)
 
-    def move_torque(self, law, command, demand, dt, speed):
+    def move_torque(
+        self, law: GeneratorLaw, command: NDArray[np.float64], demand: float, dt: float, speed: float
+    ) -> None:
         """No torque."""
         command[0] = 0.0
 
@@ -145,24 +160,24 @@ class GeneratorLoss(DriveFault):
 class _FailingPitch:
     """Pitch drives under a fault; a `wt_gym.simulation.drivetrain.drives.Law`."""
 
-    law: PitchDrives
+    law: PitchLaw
     fault: StuckPitch | ShutDown
     clock: Callable[[], float] = field(repr=False)
 
     @property
-    def n_blades(self):
+    def n_blades(self) -> int:
         """Number of blades."""
         return self.law.n_blades
 
-    def vector(self, pitch):
+    def vector(self, pitch: ArrayLike) -> NDArray[np.float64]:
         """See `PitchDrives.vector`."""
         return self.law.vector(pitch)
 
-    def first(self, value, speed):
+    def first(self, value: ArrayLike, speed: float) -> NDArray[np.float64]:
         """See `PitchDrives.first`."""
         return self.law.first(value, speed)
 
-    def follow(self, command, demand, dt, speed):
+    def follow(self, command: NDArray[np.float64], demand: ArrayLike, dt: float, speed: float) -> None:
         """Move the commands as far as the fault lets them."""
         if self.fault.begun(self.clock(), dt):
             self.fault.move_pitch(self.law, command, demand, dt, speed)
@@ -179,30 +194,30 @@ class _FailingGenerator:
     clock: Callable[[], float] = field(repr=False)
 
     @property
-    def damping(self):
+    def damping(self) -> float:
         """See `GeneratorLaw`."""
         return self.law.damping
 
-    def first(self, value, speed):
+    def first(self, value: float, speed: float) -> NDArray[np.float64]:
         """See `GeneratorLaw`."""
         return self.law.first(value, speed)
 
-    def balance(self, moment, speed):
+    def balance(self, moment: float, speed: float) -> float:
         """See `GeneratorLaw.balance`."""
         return self.law.balance(moment, speed)
 
-    def follow(self, command, demand, dt, speed):
+    def follow(self, command: NDArray[np.float64], demand: float, dt: float, speed: float) -> None:
         """Move the command as far as the fault lets it."""
         if self.fault.begun(self.clock(), dt):
             self.fault.move_torque(self.law, command, demand, dt, speed)
         else:
             self.law.follow(command, demand, dt, speed)
 
-    def moment(self, command):
+    def moment(self, command: NDArray[np.float64]) -> float:
         """See `GeneratorLaw.moment`."""
         return self.law.moment(command)
 
-    def torque(self, command, speed):
+    def torque(self, command: NDArray[np.float64], speed: float) -> float:
         """See `GeneratorLaw.torque`."""
         return self.law.torque(command, speed)
 
@@ -246,11 +261,11 @@ class SensorBias:
     factor: float = 1.0
     offset: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _require("time of a fault", self.time, "s", 0.0)
         _require("factor of a sensor", self.factor, "")
         _require("offset of a sensor", self.offset, "in the unit of the channel")
-        if isinstance(self.channels, str) or not self.channels:
+        if isinstance(cast(object, self.channels), str) or not self.channels:
             raise ActionError(f"channels of a sensor must be a tuple of names, got {self.channels!r}")
 
     def places(self, n_blades: int) -> list[int]:
@@ -277,7 +292,9 @@ class SensorBias:
         return Signals(values, signals.n_blades)
 
 
-def checked_faults(faults, n_blades: int) -> tuple[DriveFault | SensorBias, ...]:
+def checked_faults(
+    faults: DriveFault | SensorBias | Iterable[DriveFault | SensorBias], n_blades: int
+) -> tuple[DriveFault | SensorBias, ...]:
     """Faults of one turbine, as a tuple.
 
     Raises
@@ -285,10 +302,7 @@ def checked_faults(faults, n_blades: int) -> tuple[DriveFault | SensorBias, ...]
     ActionError
         If one is none, or names what the turbine does not have.
     """
-    try:
-        given = tuple(faults)
-    except TypeError:
-        given = (faults,)
+    given = tuple(faults) if isinstance(faults, Iterable) else (faults,)
     for fault in given:
         if isinstance(fault, SensorBias):
             fault.places(n_blades)
@@ -297,7 +311,7 @@ def checked_faults(faults, n_blades: int) -> tuple[DriveFault | SensorBias, ...]
     return given
 
 
-def _require(name, value, unit, low=-math.inf, open_low=False):
+def _require(name: str, value: float, unit: str, low: float = -math.inf, open_low: bool = False) -> None:
     """Refuse what is no finite number from a bound on."""
     number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
     if not (number and math.isfinite(value) and (value > low if open_low else value >= low)):

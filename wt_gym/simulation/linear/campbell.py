@@ -1,8 +1,11 @@
 """Campbell diagrams: frequencies and damping of the modes against rotor speed or wind speed."""
 
+from __future__ import annotations
+
 import csv
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -10,6 +13,16 @@ from scipy.optimize import linear_sum_assignment
 from wt_gym.errors import SimulationError
 from wt_gym.files import whole_file
 from wt_gym.simulation.linear.linearization import linearize
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from os import PathLike
+
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.simulation.linear.frozen_plant import LinearizedSimulator
+    from wt_gym.simulation.linear.linear_model import Mode, RotorPoint, SteadyPoint
 
 __all__ = ["CampbellDiagram", "campbell"]
 
@@ -35,16 +48,16 @@ class CampbellDiagram:
     """
 
     abscissa: str
-    wind_speed: np.ndarray
-    rotor_speed: np.ndarray
-    pitch: np.ndarray
-    names: tuple
-    frequency: np.ndarray
-    damping: np.ndarray
+    wind_speed: NDArray[np.float64]
+    rotor_speed: NDArray[np.float64]
+    pitch: NDArray[np.float64]
+    names: tuple[str, ...]
+    frequency: NDArray[np.float64]
+    damping: NDArray[np.float64]
     turbine: str = ""
     description: str = ""
 
-    def rows(self):
+    def rows(self) -> list[dict[str, float | str]]:
         """Tidy table: one dict for each mode at each point.
 
         Returns
@@ -66,7 +79,7 @@ class CampbellDiagram:
             if np.isfinite(self.frequency[k, i])
         ]
 
-    def to_csv(self, path):
+    def to_csv(self, path: str | PathLike[str]) -> None:
         """Write the tidy table."""
         rows = self.rows()
         with whole_file(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
@@ -74,7 +87,7 @@ class CampbellDiagram:
             writer.writeheader()
             writer.writerows(rows)
 
-    def figure(self):
+    def figure(self) -> Figure:
         """Frequencies with the rotor's harmonics, and damping below.
 
         Returns
@@ -94,12 +107,12 @@ class CampbellDiagram:
             top.plot(x, line, color="0.75", linewidth=1.0, zorder=0)
             if line[-1] < highest:
                 top.annotate(f"{n}P", (x[-1], line[-1]), color="0.5", xytext=(4, 0), textcoords="offset points")
-        colors, styles = colormaps["tab10"].colors, ("-", "--", ":")
+        colors, styles = colormaps["tab10"], ("-", "--", ":")
         marks = {"regressive": "v", "progressive": "^", "collective": "o"}
         for k, name in enumerate(self.names):
             style = {
-                "color": colors[k % len(colors)],
-                "linestyle": styles[k // len(colors) % len(styles)],
+                "color": colors(k % colors.N),
+                "linestyle": styles[k // colors.N % len(styles)],
                 "marker": marks.get(name.rpartition(" ")[2], "s"),
                 "markersize": 4,
             }
@@ -118,8 +131,18 @@ class CampbellDiagram:
         return figure
 
 
-def campbell(simulator, *, rotor_speeds=None, wind_speeds=None, schedule=None, pitch=0.0, aerodynamics=None,
-             generator="locked", n_azimuths=6, on_point=None):  # fmt: skip
+def campbell(
+    simulator: LinearizedSimulator,
+    *,
+    rotor_speeds: Sequence[float] | NDArray[np.float64] | None = None,
+    wind_speeds: Sequence[float] | NDArray[np.float64] | None = None,
+    schedule: Callable[[float], RotorPoint] | None = None,
+    pitch: float = 0.0,
+    aerodynamics: str | None = None,
+    generator: str = "locked",
+    n_azimuths: int = 6,
+    on_point: Callable[[int, int], None] | None = None,
+) -> CampbellDiagram:
     """Modes over rotor speed (structure alone) or over wind speed (in operation).
 
     Parameters
@@ -150,25 +173,27 @@ def campbell(simulator, *, rotor_speeds=None, wind_speeds=None, schedule=None, p
     SimulationError
         Unless exactly one of ``rotor_speeds`` and ``wind_speeds`` is given, the latter with a schedule.
     """
-    if (rotor_speeds is None) == (wind_speeds is None):
+    values = wind_speeds if rotor_speeds is None else rotor_speeds
+    if values is None or (rotor_speeds is not None and wind_speeds is not None):
         raise SimulationError("a Campbell diagram needs either rotor_speeds or wind_speeds")
     if wind_speeds is not None and schedule is None:
         raise SimulationError(
             "a Campbell diagram over wind speed needs a schedule: wind speed -> rotor speed and pitch"
         )
-    values = rotor_speeds if wind_speeds is None else wind_speeds
     if aerodynamics is None:
         aerodynamics = "none" if wind_speeds is None else "quasi_steady"
     points, tables = [], []
     for k, value in enumerate(values):
-        speed, angle, wind = value, pitch, None
-        if wind_speeds is not None:
+        speed, wind = float(value), None
+        angle: ArrayLike = pitch
+        if wind_speeds is not None and schedule is not None:
             place = schedule(value)
             speed, angle, wind = place.rotor_speed, place.pitch, float(value)
         model = linearize(
             simulator, wind_speed=wind, rotor_speed=float(speed), pitch=angle, aerodynamics=aerodynamics,
             generator=generator, multiblade=True, n_azimuths=n_azimuths, outputs=("rotor_speed",),
         )  # fmt: skip
+        assert model.operating_point is not None  # it is found first
         points.append(model.operating_point)
         tables.append(_whirl_names(model.modes()))
         if on_point is not None:
@@ -176,7 +201,7 @@ def campbell(simulator, *, rotor_speeds=None, wind_speeds=None, schedule=None, p
     return _assemble(simulator, "rotor_speed" if wind_speeds is None else "wind_speed", points, tables, aerodynamics)
 
 
-def _whirl_names(modes):
+def _whirl_names(modes: Iterable[Mode]) -> dict[str, Mode]:
     """Modes by name; the tilt and yaw modes at standstill begin the branches: the lower one the regressive."""
     table = {mode.name: mode for mode in modes}
     for name in [n for n in table if n.endswith(" tilt")]:
@@ -187,13 +212,13 @@ def _whirl_names(modes):
     return table
 
 
-def _branches(tables):
+def _branches(tables: Sequence[Mapping[str, Mode]]) -> dict[str, list[Mode | None]]:
     """Continue each mode of the last point towards the first; returns {branch name: [mode or None per point]}.
 
     Two modes of neighboring points belong together when each has no part in the other modes of its neighbor,
     |w₁·v₂| |w₂·v₁| = 1 with the dual vectors w; an equal name counts too, for a rotor at standstill mixes the modes.
     """
-    branches = {name: [mode] for name, mode in tables[-1].items()}
+    branches: dict[str, list[Mode | None]] = {name: [mode] for name, mode in tables[-1].items()}
     for table in reversed(tables[:-1]):
         old, new = list(branches), list(table)
         score = np.zeros((len(old), len(new)))
@@ -215,7 +240,13 @@ def _branches(tables):
     return branches
 
 
-def _assemble(simulator, abscissa, points, tables, aerodynamics):
+def _assemble(
+    simulator: LinearizedSimulator,
+    abscissa: str,
+    points: Sequence[SteadyPoint],
+    tables: Sequence[Mapping[str, Mode]],
+    aerodynamics: str,
+) -> CampbellDiagram:
     branches = _branches(tables)
     names, nothing = list(branches), float("nan")
     frequency = np.array([[m.frequency if m else nothing for m in branches[name]] for name in names])

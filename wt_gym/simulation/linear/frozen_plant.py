@@ -1,6 +1,9 @@
 """Structure and air of a turbine as one function of state and inputs, with the wake frozen."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,10 +14,19 @@ from wt_gym.errors import SimulationError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.model.turbine_bodies import place_nacelle
 from wt_gym.simulation.step import coupling_kernels
-from wt_gym.simulation.step.coupling import TowerAir
+from wt_gym.simulation.step.coupling import Coupling
+from wt_gym.simulation.step.coupling_data import TowerAir
 from wt_gym.simulation.step.measurement import MeasuredState, Measurement
 
-__all__ = ["AERODYNAMICS", "FrozenPlant", "Wake"]
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.aerodynamics.state import AeroArrays
+    from wt_gym.simulation.state import SimulatorState
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+__all__ = ["AERODYNAMICS", "FrozenPlant", "LinearizedSimulator", "Wake"]
 
 AERODYNAMICS = ("quasi_steady", "frozen_wake", "none")
 ROUNDING = 1e-9
@@ -24,6 +36,29 @@ NEAR_WAKE = 0.5
 
 Between 0.25 and 2 s the response of the NREL 5-MW to steps of pitch, torque and wind changes by less than 3 %.
 """
+
+
+class LinearizedSimulator(Protocol):
+    """What of a `wt_gym.simulation.Simulator` linear models are made from; it builds on this module itself."""
+
+    @property
+    def turbine(self) -> Turbine:
+        """The turbine."""
+
+    @property
+    def inflow(self) -> Inflow:
+        """Its wind."""
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether structure and air are those of the mirror image."""
+
+    @property
+    def coupling(self) -> Coupling:
+        """Structure and air in their present state."""
+
+    def state(self) -> SimulatorState:
+        """Copy of the present state."""
 
 
 @dataclass(frozen=True)
@@ -44,20 +79,20 @@ class Wake:
     """
 
     aero: AeroState
-    source: np.ndarray
+    source: NDArray[np.float64]
     angle: float
-    center: np.ndarray
-    axis: np.ndarray
-    slowing: np.ndarray
+    center: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    slowing: NDArray[np.float64]
 
 
 class _Gust:
     """A steady inflow with a uniform change."""
 
-    def __init__(self, inflow):
+    def __init__(self, inflow: Inflow) -> None:
         self.inflow, self.change = inflow, np.zeros(3)
 
-    def velocity(self, points, time):
+    def velocity(self, points: NDArray[np.float64], time: float) -> NDArray[np.float64]:
         return self.inflow.velocity(points, time) + self.change
 
 
@@ -88,7 +123,13 @@ class FrozenPlant:
         To be set before evaluations with air.
     """
 
-    def __init__(self, simulator, inflow, aerodynamics="quasi_steady", hold_speed=False):
+    def __init__(
+        self,
+        simulator: LinearizedSimulator,
+        inflow: Inflow,
+        aerodynamics: str = "quasi_steady",
+        hold_speed: bool = False,
+    ) -> None:
         if aerodynamics not in AERODYNAMICS:
             raise SimulationError(f"aerodynamics must be one of {', '.join(AERODYNAMICS)}, got {aerodynamics!r}")
         models = simulator.coupling.models
@@ -119,7 +160,7 @@ class FrozenPlant:
             [self._reach_of(n_q + system.n_u + system.n_servo + i) for i in range(system.n_servo)]
         )
 
-    def _allocate(self):
+    def _allocate(self) -> None:
         """Arrays of the exchange between structure and air."""
         n, shape = self.n_blades, self.lattice.nodes_shape
         self.work, self.inputs = self.system.new_work(), self.system.new_inputs()
@@ -132,9 +173,10 @@ class FrozenPlant:
         self._measurement = Measurement(self.turbine, self.structure)
         self._base = np.zeros(2 + n + 3)  # torque, yaw, pitch of each blade, change of the wind
         self._command = self._base.copy()
-        self.wake, self.reaction = None, 0.0
+        self.wake: Wake | None = None
+        self.reaction = 0.0
 
-    def _move(self, y):
+    def _move(self, y: NDArray[np.float64]) -> None:
         """Kinematics and lattice points of the state y."""
         s, work = self.structure, self.work
         tree_kernels.kinematics(y, self.system.tree, work)
@@ -144,7 +186,7 @@ class FrozenPlant:
             s.sub_body_nodes, *self._flat[:2],
         )  # fmt: skip
 
-    def _reach_of(self, i):
+    def _reach_of(self, i: int) -> float:
         """Largest speed of lattice points [m/s] at a unit rate i; one where none moves, as by inner tower nodes."""
         y = self.system.initial_state()
         y[i] = 1.0
@@ -155,27 +197,27 @@ class FrozenPlant:
     # ---- inputs ------------------------------------------------------------------------------------------------------
 
     @property
-    def torque(self):
+    def torque(self) -> float:
         """Commanded generator torque, high-speed shaft [N m]."""
         return float(self._base[0])
 
-    def set_commands(self, torque, yaw, pitch):
+    def set_commands(self, torque: float, yaw: float, pitch: ArrayLike) -> None:
         """Commands of the operating point: torque [N m], yaw [rad] and pitch (n_blades,) [rad]."""
         self._base[0], self._base[1], self._base[2:-3] = torque, yaw, pitch
         self.change_inputs(np.zeros_like(self._base))
 
-    def change_inputs(self, change):
+    def change_inputs(self, change: NDArray[np.float64]) -> None:
         """Inputs that differ from the operating point by ``change``: torque, yaw, pitch of each blade, wind (3)."""
         self._command = self._base + change
         self._wind.change = self._command[-3:]
         self._set_torque(self._command[0])
         self.inputs.servo_command[:] = self._command[1:-3]
 
-    def _set_torque(self, torque):
+    def _set_torque(self, torque: float) -> None:
         drive = self.turbine.drivetrain
         self.inputs.dof_force[:, self.structure.azimuth_u] = -torque * drive.gear_ratio / drive.gearbox_efficiency
 
-    def inputs_of(self, motion, speed, torque):
+    def inputs_of(self, motion: float, speed: float, torque: float) -> dict[str, tuple[NDArray[np.float64], float]]:
         """Changes of the inputs by name, and by how much the named quantity changes.
 
         Parameters
@@ -203,20 +245,23 @@ class FrozenPlant:
             out[f"wind_{axis}"] = (speed * unit[-3 + k], speed)
         return out
 
-    def step_of(self, i, motion, speed):
+    def step_of(self, i: int, motion: float, speed: float) -> float:
         """Change of the state's entry i that moves points of the rotor by ``motion`` [m] or ``speed`` [m/s]."""
         n_u, n_s = self.system.n_u, self.system.n_servo
         if i < n_u:
-            return motion / self.reach[i]
+            return float(motion / self.reach[i])
         if i < 2 * n_u:
-            return speed / self.reach[i - n_u]
+            return float(speed / self.reach[i - n_u])
         if i < 2 * n_u + n_s:
-            return motion / self._servo_reach[i - 2 * n_u]
-        return speed / self._servo_reach[i - 2 * n_u - n_s]
+            return float(motion / self._servo_reach[i - 2 * n_u])
+        return float(speed / self._servo_reach[i - 2 * n_u - n_s])
 
-    def steady_state(self, azimuth, rotor_speed, q, u):
+    def steady_state(
+        self, azimuth: float, rotor_speed: float, q: NDArray[np.float64], u: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """State with the drives at rest at their commands and elastic coordinates q and rates u (n_elastic,)."""
-        y, n = self.system.initial_state(), self.system.n_u
+        y: NDArray[np.float64] = self.system.initial_state()
+        n = self.system.n_u
         y[self.elastic], y[n + self.elastic] = q, u
         y[self.structure.azimuth_q], y[n + self.structure.azimuth_u] = azimuth, rotor_speed
         y[2 * n : 2 * n + self.system.n_servo] = self._base[1:-3]
@@ -224,7 +269,7 @@ class FrozenPlant:
 
     # ---- wake --------------------------------------------------------------------------------------------------------
 
-    def new_wake(self, y, rotor_speed):
+    def new_wake(self, y: NDArray[np.float64], rotor_speed: float) -> Wake | None:
         """Helical wake in momentum balance with the rotor in the state y (None without air)."""
         if not self.with_air:
             return None
@@ -237,7 +282,7 @@ class FrozenPlant:
         )  # fmt: skip
         return self._frozen(aero, self._angle(y), center, axis)
 
-    def present_wake(self, aero, y):
+    def present_wake(self, aero: AeroState, y: NDArray[np.float64]) -> Wake | None:
         """The wake of a running simulation in the state y, frozen (None without air)."""
         if not self.with_air:
             return None
@@ -246,7 +291,7 @@ class FrozenPlant:
         aero.arrays.n_levels[0] = 1  # a solution at dt = 0 is steady
         return self._frozen(aero, self._angle(y), *self._shaft())
 
-    def _frozen(self, aero, angle, center, axis):
+    def _frozen(self, aero: AeroState, angle: float, center: NDArray[np.float64], axis: NDArray[np.float64]) -> Wake:
         """Freeze the wake of a lattice that belongs to the present nodes; its youngest rings follow the blades.
 
         A ring of the near wake takes the circulation of its strip at the trailing edge, like the newest ring: its
@@ -276,7 +321,7 @@ class FrozenPlant:
             self.lattice._solve(aero, self._nodes, self._velocities, wind, 0.0, first=True)
         return Wake(aero, a.source.copy(), angle, center, axis, slowing)
 
-    def _invert(self, a):
+    def _invert(self, a: AeroArrays) -> None:
         """Solution of the boundary condition for a changed influence of the rings."""
         n_blade, n_chord, n_span = a.gamma.shape
         chord = a.nodes[:, 1:] - a.nodes[:, :-1]
@@ -287,14 +332,14 @@ class FrozenPlant:
         by_strip = a.inverse.reshape(n_blade, n_chord, n_span, n_blade, n_chord, n_span)[:, -1].sum(axis=3)
         a.response[:] = by_strip.reshape(a.response.shape)
 
-    def _shaft(self):
+    def _shaft(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         hub = self.structure.hub
         return self.work.r[hub].copy(), self.work.rot[hub, :, 0].copy()
 
-    def _angle(self, y):
-        return y[self.structure.azimuth_q] + y[self.system.index(self.structure.hub, "joint_q")]
+    def _angle(self, y: NDArray[np.float64]) -> float:
+        return float(y[self.structure.azimuth_q] + y[self.system.index(self.structure.hub, "joint_q")])
 
-    def _wind_at_blades(self, slowing):
+    def _wind_at_blades(self, slowing: NDArray[np.float64]) -> NDArray[np.float64]:
         """Undisturbed wind at the lattice nodes, with the blocking of the tower in a wind changed by ``slowing``."""
         wind = self._wind.velocity(self._nodes, 0.0)
         if self.lattice.bodies:
@@ -309,12 +354,14 @@ class FrozenPlant:
 
     # ---- evaluation --------------------------------------------------------------------------------------------------
 
-    def _load(self, y):
+    def _load(self, y: NDArray[np.float64]) -> None:
         """Loads of the air for the state y into the inputs; kinematics are up to date."""
         self._move(y)
         if not self.with_air:
             return
         wake = self.wake
+        if wake is None:
+            raise SimulationError("the wake of a plant with air must be set before it is evaluated")
         # the wake turns with the rotor: the lattice is solved where the rotor stood
         turn = Rotation.from_rotvec((self._angle(y) - wake.angle) * wake.axis).as_matrix()
         nodes = wake.center + (self._nodes - wake.center) @ turn
@@ -332,10 +379,10 @@ class FrozenPlant:
         coupling_kernels.tower_drag(y, self.system.tree, self.work, self._tower, loads[1][self.structure.tower])
         loads[0] = loads[1]
 
-    def rates(self, y):
+    def rates(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """dy/dt (n_state,) of the structure in the state y."""
         self._load(y)
-        dy = self.system.rates(y, self.inputs, self.work)
+        dy: NDArray[np.float64] = self.system.rates(y, self.inputs, self.work)
         if not self.hold_speed:
             return dy
         k, torque = self.system.n_q + self.structure.azimuth_u, self._command[0]
@@ -345,16 +392,18 @@ class FrozenPlant:
         slope = (self.system.rates(y, self.inputs, self.work) - dy) / (other - torque)
         self._set_torque(torque)
         self.reaction = torque - dy[k] / slope[k]
-        return dy + (self.reaction - torque) * slope
+        out: NDArray[np.float64] = dy + (self.reaction - torque) * slope
+        return out
 
-    def acceleration(self, y):
+    def acceleration(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """u̇ (n_u,) in the state y."""
         return self.rates(y)[self.system.n_q : self.system.n_q + self.system.n_u]
 
-    def outputs(self, y, dy):
+    def outputs(self, y: NDArray[np.float64], dy: NDArray[np.float64]) -> NDArray[np.float64]:
         """All channels (n_channels,) for the state y whose rates dy were just computed."""
         nodes, _, forces = self._flat
         instant = MeasuredState(y, dy, self.inputs.body_loads[1], self.work, nodes, forces)
         torque = self.reaction if self.hold_speed else self._command[0]
         self._measurement.take(0.0, instant, torque, self._command[:-3], self._wind)
-        return self._measurement.values.copy()
+        out: NDArray[np.float64] = self._measurement.values.copy()
+        return out

@@ -1,21 +1,92 @@
 """Linear models of a turbine: matrices with names, multi-blade coordinates, modes and time response."""
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 from wt_gym.errors import SimulationError
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation.channels import Signals, channel_table
 
-__all__ = ["LinearModel", "Mode", "blade_triples", "coleman", "multiblade_model", "multiblade_transform"]
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "LinearModel",
+    "Mode",
+    "RotorPoint",
+    "SteadyPoint",
+    "blade_triples",
+    "coleman",
+    "multiblade_model",
+    "multiblade_transform",
+]
 
 _PARTS = ("collective", "cosine", "sine")
 _GROUPS = "|".join(dict.fromkeys(c.name[:-2] for c in channel_table(3) if c.name.endswith("_3")))
 _BLADE_STATE = re.compile(r"blade_(?P<blade>\d)_(?P<base>.+?)(?P<rate>_rate)?")
 _BLADE_CHANNEL = re.compile(rf"(?P<base>{_GROUPS})_(?P<blade>\d)(?P<rate>_rate)?")
+
+
+@dataclass(frozen=True)
+class SteadyPoint:
+    """A steady operating point.
+
+    Attributes
+    ----------
+    wind_speed : float
+        At hub height [m/s].
+    rotor_speed : float
+        [rad/s].
+    pitch : array (n_blades,)
+        [rad].
+    yaw : float
+        Nacelle yaw [rad].
+    generator_torque : float
+        High-speed shaft [N m]; negative when the generator must drive the rotor.
+    azimuth : array (n_azimuths,)
+        At which the model was evaluated [rad].
+    states : array (n_azimuths, n_state)
+        Of the multibody system.
+    outputs : array (n_channels,)
+        Mean of all channels over the azimuths.
+    residual : float
+        Largest remaining acceleration of the averaged equations, in accelerations of the rotor's points [m/s²].
+    """
+
+    wind_speed: float
+    rotor_speed: float
+    pitch: NDArray[np.float64]
+    yaw: float
+    generator_torque: float
+    azimuth: NDArray[np.float64]
+    states: NDArray[np.float64]
+    outputs: NDArray[np.float64]
+    residual: float
+
+    @property
+    def signals(self) -> Signals:
+        """Mean of the channels as :class:`Signals`."""
+        return Signals(self.outputs, len(self.pitch))
+
+
+class RotorPoint(Protocol):
+    """Speed and pitch of a rotor, as an operating point has them."""
+
+    @property
+    def rotor_speed(self) -> float:
+        """Speed [rad/s]."""
+
+    @property
+    def pitch(self) -> ArrayLike:
+        """Pitch of all blades or of each [rad]."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +118,9 @@ class Mode:
     natural_frequency: float
     damping: float
     eigenvalue: complex
-    shape: np.ndarray = field(repr=False, compare=False)
-    dual: np.ndarray = field(repr=False, compare=False)
-    participation: dict = field(repr=False, compare=False)
+    shape: NDArray[np.complex128] = field(repr=False, compare=False)
+    dual: NDArray[np.complex128] = field(repr=False, compare=False)
+    participation: dict[str, float] = field(repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -62,23 +133,25 @@ class LinearModel:
         SI units and radians.
     state_names, input_names, output_names : tuple of str
         The rate of a coordinate "name" is called "name_rate".
-    operating_point : object
+    operating_point : SteadyPoint or None
         The steady state about which the model holds.
     multiblade : bool
         Blade quantities are collective, cosine and sine parts instead of blades 1, 2 and 3.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    state_names: tuple
-    input_names: tuple
-    output_names: tuple
-    operating_point: object = None
+    A: NDArray[np.float64]
+    B: NDArray[np.float64]
+    C: NDArray[np.float64]
+    D: NDArray[np.float64]
+    state_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    operating_point: SteadyPoint | None = None
     multiblade: bool = False
 
-    def select(self, inputs=None, outputs=None):
+    def select(
+        self, inputs: str | Iterable[str] | None = None, outputs: str | Iterable[str] | None = None
+    ) -> LinearModel:
         """The same model with only the named inputs and outputs (sequences of str; None keeps all).
 
         Raises
@@ -93,7 +166,9 @@ class LinearModel:
             input_names=tuple(self.input_names[k] for k in i), output_names=tuple(self.output_names[k] for k in o),
         )  # fmt: skip
 
-    def response(self, time, inputs=None, start=None):
+    def response(
+        self, time: ArrayLike, inputs: Mapping[str, ArrayLike] | None = None, start: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
         """Outputs over time by the exact solution for inputs that are constant in each interval.
 
         Parameters
@@ -126,7 +201,7 @@ class LinearModel:
             x = block[:n, :n] @ x + block[:n, n:] @ u[k]
         return out
 
-    def modes(self):
+    def modes(self) -> tuple[Mode, ...]:
         """Oscillations of the structure, lowest frequency first.
 
         The drives (pitch, yaw) follow their commands without reaction of the structure: they are left out.
@@ -161,7 +236,13 @@ class LinearModel:
             out.append(Mode(name, frequency, size / (2.0 * np.pi), -value.real / size, value, shape, dual, share))
         return tuple(out)
 
-    def _mode_names(self, chosen, right, keep, shares):
+    def _mode_names(
+        self,
+        chosen: NDArray[np.int64],
+        right: NDArray[np.complex128],
+        keep: Sequence[int],
+        shares: Sequence[Mapping[str, float]],
+    ) -> list[str]:
         """Each mode takes the name in whose coordinates it takes part most; no name is given twice.
 
         The cosine and sine parts of a turning rotor make a whirl: with z_cosine + i z_sine large it runs with the rotor
@@ -169,11 +250,11 @@ class LinearModel:
         """
         turning = self.operating_point is None or self.operating_point.rotor_speed > 0.0
         place = {self.state_names[i]: k for k, i in enumerate(keep)}
-        candidates = {}
+        candidates: dict[str, NDArray[np.float64]] = {}
         for name in shares[0] if shares else ():
             base, _, part = name.rpartition("_")
             if not (self.multiblade and part in _PARTS[1:]):
-                candidates[name.replace("_collective", " collective")] = [s[name] for s in shares]
+                candidates[name.replace("_collective", " collective")] = np.array([s[name] for s in shares])
             elif part == "cosine":
                 cosine, sine = np.array([s[name] for s in shares]), np.array([s[f"{base}_sine"] for s in shares])
                 if turning:
@@ -194,7 +275,7 @@ class LinearModel:
         return labels
 
 
-def _coordinates(state_names):
+def _coordinates(state_names: Sequence[str]) -> list[str]:
     """Names of the coordinates, without their rates, and of rates without a coordinate."""
     names = []
     for name in state_names:
@@ -204,11 +285,11 @@ def _coordinates(state_names):
     return names
 
 
-def _is_drive(name):
+def _is_drive(name: str) -> bool:
     return name == "yaw" or name.startswith("pitch")
 
 
-def _places(names, wanted, kind):
+def _places(names: Sequence[str], wanted: str | Iterable[str] | None, kind: str) -> list[int]:
     if wanted is None:
         return list(range(len(names)))
     wanted = (wanted,) if isinstance(wanted, str) else tuple(wanted)
@@ -218,7 +299,7 @@ def _places(names, wanted, kind):
     return [names.index(name) for name in wanted]
 
 
-def coleman(azimuth):
+def coleman(azimuth: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Coleman's transformation of three blades and its first two derivatives by the azimuth.
 
     q_i = q_collective + q_cosine cos ψ_i + q_sine sin ψ_i with ψ_i = ψ + 2π (i − 1)/3.
@@ -242,7 +323,7 @@ def coleman(azimuth):
     )
 
 
-def blade_triples(names):
+def blade_triples(names: Sequence[str]) -> tuple[list[list[int]], tuple[str, ...]]:
     """Names that belong to blades 1, 2 and 3, and how the names read in multi-blade coordinates.
 
     Parameters
@@ -262,16 +343,19 @@ def blade_triples(names):
         if match is None or match["blade"] != "1":
             continue
         start, end = match.span("blade")
-        members = [index.get(f"{name[:start]}{k}{name[end:]}") for k in (1, 2, 3)]
-        if None in members:
+        blades = [f"{name[:start]}{k}{name[end:]}" for k in (1, 2, 3)]
+        if any(blade not in index for blade in blades):
             continue
+        members = [index[blade] for blade in blades]
         triples.append(members)
         for k, part in zip(members, _PARTS, strict=True):
             renamed[k] = f"{match['base']}_{part}{match['rate'] or ''}"
     return triples, tuple(renamed)
 
 
-def multiblade_transform(state_names, azimuth, rotor_speed):
+def multiblade_transform(
+    state_names: Sequence[str], azimuth: float, rotor_speed: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Matrix L of x = L z between states of the blades and multi-blade states, and dL/dt at constant rotor speed.
 
     Parameters
@@ -294,14 +378,15 @@ def multiblade_transform(state_names, azimuth, rotor_speed):
     for members in blade_triples(state_names)[0]:
         transform[np.ix_(members, members)] = t
         change[np.ix_(members, members)] = rotor_speed * t1
-        rate = [place.get(f"{state_names[i]}_rate") for i in members]
-        if None not in rate:
+        rates = [f"{state_names[i]}_rate" for i in members]
+        if all(name in place for name in rates):
+            rate = [place[name] for name in rates]
             transform[np.ix_(rate, members)] = rotor_speed * t1
             change[np.ix_(rate, members)] = rotor_speed**2 * t2
     return transform, change
 
 
-def multiblade_model(model, azimuth, rotor_speed):
+def multiblade_model(model: LinearModel, azimuth: float, rotor_speed: float) -> LinearModel:
     """A model of a three-bladed rotor at one azimuth in multi-blade coordinates.
 
     With x = L(ψ) z, where positions are T z and rates T ż + Ω T' z: ż = L⁻¹ (A L − Ω L') z + L⁻¹ B T u
@@ -332,13 +417,13 @@ def multiblade_model(model, azimuth, rotor_speed):
         model,
         A=back @ (model.A @ transform - change),
         B=back @ model.B @ inputs[:, once],
-        C=np.linalg.solve(outputs, model.C @ transform),
-        D=np.linalg.solve(outputs, model.D @ inputs[:, once]),
+        C=np.asarray(np.linalg.solve(outputs, model.C @ transform), dtype=np.float64),
+        D=np.asarray(np.linalg.solve(outputs, model.D @ inputs[:, once]), dtype=np.float64),
         state_names=states, input_names=input_names, output_names=output_names, multiblade=True,
     )  # fmt: skip
 
 
-def _block(names, t):
+def _block(names: Sequence[str], t: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Coleman's transformation of all triples among the names."""
     triples, renamed = blade_triples(names)
     out = np.eye(len(names))

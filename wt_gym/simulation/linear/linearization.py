@@ -21,17 +21,29 @@ Small motions change the boundary condition, circulation, decambering and forces
 - ``"none"``: no air at all.
 """
 
-from dataclasses import dataclass, replace
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.errors import SimulationError
-from wt_gym.simulation.channels import Signals, channel_table, parities
+from wt_gym.simulation.channels import channel_table, parities
 from wt_gym.simulation.linear.frozen_plant import FrozenPlant
-from wt_gym.simulation.linear.linear_model import LinearModel, multiblade_model
+from wt_gym.simulation.linear.linear_model import LinearModel, SteadyPoint, multiblade_model
 from wt_gym.simulation.reflection import state_parities
 from wt_gym.simulation.step.monitor import Extremes
 from wt_gym.wind import MirroredInflow, SteadyInflow
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.simulation.linear.frozen_plant import LinearizedSimulator, Wake
+    from wt_gym.simulation.linear.linear_model import RotorPoint
+    from wt_gym.wind import Inflow
 
 __all__ = ["SteadyPoint", "linearize", "trim"]
 
@@ -43,64 +55,22 @@ TORQUE_STEP = 100.0
 """Change of the generator torque [N m]; the equations are linear in it."""
 
 
-@dataclass(frozen=True)
-class SteadyPoint:
-    """A steady operating point.
-
-    Attributes
-    ----------
-    wind_speed : float
-        At hub height [m/s].
-    rotor_speed : float
-        [rad/s].
-    pitch : array (n_blades,)
-        [rad].
-    yaw : float
-        Nacelle yaw [rad].
-    generator_torque : float
-        High-speed shaft [N m]; negative when the generator must drive the rotor.
-    azimuth : array (n_azimuths,)
-        At which the model was evaluated [rad].
-    states : array (n_azimuths, n_state)
-        Of the multibody system.
-    outputs : array (n_channels,)
-        Mean of all channels over the azimuths.
-    residual : float
-        Largest remaining acceleration of the averaged equations, in accelerations of the rotor's points [m/s²].
-    """
-
-    wind_speed: float
-    rotor_speed: float
-    pitch: np.ndarray
-    yaw: float
-    generator_torque: float
-    azimuth: np.ndarray
-    states: np.ndarray
-    outputs: np.ndarray
-    residual: float
-
-    @property
-    def signals(self):
-        """Mean of the channels as :class:`Signals`."""
-        return Signals(self.outputs, len(self.pitch))
-
-
 def linearize(
-    simulator,
-    operating_point=None,
+    simulator: LinearizedSimulator,
+    operating_point: RotorPoint | None = None,
     *,
-    wind_speed=None,
-    rotor_speed=None,
-    pitch=None,
-    yaw=0.0,
-    generator_torque=None,
-    azimuth=0.0,
-    aerodynamics="quasi_steady",
-    generator="free",
-    multiblade=False,
-    n_azimuths=6,
-    outputs=None,
-):
+    wind_speed: float | None = None,
+    rotor_speed: float | None = None,
+    pitch: ArrayLike | None = None,
+    yaw: float = 0.0,
+    generator_torque: float | None = None,
+    azimuth: float = 0.0,
+    aerodynamics: str = "quasi_steady",
+    generator: str = "free",
+    multiblade: bool = False,
+    n_azimuths: int = 6,
+    outputs: str | Sequence[str] | None = None,
+) -> LinearModel:
     """Linear model of a turbine about a steady operating point, which is found first.
 
     States are the elastic coordinates and joint angles of the structure, their rates, and the angles and rates of the
@@ -160,12 +130,12 @@ def linearize(
     plant = FrozenPlant(simulator, _felt_inflow(simulator, wind_speed), aerodynamics, _lock(generator))
     if multiblade and plant.n_blades != 3:
         raise SimulationError(f"n_blades must be 3 for multi-blade coordinates, got {plant.n_blades}")
-    if operating_point is None and rotor_speed is None:
+    if operating_point is not None:
+        rotor_speed = operating_point.rotor_speed if rotor_speed is None else rotor_speed
+        pitch = operating_point.pitch if pitch is None else pitch
+    if rotor_speed is None:
         point, wakes = _present(plant, simulator)
     else:
-        if operating_point is not None:
-            rotor_speed = operating_point.rotor_speed if rotor_speed is None else rotor_speed
-            pitch = operating_point.pitch if pitch is None else pitch
         yaw = -yaw if simulator.mirrored else yaw
         point, wakes = trim_plant(
             plant, rotor_speed, 0.0 if pitch is None else pitch, yaw, generator_torque, azimuth, n_azimuths
@@ -182,8 +152,18 @@ def linearize(
     return _reflected_model(model, plant) if simulator.mirrored else model
 
 
-def trim(simulator, rotor_speed, pitch=0.0, *, wind_speed=None, yaw=0.0, generator_torque=None, azimuth=0.0,
-         aerodynamics="quasi_steady", n_azimuths=6):  # fmt: skip
+def trim(
+    simulator: LinearizedSimulator,
+    rotor_speed: float,
+    pitch: ArrayLike = 0.0,
+    *,
+    wind_speed: float | None = None,
+    yaw: float = 0.0,
+    generator_torque: float | None = None,
+    azimuth: float = 0.0,
+    aerodynamics: str = "quasi_steady",
+    n_azimuths: int = 6,
+) -> SteadyPoint:
     """The steady operating point alone; arguments as for :func:`linearize`.
 
     Returns
@@ -196,13 +176,13 @@ def trim(simulator, rotor_speed, pitch=0.0, *, wind_speed=None, yaw=0.0, generat
     return _reflected_point(point, plant) if simulator.mirrored else point
 
 
-def _felt_inflow(simulator, wind_speed):
+def _felt_inflow(simulator: LinearizedSimulator, wind_speed: float | None) -> Inflow:
     """The steady wind of an operating point as the simulated image of the turbine feels it."""
     inflow = steady_inflow(simulator.inflow, wind_speed)
     return MirroredInflow.of(inflow) if simulator.mirrored else inflow
 
 
-def _reflected_point(point, plant):
+def _reflected_point(point: SteadyPoint, plant: FrozenPlant) -> SteadyPoint:
     """The operating point of a turbine from that of its mirror image, see `wt_gym.simulation.reflection`."""
     return replace(
         point,
@@ -212,7 +192,7 @@ def _reflected_point(point, plant):
     )
 
 
-def _reflected_model(model, plant):
+def _reflected_model(model: LinearModel, plant: FrozenPlant) -> LinearModel:
     """The linear model of a turbine from that of its mirror image, see `wt_gym.simulation.reflection`."""
     channels = dict(zip((c.name for c in channel_table(plant.n_blades)), parities(plant.n_blades), strict=True))
     inputs = np.array([-1.0 if name in ("yaw", "wind_y") else 1.0 for name in model.input_names])
@@ -224,11 +204,11 @@ def _reflected_model(model, plant):
         B=model.B * np.outer(states, inputs),
         C=model.C * np.outer(outputs, states),
         D=model.D * np.outer(outputs, inputs),
-        operating_point=_reflected_point(model.operating_point, plant),
+        operating_point=None if model.operating_point is None else _reflected_point(model.operating_point, plant),
     )
 
 
-def steady_inflow(inflow, wind_speed=None):
+def steady_inflow(inflow: Inflow, wind_speed: float | None = None) -> SteadyInflow:
     """The steady wind of an operating point: the profile of the given inflow, at another speed if wanted.
 
     Raises
@@ -246,7 +226,7 @@ def steady_inflow(inflow, wind_speed=None):
     return replace(profile, speed=float(wind_speed))
 
 
-def _lock(generator):
+def _lock(generator: str) -> bool:
     if generator not in ("free", "locked"):
         raise SimulationError(f"generator must be free or locked, got {generator!r}")
     return generator == "locked"
@@ -255,7 +235,17 @@ def _lock(generator):
 # ---- trim ------------------------------------------------------------------------------------------------------------
 
 
-def trim_plant(plant, rotor_speed, pitch, yaw, generator_torque, azimuth, n_azimuths, passes=8, tolerance=1e-4):
+def trim_plant(
+    plant: FrozenPlant,
+    rotor_speed: float,
+    pitch: ArrayLike,
+    yaw: float,
+    generator_torque: float | None,
+    azimuth: float,
+    n_azimuths: int,
+    passes: int = 8,
+    tolerance: float = 1e-4,
+) -> tuple[SteadyPoint, list[Wake | None]]:
     """Steady point and the wake at each of its azimuths; see :func:`linearize` for the arguments."""
     if not (np.isfinite(rotor_speed) and rotor_speed >= 0.0):
         raise SimulationError(f"rotor_speed is {rotor_speed} rad/s; must be a finite speed of at least zero")
@@ -269,14 +259,14 @@ def trim_plant(plant, rotor_speed, pitch, yaw, generator_torque, azimuth, n_azim
     plant.hold_speed, hold = generator_torque is None, plant.hold_speed
     shapes = [_harmonics(plant, psi, rotor_speed) for psi in azimuths]
     unknown = np.zeros(shapes[0][0].shape[1])
-    wakes = [None] * len(azimuths)
+    wakes: list[Wake | None] = [None] * len(azimuths)
 
-    def states(z):
+    def states(z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         return [
             plant.steady_state(psi, rotor_speed, s[0] @ z, s[1] @ z) for psi, s in zip(azimuths, shapes, strict=True)
         ]
 
-    def residual(z):
+    def residual(z: NDArray[np.float64]) -> NDArray[np.float64]:
         total = np.zeros(len(z))
         for y, shape, wake in zip(states(z), shapes, wakes, strict=True):
             plant.wake = wake
@@ -320,7 +310,9 @@ def trim_plant(plant, rotor_speed, pitch, yaw, generator_torque, azimuth, n_azim
     return point, wakes
 
 
-def _harmonics(plant, azimuth, rotor_speed):
+def _harmonics(
+    plant: FrozenPlant, azimuth: float, rotor_speed: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Elastic coordinates, rates and accelerations of a steady motion per unknown, and the weights of its equations.
 
     A turning rotor: every coordinate that does not belong to a blade is constant, those of blade i are
@@ -348,15 +340,18 @@ def _harmonics(plant, azimuth, rotor_speed):
     return (*out, weights)
 
 
-def _mean_outputs(plant, states, wakes):
+def _mean_outputs(
+    plant: FrozenPlant, states: Sequence[NDArray[np.float64]], wakes: Sequence[Wake | None]
+) -> NDArray[np.float64]:
     values = []
     for y, wake in zip(states, wakes, strict=True):
         plant.wake = wake
         values.append(plant.outputs(y, plant.rates(y)))
-    return np.mean(values, axis=0)
+    out: NDArray[np.float64] = np.mean(values, axis=0)
+    return out
 
 
-def _present(plant, simulator):
+def _present(plant: FrozenPlant, simulator: LinearizedSimulator) -> tuple[SteadyPoint, list[Wake | None]]:
     """The simulator's present state as an operating point, with its present wake."""
     state = simulator.state().arrays
     y = state["history_y"][-1].copy()
@@ -377,7 +372,7 @@ def _present(plant, simulator):
 # ---- difference quotients --------------------------------------------------------------------------------------------
 
 
-def _output_names(n_blades, wanted):
+def _output_names(n_blades: int, wanted: str | Sequence[str] | None) -> tuple[str, ...]:
     """Channel names from channels and groups of blade channels."""
     known = [c.name for c in channel_table(n_blades) if c.group not in Extremes._fields]
     if wanted is None:
@@ -394,7 +389,7 @@ def _output_names(n_blades, wanted):
     return tuple(out)
 
 
-def _differentiate(plant, point, k, output_names):
+def _differentiate(plant: FrozenPlant, point: SteadyPoint, k: int, output_names: tuple[str, ...]) -> LinearModel:
     """Central differences of rates and outputs about the state at one azimuth."""
     y, system = point.states[k], plant.system
     channels = [c.name for c in channel_table(plant.n_blades)]
@@ -403,11 +398,15 @@ def _differentiate(plant, point, k, output_names):
     locked = {plant.structure.azimuth_q, system.n_q + plant.structure.azimuth_u} if plant.hold_speed else set()
     kept = [i for i in range(system.n_state) if i not in locked]
 
-    def evaluate(state):
+    def evaluate(state: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         dy = plant.rates(state)
         return dy[kept], plant.outputs(state, dy)[chosen]
 
-    def quotient(up, down, width):
+    def quotient(
+        up: tuple[NDArray[np.float64], NDArray[np.float64]],
+        down: tuple[NDArray[np.float64], NDArray[np.float64]],
+        width: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         rate, out = up[0] - down[0], up[1] - down[1]
         out[turns] = np.remainder(out[turns] + np.pi, 2.0 * np.pi) - np.pi
         return rate / width, out / width
@@ -428,7 +427,7 @@ def _differentiate(plant, point, k, output_names):
             plant.change_inputs(sign * change)
             sides.append(evaluate(y))
         plant.change_inputs(np.zeros_like(change))
-        rate, out = quotient(*sides, 2.0 * width)
+        rate, out = quotient(sides[0], sides[1], 2.0 * width)
         b.append(rate)
         d.append(out)
     names = tuple(system.state_names[i] for i in kept)

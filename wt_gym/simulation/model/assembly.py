@@ -1,11 +1,14 @@
 """The models of a turbine, put together: everything that depends on the meshes alone and no step changes."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wt_gym.aerodynamics import TowerFlow, VortexLattice
+from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.simulation.model.blade_lattice import blade_planform
 from wt_gym.simulation.model.equilibrium import highest_frequency
@@ -44,12 +47,10 @@ class TurbineModels:
     tower_flow: TowerFlow
     time_step: float
     n_substeps: int
-    embedded: "TurbineModels | None" = None
+    embedded: TurbineModels | None = None
 
 
-# One thread: with several, on some processors, products of large matrices round otherwise and no run is repeatable.
-@threadpool_limits.wrap(limits=1, user_api="blas")
-def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
+def assemble(turbine: Turbine, fidelity: Fidelity, threads: int = 1, generator_damping: float = 0.0) -> TurbineModels:
     """Models of a turbine.
 
     Parameters
@@ -70,18 +71,25 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     SimulationError
         For fidelities that the turbine does not bear.
     """
+    # One thread: with several, on some processors, products of large matrices round otherwise: no run is repeatable.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _assembled(turbine, fidelity, threads, generator_damping)
+
+
+def _assembled(turbine: Turbine, fidelity: Fidelity, threads: int, generator_damping: float) -> TurbineModels:
+    """See `assemble`."""
     rated_speed = turbine.drivetrain.rated_rotor_speed
     lattice = build_lattice(turbine, fidelity, threads)
     structure = build_structure(turbine, fidelity, lattice.planform.nodes, generator_damping)
     tower, base = turbine.tower, np.array([0.0, 0.0, turbine.tower.base_height])
     time_step, embedded = fidelity.step_for(rated_speed), None
     if fidelity.formulation == "embedded":
-        explicit = fidelity.integrator == "hamming"
+        explicit = INTEGRATORS[fidelity.integrator].explicit
         n_substeps = fidelity.substeps_for(time_step, highest_frequency(structure.system) if explicit else None)
     elif fidelity.formulation == "observer":
         n_substeps = fidelity.substeps_for(time_step, None)  # implicit schemes are stable with any step
     else:
-        embedded = assemble(turbine, replace(fidelity, formulation="embedded"), threads, generator_damping)
+        embedded = _assembled(turbine, replace(fidelity, formulation="embedded"), threads, generator_damping)
         n_substeps = embedded.n_substeps
     return TurbineModels(
         turbine=turbine,
@@ -95,7 +103,7 @@ def assemble(turbine, fidelity, threads=1, generator_damping=0.0):
     )
 
 
-def build_lattice(turbine, fidelity, threads=1):
+def build_lattice(turbine: Turbine, fidelity: Fidelity, threads: int = 1) -> VortexLattice:
     """Vortex lattice of the blades, and of the bodies that the fidelity closes; arguments as of `assemble`."""
     aero = fidelity.aero_for(turbine.drivetrain.rated_rotor_speed)
     planform = blade_planform(turbine, aero)

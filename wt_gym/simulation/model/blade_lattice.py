@@ -1,10 +1,20 @@
 """The blade of a turbine as an aerodynamic lattice."""
 
+from __future__ import annotations
+
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.aerodynamics import build_planform, span_distribution
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.aerodynamics.lattice.planform import LatticePlanform
+    from wt_gym.aerodynamics.options import AeroOptions
+    from wt_gym.turbines import Blade, Turbine
 
 __all__ = ["blade_planform", "span_edges", "strip_polar"]
 
@@ -16,7 +26,7 @@ SAMPLES = 16
 """Sections over which chord and polar of a strip are averaged."""
 
 
-def blade_planform(turbine, options):
+def blade_planform(turbine: Turbine, options: AeroOptions) -> LatticePlanform:
     """Lattice of one blade.
 
     Parameters
@@ -45,7 +55,7 @@ def blade_planform(turbine, options):
     )
 
 
-def span_edges(blade, n_span, narrow="ends"):
+def span_edges(blade: Blade, n_span: int, narrow: str = "ends") -> NDArray[np.float64]:
     """Span edges (n_span + 1,) of the strips of a blade [m].
 
     A root without lift gets strips of its own, half as many as an even lattice would have there: no strip is cylinder
@@ -61,12 +71,12 @@ def span_edges(blade, n_span, narrow="ends"):
     return np.concatenate((root[:-1], _lifting(start, blade.length, n_span - n_root, narrow)))
 
 
-def _lifting(root, tip, n_span, narrow):
+def _lifting(root: float, tip: float, n_span: int, narrow: str) -> NDArray[np.float64]:
     """Edges of the strips that carry lift [m]."""
     return span_distribution(root, tip, n_span, TOWARDS_TIP if narrow == "tip" else TOWARDS_ENDS, towards=narrow)
 
 
-def strip_polar(blade, low, high):
+def strip_polar(blade: Blade, low: float, high: float) -> NDArray[np.float64]:
     """Mean polar (N_ALPHA, 3) of a strip: cl, cd, cm from -pi on.
 
     The mean over the span, weighted with the chord and the square of the radius: at one angle of attack the strip then
@@ -76,9 +86,10 @@ def strip_polar(blade, low, high):
     z = _samples(low, high)
     weight = blade.chord_at(z) * (blade.root_radius + z) ** 2
     polars = [np.column_stack(blade.polar_at(section).coefficients(alpha)) for section in z]
-    return np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars))
+    mean: NDArray[np.float64] = np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars))
+    return mean
 
 
-def _samples(low, high):
+def _samples(low: float, high: float) -> NDArray[np.float64]:
     """Places of `SAMPLES` sections, in the middles of equal parts of a strip [m]."""
     return low + (high - low) * (np.arange(SAMPLES) + 0.5) / SAMPLES

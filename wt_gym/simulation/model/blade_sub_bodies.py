@@ -4,8 +4,10 @@ A blade is cut into pieces (:mod:`wt_gym.structure.substructure`), each a body w
 of the piece before it. The lattice nodes of a blade are shared out among the pieces that carry their sections.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,19 +17,31 @@ from wt_gym.structure.flexible_body import offset_marker
 from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.structure.substructure import cut_beam, sub_body_at
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from wt_gym.multibody.system import MultibodySystem
+    from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.structure.beam import Beam
+    from wt_gym.structure.flexible_body import FlexibleBody
+    from wt_gym.structure.substructure import SubBody
+    from wt_gym.turbines import Blade
+
 __all__ = ["SubBodyNodes", "add_sub_bodies", "cut_blade", "sub_body_points", "tip_of_last_sub_body"]
 
 
 class SubBodyNodes(NamedTuple):
     """Which lattice nodes of a blade each of its n pieces carries, and room for them; short rows end in zeros."""
 
-    count: np.ndarray  # type: ignore[assignment]  # int64 (n,); hides the method of tuples
-    node: np.ndarray  # int64 (n, n_most) among the nodes of a blade
-    position: np.ndarray  # (n_most, 3) scratch: of the nodes of one piece, or their forces
-    velocity: np.ndarray  # (n_most, 3) scratch
+    count: NDArray[np.int64]  # type: ignore[assignment]  # (n,); hides the method of tuples
+    node: NDArray[np.int64]  # (n, n_most) among the nodes of a blade
+    position: NDArray[np.float64]  # (n_most, 3) scratch: of the nodes of one piece, or their forces
+    velocity: NDArray[np.float64]  # (n_most, 3) scratch
 
 
-def cut_blade(blade, beam, fidelity, dofs):
+def cut_blade(blade: Blade, beam: Beam, fidelity: Fidelity, dofs: tuple[int, ...]) -> tuple[SubBody, ...]:
     """Pieces of a blade, from root to tip.
 
     Nodal pieces have the displacements of their nodes as coordinates, modal ones the static shapes of their tip, one
@@ -78,7 +92,7 @@ def cut_blade(blade, beam, fidelity, dofs):
     return tuple(damped)
 
 
-def _damping_times(blade, beam, dofs):
+def _damping_times(blade: Blade, beam: Beam, dofs: tuple[int, ...]) -> NDArray[np.float64]:
     """β [s] of displacements and rotations along and about x, y, z (6,)."""
     if blade.damping_ratio == 0.0:
         return np.zeros(6)
@@ -91,7 +105,9 @@ def _damping_times(blade, beam, dofs):
     return np.array([times[0], times[1], max(times[:2]), times[1], times[0], times[2]])
 
 
-def add_sub_bodies(system, sub_bodies, add_root, name):
+def add_sub_bodies(
+    system: MultibodySystem, sub_bodies: Sequence[SubBody], add_root: Callable[[FlexibleBody], int], name: str
+) -> tuple[int, ...]:
     """Add the pieces of a blade, each fixed to the tip of the one before; returns the body indices from root to tip.
 
     Parameters
@@ -103,7 +119,7 @@ def add_sub_bodies(system, sub_bodies, add_root, name):
     name : str
         Of the blade.
     """
-    parts = []
+    parts: list[int] = []
     for k, sub_body in enumerate(sub_bodies, start=1):
         own = f"{name}_piece_{k}"
         names = tuple(f"{own}_{i + 1}" for i in range(sub_body.basis.shape[1]))
@@ -112,7 +128,7 @@ def add_sub_bodies(system, sub_bodies, add_root, name):
     return tuple(parts)
 
 
-def sub_body_points(sub_bodies, points):
+def sub_body_points(sub_bodies: Sequence[SubBody], points: NDArray[np.float64]) -> tuple[Points, SubBodyNodes]:
     """Shapes of points (n_points, 3) in the frame of the whole blade, shared out among its pieces.
 
     Returns
@@ -145,7 +161,7 @@ def sub_body_points(sub_bodies, points):
     return shapes, SubBodyNodes(count.astype(np.int64), node, np.zeros((most, 3)), np.zeros((most, 3)))
 
 
-def tip_of_last_sub_body(sub_bodies, tip):
+def tip_of_last_sub_body(sub_bodies: Sequence[SubBody], tip: NDArray[np.float64]) -> Points:
     """The tip of a blade (3,), given in its frame, as a point of the last piece."""
     last = sub_bodies[-1]
     offset = tip - _origin(sub_bodies, -1) - last.beam.sections.axis_at(last.end)
@@ -153,6 +169,6 @@ def tip_of_last_sub_body(sub_bodies, tip):
     return Points(marker.position[None], np.ascontiguousarray(marker.linear[None]), marker.second[None].copy())
 
 
-def _origin(sub_bodies, k):
+def _origin(sub_bodies: Sequence[SubBody], k: int) -> NDArray[np.float64]:
     """Origin of the frame of piece k in the frame of the blade (3,) [m]: all are parallel to it."""
     return sub_bodies[0].beam.sections.axis_at(sub_bodies[k].start)

@@ -15,6 +15,10 @@ Coordinates, rates and the points of the multistep scheme pass over by the close
 motion lies outside the new basis, second-order small in the change of the modes in a step, is lost.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wt_gym.errors import SimulationError
@@ -23,6 +27,17 @@ from wt_gym.simulation.model.turbine_structure import bending_dofs, body_points
 from wt_gym.structure.beam import skew
 from wt_gym.structure.flexible_body import FlexibleBody, particle_fields
 from wt_gym.structure.modes import lowest_modes, named_modes, select_modes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from wt_gym.multibody.arrays import Work
+    from wt_gym.multibody.integrators.hamming import History
+    from wt_gym.simulation.model.assembly import TurbineModels
+    from wt_gym.structure.beam import Beam
+    from wt_gym.structure.modes import Modes
 
 __all__ = ["DeformedBasis", "TangentBlade"]
 
@@ -42,13 +57,15 @@ class TangentBlade:
         A point of the rotor's axis, body frame [m].
     """
 
-    def __init__(self, beam, points, center):
+    def __init__(self, beam: Beam, points: NDArray[np.float64], center: ArrayLike) -> None:
         every = np.eye(beam.n_dof)
         self.beam, self.center = beam, np.asarray(center, dtype=float)
         self._fields = particle_fields(beam, every)
         self._points = body_points(beam, every, points)
 
-    def matrices(self, u, omega, forces=None):
+    def matrices(
+        self, u: NDArray[np.float64], omega: NDArray[np.float64], forces: NDArray[np.float64] | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """K_t and M_t (n_dof, n_dof).
 
         Parameters
@@ -73,7 +90,13 @@ class TangentBlade:
             stiffness -= np.einsum("pi,pijk->jk", forces, self._points.second)
         return stiffness, weighted.T @ flat
 
-    def modes(self, u, omega, forces=None, node_dofs=(0, 1, 2, 3, 4)):
+    def modes(
+        self,
+        u: NDArray[np.float64],
+        omega: NDArray[np.float64],
+        forces: NDArray[np.float64] | None = None,
+        node_dofs: Sequence[int] = (0, 1, 2, 3, 4),
+    ) -> tuple[Modes, NDArray[np.float64]]:
         """Lowest `Modes` of K_t φ = (2 π f)² M_t φ, of nodes that move in the given directions, and M_t."""
         stiffness, mass = self.matrices(u, omega, forces)
         free = np.array([6 * node + k for node in range(1, self.beam.n_dof // 6) for k in node_dofs])
@@ -83,7 +106,9 @@ class TangentBlade:
         shape[free] = vector
         return named_modes(self.beam, value, shape), mass
 
-    def in_basis(self, basis):
+    def in_basis(
+        self, basis: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """The points (`Points`) in a basis (n_dof, n)."""
         p = self._points
         linear = p.linear @ basis
@@ -106,7 +131,7 @@ class DeformedBasis:
         Of the present modes of the blade clamped to the turning hub [Hz].
     """
 
-    def __init__(self, models):
+    def __init__(self, models: TurbineModels) -> None:
         self._models, structure = models, models.structure
         self._beam, self._rest = structure.blade_field
         self.basis = self._rest.copy()
@@ -121,13 +146,13 @@ class DeformedBasis:
         self._q = np.add.outer([system.index(b, "elastic_q") for b in structure.blades], each)
         self._u = np.add.outer([system.index(b, "elastic_u") for b in structure.blades], each) + system.n_q
 
-    def restart(self):
+    def restart(self) -> None:
         """Go back to the modes at rest."""
         if not np.array_equal(self.basis, self._rest):
             self.basis[:] = self._rest
             self.install()
 
-    def install(self):
+    def install(self) -> None:
         """Bodies and points of the blades in the present basis."""
         models, structure, tree = self._models, self._models.structure, self._models.structure.system.tree
         blade, twists = models.turbine.blade, models.fidelity.blade_modes[2] > 0
@@ -137,22 +162,29 @@ class DeformedBasis:
             for key in ("c1", "c2", "j1", "j2", "d0", "d1", "d2", "m0", "m1", "m2"):
                 value = getattr(body.inertia, key)
                 getattr(tree, key)[(b, *(slice(0, k) for k in value.shape))] = value
-            tree.stiffness[b, :n, :n], tree.damping[b, :n, :n] = body.stiffness, body.damping
+            for key in ("stiffness", "damping"):
+                getattr(tree, key)[b, :n, :n] = getattr(body, key)
         for tangent, points in self._carried:
             _, points.linear[:], points.second[:] = tangent.in_basis(self.basis)
 
-    def _mean(self, y, work, forces):
+    def _mean(
+        self, y: NDArray[np.float64], work: Work, forces: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Nodal displacements, angular velocity and forces of the air, means over the blades in their own axes."""
         blades = self._models.structure.blades
         u = self.basis @ y[self._q].mean(axis=0)
         omega = np.mean([work.omega[b] for b in blades], axis=0)
         return u, omega, np.mean([f @ work.rot[b] for f, b in zip(forces, blades, strict=True)], axis=0)
 
-    def tangent_of(self, y, work, forces):
+    def tangent_of(
+        self, y: NDArray[np.float64], work: Work, forces: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """K_t and M_t (n_dof, n_dof) in a state; arguments as for `update`, with the newest state."""
         return self.tangent.matrices(*self._mean(y, work, forces))
 
-    def update(self, history, loads, work, forces):
+    def update(
+        self, history: History, loads: Sequence[NDArray[np.float64]], work: Work, forces: NDArray[np.float64]
+    ) -> None:
         """New modes about the present state, which passes over to them.
 
         Parameters

@@ -1,9 +1,21 @@
 """Static balance of the elastic coordinates, and the highest frequency of the structure."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wt_gym.errors import SimulationError
 from wt_gym.multibody.errors import MultibodyError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from wt_gym.multibody.arrays import Inputs, Work
+    from wt_gym.multibody.system import MultibodySystem
 
 __all__ = ["elastic_equilibrium", "highest_frequency"]
 
@@ -14,8 +26,18 @@ SMALLEST_SHARE = 1.0 / 256.0
 """Of a step of Newton's method, below which there is no balance."""
 
 
-def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces=False, iterations=40, tolerance=1e-9,
-                        accelerations=0.0):  # fmt: skip
+def elastic_equilibrium(
+    system: MultibodySystem,
+    y: NDArray[np.float64],
+    inputs: Inputs,
+    work: Work,
+    azimuth_q: int,
+    azimuth_u: int,
+    of_forces: bool = False,
+    iterations: int = 40,
+    tolerance: float = 1e-9,
+    accelerations: float | NDArray[np.float64] = 0.0,
+) -> None:
     """Newton's method for elastic coordinates that do not accelerate, or as told; the rotor's own acceleration is free.
 
     A step is halved until the next one, with the same derivatives, is shorter: where strong loads bend slender blades
@@ -49,13 +71,16 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces
     if len(q) == 0:
         return
 
-    def residual(state):
+    def residual(state: NDArray[np.float64]) -> NDArray[np.float64]:
         if not of_forces:
-            return system.rates(state, inputs, work)[u] - accelerations
+            rates: NDArray[np.float64] = system.rates(state, inputs, work)[u] - accelerations
+            return rates
         mass, force = system.balance(state, inputs, work)
         column = np.concatenate([mass[azimuth_u, :azimuth_u], mass[azimuth_u:, azimuth_u]])
-        return (force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q]
+        free: NDArray[np.float64] = (force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q]
+        return free
 
+    following: NDArray[np.float64] | None
     (jacobian, change), fresh = _newton_step(residual, y, q), True
     for _ in range(iterations):
         if np.abs(change).max() < tolerance * max(1.0, np.abs(y[q]).max()):
@@ -67,14 +92,21 @@ def elastic_equilibrium(system, y, inputs, work, azimuth_q, azimuth_u, of_forces
                 return
             break
         # nearly linear: the derivatives serve as long as they bring the balance nearer by half
-        fresh = following is None or np.linalg.norm(following) > 0.5 * np.linalg.norm(change)
-        if fresh:
+        fresh = following is None or bool(np.linalg.norm(following) > 0.5 * np.linalg.norm(change))
+        if following is None or fresh:
             jacobian, following = _newton_step(residual, y, q)
         change = following
     raise SimulationError("the static equilibrium of the structure did not converge under its loads")
 
 
-def _shortened_step(residual, y, q, change, jacobian, smallest):
+def _shortened_step(
+    residual: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    y: NDArray[np.float64],
+    q: NDArray[np.int64],
+    change: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    smallest: float,
+) -> NDArray[np.float64] | None:
     """Take a step, or the largest half, quarter, … of it after which the next one is shorter.
 
     Returns
@@ -86,7 +118,7 @@ def _shortened_step(residual, y, q, change, jacobian, smallest):
     while share >= smallest:
         y[q] = origin + share * change
         try:
-            following = np.linalg.solve(jacobian, -residual(y))
+            following = np.asarray(np.linalg.solve(jacobian, -residual(y)), dtype=np.float64)
         except MultibodyError:  # the structure has left its model
             following = None
         if following is not None and np.linalg.norm(following) < (1.0 - 0.25 * share) * np.linalg.norm(change):
@@ -96,7 +128,12 @@ def _shortened_step(residual, y, q, change, jacobian, smallest):
     return None
 
 
-def _newton_step(residual, y, q, step=1e-4):
+def _newton_step(
+    residual: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    y: NDArray[np.float64],
+    q: NDArray[np.int64],
+    step: float = 1e-4,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Derivatives of the residual by the coordinates q, and the step that follows from them."""
     here, columns = residual(y), []
     for place in q:
@@ -105,10 +142,10 @@ def _newton_step(residual, y, q, step=1e-4):
         columns.append((residual(y) - here) / step)
         y[place] = origin
     jacobian = np.array(columns).T
-    return jacobian, np.linalg.solve(jacobian, -here)
+    return jacobian, np.asarray(np.linalg.solve(jacobian, -here), dtype=np.float64)
 
 
-def highest_frequency(system, step=1e-5):
+def highest_frequency(system: MultibodySystem, step: float = 1e-5) -> float:
     """Highest natural frequency of a system at rest without loads [rad/s]: root of the largest |eigenvalue| of −∂u̇/∂q.
 
     Only for systems whose positions are joint angles, slides and elastic coordinates.

@@ -1,11 +1,21 @@
 """The closed bodies of a turbine in the flow: tower, and hub and nacelle together."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.aerodynamics import AerodynamicsError, BodySet, revolution_body, tower_body
 from wt_gym.errors import SimulationError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.aerodynamics import BodySurface
+    from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.turbines import Turbine
 
 __all__ = ["NACELLE", "nacelle_surface", "place_nacelle", "turbine_bodies"]
 
@@ -21,7 +31,7 @@ HEADING_STEP = math.radians(0.25)
 """The body is turned in steps of this angle [rad]; the influence of all bodies is inverted anew at each."""
 
 
-def turbine_bodies(turbine, fidelity, nodes):
+def turbine_bodies(turbine: Turbine, fidelity: Fidelity, nodes: NDArray[np.float64]) -> BodySet | None:
     """Closed bodies that a fidelity puts into the flow, with the nacelle at zero yaw.
 
     Parameters
@@ -61,7 +71,7 @@ def turbine_bodies(turbine, fidelity, nodes):
         raise SimulationError(f"the bodies of {turbine.name} cannot stand in the flow: {error}") from error
 
 
-def nacelle_surface(turbine, n_around, n_along):
+def nacelle_surface(turbine: Turbine, n_around: int, n_along: int) -> BodySurface:
     """Hub and nacelle as one body of revolution about the shaft, which the rotation of the hub leaves as it is.
 
     A turbine gives no shape of its nacelle. The body has three quarters of the hub radius throughout, less than most
@@ -102,7 +112,7 @@ def nacelle_surface(turbine, n_around, n_along):
     return revolution_body(along, radii, n_around, _shaft_on_yaw_axis(turbine), _shaft(turbine), NACELLE)
 
 
-def place_nacelle(bodies, rotation, angular_velocity):
+def place_nacelle(bodies: BodySet | None, rotation: NDArray[np.float64], angular_velocity: NDArray[np.float64]) -> None:
     """Turn the body of hub and nacelle, if there is one, to the heading of the nacelle, in steps of `HEADING_STEP`.
 
     Parameters
@@ -124,17 +134,17 @@ def place_nacelle(bodies, rotation, angular_velocity):
     bodies.place(rotations, np.zeros((n, 3)), None, spins)
 
 
-def _shaft(turbine):
+def _shaft(turbine: Turbine) -> NDArray[np.float64]:
     """Unit vector along the shaft, downwind, at zero yaw."""
     tilt = turbine.nacelle.tilt
     return np.array([math.cos(tilt), 0.0, -math.sin(tilt)])
 
 
-def _shaft_on_yaw_axis(turbine):
+def _shaft_on_yaw_axis(turbine: Turbine) -> NDArray[np.float64]:
     return np.array([0.0, 0.0, turbine.tower.height + turbine.nacelle.tower_top_to_shaft])
 
 
-def _check_blades(turbine, surface, nodes):
+def _check_blades(turbine: Turbine, surface: BodySurface, nodes: NDArray[np.float64]) -> None:
     """Refuse a body that comes close to the lattice of the blades at any pitch."""
     hub, x = turbine.hub, np.reshape(nodes, (-1, 3))
     outward = (hub.radius + x[:, 2]) * math.cos(hub.cone)
@@ -148,7 +158,7 @@ def _check_blades(turbine, surface, nodes):
         )
 
 
-def _free_height(turbine, surface):
+def _free_height(turbine: Turbine, surface: BodySurface) -> float:
     """Height at which the body of the tower ends below that of the nacelle, whatever the yaw [m]."""
     tower, hub, shaft = turbine.tower, turbine.hub, _shaft(turbine)
     arms = surface.vertices - _shaft_on_yaw_axis(turbine)
@@ -161,4 +171,4 @@ def _free_height(turbine, surface):
         raise SimulationError(
             f"Fidelity.nacelle_body of {turbine.name}: the body reaches down to {lowest:.3f} m and leaves no tower body"
         )
-    return height
+    return float(height)

@@ -5,8 +5,10 @@ turned by the tilt about y; blade i hangs on the hub turned by 2πi/n about the 
 pitch turns the blade about its z axis by minus the angle.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -23,6 +25,15 @@ from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.coordinates import body_from_beam, nodal_basis, node_names
 from wt_gym.structure.flexible_body import BodyInertia, FlexibleBody, offset_marker, without_second_order
 from wt_gym.structure.modes import clamped_modes, select_modes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from wt_gym.simulation.fidelity import Fidelity
+    from wt_gym.structure.substructure import SubBody
+    from wt_gym.turbines import Blade, Tower, Turbine
 
 __all__ = ["TurbineStructure", "build_structure"]
 
@@ -77,40 +88,40 @@ class TurbineStructure:
     nacelle: int
     generator: int
     hub: int
-    blades: tuple
-    parts: tuple
+    blades: tuple[int, ...]
+    parts: tuple[tuple[int, ...], ...]
     blade_inertia: BodyInertia
     lattice_points: Points
     sub_body_nodes: SubBodyNodes | None
     tip_points: Points
-    tip_rest: np.ndarray
+    tip_rest: NDArray[np.float64]
     tower_points: Points
-    tower_radius: np.ndarray
+    tower_radius: NDArray[np.float64]
     drag_points: Points
-    blade_field: tuple
-    tower_field: tuple
-    tower_sway: np.ndarray
+    blade_field: tuple[Beam, NDArray[np.float64]]
+    tower_field: tuple[Beam, NDArray[np.float64]]
+    tower_sway: NDArray[np.float64]
 
-    def elastic(self, body, y):
+    def elastic(self, body: int, y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Elastic coordinates and rates (n_f,) of a body in a state, views."""
         q, u = self.system.index(body, "elastic_q"), self.system.n_q + self.system.index(body, "elastic_u")
         n = self.system.bodies[body].n_elastic
         return y[q : q + n], y[u : u + n]
 
     @property
-    def n_motion(self):
+    def n_motion(self) -> int:
         """Numbers of a `motion`."""
         return sum(map(len, self._moving))
 
     @property
-    def _moving(self):
+    def _moving(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Places of all that moves beside generator and drives, (coordinates, velocities), in a state and its rate."""
         system = self.system
         q, u = np.arange(system.n_q), system.n_q + np.arange(system.n_u)
         others = u[u != system.n_q + self.azimuth_u]
         return q[q != self.azimuth_q], others, others
 
-    def motion(self, y, dy, heading):
+    def motion(self, y: NDArray[np.float64], dy: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
         """Deformation, its rates and accelerations, those of the tower along and across a heading.
 
         Parameters
@@ -130,7 +141,7 @@ class TurbineStructure:
         q, u, a = self._moving
         return np.concatenate([y[q], y[u], dy[a]])
 
-    def move(self, y, motion, heading):
+    def move(self, y: NDArray[np.float64], motion: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
         """Put deformation and rates of a `motion` into a state, in place; returns the accelerations (n_u - 1,)."""
         q, u, a = self._moving
         dy = np.zeros(len(y))
@@ -139,7 +150,7 @@ class TurbineStructure:
             self._turn_tower(each, heading)
         return dy[a]
 
-    def _turn_tower(self, y, angle):
+    def _turn_tower(self, y: NDArray[np.float64], angle: float) -> None:
         """Turn the bending of the tower about z, in place: its modes have the same shapes along x and y."""
         _, basis = self.tower_field
         top = basis[-6:-4]  # displacement of the top along x and y
@@ -150,7 +161,7 @@ class TurbineStructure:
             part[along] = (cos * x - sin * z) / top[0, along]
             part[across] = (sin * x + cos * z) / top[1, across]
 
-    def adopt(self, other, y):
+    def adopt(self, other: TurbineStructure, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """State of this structure for the same motion as the state y of another formulation of the same turbine.
 
         Parameters
@@ -163,7 +174,7 @@ class TurbineStructure:
         array (n_state,)
         """
         mine, theirs = self.system, other.system
-        z = mine.initial_state()
+        z: NDArray[np.float64] = mine.initial_state()
         for body in range(len(mine.bodies)):
             for own, given in zip(self.elastic(body, z), other.elastic(body, y), strict=True):
                 own[:] = given
@@ -175,49 +186,51 @@ class TurbineStructure:
         return z
 
     @property
-    def beams(self):
+    def beams(self) -> dict[str, tuple[Beam, NDArray[np.float64]]]:
         """Finite elements and basis (Beam, array) of the flexible bodies, by the name of the body."""
         return {"tower": self.tower_field} | {self.system.bodies[b].name: self.blade_field for b in self.blades}
 
     @property
-    def lattice_bodies(self):
+    def lattice_bodies(self) -> NDArray[np.int64]:
         """Bodies that carry lattice points (n_blades n_sub_bodies,), blade by blade."""
         return np.array([b for parts in self.parts for b in parts])
 
     @property
-    def azimuth_q(self):
+    def azimuth_q(self) -> int:
         """Index of the generator azimuth among the coordinates."""
-        return self.system.index(self.generator, "joint_q")
+        return int(self.system.index(self.generator, "joint_q"))
 
     @property
-    def yaw_flexible(self):
+    def yaw_flexible(self) -> bool:
         """Whether a spring connects the nacelle to its yaw drive."""
         return self.system.joints[self.nacelle].kind == "revolute"
 
     @property
-    def shaft_flexible(self):
+    def shaft_flexible(self) -> bool:
         """Whether the shaft has a torsion coordinate."""
         return self.system.joints[self.hub].kind == "revolute"
 
     @property
-    def azimuth_u(self):
+    def azimuth_u(self) -> int:
         """Index of the generator speed among the velocities."""
-        return self.system.index(self.generator, "joint_u")
+        return int(self.system.index(self.generator, "joint_u"))
 
 
-def rotation_y(angle):
+def rotation_y(angle: float) -> NDArray[np.float64]:
     """Rotation matrix about y."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def rotation_x(angle):
+def rotation_x(angle: float) -> NDArray[np.float64]:
     """Rotation matrix about x."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
+def build_structure(
+    turbine: Turbine, fidelity: Fidelity, lattice_nodes: NDArray[np.float64], generator_damping: float = 0.0
+) -> TurbineStructure:
     """Assemble the multibody system of a turbine.
 
     Parameters
@@ -279,7 +292,7 @@ def build_structure(turbine, fidelity, lattice_nodes, generator_damping=0.0):
     )
 
 
-def _blade(blade, fidelity):
+def _blade(blade: Blade, fidelity: Fidelity) -> tuple[Beam, NDArray[np.float64], FlexibleBody]:
     """Finite-element model, modal basis and body of one blade (the same for all blades)."""
     axis = _axis_at_stations(blade)
     sections = BeamSections(blade.structure.station, blade.structure.stiffness, blade.structure.inertia, axis)
@@ -299,14 +312,14 @@ def _blade(blade, fidelity):
     return beam, basis, body
 
 
-def _sub_bodies(blade, beam, fidelity):
+def _sub_bodies(blade: Blade, beam: Beam, fidelity: Fidelity) -> tuple[SubBody, ...]:
     """Bodies of a blade that has several, else nothing."""
     if fidelity.blade_bodies == 1:
         return ()
     return cut_blade(blade, beam, fidelity, _blade_dofs(blade, beam, fidelity))
 
 
-def _blade_dofs(blade, beam, fidelity):
+def _blade_dofs(blade: Blade, beam: Beam, fidelity: Fidelity) -> tuple[int, ...]:
     """Degrees of freedom of the nodes of a blade."""
     dofs = _moving_dofs(fidelity.blade_modes)
     if np.ptp(beam.sections.axis[:, :2], axis=0).max() > 1e-6 * blade.length:
@@ -314,13 +327,13 @@ def _blade_dofs(blade, beam, fidelity):
     return dofs
 
 
-def _moving_dofs(modes):
+def _moving_dofs(modes: tuple[int, int, int]) -> tuple[int, ...]:
     """Degrees of freedom of a node for the counts of modes along x, along y and in torsion."""
     planes = ((0, 4), (1, 3), (5,))
     return tuple(sorted(dof for plane, count in zip(planes, modes, strict=True) if count for dof in plane))
 
 
-def _blade_modes(beam, fidelity):
+def _blade_modes(beam: Beam, fidelity: Fidelity) -> tuple[NDArray[np.float64], list[str]]:
     """Modes of a blade and their names."""
     flap, edge, torsion = fidelity.blade_modes
     node_dofs = bending_dofs(fidelity.blade_modes)
@@ -337,7 +350,7 @@ def _blade_modes(beam, fidelity):
     return modes.shape[:, chosen], names
 
 
-def bending_dofs(counts):
+def bending_dofs(counts: tuple[int, int, int]) -> tuple[int, ...]:
     """Directions in which the nodes of a blade move in its modes, for the counts of flap, edge and torsion modes.
 
     A bending mode carries the twist that its inertial loads make as it vibrates. Without torsion modes nothing could
@@ -346,13 +359,13 @@ def bending_dofs(counts):
     return (0, 1, 2, 3, 4, 5) if counts[2] else (0, 1, 2, 3, 4)
 
 
-def _axis_at_stations(blade):
+def _axis_at_stations(blade: Blade) -> NDArray[np.float64]:
     """Reference axis at the structural stations (n, 3)."""
     s = blade.structure.station
     return np.column_stack([np.interp(s, blade.axis_station, blade.axis[:, k]) for k in range(3)])
 
 
-def rotor_nacelle_inertia(turbine, blade_inertia):
+def rotor_nacelle_inertia(turbine: Turbine, blade_inertia: BodyInertia) -> NDArray[np.float64]:
     """Mass matrix (6, 6) of everything on the tower top about the yaw bearing, symmetric about the x–z plane.
 
     Used only to shape the tower's modes: the blades enter by their rigid-body inertia averaged over the azimuth.
@@ -383,7 +396,7 @@ def rotor_nacelle_inertia(turbine, blade_inertia):
     return total
 
 
-def averaged_over_yaw(mass):
+def averaged_over_yaw(mass: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean of a mass matrix (6, 6) on the tower top over the yaw angle of the nacelle.
 
     With it the bending modes of a round tower have the same shapes in both planes, so that they span the same
@@ -392,17 +405,18 @@ def averaged_over_yaw(mass):
     """
     quarter = np.kron(np.eye(2), [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
-    return np.mean([turn @ mass @ turn.T for turn in turns], axis=0)
+    mean: NDArray[np.float64] = np.mean([turn @ mass @ turn.T for turn in turns], axis=0)
+    return mean
 
 
-def tower_beam(tower, elements):
+def tower_beam(tower: Tower, elements: int) -> Beam:
     """Finite-element model of a tower in that many elements, and in as short ones of the support it may stand on.
 
     The frame lies at the base of the tower; a support reaches below it.
     """
     table, support = tower.structure, tower.support
     if support is None:
-        return Beam(_upright(table.station, table, 0.0), elements)
+        return Beam(_upright(table.station, table.stiffness, table.inertia, 0.0), elements)
     below = support.length
     n_below = max(round(elements * below / tower.length), 2)
     nodes = np.concatenate(
@@ -410,27 +424,29 @@ def tower_beam(tower, elements):
     )
     station = np.concatenate([support.structure.station, below + table.station])
     station[len(support.structure.station)] += _GAP * below
-    whole = SimpleNamespace(
-        stiffness=np.concatenate([support.structure.stiffness, table.stiffness]),
-        inertia=np.concatenate([support.structure.inertia, table.inertia]),
-    )
+    stiffness = np.concatenate([support.structure.stiffness, table.stiffness])
+    inertia = np.concatenate([support.structure.inertia, table.inertia])
     lumps = [(n_below, support.top_mass)] if support.top_mass > 0.0 else []
-    return Beam(_upright(station, whole, below), nodes, support.foundation, support.added_mass_at, lumps)
+    return Beam(_upright(station, stiffness, inertia, below), nodes, support.foundation, support.added_mass_at, lumps)
 
 
-def _upright(station, table, below):
+def _upright(
+    station: NDArray[np.float64], stiffness: NDArray[np.float64], inertia: NDArray[np.float64], below: float
+) -> BeamSections:
     """Sections of a straight beam along z that begins below the origin [m]."""
     axis = np.zeros((len(station), 3))
     axis[:, 2] = station - below
-    return BeamSections(station, table.stiffness, table.inertia, axis)
+    return BeamSections(station, stiffness, inertia, axis)
 
 
-def _deforms_linearly(fidelity):
+def _deforms_linearly(fidelity: Fidelity) -> bool:
     """Whether bodies have no second-order displacement, as in observer frames as published."""
     return fidelity.formulation == "observer" and fidelity.frame_displacement == "linear"
 
 
-def _tower(turbine, fidelity, blade_body):
+def _tower(
+    turbine: Turbine, fidelity: Fidelity, blade_body: FlexibleBody
+) -> tuple[FlexibleBody, Points, NDArray[np.float64], Points, tuple[Beam, NDArray[np.float64]], NDArray[np.float64]]:
     """Tower body in plane bending and torsion modes shaped by the tower-top mass, with the support beneath."""
     _check_support(turbine, fidelity)
     tower, beam = turbine.tower, tower_beam(turbine.tower, fidelity.tower_elements)
@@ -449,7 +465,7 @@ def _tower(turbine, fidelity, blade_body):
     return body, points, radius, for_drag, (beam, basis), _first_modes(beam, basis, top)
 
 
-def _first_modes(beam, basis, top):
+def _first_modes(beam: Beam, basis: NDArray[np.float64], top: NDArray[np.float64]) -> NDArray[np.float64]:
     """Coordinates of the first bending mode under the top mass in either plane (n, 2), for 1 m of the tower top.
 
     Of coordinates that do not span the mode, the nearest in displacement of the nodes; zero where there are none.
@@ -464,7 +480,7 @@ def _first_modes(beam, basis, top):
     return sway
 
 
-def _check_support(turbine, fidelity):
+def _check_support(turbine: Turbine, fidelity: Fidelity) -> None:
     """Refuse what takes the base of the tower as clamped."""
     if turbine.tower.support is None:
         return
@@ -476,7 +492,7 @@ def _check_support(turbine, fidelity):
             )
 
 
-def _axis_points(tower):
+def _axis_points(tower: Tower) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Heights above the base [m] of points of the axis, with those of a support, and the radii there [m]."""
     height = np.linspace(0.0, tower.length, 13)
     radius = 0.5 * np.asarray(tower.diameter_at(height))
@@ -489,12 +505,12 @@ def _axis_points(tower):
     )
 
 
-def drag_heights(tower):
+def drag_heights(tower: Tower) -> NDArray[np.float64]:
     """Distances from its base [m] at which the drag of a tower acts, the places of Simpson's rule."""
     return np.linspace(0.0, tower.length, DRAG_POINTS)
 
 
-def _tower_modes(beam, fidelity, top):
+def _tower_modes(beam: Beam, fidelity: Fidelity, top: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[str]]:
     """Plane modes or prescribed shapes of the tower under its top mass, and their names."""
     planes = {"fore_aft": (0, 4), "side_side": (1, 3), "torsion": (5,)}
     basis, names = [], []
@@ -515,7 +531,7 @@ def _tower_modes(beam, fidelity, top):
     return np.hstack(basis), names
 
 
-def _polynomial_shapes(beam, plane, shapes):
+def _polynomial_shapes(beam: Beam, plane: str, shapes: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     """Nodal displacements (n_dof, n) of bending shapes given by the coefficients of (z/H)², (z/H)³, …"""
     height = beam.nodes[-1]
     basis = np.zeros((beam.n_dof, len(shapes)))
@@ -529,7 +545,7 @@ def _polynomial_shapes(beam, plane, shapes):
     return basis
 
 
-def _add_nacelle(system, turbine, tower, yaw_drive):
+def _add_nacelle(system: MultibodySystem, turbine: Turbine, tower: int, yaw_drive: str) -> int:
     """Rigid nacelle with the yaw bearing, driven about the tower's z axis, on request through the yaw spring."""
     nacelle = turbine.nacelle
     mass = nacelle.mass + nacelle.yaw_bearing_mass
@@ -538,28 +554,32 @@ def _add_nacelle(system, turbine, tower, yaw_drive):
     inertia = nacelle.inertia - nacelle.mass * r @ r - nacelle.yaw_bearing_mass * b @ b
     body = FlexibleBody.rigid("nacelle", mass, center, inertia)
     drive = Joint("servo", (0.0, 0.0, 1.0), servo_frequency=YAW_SERVO, servo_damping=1.0, name="yaw")
+    index: int
     if yaw_drive == "stiff":
-        return system.add(body, drive, tower, "tip")
+        index = system.add(body, drive, tower, "tip")
+        return index
     if not nacelle.yaw_spring > 0.0:
         raise SimulationError(
             f"turbine {turbine.name!r}: yaw spring is {nacelle.yaw_spring}; yaw_drive='spring' needs one"
         )
-    gear = FlexibleBody.rigid("yaw_drive", 0.0, np.zeros(3), np.zeros((3, 3)))
-    gear = system.add(gear, drive, tower, "tip")
+    gear = system.add(FlexibleBody.rigid("yaw_drive", 0.0, np.zeros(3), np.zeros((3, 3))), drive, tower, "tip")
     spring = Joint(
         "revolute", (0.0, 0.0, 1.0), None, (0.0, 0.0, 0.0), nacelle.yaw_spring, nacelle.yaw_damper, name="yaw_twist"
     )
-    return system.add(body, spring, gear)
+    index = system.add(body, spring, gear)
+    return index
 
 
-def rotor_axial_inertia(turbine, blade_inertia):
+def rotor_axial_inertia(turbine: Turbine, blade_inertia: BodyInertia) -> float:
     """Inertia of hub and undeformed blades about the shaft [kg m²], cone neglected."""
     radius, mass = turbine.hub.radius, blade_inertia.mass
-    second = 0.5 * np.trace(blade_inertia.j0) + 2.0 * radius * blade_inertia.c0[2] + mass * radius**2
-    return turbine.hub.inertia_axial + turbine.n_blades * second
+    second = 0.5 * float(np.trace(blade_inertia.j0)) + 2.0 * radius * blade_inertia.c0[2] + mass * radius**2
+    return float(turbine.hub.inertia_axial + turbine.n_blades * second)
 
 
-def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest, damping):
+def _add_drivetrain(
+    system: MultibodySystem, turbine: Turbine, nacelle: int, blade_inertia: BodyInertia, stiffest: float, damping: float
+) -> tuple[int, int]:
     """Generator and damper on the shaft axis, hub behind the shaft's torsion spring, if that is not too stiff.
 
     The body "generator" is the massless end of the low-speed shaft in the gearbox. The rotor of the generator is geared
@@ -578,7 +598,7 @@ def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest, damping):
         rotor_inertia=drive.generator_inertia,
         rotor_ratio=drive.speed_ratio,
     )
-    generator = system.add(generator, joint, nacelle)
+    shaft = system.add(generator, joint, nacelle)
     if not drive.spring > 0.0:
         raise SimulationError(f"turbine {turbine.name!r}: drivetrain spring is {drive.spring}; it must be positive")
     body = FlexibleBody.rigid(
@@ -594,29 +614,48 @@ def _add_drivetrain(system, turbine, nacelle, blade_inertia, stiffest, damping):
         torsion = Joint("fixed", offset=offset, name="shaft")
     else:
         torsion = Joint("revolute", (1.0, 0.0, 0.0), None, offset, drive.spring, drive.damper, name="shaft_torsion")
-    return generator, system.add(body, torsion, generator)
+    return shaft, system.add(body, torsion, shaft)
 
 
-def _add_blade(system, turbine, hub, blade, i, formulation):
+class _Bearing(TypedDict):
+    """A pitch bearing, as joint or constraint; see `Joint`."""
+
+    axis: tuple[float, float, float]
+    rotation: NDArray[np.float64]
+    offset: tuple[float, float, float]
+    servo_frequency: float
+    servo_damping: float
+    name: str
+
+
+def _add_blade(
+    system: MultibodySystem,
+    turbine: Turbine,
+    hub: int,
+    blade: FlexibleBody | tuple[SubBody, ...],
+    i: int,
+    formulation: str,
+) -> tuple[int, ...]:
     """Blade i, a body or pieces, on its pitch bearing, a joint or six equations; returns its bodies from the root on.
 
     The servo angle is the pitch (about minus z).
     """
     root = rotation_x(2.0 * np.pi * i / turbine.n_blades) @ rotation_y(-turbine.hub.cone)
-    bearing = {
+    bearing: _Bearing = {
         "axis": (0.0, 0.0, -1.0),
         "rotation": root,
-        "offset": root @ [0.0, 0.0, turbine.hub.radius],
+        "offset": tuple((root @ [0.0, 0.0, turbine.hub.radius]).tolist()),
         "servo_frequency": turbine.pitch.servo_frequency or IDEAL_PITCH_SERVO,
         "servo_damping": turbine.pitch.servo_damping,
         "name": f"pitch_{i + 1}",
     }
     name = f"blade_{i + 1}"
 
-    def add_root(body):
+    def add_root(body: FlexibleBody) -> int:
         if formulation != "constrained":
-            return system.add(body, Joint("servo", **bearing), hub)
-        root_body = system.add(body, Joint("free", name=f"{name}_frame"))
+            index: int = system.add(body, Joint("servo", **bearing), hub)
+            return index
+        root_body: int = system.add(body, Joint("free", name=f"{name}_frame"))
         system.add_constraint(Constraint("weld", **bearing), hub, root_body, second_marker="root")
         return root_body
 
@@ -626,7 +665,7 @@ def _add_blade(system, turbine, hub, blade, i, formulation):
     return add_sub_bodies(system, blade, add_root, name)
 
 
-def body_points(beam, basis, points):
+def body_points(beam: Beam, basis: NDArray[np.float64], points: NDArray[np.float64]) -> Points:
     """Shapes of points (n, 3) carried rigidly by the beam section at the same height z of the body frame."""
     second = beam.second_order_field(basis)
     axis_z = beam.sections.axis[:, 2]

@@ -1,4 +1,8 @@
-"""One step of structure and air together, in one compiled call that allocates nothing.
+"""One aerodynamic step of structure and air together, in one compiled call that allocates nothing.
+
+The structure moves by the kernels of `wt_gym.simulation.step.structure_motion_kernels`, in whatever form it is. Where
+the lattice computes the induction of a big wake in threads, Python runs `coupled_step` part by part
+(`wt_gym.simulation.step.coupling`): the order of the parts stands here alone.
 
 Constants among the arguments of big kernels stand as ``bool(True)`` or ``int(0)``: a bare one would compile a form of
 the kernel for this value alone, beside the one that Python calls.
@@ -6,89 +10,29 @@ the kernel for this value alone, beside the one that Python calls.
 
 from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, solve
 from wt_gym.compiled import kernel
-from wt_gym.multibody.integrators.implicit_kernels import implicit_advance
-from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
-from wt_gym.multibody.integrators.structural_newton_kernels import structural_advance, tree_rates
-from wt_gym.multibody.tree.rate_kernels import rates
-from wt_gym.multibody.tree.tree_kernels import OK, kinematics
-from wt_gym.simulation.step.coupling_kernels import rotor_loads, rotor_motion, tower_drag
+from wt_gym.multibody.tree.tree_kernels import OK
+from wt_gym.simulation.step.coupling_kernels import rotor_loads, tower_drag
 from wt_gym.simulation.step.energy_kernels import check_energy
 from wt_gym.simulation.step.measurement_kernels import fill_channels
 from wt_gym.simulation.step.monitor_kernels import rotor_speed, watch_steps
+from wt_gym.simulation.step.structure_motion_kernels import (
+    end_motion,
+    move_lattice,
+    move_structure,
+    restore_motion,
+    save_motion,
+)
 
 # Beyond the codes of the multibody kernels
 OVERSPEED, DEFLECTION, UNSETTLED = 101, 102, 103
 DISAGREEMENT = 1e-3  # of circulation and polars, over the largest speed of a section, with which a step may end
-# The predictor alone is unstable: what it amplifies in so few sub-steps is less than the change of the loads.
-MOST_UNCORRECTED = 4
 MOST_PASSES = 20  # of loads and structure, where they do not come to agree
-FORGETTING_FACTOR = 0.9  # a step: what the share of the loads' change remembers of the steps before
+SECANT_MEMORY = 0.9  # a step: what the share of the loads' change keeps of the steps before
 LEAST_SHARE, LARGEST_SHARE = 0.05, 1.5
 
 
-@kernel(separate=True, distinct=True)
-def move_lattice(y, tree, work, x):
-    """Lattice nodes and their velocities for the state y; the kinematics are then up to date. x: `Exchange`."""
-    kinematics(y, tree, work)
-    for i in range(x.elastic.shape[0]):
-        for k in range(x.elastic.shape[1]):
-            x.elastic[i, k] = y[x.elastic_q[i, k]]
-            x.elastic_rate[i, k] = y[x.elastic_u[i, k]]
-    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
-    rotor_motion(work.rot, work.r, work.v, work.omega, x.elastic, x.elastic_rate, x.points, x.lattice_bodies,
-                 x.sub_bodies, x.nodes.reshape(shape), x.velocities.reshape(shape))  # fmt: skip
-
-
-@kernel
-def copy_history(source, target):
-    """What an integration goes on from, from one set of arrays to another."""
-    for k in range(source.y.shape[0]):
-        for i in range(source.y.shape[1]):
-            target.y[k, i] = source.y[k, i]
-            target.f[k, i] = source.f[k, i]
-    for i in range(source.memory.shape[0]):
-        target.memory[i] = source.memory[i]
-    for i in range(source.counters.shape[0]):
-        target.counters[i] = source.counters[i]
-
-
-@kernel
-def check_range(y, x, monitor, sub_bodies, gauges):
-    """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor.
-
-    The tips of blades of several bodies (pieces: `SubBodyNodes`) are where the gauges have seen them.
-    """
-    if not (abs(y[monitor.generator_u]) < x.max_speed and abs(rotor_speed(y, monitor)) < x.max_speed):
-        return OVERSPEED
-    if sub_bodies is not None:
-        for i in range(gauges.deflection.shape[0]):
-            d = gauges.deflection[i]
-            if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 < x.max_deflection**2:
-                return DEFLECTION
-        return OK
-    for i in range(x.elastic_q.shape[0]):
-        size2 = 0.0
-        for c in range(3):
-            tip = 0.0
-            for k in range(x.elastic_q.shape[1]):
-                tip += x.tip[c, k] * y[x.elastic_q[i, k]]
-            size2 += tip * tip
-        if not size2 < x.max_deflection**2:
-            return DEFLECTION
-    return OK
-
-
-@kernel
-def extrapolate_loads(inputs, previous):
-    """First guess of the loads at the end of a step: those of the last two steps, continued in a straight line."""
-    first, last = inputs.body_loads[0], inputs.body_loads[1]
-    for b in range(first.shape[0]):
-        for k in range(first.shape[1]):
-            last[b, k] = 2.0 * first[b, k] - previous[b, k]
-
-
 @kernel(nogil=True)
-def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
+def coupled_step(air, structure, x, scheme, gauges, monitor, blade_wind):
     """Advance structure and air by one aerodynamic step.
 
     The wake moves on first and then stands still while structure and loads are iterated to agreement at the end of the
@@ -98,8 +42,8 @@ def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
     ----------
     air : Air
         The wind at the control points of closed bodies is in ``air.body_work.wind``.
-    motion : Motion
-    x : Exchange
+    structure : Structure
+    x : CouplingData
     scheme : Scheme
     gauges : Gauges
     monitor : Monitor
@@ -111,76 +55,43 @@ def coupled_step(air, motion, x, scheme, gauges, monitor, blade_wind):
     int
         OK, a code of the multibody kernels, OVERSPEED, DEFLECTION, UNSETTLED, or a code of `energy_kernels`.
     """
-    code = predict_step(air, motion, x, scheme)
+    code = predict_step(air, structure, x, scheme)
     if code == OK:
-        prepare(air.planform, air.constants, air.arrays, air.work, x.nodes, bool(True), air.bodies, air.body_work)
-        code = correct_step(air, motion, x, scheme, blade_wind)
+        prepare_air(air, x.nodes)
+        code = correct_step(air, structure, x, scheme, blade_wind)
     if code == OK:
-        accept(air.planform, air.constants, air.arrays, air.work, bool(True), bool(False), air.bodies, air.body_work)
-        shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
-        code = end_step(motion, x, scheme, gauges, monitor, air.arrays.forces.reshape(shape), blade_wind)
+        accept_air(air)
+        code = end_step(structure, x, scheme, gauges, monitor, air.arrays.forces, blade_wind)
     return code
 
 
-@kernel(separate=True)
-def move_structure(motion, scheme, n_corrections):
-    """The structure through one aerodynamic step, without the rates at its end; returns a code.
-
-    No correction: an explicit scheme predicts only, an implicit one ends its iteration early.
-    """
-    return advance_structure(motion.implicit, motion, scheme, n_corrections, motion.constrained)
+@kernel
+def prepare_air(air, nodes):
+    """What of the air is computed once a step, for lattice nodes where they were predicted."""
+    prepare(air.planform, air.constants, air.arrays, air.work, nodes, bool(True), air.bodies, air.body_work)
 
 
 @kernel
-def advance_structure(implicit, motion, scheme, n_corrections, constrained):
-    """As `move_structure`, by the scheme that the types of its first and last argument choose."""
-    m = motion
-    if implicit is None:
-        return hamming_advance(m.history, m.inputs, m.tree, m.work, scheme.h, scheme.n_sub, n_corrections, constrained,
-                               bool(False))  # fmt: skip
-    tolerance = implicit.tolerance if n_corrections > 0 else implicit.rough_tolerance
-    if constrained is None:
-        return structural_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
-                                  scheme.n_sub, tolerance, implicit.max_iterations)  # fmt: skip
-    return implicit_advance(m.history, m.inputs, m.tree, m.work, implicit.scratch, scheme.h, implicit.scheme,
-                            scheme.n_sub, tolerance, implicit.max_iterations, implicit.difference,
-                            constrained)  # fmt: skip
+def accept_air(air):
+    """Shed the newest ring, and compute the velocities that move the wake next."""
+    accept(air.planform, air.constants, air.arrays, air.work, bool(True), bool(False), air.bodies, air.body_work)
 
 
 @kernel(separate=True)
-def final_rates(motion):
-    """Rates that belong to the stored state and the inputs at the end of the step; the kinematics too."""
-    return rates_by(motion.implicit, motion, motion.constrained)
-
-
-@kernel
-def rates_by(implicit, motion, constrained):
-    """As `final_rates`, by the scheme that the type of the first argument chooses."""
-    m = motion
-    if implicit is None:
-        return hamming_advance(m.history, m.inputs, m.tree, m.work, 1.0, int(0), int(0), constrained, bool(True))
-    if constrained is None:
-        return tree_rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate)
-    return rates(m.state, 1.0, m.inputs, m.tree, m.work, m.rate, constrained)
-
-
-@kernel(separate=True)
-def predict_step(air, motion, x, scheme):
+def predict_step(air, structure, x, scheme):
     """Move the wake, and the structure under extrapolated loads; arguments as for `coupled_step`."""
     convect_wake(air.constants, air.arrays, scheme.dt)
-    copy_history(motion.history, motion.saved)
+    save_motion(structure)
+    motion = structure.motion
     extrapolate_loads(motion.inputs, x.previous_loads)
-    # The Cartesian coordinates of a free blade turn with the rotor: their prediction needs a correction.
-    few = scheme.n_sub <= MOST_UNCORRECTED and motion.constrained is None
-    rough = scheme.iterations > 1 and (few or motion.implicit is not None)
-    code = move_structure(motion, scheme, 0 if rough else scheme.n_corrections)
+    code = move_structure(structure, scheme, scheme.iterations > 1)
     if code == OK:
         move_lattice(motion.state, motion.tree, motion.work, x)
     return code
 
 
 @kernel(separate=True)
-def correct_step(air, motion, x, scheme, blade_wind):
+def correct_step(air, structure, x, scheme, blade_wind):
     """Loads and structure in turn until they agree; arguments as for `coupled_step`.
 
     What the last pass leaves is a force under which the structure has moved and which the air does not exert: its work
@@ -188,6 +99,7 @@ def correct_step(air, motion, x, scheme, blade_wind):
     leave more than ``scheme.loosest`` others follow.
     """
     shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+    motion = structure.motion
     forces, loads = air.arrays.forces.reshape(shape), motion.inputs.body_loads[1]
     share = x.relaxation[0]
     for iteration in range(MOST_PASSES):
@@ -203,21 +115,46 @@ def correct_step(air, motion, x, scheme, blade_wind):
         if iteration >= scheme.iterations - 1 and (change <= scheme.loosest or iteration == MOST_PASSES - 1):
             break
         relax_loads(loads, x.passes, share)
-        copy_history(motion.saved, motion.history)
-        code = move_structure(motion, scheme, scheme.n_corrections)
+        code = restore_motion(structure)
+        if code == OK:
+            code = move_structure(structure, scheme, bool(False))
         if code != OK:
             return code
         move_lattice(motion.state, motion.tree, motion.work, x)
     return check_sections(air.arrays)
 
 
+@kernel(separate=True)
+def end_step(structure, x, scheme, gauges, monitor, forces, blade_wind):
+    """Rates under the final loads; signals; is anything out of range or balance?
+
+    ``forces``, of the air, stand at the lattice nodes as ``blade_wind`` does; other arguments as for `coupled_step`.
+    """
+    code = end_motion(structure)
+    if code != OK:
+        return code
+    motion = structure.motion
+    watch_steps(motion, scheme.n_sub, gauges, monitor)
+    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
+    fill_channels(motion.state, x.nodes.reshape(shape), forces.reshape(shape), motion.tree, motion.work, gauges)
+    copy_loads(motion.inputs.body_loads[0], x.previous_loads)
+    code = check_range(motion.state, x, monitor, x.sub_bodies, gauges)
+    if code == OK:
+        code = check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt)
+    pass_on(motion.inputs)
+    return code
+
+
+# ---- loads ---------------------------------------------------------------------------------------------------------
+
+
 @kernel
-def check_sections(a):
-    """OK, or UNSETTLED where circulation and polars have not come to agree."""
-    fastest = 0.0
-    for k in range(a.speed.shape[0]):
-        fastest = max(fastest, a.speed[k])
-    return OK if a.residual[0] <= DISAGREEMENT * (fastest + 1e-3) else UNSETTLED
+def extrapolate_loads(inputs, previous):
+    """First guess of the loads at the end of a step: those of the last two steps, continued in a straight line."""
+    first, last = inputs.body_loads[0], inputs.body_loads[1]
+    for b in range(first.shape[0]):
+        for k in range(first.shape[1]):
+            last[b, k] = 2.0 * first[b, k] - previous[b, k]
 
 
 @kernel
@@ -268,28 +205,11 @@ def secant_share(new, passes, share, memory):
             difference = new[b, k] - passes[0, b, k] - passes[1, b, k]
             product -= share * passes[1, b, k] * difference
             square += difference * difference
-    memory[1] = FORGETTING_FACTOR * memory[1] + product
-    memory[2] = FORGETTING_FACTOR * memory[2] + square
+    memory[1] = SECANT_MEMORY * memory[1] + product
+    memory[2] = SECANT_MEMORY * memory[2] + square
     if memory[2] > 0.0:
         memory[0] = min(max(memory[1] / memory[2], LEAST_SHARE), LARGEST_SHARE)
     return min(max(product / square, LEAST_SHARE), LARGEST_SHARE) if square > 0.0 else share
-
-
-@kernel(separate=True)
-def end_step(motion, x, scheme, gauges, monitor, forces, blade_wind):
-    """Rates that belong to the stored state and the final loads; signals; is anything out of range or balance?"""
-    code = final_rates(motion)
-    if code != OK:
-        return code
-    watch_steps(motion, scheme.n_sub, gauges, monitor)
-    shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
-    fill_channels(motion.state, x.nodes.reshape(shape), forces, motion.tree, motion.work, gauges)
-    copy_loads(motion.inputs.body_loads[0], x.previous_loads)
-    code = check_range(motion.state, x, monitor, x.sub_bodies, gauges)
-    if code == OK:
-        code = check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt)
-    pass_on(motion.inputs)
-    return code
 
 
 @kernel
@@ -305,3 +225,41 @@ def pass_on(inputs):
     for s in range(inputs.servo_command.shape[1]):
         inputs.servo_command[0, s], inputs.servo_rate[0, s] = inputs.servo_command[1, s], inputs.servo_rate[1, s]
         inputs.servo_interval[0, s] = inputs.servo_interval[1, s]
+
+
+# ---- limits ------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def check_range(y, x, monitor, sub_bodies, gauges):
+    """OK, or what has left the range in which the model has a meaning; the speeds are those of generator and rotor.
+
+    The tips of blades of several bodies (pieces: `SubBodyNodes`) are where the gauges have seen them.
+    """
+    if not (abs(y[monitor.generator_u]) < x.max_speed and abs(rotor_speed(y, monitor)) < x.max_speed):
+        return OVERSPEED
+    if sub_bodies is not None:
+        for i in range(gauges.deflection.shape[0]):
+            d = gauges.deflection[i]
+            if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 < x.max_deflection**2:
+                return DEFLECTION
+        return OK
+    for i in range(x.elastic_q.shape[0]):
+        size2 = 0.0
+        for c in range(3):
+            tip = 0.0
+            for k in range(x.elastic_q.shape[1]):
+                tip += x.tip[c, k] * y[x.elastic_q[i, k]]
+            size2 += tip * tip
+        if not size2 < x.max_deflection**2:
+            return DEFLECTION
+    return OK
+
+
+@kernel
+def check_sections(a):
+    """OK, or UNSETTLED where circulation and polars have not come to agree."""
+    fastest = 0.0
+    for k in range(a.speed.shape[0]):
+        fastest = max(fastest, a.speed[k])
+    return OK if a.residual[0] <= DISAGREEMENT * (fastest + 1e-3) else UNSETTLED

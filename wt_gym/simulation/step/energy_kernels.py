@@ -28,7 +28,7 @@ from wt_gym.multibody.tree.tree_kernels import OK
 STRUCTURE_GAINS, AIR_GIVES = 104, 105
 BETZ = 16.0 / 27.0
 SLACK = 0.01  # of the energy that passes through, for the rule by which its work is summed
-LOOK = 10  # steps from one look at the energy of the structure to the next
+CHECK_INTERVAL = 10  # steps from one sum of the energy of the structure to the next
 MEMORY = 600.0  # [s] of the loan and of the wind it is measured by
 
 
@@ -40,29 +40,30 @@ def check_energy(motion, e, wrench, blade_wind, dt):
     holds the forces and moments in the joints.
     """
     given, passing, of_air, force2 = powers(motion, e, wrench)
-    carried, speed2 = wind_at_disc(blade_wind, e.share)
-    lively = speed2 + e.per_force * force2**0.5
-    if e.looked[0] < 0:  # the first step after a start: from here on
-        e.looked[0] = 0
+    speed3, speed2 = wind_at_disc(blade_wind, e.share)
+    convected = e.flux * speed3
+    square = speed2 + e.per_force * force2**0.5
+    if e.steps_since_check[0] < 0:  # the first step after a start: from here on
+        e.steps_since_check[0] = 0
         e.held[0] = whole_energy(motion)
-        e.lively[0] = lively
+        e.mean_square_speed[0] = square
     else:
         e.work[0] += 0.5 * dt * (given + e.given[0])
         e.traffic[0] += 0.5 * dt * (passing + e.passing[0])
         fade = 1.0 - dt / MEMORY
-        excess = 0.5 * (of_air + e.of_air[0]) - e.flux * 0.5 * (carried + e.carried[0])
-        e.borrowed[0] = max(fade * e.borrowed[0] + excess * dt, 0.0)
-        e.lively[0] = max(lively, fade * e.lively[0])
-        e.looked[0] += 1
-    e.given[0], e.passing[0], e.of_air[0], e.carried[0] = given, passing, of_air, carried
-    if e.looked[0] == LOOK:
-        e.looked[0] = 0
+        excess = 0.5 * (of_air + e.of_air[0]) - 0.5 * (convected + e.convected_power[0])
+        e.excess_energy[0] = max(fade * e.excess_energy[0] + excess * dt, 0.0)
+        e.mean_square_speed[0] = max(square, fade * e.mean_square_speed[0])
+        e.steps_since_check[0] += 1
+    e.given[0], e.passing[0], e.of_air[0], e.convected_power[0] = given, passing, of_air, convected
+    if e.steps_since_check[0] == CHECK_INTERVAL:
+        e.steps_since_check[0] = 0
         energy = whole_energy(motion)
         e.gained[0] = max(e.gained[0] + energy - e.held[0] - e.work[0] - SLACK * e.traffic[0], 0.0)
         e.held[0], e.work[0], e.traffic[0] = energy, 0.0, 0.0
     if not e.gained[0] <= e.reserve:
         return STRUCTURE_GAINS
-    return OK if e.borrowed[0] <= e.sphere * e.lively[0] else AIR_GIVES
+    return OK if e.excess_energy[0] <= e.sphere * e.mean_square_speed[0] else AIR_GIVES
 
 
 @kernel(separate=True)

@@ -1,6 +1,8 @@
 """From the state of the coupled system to the signals an engineer reads."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -9,6 +11,16 @@ from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.model.turbine_structure import rotation_x, rotation_y
 from wt_gym.simulation.step import measurement_kernels
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from wt_gym.multibody.arrays import Points, Work
+    from wt_gym.simulation.model.turbine_structure import TurbineStructure
+    from wt_gym.simulation.step.monitor import Extremes
+    from wt_gym.turbines import Turbine
+
 __all__ = ["Gauges", "MeasuredState", "Measurement"]
 
 
@@ -16,21 +28,21 @@ class StateIndices(NamedTuple):
     """Where in the state what is measured stands, and constants of the drive train."""
 
     azimuth_q: int  # of the generator
-    azimuth_u: int
+    azimuth_u: int  # its speed
     torsion_q: int  # of the shaft; -1 for a rigid one
-    torsion_u: int
+    torsion_u: int  # its rate
     yaw_q: int  # of the yaw spring; -1 without
-    yaw_u: int
+    yaw_u: int  # its rate
     tower: int  # body
-    gear_ratio: float
-    generator_efficiency: float
+    gear_ratio: float  # [-]
+    generator_efficiency: float  # [-]
 
     @classmethod
-    def of(cls, turbine, structure):
+    def of(cls, turbine: Turbine, structure: TurbineStructure) -> StateIndices:
         """Places of a turbine."""
         s, n_q, drive = structure, structure.system.n_q, turbine.drivetrain
 
-        def joint(body, flexible):
+        def joint(body: int, flexible: bool) -> tuple[int, int]:
             q, u = s.system.index(body, "joint_q"), n_q + s.system.index(body, "joint_u")
             return (q, u) if flexible else (-1, -1)
 
@@ -45,9 +57,9 @@ class Gauges(NamedTuple):
 
     hub: int  # body
     nacelle: int  # body
-    blades: np.ndarray  # (n_blades,) bodies
-    tip_bodies: np.ndarray  # (n_blades,) bodies that carry the tips
-    tip_points: tuple  # Points: the tip of a blade
+    blades: np.ndarray  # int64 (n_blades,) bodies
+    tip_bodies: np.ndarray  # int64 (n_blades,) bodies that carry the tips
+    tip_points: Points  # the tip of a blade
     tip_rest: np.ndarray  # (3,) the undeformed tip in the axes of the pitched root [m]
     root_rotation: np.ndarray  # (n_blades, 3, 3) orientation of the unpitched blade roots in the hub
     tower_base: np.ndarray  # (3,) [m]
@@ -63,10 +75,10 @@ class Gauges(NamedTuple):
     hub_wind: np.ndarray  # (3,) undisturbed wind at the hub [m/s]
     indices: StateIndices
     values: np.ndarray  # (n_channels,) in the order of `wt_gym.simulation.channels.channel_table`
-    at: np.ndarray  # where the channels of `measurement_kernels` stand among them
+    at: np.ndarray  # int64 (n,) where the channels of `measurement_kernels` stand among them
 
     @classmethod
-    def of(cls, turbine, structure):
+    def of(cls, turbine: Turbine, structure: TurbineStructure) -> Gauges:
         """Gauges of a turbine."""
         n, cone = turbine.n_blades, rotation_y(-turbine.hub.cone)
         values, at = new_values(n)
@@ -82,8 +94,16 @@ class Gauges(NamedTuple):
             tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)),
             tower_view=np.zeros((n, 4)), clearance=np.zeros(n), nacelle_acceleration=np.zeros(3),
             hub_wind=np.zeros(3), indices=StateIndices.of(turbine, structure), values=values,
-            at=np.array(single + [at[name].start for name in measurement_kernels.PER_BLADE]),
+            at=np.array(single + [cast("slice", at[name]).start for name in measurement_kernels.PER_BLADE]),
         )  # fmt: skip
+
+
+class UndisturbedWind(Protocol):
+    """What the hub's wind is read from."""
+
+    def velocity(self, points: NDArray[np.float64], time: float) -> NDArray[np.float64]:
+        """Wind at points (n, 3) at a time [m/s]."""
+        ...
 
 
 class MeasuredState(NamedTuple):
@@ -92,7 +112,7 @@ class MeasuredState(NamedTuple):
     y: np.ndarray  # (n_state,) state of the structure
     dy: np.ndarray  # (n_state,) its rate
     body_loads: np.ndarray  # (n_b, 6 + n_f) loads of the air on the bodies
-    work: tuple  # Work: scratch of the system
+    work: Work  # with the kinematics of the system
     nodes: np.ndarray  # (n_blades, n_points, 3) lattice points [m]
     forces: np.ndarray  # the same, forces of the air on them [N]
 
@@ -115,14 +135,18 @@ class Measurement:
         :meth:`complete`.
     """
 
-    def __init__(self, turbine, structure, gauges=None):
+    def __init__(self, turbine: Turbine, structure: TurbineStructure, gauges: Gauges | None = None) -> None:
         self._structure = structure
         self.gauges = Gauges.of(turbine, structure) if gauges is None else gauges
         self.values = self.gauges.values
-        self._measure, self._complete = None, None  # compiled for the types of this turbine
+        self._efficiency = float(self.gauges.indices.generator_efficiency)
+        self._measure: Callable[..., None] | None = None  # compiled for the types of this turbine
+        self._complete: tuple[Callable[..., None], Callable[..., None]] | None = None
 
-    def take(self, time, instant, torque, command, inflow):
-        """Fill ``values`` from a state to which the kinematics belong. Extremes are the present values, ways nothing.
+    def take(
+        self, time: float, instant: MeasuredState, torque: float, command: NDArray[np.float64], inflow: UndisturbedWind
+    ) -> None:
+        """Fill ``values`` from a state to which the kinematics belong. Extremes are the present values, travel is none.
 
         Parameters
         ----------
@@ -133,7 +157,7 @@ class Measurement:
             Of the generator [N m, high-speed shaft].
         command : array (2 + n_blades,)
             Of the drives: generator torque [N m], yaw and pitch [rad].
-        inflow : Inflow
+        inflow : UndisturbedWind
         """
         i = instant
         self.gauges.hub_wind[:] = inflow.velocity(i.work.r[self._structure.hub], time)
@@ -141,9 +165,10 @@ class Measurement:
         if self._measure is None:
             self._measure = compiled_for(measurement_kernels.measure, arguments)
         self._measure(*arguments)
-        self._rest(time, torque, command)
+        g = self.gauges
+        measurement_kernels.measure_rest(float(time), float(torque), self._efficiency, command, self.values, g.at)
 
-    def complete(self, time, torque, command, extremes):
+    def complete(self, time: float, torque: float, command: NDArray[np.float64], extremes: Extremes) -> None:
         """Fill in what the compiled step has left.
 
         Parameters
@@ -153,14 +178,12 @@ class Measurement:
         extremes : Extremes
             Since the last sample.
         """
-        self._rest(time, torque, command)
-        arguments = extremes, self.values, self.gauges.at
+        values, at = self.values, self.gauges.at
+        laws = float(time), float(torque), self._efficiency, command, values, at
+        seen = extremes, values, at
         if self._complete is None:
-            self._complete = compiled_for(measurement_kernels.measure_extremes, arguments)
-        self._complete(*arguments)
-
-    def _rest(self, time, torque, command):
-        """What the laws of the drives know."""
-        g = self.gauges
-        efficiency = g.indices.generator_efficiency
-        measurement_kernels.measure_rest(float(time), float(torque), efficiency, command, self.values, g.at)
+            rest, extreme = measurement_kernels.measure_rest, measurement_kernels.measure_extremes
+            self._complete = compiled_for(rest, laws), compiled_for(extreme, seen)
+        fill_rest, fill_extremes = self._complete
+        fill_rest(*laws)
+        fill_extremes(*seen)

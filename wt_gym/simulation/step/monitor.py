@@ -5,15 +5,22 @@ The largest and smallest values since the last sample are therefore taken at eve
 of the tips along the straight ways between them.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from wt_gym.simulation.model.turbine_structure import TurbineStructure
 
 __all__ = ["Extremes", "Monitor"]
 
 
 class Extremes(NamedTuple):
-    """Largest and smallest values and ways of an interval; the fields are channels of the signals."""
+    """Largest and smallest values and pitch travel of an interval; the fields are channels of the signals."""
 
     rotor_speed_max: np.ndarray  # (1,) of the hub [rad/s]
     tower_base_moment_max: np.ndarray  # (1,) size of the bending moment [N m]
@@ -22,7 +29,7 @@ class Extremes(NamedTuple):
     root_flap_moment_max: np.ndarray  # (n_blades,) size [N m]
     pitch_travel: np.ndarray  # (n_blades,) both directions, over the aerodynamic steps [rad]
 
-    def restart(self):
+    def restart(self) -> None:
         """Begin a new interval."""
         for array, begin in zip(self, _BEGIN, strict=True):
             array.fill(begin)
@@ -37,15 +44,15 @@ class Monitor(NamedTuple):
     extremes: Extremes
     pitch: np.ndarray  # (n_blades,) at the end of the last step [rad]
     passed: np.ndarray  # (n_blades, 4) where the tips were last, see coupling_kernels.view_from_tower [m]
-    between: np.ndarray  # (4,) scratch
-    loads: np.ndarray  # (n_b, 6 + n_f) scratch: loads of the air at a structural step
-    tower: int  # body
+    between: np.ndarray  # (4,) scratch: a view between two [m]
+    loads: np.ndarray  # (n_b, 6 + n_f) scratch: loads of the air at a structural step [N, N m, generalized]
+    tower: int  # body of the multibody system
     generator_u: int  # speed of the generator in the state
     first_pitch: int  # pitch of blade 1 in the state; those of the others follow
     torsion_u: int  # speed of the shaft's torsion in the state; -1 for a rigid shaft
 
     @classmethod
-    def of(cls, structure, body_loads, n_blades):
+    def of(cls, structure: TurbineStructure, body_loads: NDArray[np.float64], n_blades: int) -> Monitor:
         """Monitor of a structure whose bodies bear loads of the shape of ``body_loads`` (2, n_b, 6 + n_f)."""
         one, each = (1,), (n_blades,)
         system = structure.system

@@ -8,7 +8,7 @@ from wt_gym.simulation.step.coupling_kernels import passing_clearance, read_gaug
 
 @kernel(separate=True)
 def watch_steps(motion, n_sub, g, m):
-    """Take the extremes over the structural steps of the aerodynamic step that has just ended, and the pitch's way.
+    """Take the extremes over the structural steps of the aerodynamic step that has just ended, and the pitch travel.
 
     Parameters
     ----------

@@ -1,0 +1,77 @@
+"""Named tuples that kernels take hold arrays of the types that their fields declare."""
+
+import re
+
+import numpy as np
+
+from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, ellipsoid_body
+from wt_gym.aerodynamics.bodies.body_set import BodySet
+from wt_gym.aerodynamics.induction.tree_induction import make_block, make_tree
+from wt_gym.simulation.model.blade_sub_bodies import SubBodyNodes, sub_body_points
+from wt_gym.structure.beam import BeamSections
+from wt_gym.structure.substructure import cut_beam
+
+ARRAY = re.compile(r"NDArray\[np\.(\w+)\]")
+
+
+def lattice():
+    edges = np.linspace(2.0, 40.0, TRAINING.n_span + 1)
+    ones = np.ones_like(edges)
+    alpha = -np.pi + 2.0 * np.pi / 72 * np.arange(72)
+    polar = np.column_stack([2.0 * np.pi * np.sin(alpha), 0.01 * np.ones(72), np.zeros(72)])
+    axis = np.column_stack([0.0 * ones, 0.0 * ones, edges])
+    planform = build_planform(
+        edges, axis, ones, 0.0 * ones, 0.25 * ones, np.tile(polar, (len(edges) - 1, 1, 1)), TRAINING.n_chord
+    )
+    bodies = BodySet([ellipsoid_body((1.0, 0.5, 0.5), 6, 4)])
+    return VortexLattice(planform, 2, TRAINING, bodies=bodies)
+
+
+def blade_nodes():
+    sections = BeamSections.uniform(30.0, EA=1e9, EIx=1e8, EIy=1e8, GJ=1e7, mass=100.0)
+    pieces = cut_beam("blade", sections, np.linspace(0.0, 30.0, 7), 2, "modal", dofs=(0, 4))
+    return sub_body_points(pieces, np.column_stack([np.zeros(5), np.zeros(5), np.linspace(1.0, 29.0, 5)]))[1]
+
+
+def tuples():
+    """Every named tuple, those within others too."""
+    made = lattice()
+    found, waiting = [], [
+        made.arrays, made.work, made.new_state().arrays, *made.body_arrays, make_tree(8, 1, 8, 32), make_block(),
+        blade_nodes(),
+    ]  # fmt: skip
+    while waiting:
+        one = waiting.pop()
+        found.append(one)
+        waiting += [value for value in one if isinstance(value, tuple)]
+    return found
+
+
+def wrong_fields(one):
+    """Fields that hold another type than their declaration says."""
+    declared = {name: ARRAY.search(getattr(type_, "__forward_arg__", type_)) for name, type_ in _annotations(one)}
+    return {
+        name: (match and match[1], getattr(value, "dtype", type(value)))
+        for (name, match), value in zip(declared.items(), one, strict=True)
+        if isinstance(value, np.ndarray) != bool(match) or (match and value.dtype != np.dtype(getattr(np, match[1])))
+    }
+
+
+def _annotations(one):
+    return [(name, type(one).__annotations__[name]) for name in one._fields]
+
+
+def test_arrays_of_kernels_have_the_declared_types():
+    found = tuples()
+    assert {type(one).__name__ for one in found} >= {
+        "AeroArrays", "AeroWork", "Block", "BodyArrays", "BodyWork", "SubBodyNodes", "PlanformArrays", "RingWork",
+        "Tree",
+    }  # fmt: skip
+    assert {type(one).__name__: wrong for one in found if (wrong := wrong_fields(one))} == {}
+
+
+def test_another_type_is_found():
+    nodes = blade_nodes()
+    assert wrong_fields(nodes) == {}
+    assert list(wrong_fields(nodes._replace(node=nodes.node.astype(np.int32)))) == ["node"]
+    assert list(wrong_fields(SubBodyNodes(nodes.count, nodes.node, nodes.position, None))) == ["velocity"]

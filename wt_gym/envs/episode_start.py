@@ -1,0 +1,130 @@
+"""How an episode begins: its wind, its faults and the state of the turbine, drawn or as the options of a reset say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from wt_gym.control import OperatingPoint
+from wt_gym.control.starting_point import starting_point
+from wt_gym.envs.arguments import check_number, did_you_mean, shown
+from wt_gym.envs.start import Start, steady_start
+from wt_gym.simulation.drivetrain.drives import available_torque
+from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from wt_gym.envs.running_start import RunningStart
+    from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
+    from wt_gym.turbines import Turbine
+
+__all__ = ["RESET_OPTIONS", "Beginning", "EpisodeStarts"]
+
+_WIND = ("wind_speed", "wind_seed", "time_offset")
+_POINT = ("rotor_speed", "pitch", "generator_torque")
+_NUMBERS = (*_POINT, "azimuth", "yaw")
+RESET_OPTIONS = (
+    "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
+    "faults",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """What an episode begins with.
+
+    Attributes
+    ----------
+    wind : EpisodeWind
+    start : Start
+    yaw : float
+        Of the nacelle [rad].
+    faults : tuple
+    """
+
+    wind: EpisodeWind
+    start: Start
+    yaw: float
+    faults: tuple[DriveFault | SensorBias, ...]
+
+
+class EpisodeStarts:
+    """Beginnings of the episodes of an environment.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    winds : WindSampler
+    running : RunningStart or None
+        Starts of the running turbine; None where all are steady.
+    """
+
+    def __init__(self, turbine: Turbine, winds: WindSampler, running: RunningStart | None):
+        self._turbine, self._winds, self.running = turbine, winds, running
+
+    def draw(self, rng: np.random.Generator, options: dict[str, Any] | None, length: float | None) -> Beginning:
+        """Draw a beginning.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        options : dict, optional
+            Of the reset.
+        length : float, optional
+            Of the episode, where it is known [s].
+
+        Raises
+        ------
+        ValueError
+            If an option is unknown or no number.
+        wt_gym.errors.InflowError
+            If a wind is asked for that cannot be had.
+        """
+        given = _checked(options)
+        faults = checked_faults(given.get("faults", ()), self._turbine.n_blades)
+        yaw = check_number("yaw", given.get("yaw", 0.0), "rad")
+        chosen = {name: given[name] for name in _WIND if name in given}
+        if "inflow" in given:
+            wind = self._winds.given(given["inflow"], **chosen)
+        else:
+            wind = self._winds.sample(rng, **chosen, length=length, heading=yaw)
+        azimuth = rng.uniform(0.0, 2.0 * math.pi)
+        return Beginning(wind, self._start(rng, wind, given, yaw, azimuth), yaw, faults)
+
+    def _start(
+        self, rng: np.random.Generator, wind: EpisodeWind, given: dict[str, Any], yaw: float, azimuth: float
+    ) -> Start:
+        """Start of the running turbine in the wind of the episode, or a steady one where there is none or one is asked.
+
+        A steady start has the operating point of the wind, or what the options of the reset say.
+        """
+        if self.running is not None and not any(name in given for name in _POINT):
+            chosen = float(given["azimuth"]) if "azimuth" in given else None
+            start = self.running.draw(wind, yaw, rng, chosen)
+            if start is not None:
+                return start
+        point = self._point(wind)
+        speed, pitch = float(given.get("rotor_speed", point.rotor_speed)), float(given.get("pitch", point.pitch))
+        torque = min(point.generator_torque, available_torque(self._turbine.drivetrain, speed))
+        torque, azimuth = float(given.get("generator_torque", torque)), float(given.get("azimuth", azimuth))
+        return steady_start(speed, pitch, torque, azimuth, self._turbine.n_blades)
+
+    def _point(self, wind: EpisodeWind) -> OperatingPoint:
+        """Operating point of the wind, or a rotor at rest with feathered blades."""
+        if self._winds.parks:
+            return OperatingPoint(0.0, min(self._turbine.pitch.max_pitch, 0.5 * math.pi), 0.0)
+        return starting_point(self._turbine, wind.inflow)
+
+
+def _checked(options: dict[str, Any] | None) -> dict[str, Any]:
+    """Options of a reset, of which those that are numbers are numbers."""
+    if options is not None and not isinstance(options, dict):
+        raise ValueError(f"the options of reset must be a dict, got {shown(options)}")
+    given = dict(options or {})
+    for name in given:
+        if name not in RESET_OPTIONS:
+            near = did_you_mean(name, RESET_OPTIONS)
+            raise ValueError(f"reset has no option {name!r}{near} Its options are {', '.join(RESET_OPTIONS)}")
+    return given | {name: check_number(name, given[name], finite=False) for name in _NUMBERS if name in given}

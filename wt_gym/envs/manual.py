@@ -1,0 +1,205 @@
+"""The documentation of the environment, as ``help(WindTurbineEnv)`` shows it; that of its arguments is the options'."""
+
+from __future__ import annotations
+
+from wt_gym.envs.options.environment import documentation
+
+__all__ = ["ARGUMENTS", "HEAD", "NOTES", "manual"]
+
+HEAD = """A wind turbine in the wind, to be controlled by blade pitch, nacelle yaw and generator torque.
+
+Behind every step runs a full aeroelastic simulation: flexible blades and tower in a multibody system, loaded by an
+unsteady vortex lattice with a free wake. The task is to make power and spare the structure.
+
+## Action space
+
+``Box(-1, 1, (n,), float32)``, held over a control step of ``control_dt``. What it means is chosen by three
+arguments; components come in the order pitch, yaw, torque.
+
+``action_mode``: ``"rate"`` (default) moves the demands on the drives; ``"absolute"`` gives the demands, pitch over
+the operating points of the winds that are drawn and 5 degrees beyond them on both sides, torque from 0 to the
+largest; ``"residual"`` moves offsets from the demands of a ``controller`` that runs beneath at the step of
+the simulator: the zero action is the controller. Numbers for the NREL 5-MW:
+
+| component      | rate, at -1 and +1 | absolute (wind 6 to 18 m/s) | residual: rate, limit of the offset |
+|----------------|--------------------|-----------------------------|-------------------------------------|
+| pitch          | -8, 8 deg/s        | 0, 20 deg                   | 1.5 deg/s, 4 deg                    |
+| pitch tilt, yaw| -1.5, 1.5 deg/s    | -4, 4 deg                   | 1.5 deg/s, 4 deg                    |
+| yaw            | -0.3, 0.3 deg/s    | -0.3, 0.3 deg/s             | 0.3 deg/s, none                     |
+| torque (HSS)   | -15, 15 kN m/s     | 0, 47.4 kN m                | 2.2 kN m/s, 4.4 kN m                |
+
+``pitch``: ``"collective"`` one component for all blades; ``"individual"`` one a blade, blade 1 first;
+``"fixed-frame"`` mean, tilt and yaw in the frame that does not turn (`wt_gym.control.coleman`), of which every
+blade gets its share at every step of the simulator; ``"cyclic"``, residual only, tilt and yaw without the mean,
+which stays with the controller. ``action_components`` leaves components out: pitch and torque
+are then the controller's, yaw rests unless the controller yaws. ``action_spans`` changes rates and limits. Residual
+offsets are narrow enough for a random policy to survive, and residual torque does not lift the power beyond 1.03
+times rated.
+
+Positive pitch feathers; positive yaw is counter-clockwise seen from above, whichever way the rotor turns
+(``turbine.rotation``); tilt and yaw of the pitch are those of the azimuth in the sense of rotation. A turbine
+without yaw drive (greatest yaw rate 0) has no yaw component, one whose generator is a damper no torque component.
+Within a control step demands move evenly, and stop at the limits of the turbine; drives, with their own dynamics
+and greatest rates, follow the demands. An action that is not finite, of another shape or beyond [-1, 1] by more
+than rounding raises `wt_gym.errors.ActionError`, leaves the state as it was, and the episode can go on.
+``env.unwrapped.layout.action.table()`` has the numbers of every choice.
+
+## Observation space
+
+``Box(float32)``, ``(value - offset) / scale`` of each measured quantity, with scales that are about the standard
+deviation under the baseline controller in turbulence; a sensor at the end of its range stays there, and is then
+named in ``info["saturated"]``. ``observation`` names groups and single channels. Numbers for the NREL 5-MW:
+
+| group           | quantity                                   | offset | scale  | min    | max    | unit    |
+|-----------------|--------------------------------------------|--------|--------|--------|--------|---------|
+| rotor           | rotor speed                                | 12.1   | 1.21   | 0      | 24.2   | rpm     |
+| rotor           | generator speed                            | 1173.7 | 117.4  | 0      | 2347   | rpm     |
+| power           | electrical power                           | 4      | 1.25   | -5     | 10     | MW      |
+| power           | generator torque                           | 34.8   | 10.9   | -47.4  | 94.8   | kN m    |
+| power           | generator torque demand                    | 34.8   | 10.9   | 0      | 47.4   | kN m    |
+| pitch           | pitch, mean or of 3 blades                 | 5.7    | 5.7    | -5.7   | 95.7   | deg     |
+| pitch           | pitch rate over the step                   | 0      | 1.2    | -16    | 16     | deg/s   |
+| pitch           | pitch demand                               | 5.7    | 5.7    | 0      | 90     | deg     |
+| wind            | nacelle anemometer (1 s filter)            | 12     | 4      | 0      | 60     | m/s     |
+| wind            | yaw error, wind vane (5 s filter)          | 0      | 5.7    | -180   | 180    | deg     |
+| wind_estimate   | rotor-effective wind from speed and torque | 12     | 4      | 0      | 60     | m/s     |
+| blades          | tip deflection out of plane, 3 blades      | 3.26   | 1.23   | -61.5  | 61.5   | m       |
+| blades          | tip deflection in plane, 3 blades          | -0.62  | 0.46   | -61.5  | 61.5   | m       |
+| blades          | flapwise root moment, 3 blades             | 6.2    | 2.2    | -124   | 124    | MN m    |
+| blades          | edgewise root moment, 3 blades             | 0      | 2.7    | -71    | 71     | MN m    |
+| fixed_frame     | tip deflection out of plane: mean          | 3.26   | 1.23   | -123   | 123    | m       |
+| fixed_frame     | the same: tilt, yaw                        | 0.49   | 0.46   | -123   | 123    | m       |
+| fixed_frame     | flapwise root moment: mean                 | 6.2    | 1.9    | -247   | 247    | MN m    |
+| fixed_frame     | the same: tilt, yaw                        | 0.87   | 0.93   | -247   | 247    | MN m    |
+| tower           | tower-top displacement fore-aft            | 0.28   | 0.081  | -9     | 9      | m       |
+| tower           | the same, side-side                        | -0.045 | 0.0225 | -9     | 9      | m       |
+| tower           | nacelle acceleration fore-aft              | 0      | 0.11   | -20    | 20     | m/s^2   |
+| tower           | the same, side-side                        | 0      | 0.065  | -20    | 20     | m/s^2   |
+| azimuth         | sine and cosine of the azimuth             | 0      | 0.7    | -1     | 1      | -       |
+| controller      | pitch and torque demanded by it            | as above                                     |
+| offsets         | residual pitch coordinates, torque         | 0      | half the limit                      |
+| lidar           | wind 0.5, 1 and 1.5 diameters ahead        | 12     | 4      | 0      | 60     | m/s     |
+| previous_action | last action                                | 0      | 1      | -1     | 1      | -       |
+
+By default residual actions see rotor, power, pitch, wind, fixed_frame, tower, controller and offsets, others rotor,
+power, pitch, wind, blades, tower, azimuth and previous_action. Single channels beyond the groups: the moments of
+the tower base, mean, tilt and yaw of any signal of the blades, for example ``"root_edge_moment_yaw"``, and
+``"residual_share"`` and ``"residual_mean"`` where residual pitch fades or is washed out.
+``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more.
+``env.unwrapped.layout`` holds names, units, scales and ranges for every turbine and choice of arguments;
+`wt_gym.envs.layout.ObservationLayout.value` reads a quantity.
+
+## Reward
+
+The sum of rates times ``control_dt``, so an episode's return is an integral over time that does not depend on the
+control step; each term of a step stands in ``info["reward_terms"]``. Penalties are ``-w x^2 / (1 + x^2)``, hence
+bounded. With P the electrical power, R the rated one, E the kinetic energy of the rotor up to rated speed, M the
+root moment of the Betz thrust at rated wind (`reference_loads.reference_flap_moment`) and T that of the
+tower base; moments are those behind a high-pass filter of 10 s:
+
+| term                    | weight | rate [1/s]                                                            |
+|-------------------------|--------|-----------------------------------------------------------------------|
+| power                   | 1      | w (1 + (min(P, R) + dE/dt - P_available) / R), from -w to 2 w         |
+| blade_fatigue           | 1.5    | x = flap moments / (0.35 M), blade by blade and as tilt and yaw       |
+| tower_fore_aft_fatigue  | 1      | x = fore-aft moment / (0.33 T)                                        |
+| tower_side_side_fatigue | 1      | x = side-side moment / (0.08 T)                                       |
+| actuator_use            | 0.1    | -w mean of abs(rate)/greatest rate of pitch, yaw and torque           |
+| overspeed               | 0.4    | x = (rotor speed / rated - 1.02) / 0.1 where positive                 |
+
+P_available is what the turbine can make of the rotor-effective wind of the episode, up to R: a turbine that takes
+what there is and feels no load earns 1 per second in any wind. Further terms, ``tip_deflection``, ``tower_load``
+and ``damage`` (rainflow counting), have weight 0. See `wt_gym.envs.rewards` and ``docs/rewards.md``.
+
+A terminated episode gets the further term ``termination`` = ``-termination_penalty`` (default 120). An early end
+never pays: the worst operation costs 5 per second, which is 100 altogether at a discount of 0.99 per 0.2 s, less
+than the penalty; and without a discount an idling turbine, feathered and without torque, earns no less than about
+0 per second (0 above rated wind, more below) once its rotor has stopped turning fast, which costs 7.
+
+## Starting state
+
+In turbulence the turbine runs, by default (``start="running"``): rotor speed, pitch, generator torque, azimuth and
+the swinging tower are those of an instant of a record of the turbine under its base controller, or the baseline
+where there is none, in turbulence of the same kind; the base controller has read what it read before that instant.
+The instant is one after winds like those before the start (`wt_gym.envs.running_start`). Records are made once for
+a turbine, a controller and a wind speed and kept on disk. With ``start="steady"``, in steady winds, gusts and
+winds below cut-in and above cut-out, it starts near its steady operating point
+(`wt_gym.control.operating_point.operating_point`): rotor speed, pitch and generator torque of the mean wind speed,
+azimuth drawn uniformly, tower at rest. So it does where an option fixes rotor speed, pitch or torque. Structure and
+wake are as ``Simulator.reset`` leaves them, the yaw angle is 0. At yaw angle 0 the nacelle faces a wind that blows
+along +x. Winds made here have their direction against the nacelle, so that the option ``yaw`` turns the world:
+actions, observations and rewards stay the same. An inflow of your own blows from where it does, and meets the rotor
+with the yaw error that follows from ``yaw``. Extreme winds meet a parked turbine: rotor at rest, blades feathered,
+no torque; it needs a negative ``standstill_limit``, and of the controllers beneath none is for it.
+
+``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
+[rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more
+than a generator can brake with at the rotor speed (`wt_gym.simulation.drivetrain.drives.available_torque`): none
+at standstill. Two more options hold for the episode: ``inflow``, an Inflow in place of the drawn wind, and
+``faults``, what breaks in it and when (`wt_gym.simulation.drivetrain.faults`): blades that stick, a generator that
+is lost, a shut-down, sensors that read wrong. Actions, observations and the ends of episodes stay what they are.
+
+## Episode end
+
+Terminated (``info["termination"]`` says why):
+
+- ``"overspeed"``: rotor speed above ``overspeed_limit`` times rated, at any structural step of the control step;
+- ``"standstill"``: rotor speed below ``standstill_limit`` times rated, the rotor has stalled or was braked;
+- ``"tower_strike"``: a blade tip touched the tower or passed behind it, at or between structural steps;
+- ``"failure"``: the simulation left the range in which it has meaning, or energy came from nothing;
+  ``info["failure"]`` holds the message, and the observation is the last good one.
+
+Truncated: ``episode_length`` is over. Either way the environment can be reset and used on.
+
+## Info
+
+``time`` [s], ``wind_speed`` (mean) [m/s], ``wind_seed`` (-1 without turbulence), ``generator_power`` [W],
+``rotor_speed`` [rad/s], ``rotor_speed_max`` [rad/s] and ``tip_clearance_min`` [m] (over all structural steps of the
+control step and all blades), ``reward_terms`` (dict, after a step), ``saturated`` (tuple of channel names), and
+for constrained learning, after a step, ``cost``, the sum of ``costs`` (dict, see `wt_gym.envs.costs`).
+``env.unwrapped.signals`` has every signal of the simulator.
+"""
+"""What an agent must know: actions, observations, reward, start, end, info."""
+
+ARGUMENTS = """
+All by name. Options stand in groups, which are given as objects of `wt_gym.envs.options` or as mappings, and each of
+them can be given by its flat name too: ``wind={"speed": 12.0}``, ``wind=WindOptions(speed=12.0)`` and
+``wind_speed=12.0`` mean the same. On top of an id of the registry each takes the place of what the id says of it.
+Groups have a form in JSON (``to_json``, ``from_json``); ``env.unwrapped.options`` holds all of them.
+"""
+"""How options are given."""
+
+_ATTRIBUTES = """
+Attributes
+----------
+options : EnvOptions
+    What the environment was made of.
+layout : EnvLayout
+    Everything that is to be known of observation and action.
+observation_names, observation_units : numpy.ndarray of str, shape (n_obs,)
+    Of the components of an observation, and of what they stand for in ``layout.observation.value``.
+action_names, action_units : numpy.ndarray of str, shape (n_act,)
+    Of the components of an action, and of what they stand for at -1 and +1.
+
+Raises
+------
+TypeError
+    If there is no such argument; the message names the one that it resembles.
+ValueError, wt_gym.errors.InflowError, wt_gym.errors.TurbineDefinitionError
+    If an argument has no meaning.
+"""
+
+NOTES = """
+Compiled kernels are cached on disk; the first episode ever compiles them. Make one environment before starting
+worker processes, and start those by spawn or forkserver, not fork.
+
+## Version history
+
+v0: first version.
+"""
+"""What else is to be known."""
+
+
+def manual() -> str:
+    """Give the documentation of the class."""
+    parameters = f"Parameters\n----------\n{documentation('')}\n"
+    return f"{HEAD}\n## Arguments\n{ARGUMENTS}\n{parameters}{_ATTRIBUTES}\nNotes\n-----{NOTES}"

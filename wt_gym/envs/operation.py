@@ -1,0 +1,208 @@
+"""A turbine in operation: simulator, base controller and the set points of an agent, one control step at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from wt_gym.control import AgentSetpoint, Demand
+from wt_gym.control.controllers import WithLidar, checked_demand, lidar_of
+from wt_gym.errors import SimulationError
+from wt_gym.simulation import Simulator
+from wt_gym.simulation.drivetrain.faults import SensorBias
+
+if TYPE_CHECKING:
+    from wt_gym.control import ActionMap, Lidar
+    from wt_gym.control.controllers import Controller, Readings
+    from wt_gym.control.residual import ResidualPitch
+    from wt_gym.envs.start import Start
+    from wt_gym.envs.wind_sampler import EpisodeWind
+    from wt_gym.simulation import Fidelity, Signals
+    from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
+    from wt_gym.simulation.drivetrain.faults import DriveFault
+    from wt_gym.turbines import Turbine
+    from wt_gym.wind import Inflow
+
+__all__ = ["Operation", "make_simulator"]
+
+_MEMORY = ("signals", "demand", "base", "setpoint", "controller", "residual", "faults")
+
+
+def make_simulator(turbine: Turbine, inflow: Inflow, fidelity: str | Fidelity) -> TurbineSimulator:
+    """Make what environments simulate a turbine with."""
+    return cast("TurbineSimulator", Simulator(turbine, inflow=inflow, fidelity=fidelity))
+
+
+class Operation:
+    """A turbine in the wind of an episode, under a base controller and an agent.
+
+    Parameters
+    ----------
+    turbine : Turbine
+    action : ActionMap
+    controller : Controller or None
+        Base controller, stepped at the step of the simulator.
+    residual : ResidualPitch or None
+        What residual pitch passes.
+    lidar : Lidar
+        Whose readings are observed, and read by a controller that has one.
+    fidelity : str or Fidelity
+    step : float
+        Of the simulator [s].
+    count : int
+        Such steps in a control step.
+    make : callable
+        Makes the simulator, see `make_simulator`; called at the first start.
+
+    Attributes
+    ----------
+    make_simulator : callable
+    simulator : TurbineSimulator or None
+        None before the first start.
+    wind : EpisodeWind
+    signals : Signals
+        Of the simulator at the present instant.
+    demand : Demand
+        On the drives.
+    base : Demand
+        Of the base controller.
+    setpoint : AgentSetpoint
+        What the agent asks for.
+    faults : tuple
+        What fails, and when.
+    step : float
+        Of the simulator [s].
+    count : int
+        Such steps in a control step.
+    """
+
+    wind: EpisodeWind
+    demand: Demand
+    base: Demand
+    setpoint: AgentSetpoint
+
+    def __init__(
+        self,
+        turbine: Turbine,
+        action: ActionMap,
+        controller: Controller | None,
+        residual: ResidualPitch | None,
+        lidar: Lidar,
+        fidelity: str | Fidelity,
+        step: float,
+        count: int,
+        make: SimulatorMaker,
+    ):
+        self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
+        self._lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
+        self.step, self.count = step, count
+        self.simulator: TurbineSimulator | None = None
+        self.signals = cast("Signals", None)  # before the first start, for which everything that needs them asks
+        self.faults: tuple[DriveFault | SensorBias, ...] = ()
+        self._sensor_faults: tuple[SensorBias, ...] = ()
+        self._drive_faults: tuple[DriveFault, ...] = ()
+        self._look: tuple[tuple[float, float], np.ndarray] | None = None
+
+    # ---- starts ----
+
+    def begin(self, wind: EpisodeWind, start: Start, yaw: float, faults: tuple[DriveFault | SensorBias, ...]) -> None:
+        """Start simulator and controller in a wind."""
+        simulator = self._enter(wind, faults)
+        self.signals = simulator.reset(
+            rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=yaw,
+            generator_torque=start.generator_torque, tower_top=start.tower_top, wake_thrust=start.wake_thrust,
+            motion=start.motion,
+        )  # fmt: skip
+        self.demand = self.base = Demand(start.pitch.copy(), 0.0, start.generator_torque)
+        self.setpoint = self.action.start(self.demand)
+        if self.controller is not None:
+            start.start(self.controller, self._read_by(self.controller, self.measured(self.signals)), self.demand)
+        if self.residual is not None:
+            pitch = start.pitch[0] + float((start.pitch - start.pitch[0]).mean())  # exactly that of equal blades
+            self.residual.start(pitch, start.rotor_speed, self.step)
+
+    def _enter(self, wind: EpisodeWind, faults: tuple[DriveFault | SensorBias, ...]) -> TurbineSimulator:
+        """Put the simulator into a wind, at which the lidar has not looked yet, with these faults and no others."""
+        self.wind, self._look = wind, None
+        if self.simulator is None:
+            self.simulator, self._drive_faults = self.make_simulator(self.turbine, wind.inflow, self._fidelity), ()
+        else:
+            self.simulator.inflow = wind.inflow
+        self.faults = faults
+        self._sensor_faults = tuple(fault for fault in faults if isinstance(fault, SensorBias))
+        drive_faults = tuple(fault for fault in faults if not isinstance(fault, SensorBias))
+        if drive_faults != self._drive_faults:
+            self.simulator.faults = self._drive_faults = drive_faults
+        return self.simulator
+
+    # ---- steps ----
+
+    def advance(self, setpoint: AgentSetpoint) -> Signals:
+        """Simulate a control step, in which the demand moves to what the agent asks for at every step of the simulator.
+
+        Raises
+        ------
+        wt_gym.errors.SimulationError
+            If the simulation fails; what the agent asked for before and the signals stay as they were.
+        wt_gym.errors.ControllerError
+            If the base controller gives a demand without meaning.
+        """
+        simulator, controller, residual = self.simulator, self.controller, self.residual
+        if simulator is None:
+            raise SimulationError("the turbine does not run: it must be started first")
+        before, signals, count, dt, demand_of = self.setpoint, self.signals, self.count, self.step, self.action.demand
+        pitch, torque, yaw_rate = before.pitch, before.generator_torque, setpoint.yaw_rate
+        turn, rise = setpoint.pitch - pitch, setpoint.generator_torque - torque
+        sees = controller is not None and lidar_of(controller) is not None
+        biased, n_blades = bool(self._sensor_faults), self.turbine.n_blades
+        for k in range(1, count + 1):
+            part = k / count
+            if biased:
+                signals = self.measured(signals)
+            if controller is not None:
+                read = WithLidar(signals, self.ahead(signals)) if sees else signals
+                self.base = checked_demand(controller.step(read, dt), controller, n_blades)
+            wanted, speed = pitch + part * turn, signals["rotor_speed"]
+            if residual is not None:
+                wanted = residual.acting(wanted, self.base.pitch, speed, dt)
+            present = AgentSetpoint(wanted, yaw_rate, torque + part * rise)
+            self.demand = demand = demand_of(present, self.base, signals["azimuth"], speed)
+            signals = simulator.advance(dt, demand.pitch, demand.yaw_rate, demand.generator_torque, accumulate=k > 1)
+        if not math.isfinite(sum(signals.values.tolist())):  # a third of the time of numpy's
+            raise SimulationError(f"the simulator returned values that are not finite at {signals['time']!r} s")
+        self.signals, self.setpoint = signals, setpoint
+        return signals
+
+    # ---- what is measured ----
+
+    def measured(self, signals: Signals) -> Signals:
+        """Signals as the sensors read them."""
+        for fault in self._sensor_faults:
+            signals = fault.read(signals)
+        return signals
+
+    def ahead(self, signals: Signals) -> np.ndarray:
+        """What the lidar sees at an instant [m/s]: a look is for the observation and for the controller's next step."""
+        instant = signals["time"], signals["yaw"]
+        if self._look is None or self._look[0] != instant:
+            self._look = instant, self._lidar.read(self.wind.inflow, *instant, self.turbine.hub_height)
+        return self._look[1]
+
+    def _read_by(self, controller: Controller, signals: Signals) -> Readings:
+        """What a controller reads: measured signals, with those of its lidar if it has one."""
+        return signals if lidar_of(controller) is None else WithLidar(signals, self.ahead(signals))
+
+    # ---- snapshots ----
+
+    def memory(self) -> dict[str, Any]:
+        """Give what the operation is in the midst of beside the simulator, as it is; for `recall`."""
+        return {name: self.__dict__[name] for name in _MEMORY}
+
+    def recall(self, memory: dict[str, Any], wind: EpisodeWind, state: Any) -> None:
+        """Continue with a memory in a wind from a state of the simulator; None: as the simulator is."""
+        simulator = self._enter(wind, memory["faults"])
+        if state is not None:
+            simulator.restore(state)
+        self.__dict__.update(memory)

@@ -1,0 +1,23 @@
+"""Options of the environment, in groups."""
+
+from wt_gym.envs.options.actions import ActionOptions
+from wt_gym.envs.options.controller import ControllerOptions
+from wt_gym.envs.options.environment import EnvOptions, env_arguments, flat_arguments, options_of, registered_arguments
+from wt_gym.envs.options.limits import LimitOptions
+from wt_gym.envs.options.observations import ObservationOptions
+from wt_gym.envs.options.rewards import RewardOptions
+from wt_gym.envs.options.wind import WindOptions
+
+__all__ = [
+    "ActionOptions",
+    "ControllerOptions",
+    "EnvOptions",
+    "LimitOptions",
+    "ObservationOptions",
+    "RewardOptions",
+    "WindOptions",
+    "env_arguments",
+    "flat_arguments",
+    "options_of",
+    "registered_arguments",
+]

@@ -1,0 +1,42 @@
+"""An environment in the middle or at the end of an episode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wt_gym.envs.wind_sampler import EpisodeWind
+
+__all__ = ["EnvSnapshot"]
+
+
+@dataclass(frozen=True)
+class EnvSnapshot:
+    """What an environment continues from, see `wt_gym.envs.WindTurbineEnv.snapshot`.
+
+    Attributes
+    ----------
+    simulator : object or None
+        State of the simulator; None of one that failed.
+    operation, kept : dict
+        What the operation of the turbine and the environment are in the midst of.
+    sensors : dict
+        What the sensors remember.
+    wind : EpisodeWind
+    random : dict
+        State of the random numbers.
+    twin : EnvSnapshot or None
+        Of the turbine under the controller alone, with a relative reward.
+    pictured : tuple or None
+        Course of the signals in the picture.
+    """
+
+    simulator: Any
+    operation: dict[str, Any]
+    kept: dict[str, Any]
+    sensors: dict[str, Any]
+    wind: EpisodeWind
+    random: dict[str, Any]
+    twin: EnvSnapshot | None
+    pictured: tuple[Any, ...] | None

@@ -1,0 +1,68 @@
+"""Compiled choice of the scheme that moves a structure on; a further scheme brings a kernel and a branch.
+
+The fields of `wt_gym.multibody.integrators.schemes.Method` are None but for that of the scheme, whose type chooses, so
+that a compiled step contains one scheme only. Constants among the arguments of big kernels stand as ``bool(True)`` or
+``int(0)``: a bare one would compile a form of the kernel for this value alone, beside the one that Python calls.
+"""
+
+from wt_gym.compiled import kernel
+from wt_gym.multibody.integrators.implicit_kernels import implicit_advance
+from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
+from wt_gym.multibody.tree.rate_kernels import rates, tree_rates
+
+
+@kernel
+def advance(method, history, inputs, tree, work, h, n_steps, n_corrections, constrained):
+    """Advance the state by n_steps of length h, without the rates at the end; `end_rates` gives these.
+
+    Parameters
+    ----------
+    method : Method
+    history : History
+    inputs : Inputs
+    tree : Tree
+    work : Work
+    h : float
+        Step [s].
+    n_steps : int
+    n_corrections : int
+        Corrector passes of an explicit scheme. 0: the state is only predicted, by an implicit scheme with its rough
+        tolerance.
+    constrained : None or int
+        See :func:`wt_gym.multibody.tree.rate_kernels.rates`.
+
+    Returns
+    -------
+    int
+        OK, or a code of the scheme.
+    """
+    return advance_by(method.implicit, history, inputs, tree, work, h, n_steps, n_corrections, constrained)
+
+
+@kernel
+def advance_by(implicit, history, inputs, tree, work, h, n_steps, n_corrections, constrained):
+    """As `advance`, by the scheme that the type of the first argument chooses."""
+    if implicit is None:
+        return hamming_advance(history, inputs, tree, work, h, n_steps, n_corrections, constrained, False)
+    tolerance = implicit.tolerance if n_corrections > 0 else implicit.rough_tolerance
+    return implicit_advance(history, inputs, tree, work, implicit.scratch, h, implicit.scheme, n_steps, tolerance,
+                            implicit.max_iterations, implicit.difference, constrained)  # fmt: skip
+
+
+@kernel
+def end_rates(method, history, inputs, tree, work, state, rate, constrained):
+    """Rates that belong to the newest state and the inputs at the end; the kinematics too. Returns a code.
+
+    state, rate (n_state,) are views of the newest ones in the history; the other arguments are those of `advance`.
+    """
+    return end_rates_by(method.implicit, history, inputs, tree, work, state, rate, constrained)
+
+
+@kernel
+def end_rates_by(implicit, history, inputs, tree, work, state, rate, constrained):
+    """As `end_rates`, by the scheme that the type of the first argument chooses."""
+    if implicit is None:
+        return hamming_advance(history, inputs, tree, work, 1.0, 0, 0, constrained, True)
+    if constrained is None:
+        return tree_rates(state, 1.0, inputs, tree, work, rate)
+    return rates(state, 1.0, inputs, tree, work, rate, constrained)
