@@ -68,8 +68,8 @@ def export_discon(
     if name.kind == "trained":
         if turbine is not None or interval is not None:
             raise ValueError("turbine and interval are those of the agent's training; they must be left out")
-        stem, (parts, network, seen) = Path(name.target).stem, _agent_parts(name, hold_missing)
-        title = f"The agent {stem} on the controller {_base_name(name.target)}, {parts.turbine.name}"
+        stem, (parts, network, seen, base) = Path(name.target).stem, _agent_parts(name, hold_missing)
+        title = f"The agent {stem} on the controller {base}, {parts.turbine.name}"
     elif name.kind == "controller":
         made = turbine if isinstance(turbine, Turbine) else load_turbine(turbine or "nrel_5mw")
         step = fidelity_of("training").step_for(made.drivetrain.rated_rotor_speed) if interval is None else interval
@@ -96,8 +96,8 @@ def export_discon(
     return {"files": [str(file) for file in (source, library, parameters, page)], "held": held}
 
 
-def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Seen]]:
-    """Parts of an agent's base controller with the agent, its network, and the channels of a reading."""
+def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Seen], str]:
+    """Parts of an agent's base controller with the agent, its network, its channels, and the name of the base."""
     from wt_gym.agents.export.agent_parts import add_agent, seen_channels
     from wt_gym.agents.export.network import network_of
     from wt_gym.agents.export.policy import training_environment
@@ -117,15 +117,8 @@ def _agent_parts(name: Any, hold_missing: bool) -> tuple[Parts, Network, list[Se
         add_agent(parts, env, network, seen)
     finally:
         env.close()
-    return parts, network, seen
-
-
-def _base_name(target: str) -> str:
-    """Base controller of a trained agent, for a title."""
-    from wt_gym.agents.trained_agent import model_card
-    from wt_gym.control.controllers.names import BASELINE
-
-    return str(model_card(target, None).get("env_kwargs", {}).get("controller", BASELINE))
+    base = env.options.controller.base
+    return parts, network, seen, base if isinstance(base, str) else type(base).__name__
 
 
 def _page(title: str, parts: Parts, files: list[Path], held: list[str]) -> str:

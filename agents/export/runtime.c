@@ -800,25 +800,25 @@ static int read_parameters(struct parameters *p, const char *path, char *message
 
 /* Write or read everything that is remembered; returns 0, or -1 with a message. */
 static int checkpoint(struct instance *all, const char *name, double time, int writes, char *message, size_t size) {
-    char path[4200];
-    struct instance found;
+    char path[4200], mark[sizeof FINGERPRINT] = "";
+    int done = 0, fits = 1;
     FILE *file;
-    int done;
-    snprintf(path, sizeof path, "%s.%ld.checkpoint", name, lround(1000.0 * time));
+    snprintf(path, sizeof path, "%s.%ld.checkpoint", name, lround(clip(1000.0 * time, -2e9, 2e9)));
     file = fopen(path, writes ? "wb" : "rb");
-    done = file != NULL && (writes ? fwrite(all, sizeof *all, 1, file) : fread(&found, sizeof found, 1, file)) == 1;
+    if (file != NULL && writes) {
+        done = fwrite(all, sizeof *all, 1, file) == 1;
+    } else if (file != NULL) { /* the mark comes first: what belongs to another controller is left alone */
+        done = fread(mark, sizeof mark, 1, file) == 1;
+        fits = !done || memcmp(mark, FINGERPRINT, sizeof mark) == 0;
+        if (done && fits) done = fseek(file, 0, SEEK_SET) == 0 && fread(all, sizeof *all, 1, file) == 1;
+    }
     if (file != NULL && fclose(file) != 0) done = 0;
-    if (!done) {
-        snprintf(message, size, "the checkpoint %.600s could not be %s", path, writes ? "written" : "read");
-        return -1;
-    }
-    if (writes) return 0;
-    if (memcmp(found.fingerprint, FINGERPRINT, sizeof FINGERPRINT) != 0) {
+    if (!fits) {
         snprintf(message, size, "the checkpoint %.600s must be one of this controller", path);
-        return -1;
+    } else if (!done) {
+        snprintf(message, size, "the checkpoint %.600s could not be %s", path, writes ? "written" : "read");
     }
-    *all = found;
-    return 0;
+    return done && fits ? 0 : -1;
 }
 
 /* ---- calls ------------------------------------------------------------------------------------------------------- */

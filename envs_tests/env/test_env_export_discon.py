@@ -148,6 +148,10 @@ def test_a_shipped_agent_with_held_channels_does_too(name, duration, tmp_path):
     agent = TrainedAgent.load(TRAINED / name)
     made = export_discon(str(TRAINED / name), tmp_path, hold_missing=True)
     assert made["held"][0] == "tip_out_of_plane_mean"
+    page = Path(made["files"][3]).read_text(encoding="utf-8")
+    base = {"load_reduction": "discon", "load_reduction_on_ipc": "constrained_ipc+tower_dampers"}[name]
+    assert page.startswith(f"# The agent {name} on the controller {base}, NREL 5-MW")
+    assert "does not have tip_out_of_plane_mean" in page
     arguments = trained_arguments(agent.record) | {"relative_reward": False, "start": "steady", "wind_speed": 16.0}
     env = WindTurbineEnv(**(arguments | {"episode_length": None}))
     pitch, yaw_rate, torque, offset = fly_both(env, agent, *made["files"][1:3], duration, made["held"])

@@ -284,6 +284,21 @@ def test_a_checkpoint_that_is_none_is_refused(exported):
     shutil.copy(f"{ours.library.output_name}.0.checkpoint", f"{other.library.output_name}.0.checkpoint")
     other.call(0.0, DT, status=-9)
     assert other.flag == -1
+    assert "must be one of this controller" in other.message
+
+
+def test_a_first_call_with_another_status_starts_and_the_last_one_holds(exported):
+    turbine, signals = recorded(20)
+    _, library, parameters, _ = exported(WHOLE)
+    expected = run(Exported(library, turbine, parameters), signals)
+    ours, found = Exported(library, turbine, parameters), []
+    for k, now in enumerate(signals):
+        ours.read(now)
+        found.append(ours.call(k * DT, DT, status=1))
+    assert np.array_equal(pitches(found), pitches(expected))
+    ours.read(signals[0])
+    assert np.array_equal(ours.call(20 * DT, DT, status=-1).pitch, found[-1].pitch)
+    assert ours.flag == 0
 
 
 def test_drives_in_the_library_keep_the_limits_of_the_turbine(exported):
