@@ -37,8 +37,8 @@ ROOT = Path(__file__).resolve().parent.parent
 RECORD = ROOT / "docs" / "data" / "reward_study.csv"
 BASELINE = "baseline"
 LIBRARY = (
-    "retuned", "rosco", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper", "side_side_damper",
-    "rosco+ipc+tower_dampers",
+    "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper", "side_side_damper",
+    "tsr_tracking+ipc+tower_dampers",
 )  # fmt: skip
 """Controllers of the library on which the weights of the reward were not chosen."""
 

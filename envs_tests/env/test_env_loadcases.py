@@ -29,7 +29,7 @@ def baseline(env):
 
 
 def test_a_runaway_is_a_result(env, baseline, monkeypatch):
-    monkeypatch.setattr(env.unwrapped, "overspeed_limit", 1.06)
+    monkeypatch.setattr(env.unwrapped, "limits", replace(env.unwrapped.limits, overspeed=1.06))
     result = run_agent(env, baseline, Condition("EOG", 14.0, 60.0, faults=(GeneratorLoss(33.0),)))
     assert (result["ending"], result["failure"]) == ("overspeed", None)
     assert 33.0 < result["time"] < 36.0

@@ -247,7 +247,7 @@ def test_a_broken_controller_beneath_is_named_and_ends_the_episode(make_env, pit
     env = make_env(action_mode="residual", controller=Broken(pitch))
     env.reset(seed=0)
     env.step(HOLD)
-    with pytest.raises(ControllerError, match="the controller Broken demands"):
+    with pytest.raises(ControllerError, match="of the controller Broken must"):
         env.step(HOLD)
     with pytest.raises(ResetNeeded):
         env.step(HOLD)

@@ -163,7 +163,7 @@ def test_models_that_do_not_fit_are_refused(tmp_path):
         env_choices_of(str(path))
     no_model = tmp_path / "other.zip"
     no_model.write_bytes(b"no zip")
-    with pytest.raises(ValueError, match="damaged, or no model of stable-baselines3"), \
+    with pytest.raises(ValueError, match="damaged, or not a model of stable-baselines3"), \
             AgentPool({"m": str(no_model)}, STEADY, {}):  # fmt: skip
         pass
 

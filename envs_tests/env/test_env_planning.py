@@ -95,14 +95,14 @@ def test_plans_end_with_the_episode():
     [
         ({"hold": 0.0}, "hold must be positive"),
         ({"hold": 3.0}, "at most the horizon of 2.0 s"),
-        ({"elites": 13}, "1 <= elites <= samples"),
-        ({"rounds": 0}, "a round"),
+        ({"elites": 13}, "elites must be from 1 to samples"),
+        ({"rounds": 0}, "rounds at least 1"),
         ({"spread": -1.0}, "spread must be positive"),
         ({"horizon": 1e9}, "horizon of a planner must be at most 600 s"),
         ({"horizon": None}, "horizon must be a finite number"),
         ({"hold": 1e-9}, "at most 1000 actions"),
         ({"samples": 2.5}, "samples of a planner must be a whole number"),
-        ({"samples": 10**9}, "at most 1000 samples and 1000 rounds"),
+        ({"samples": 10**9}, "samples must be at most 1000 and rounds at most 1000"),
         ({"seed": -1}, "seed of a planner must be at least 0"),
     ],
 )

@@ -496,7 +496,7 @@ def test_environments_do_not_share_a_controller():
 
 
 def test_groups_that_are_empty_with_an_action_are_refused():
-    with pytest.raises(ValueError, match=r"observation \['offsets'\]: with this action"):
+    with pytest.raises(ValueError, match=r"observation \['offsets'\] must be left out: with this action"):
         WindTurbineEnv(observation=("rotor", "offsets"))
 
 

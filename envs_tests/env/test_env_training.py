@@ -334,7 +334,7 @@ def cut(fraction):
         ("training.json", lambda _: b"[1]", "names no algorithm"),
         ("training.json", lambda _: b"{}", "names no algorithm"),
         ("training.json", lambda _: b'{"algorithm": "XYZ"}', "algorithm must be one of"),
-        ("training.json", lambda _: b'{"algorithm": "SAC"}', "no model of SAC"),
+        ("training.json", lambda _: b'{"algorithm": "SAC"}', "is not a model of SAC"),
     ],
 )
 def test_damaged_agents_are_refused_in_a_line(copied, name, damage, message):

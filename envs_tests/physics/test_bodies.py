@@ -303,7 +303,7 @@ def test_tower_flow_refuses():
     with pytest.raises(AerodynamicsError, match="positive"):
         TowerFlow((0, 0, 0), [0, 80], [6, np.nan])
     flow, points = TowerFlow((0, 0, 0), [0, 80], [6, 4]), np.zeros((4, 3))
-    with pytest.raises(AerodynamicsError, match="no height"):
+    with pytest.raises(AerodynamicsError, match="must be above its base"):
         flow.add(points, points.copy(), np.zeros(3))
     with pytest.raises(AerodynamicsError, match="contiguous"):
         flow.add(points, np.zeros((3, 4)).T, np.array([0, 0, 80.0]))

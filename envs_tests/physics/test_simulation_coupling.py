@@ -435,7 +435,7 @@ def test_start_without_a_sound_structure_is_a_simulation_error(formulation):
     sim = Simulator("nrel_5mw", inflow=SteadyInflow(11.0), fidelity=fidelity)
     sim.reset(rotor_speed=1.2)
     sim.inflow = SteadyInflow(200.0)
-    with pytest.raises(SimulationError, match=r"no start at.*static balance") as caught:
+    with pytest.raises(SimulationError, match=r"no start at.*static equilibrium") as caught:
         sim.reset(rotor_speed=1.2)
     assert caught.value.__cause__ is not None
     with pytest.raises(SimulationError, match="reset"):
@@ -608,7 +608,7 @@ def test_nacelle_bodies_in_the_way_are_refused():
     nodes = blade_planform(turbine, fidelity.aero).nodes
     stump = SimpleNamespace(**(vars(turbine.tower) | {"base_height": 87.0}))
     cases = [
-        ("come to .* needed", {"hub": replace(turbine.hub, cone=np.radians(12.0))}, {}),
+        ("come to .* must be at least", {"hub": replace(turbine.hub, cone=np.radians(12.0))}, {}),
         ("hub with a radius", {"hub": replace(turbine.hub, radius=0.0)}, {}),
         ("leaves no tower body", {"nacelle": replace(turbine.nacelle, tower_top_to_shaft=0.0), "tower": stump},
          {"tower_body": (8, 8)}),

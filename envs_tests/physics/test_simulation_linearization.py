@@ -215,8 +215,8 @@ def test_multiblade_transform_keeps_rates_consistent():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"rotor_speed": 1.0, "aerodynamics": "magic"}, "aerodynamics 'magic'"),
-        ({"rotor_speed": 1.0, "generator": "broken"}, "generator 'broken'"),
+        ({"rotor_speed": 1.0, "aerodynamics": "magic"}, "aerodynamics must be .* got 'magic'"),
+        ({"rotor_speed": 1.0, "generator": "broken"}, "generator must be .* got 'broken'"),
         ({"rotor_speed": -1.0}, "rotor_speed is -1"),
         ({"rotor_speed": 1.0, "n_azimuths": 0}, "n_azimuths"),
         (

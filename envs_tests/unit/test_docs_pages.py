@@ -424,7 +424,7 @@ def missing(span):
         known = owner in DEFINED or re.search(rf"\b{owner}\b", ALL)
         out = [] if known else [owner]
     # the options and their values in brackets
-    out += [word for word in re.findall(r"(\w+)=", span) if not re.search(rf"\b{word}\b\s*[:=]", ALL)]
+    out += [word for word in re.findall(r"(\w+)=", span) if not re.search(rf"\b{word}\b\s*[:=]|\"{word}\"", ALL)]
     return out + [word for word in re.findall(r'"([^"]+)"', span) if f'"{word}"' not in ALL]
 
 

@@ -136,7 +136,7 @@ def test_a_record_keeps_what_was_not_run_again(tmp_path):
     assert read_record(path)["a"] == kept["a"]
     assert read_record(path)["b"]["checks"][0]["obtained"] == "nan"
     path.write_text(json.dumps([1]))
-    with pytest.raises(ValueError, match="no record"):
+    with pytest.raises(ValueError, match="is not a record"):
         read_record(path)
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 SETUP = Path(__file__).resolve().parents[2] / "scripts" / "setup.sh"
-WHOLE = 4
-"""Calls of a set-up: environment, two installations, bytecode."""
+WHOLE = 5
+"""Calls of a set-up: environment, three installations, bytecode."""
 # Stands for an interpreter: notes what it is asked to do, and copies itself where an environment is wanted. A file
 # "cut" ends it there as a signal would.
 PYTHON = """#!/bin/sh
@@ -45,7 +45,7 @@ def calls(clone, status=0):
 def test_it_is_done_once(clone):
     venv, *installs, bytecode = calls(clone)
     assert venv == "-m venv .venv"
-    assert [line.split()[-1] for line in installs] == ["setuptools>=77", ".[train,test,tune,docs]"]
+    assert [line.split()[-1] for line in installs] == ["setuptools>=77", ".[train,test,tune,docs]", "rosco>=2.10,<3"]
     assert all("--no-compile" in line for line in installs)
     assert bytecode.startswith("- gymnasium ")
     assert calls(clone) == []
