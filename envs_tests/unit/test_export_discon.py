@@ -23,7 +23,7 @@ CONTROLLERS = (
     ("discon", "nrel_5mw"),
     ("discon:notch_frequency=3.0", "nrel_5mw"),
     ("discon:filter_damping=0.7", "nrel_5mw"),
-    ("discon:filter_damping=1.3", "nrel_5mw"),
+    ("discon:filter_damping=1.3,corner_frequency=4.0", "nrel_5mw"),
     ("retuned+ipc_2p", "nrel_5mw"),
     ("tuned", "nrel_5mw"),
     ("ipc:fade=False,proportional_time=0.5", "nrel_5mw"),
