@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from wt_gym.agents.trained_agent import TrainedAgent
     from wt_gym.envs.layout import EnvLayout
 
-__all__ = ["CARD_FILE", "LARGEST_DIFFERENCE", "POLICY_FILE", "export_onnx", "training_layout"]
+__all__ = ["CARD_FILE", "LARGEST_DIFFERENCE", "POLICY_FILE", "export_onnx", "training_environment", "training_layout"]
 
 POLICY_FILE, CARD_FILE = "policy.onnx", "README.md"
 LARGEST_DIFFERENCE = 1e-6
 """Of the actions of the file against those of the policy [-]."""
 
 
-def training_layout(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> EnvLayout:
-    """Layout of the environment that an agent was trained in.
+def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> WindTurbineEnv:
+    """Environment that an agent was trained in, without a limit of time or a twin.
 
     Parameters
     ----------
@@ -47,7 +47,12 @@ def training_layout(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> EnvLayou
             "the environment of the training must be known: there is no training.json beside the model, nor a card "
             'MODEL.json with "env_kwargs"'
         )
-    env = WindTurbineEnv(**(arguments | {"relative_reward": False, "episode_length": None}))
+    return WindTurbineEnv(**(arguments | {"relative_reward": False, "episode_length": None}))
+
+
+def training_layout(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> EnvLayout:
+    """Layout of `training_environment`."""
+    env = training_environment(agent, env_kwargs)
     try:
         return env.layout
     finally:

@@ -10,6 +10,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from wt_gym.errors import WtGymError
+
 __all__ = ["TARGETS", "CompilerError", "compile_library", "find_compiler", "library_name"]
 
 TARGETS = {
@@ -24,7 +26,7 @@ _FLAGS = ("-std=c99", "-O2", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", 
 _ENDINGS = {"windows": ".dll", "macos": ".dylib", "macos-arm": ".dylib"}
 
 
-class CompilerError(Exception):
+class CompilerError(WtGymError):
     """There is no compiler, or it refused a source."""
 
 

@@ -1,27 +1,43 @@
-"""Write a trained agent in a form that needs neither this package nor PyTorch.
+"""Write a trained agent or a controller in a form that needs neither this package nor PyTorch.
 
     wt-gym export agents/trained/load_reduction --to onnx --out exported
+    wt-gym export constrained_ipc+tower_dampers --to discon --out exported
 
-onnx: the policy from measured channels in SI units to the action, scaling and clipping inside, with a card of what it
-is made for. Needs the extra "export" (onnx, onnxruntime).
+onnx: the policy of a trained agent from measured channels in SI units to the action, scaling and clipping inside, with
+a card of what it is made for. Needs the extra "export" (onnx, onnxruntime).
+
+discon: a controller, or a trained agent on its controller, from measurements to demands as one C99 file and a library
+with the Bladed interface for OpenFAST, Bladed, HAWC2 and QBlade, with a parameter file. Needs a C compiler, or ziglang.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from typing import Any
 
 from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
 
-FORMS = ("onnx",)
+FORMS = ("onnx", "discon")
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     """Read the command line."""
     parser = OneLineParser("export", description=__doc__, epilog=UNSAFE)
-    parser.add_argument("agent", help="path of a trained model: its folder, or its file")
+    parser.add_argument("agent", help="path of a trained model, its folder or its file; for discon a controller too")
     parser.add_argument("--to", choices=FORMS, default="onnx", help="form (default: %(default)s)")
     parser.add_argument("--out", required=True, help="folder for the files")
+    discon = parser.add_argument_group("discon")
+    discon.add_argument("--turbine", help="of a controller (default: nrel_5mw)")
+    discon.add_argument("--interval", type=float, help="step of a controller in s (default: that of the simulator)")
+    discon.add_argument("--target", help="machine: linux, linux-arm, windows, macos, macos-arm (default: this one)")
+    discon.add_argument(
+        "--drive", action="store_true", help="pitch drives and rate limits in the library, for codes without them"
+    )
+    discon.add_argument(
+        "--hold-missing", action="store_true",
+        help="hold channels that the interface does not have at the middle of their scale",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print what was written as JSON at the end")
     return parser.parse_args(words)
 
@@ -30,14 +46,35 @@ def main(words: list[str] | None = None) -> None:
     """Export."""
     arguments = parse_arguments(words)
     with user_errors():
-        import onnx  # noqa: F401 - refused before anything is made
-        import onnxruntime  # noqa: F401
-
-        from wt_gym.agents.export.policy import export_onnx
-
-        made = export_onnx(arguments.agent, arguments.out)
+        made = _discon(arguments) if arguments.to == "discon" else _onnx(arguments)
     for file in made["files"]:
         print(file)
-    print(f"actions equal those of the policy within {made['largest_difference']:.1e}")
+    if arguments.to == "onnx":
+        print(f"actions equal those of the policy within {made['largest_difference']:.1e}")
+    elif made["held"]:
+        print(f"held at the middle of their scale: {', '.join(made['held'])}")
     if arguments.json:
         print(json.dumps(made))
+
+
+def _onnx(arguments: argparse.Namespace) -> dict[str, Any]:
+    import onnx  # noqa: F401 - refused before anything is made
+    import onnxruntime  # noqa: F401
+
+    from wt_gym.agents.export.policy import export_onnx
+
+    return export_onnx(arguments.agent, arguments.out)
+
+
+def _discon(arguments: argparse.Namespace) -> dict[str, Any]:
+    from wt_gym.agents.export.discon import export_discon
+
+    return export_discon(
+        arguments.agent,
+        arguments.out,
+        turbine=arguments.turbine,
+        interval=arguments.interval,
+        target=arguments.target,
+        hold_missing=arguments.hold_missing,
+        drive=arguments.drive,
+    )

@@ -72,6 +72,10 @@ class Operation:
         What the agent asks for.
     faults : tuple
         What fails, and when.
+    step : float
+        Of the simulator [s].
+    count : int
+        Such steps in a control step.
     """
 
     wind: EpisodeWind
@@ -92,7 +96,8 @@ class Operation:
         make: SimulatorMaker,
     ):
         self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
-        self._lidar, self._fidelity, self._dt, self._count, self.make_simulator = lidar, fidelity, step, count, make
+        self._lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
+        self.step, self.count = step, count
         self.simulator: TurbineSimulator | None = None
         self.signals = cast("Signals", None)  # before the first start, for which everything that needs them asks
         self.faults: tuple[DriveFault | SensorBias, ...] = ()
@@ -116,7 +121,7 @@ class Operation:
             start.start(self.controller, self._read_by(self.controller, self.measured(self.signals)), self.demand)
         if self.residual is not None:
             pitch = start.pitch[0] + float((start.pitch - start.pitch[0]).mean())  # exactly that of equal blades
-            self.residual.start(pitch, start.rotor_speed, self._dt)
+            self.residual.start(pitch, start.rotor_speed, self.step)
 
     def _enter(self, wind: EpisodeWind, faults: tuple[DriveFault | SensorBias, ...]) -> TurbineSimulator:
         """Put the simulator into a wind, at which the lidar has not looked yet, with these faults and no others."""
@@ -147,7 +152,7 @@ class Operation:
         simulator, controller, residual = self.simulator, self.controller, self.residual
         if simulator is None:
             raise SimulationError("the turbine does not run: it must be started first")
-        before, signals, count, dt, demand_of = self.setpoint, self.signals, self._count, self._dt, self.action.demand
+        before, signals, count, dt, demand_of = self.setpoint, self.signals, self.count, self.step, self.action.demand
         pitch, torque, yaw_rate = before.pitch, before.generator_torque, setpoint.yaw_rate
         turn, rise = setpoint.pitch - pitch, setpoint.generator_torque - torque
         sees = controller is not None and lidar_of(controller) is not None

@@ -1,0 +1,282 @@
+"""A controller taken apart into what its C source needs: parameters, tables, additions, readings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wt_gym.control.controllers import (
+    DisconController,
+    ForeAftDamper,
+    IndividualPitch,
+    SideSideDamper,
+    YawByDeadBand,
+)
+from wt_gym.control.controllers.controller import parts_of
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
+from wt_gym.simulation.drivetrain.drives import pitch_delay
+
+if TYPE_CHECKING:
+    from wt_gym.control.controllers import AboveRated, Controller
+    from wt_gym.control.controllers.discon import BaselineParameters
+    from wt_gym.control.controllers.wind_estimator import WindEstimator
+    from wt_gym.control.rotor_table import RotorTable
+    from wt_gym.turbines import Turbine
+
+__all__ = ["SUPPORTED", "Parts", "controller_parts", "estimator_values", "note_fade"]
+
+SUPPORTED = ("discon", "retuned", "tsr_tracking", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
+             "side_side_damper", "yaw")  # fmt: skip
+"""Names of controllers that can be exported."""
+
+
+@dataclass
+class Parts:
+    """What a controller, and an agent on it, put into the C source.
+
+    Attributes
+    ----------
+    turbine : Turbine
+    values : dict
+        Of `wt_gym.agents.export.parameters.PARAMETERS`, numbers or lists.
+    groups : set of str
+        Of parameters.
+    constants : dict
+        Whole numbers of the preprocessor, by name.
+    additions : list of str
+        Names of the C source, in the order in which they act.
+    tables : dict
+        Rotor tables by the name in the C source.
+    reads : dict
+        Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT".
+    """
+
+    turbine: Turbine
+    values: dict[str, float | list[float]] = field(default_factory=dict)
+    groups: set[str] = field(default_factory=lambda: {"all", "base"})
+    constants: dict[str, int] = field(default_factory=dict)
+    additions: list[str] = field(default_factory=list)
+    tables: dict[str, RotorTable] = field(default_factory=dict)
+    reads: dict[str, set[str]] = field(default_factory=dict)
+
+
+def controller_parts(controller: Controller, turbine: Turbine, step: float) -> Parts:
+    """Take a controller apart.
+
+    Parameters
+    ----------
+    controller : Controller
+    turbine : Turbine
+    step : float
+        Of the controller [s].
+
+    Raises
+    ------
+    ValueError
+        For a part, or a turbine, that cannot be exported.
+    """
+    if not turbine.drivetrain.takes_torque:
+        raise ValueError(f"the generator must take a torque to be exported, that of {turbine.name} is a damper")
+    if turbine.n_blades > 3:
+        raise ValueError(
+            f"a turbine must have at most 3 blades for the Bladed interface, {turbine.name} has {turbine.n_blades}"
+        )
+    parts = Parts(turbine)
+    drive, pitch = turbine.drivetrain, turbine.pitch
+    parts.values |= {
+        "controller_step": step,
+        "gear_ratio": drive.gear_ratio,
+        "rated_rotor_speed": drive.rated_rotor_speed,
+        "drive": 0.0,
+        "drive_min_pitch": pitch.min_pitch,
+        "drive_max_pitch": pitch.max_pitch,
+        "drive_pitch_rate": pitch.max_rate,
+        "drive_servo_frequency": pitch.servo_frequency or 0.0,
+        "drive_servo_damping": pitch.servo_damping,
+        "drive_max_torque": drive.max_generator_torque,
+        "drive_torque_rate": drive.max_torque_rate,
+        "drive_yaw_rate": turbine.nacelle.max_yaw_rate,
+    }
+    flags = ("GAIN_TABLE", "TRACKS_TIP_SPEED_RATIO", "FADE_IPC", "FADE_FORE_AFT", "N_HARMONICS", "INDIVIDUAL_BLADES")
+    parts.constants |= dict.fromkeys(flags, 0)
+    base, *additions = parts_of(controller)
+    if type(base) is DisconController:  # what is derived from it may do something else
+        _torque_curve(parts, base.parameters)
+    elif type(base) is TsrTrackingController:
+        _tracking(parts, base)
+    else:
+        raise _refused(base)
+    for addition in additions:
+        if type(addition) is IndividualPitch:
+            _individual_pitch(parts, addition, step)
+        elif type(addition) is ForeAftDamper:
+            _fore_aft(parts, addition)
+        elif type(addition) is SideSideDamper:
+            _side_side(parts, addition)
+        elif type(addition) is YawByDeadBand:
+            _yaw(parts, addition)
+        else:
+            raise _refused(addition)
+    if len(set(parts.additions)) < len(parts.additions):
+        raise ValueError("each kind of addition must be there once to be exported, individual pitch is there twice")
+    return parts
+
+
+def _refused(part: object) -> ValueError:
+    return ValueError(f"a controller to be exported must be made of {', '.join(SUPPORTED)}, got {type(part).__name__}")
+
+
+def _baseline(parts: Parts, p: BaselineParameters) -> None:
+    """Speed filter, pitch law and limits."""
+    parts.values |= {
+        "corner_frequency": p.corner_frequency,
+        "filter_damping": p.filter_damping,
+        "notch_frequency": p.notch_frequency,
+        "reference_speed": p.reference_speed,
+        "min_pitch": p.min_pitch,
+        "max_pitch": p.max_pitch,
+        "max_pitch_rate": p.max_pitch_rate,
+        "rated_power": p.torque.rated_power,
+        "max_torque": p.max_torque,
+        "max_torque_rate": p.max_torque_rate,
+        "constant_power": float(p.constant_power),
+    }
+    table = p.gain_table
+    if table is None:
+        parts.groups.add("gains")
+        parts.values |= {
+            "proportional_gain": p.proportional_gain,
+            "integral_gain": p.integral_gain,
+            "gain_doubling_pitch": p.gain_doubling_pitch,
+        }
+        return
+    parts.groups.add("gain_table")
+    parts.constants["GAIN_TABLE"] = 1
+    parts.values |= {
+        "gain_pitch": list(table.pitch),
+        "proportional_gains": list(table.proportional),
+        "integral_gains": list(table.integral),
+    }
+
+
+def _torque_curve(parts: Parts, p: BaselineParameters) -> None:
+    _baseline(parts, p)
+    parts.groups.add("torque_curve")
+    curve = p.torque
+    parts.values |= {
+        "cut_in_speed": curve.cut_in_speed,
+        "region_2_speed": curve.region_2_speed,
+        "rated_generator_speed": curve.rated_generator_speed,
+        "region_2_gain": curve.region_2_gain,
+        "slip": curve.slip,
+        "region_3_min_pitch": p.region_3_min_pitch,
+    }
+    parts.reads["BASE"] = {"pitch", "generator_speed"}
+
+
+def _tracking(parts: Parts, base: TsrTrackingController) -> None:
+    p = base.parameters
+    _baseline(parts, p.baseline)
+    parts.groups.add("tracking")
+    parts.constants["TRACKS_TIP_SPEED_RATIO"] = 1
+    parts.tables["BASE_TABLE"] = base.estimator.table
+    parts.values |= estimator_values(base.estimator)
+    parts.values |= {
+        "speed_per_wind": p.speed_per_wind,
+        "min_generator_speed": p.min_speed,
+        "torque_gain": p.torque_gain,
+        "torque_integral_gain": p.torque_integral_gain,
+        "estimator_bandwidth": base.estimator.bandwidth,
+        "wind_time_constant": p.wind_time_constant,
+        "smoothing_time_constant": p.smoothing_time_constant,
+        "pitch_to_speed": p.pitch_to_speed,
+        "torque_to_speed": p.torque_to_speed,
+        "constant_power_pitch": p.constant_power_pitch,
+        "schedule_wind": np.asarray(p.schedule_wind).tolist(),
+        "schedule_pitch": np.asarray(p.schedule_pitch).tolist(),
+    }
+    parts.reads["BASE"] = {"pitch", "generator_speed", "rotor_speed", "generator_torque"}
+
+
+def estimator_values(estimator: WindEstimator) -> dict[str, float | list[float]]:
+    """Values of a wind estimator but its bandwidth and table, the same for all of a turbine."""
+    return {
+        "torque_to_moment": estimator._to_moment,
+        "rotor_inertia": estimator.inertia,
+        "estimator_lowest_speed": estimator.lowest_speed,
+    }
+
+
+def note_fade(parts: Parts, fade: AboveRated | None, group: str, name: str, constant: str) -> None:
+    """Note a fade below rated wind, if there is one."""
+    parts.constants[constant] = int(fade is not None)
+    if fade is None:
+        return
+    p = fade.parameters
+    parts.groups.add(f"{group}_fade")
+    parts.values |= {
+        "fade_fine_pitch": fade.fine_pitch,
+        f"{name}_fade_pitch": list(p.pitch),
+        f"{name}_fade_speed": list(p.speed),
+        f"{name}_fade_time": p.time_constant,
+    }
+
+
+def _individual_pitch(parts: Parts, addition: IndividualPitch, step: float) -> None:
+    parts.additions.append("INDIVIDUAL_PITCH")
+    parts.groups.add("ipc")
+    found = [harmonic.parameters for harmonic in addition.harmonics]
+    if [p.harmonic for p in found] != list(range(1, len(found) + 1)):
+        raise ValueError(
+            f"the harmonics of individual pitch to be exported must be 1, or 1 and 2, got {[p.harmonic for p in found]}"
+        )
+    parts.constants |= {"N_HARMONICS": len(found), "INDIVIDUAL_BLADES": 1}
+    names = ("integral_gain", "proportional_gain", "level", "leak", "limit", "rate_limit")
+    parts.values |= {f"ipc_{name}": [getattr(p, name) for p in found] for name in names}
+    lead = pitch_delay(addition.drive, step, addition.simulator_step) if addition.lead is None else addition.lead
+    parts.values["ipc_lead"] = lead
+    note_fade(parts, addition.fade, "ipc", "ipc", "FADE_IPC")
+    parts.reads["IPC"] = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"}
+
+
+def _fore_aft(parts: Parts, addition: ForeAftDamper) -> None:
+    parts.additions.append("FORE_AFT_DAMPER")
+    parts.groups.add("fore_aft")
+    low, high = addition.pitch_limits
+    if not math.isclose(high, parts.turbine.pitch.max_pitch):
+        raise ValueError(f"the fore-aft damper must end at the greatest pitch of the drives, got {high!r} rad")
+    parts.values |= {
+        "fore_aft_gain": addition.gain,
+        "fore_aft_corner": addition._velocity.corner,
+        "fore_aft_limit": addition.limit,
+        "fore_aft_min_pitch": low,
+    }
+    note_fade(parts, addition.fade, "fore_aft", "fore_aft", "FADE_FORE_AFT")
+    parts.reads.setdefault("DAMPER", set()).update({"fore_aft", "rotor_speed"})
+
+
+def _side_side(parts: Parts, addition: SideSideDamper) -> None:
+    parts.additions.append("SIDE_SIDE_DAMPER")
+    parts.groups.add("side_side")
+    parts.values |= {
+        "side_side_gain": addition.gain,
+        "side_side_corner": addition._velocity.corner,
+        "side_side_limit": addition.limit,
+    }
+    parts.reads.setdefault("DAMPER", set()).add("side_side")
+
+
+def _yaw(parts: Parts, addition: YawByDeadBand) -> None:
+    parts.additions.append("YAW")
+    parts.groups.add("yaw")
+    parts.values |= {
+        "yaw_rate": addition.rate,
+        "yaw_dead_band": addition.dead_band,
+        "yaw_stop": addition.stop,
+        "yaw_slow_time": addition._slow.time_constant,
+        "yaw_fast_time": addition._fast.time_constant,
+    }
+    parts.reads["YAW"] = {"yaw_error"}

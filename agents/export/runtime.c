@@ -1,0 +1,968 @@
+/* Numbers of the turbine, the controller and the agent come first, then the laws. All that is remembered from call to
+ * call lies in one structure, one instance a loaded library. Angles are in rad, everything is in SI units. */
+
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* DATA */
+
+static const double PI = 3.14159265358979323846;
+
+/* ---- what is remembered ------------------------------------------------------------------------------------------ */
+
+struct notch { double last_in, earlier_in, last_out, earlier_out; };
+struct second_order { double value, rate; };
+struct integrator { double first, second; };
+struct demand { double pitch[N_BLADES], yaw_rate, torque; };
+struct harmonic { double pitch[2], integral[2]; };
+
+/* Measured values: the last good one of each reading, and those of the pitched blade that follow. */
+struct readings {
+    double pitch[N_BLADES], generator_speed, rotor_speed, generator_power, generator_torque, yaw_error, wind_speed;
+    double acceleration_fore_aft, acceleration_side_side, azimuth;
+    double flap[N_BLADES], edge[N_BLADES];
+};
+
+struct state {
+    int running;
+    long count;                       /* steps of the controller since the start */
+    double next_time, step_time;      /* of the next step, and when the last one was due */
+    double raw[N_READINGS];           /* last good reading of each record */
+    unsigned bad, bad_users, told;    /* readings without meaning, who needs them, and which were said */
+    struct readings now;
+    /* base controller */
+    struct notch notch;
+    struct second_order speed;
+    double integral, torque_integral, pitch[N_BLADES], torque;
+    double wind, smoothed_wind, wind_rotor_speed, shift;
+    /* additions */
+    struct harmonic harmonics[2];
+    double fade_ipc, fade_fore_aft;
+    int fresh_ipc, fresh_fore_aft;
+    struct integrator fore_aft, side_side;
+    double yaw_slow, yaw_fast;
+    int turning;
+    struct demand base, demand;
+#if WITH_AGENT
+    /* agent */
+    double from[N_SETPOINT], to[N_SETPOINT], yaw_rate, action[N_ACT];
+    double fade, share, lasting, mean;
+    double anemometer, vane, sensor_wind, sensor_rotor_speed;
+    double pitch_now[N_BLADES], pitch_before[N_BLADES];
+    double history[N_HISTORY][N_CHANNELS];
+    long n_history;
+    int has_rate;
+#endif
+    /* drives */
+    double command[N_BLADES], angle[N_BLADES], angle_start[N_BLADES], rate_before[N_BLADES], rate[N_BLADES];
+    double velocity[N_BLADES], torque_before, torque_now;
+};
+
+static struct instance {
+    char fingerprint[sizeof FINGERPRINT];
+    struct parameters parameters;
+    struct state state;
+} instance;
+
+/* ---- mathematics ------------------------------------------------------------------------------------------------- */
+
+static double clip(double x, double low, double high) { return x < low ? low : (x > high ? high : x); }
+
+/* The same direction within [-pi, pi). */
+static double wrapped(double angle) { return angle - 2.0 * PI * floor(angle / (2.0 * PI) + 0.5); }
+
+static double mean_of(const double *x) {
+    double sum = 0.0;
+    for (int b = 0; b < N_BLADES; b++) sum += x[b];
+    return sum / N_BLADES;
+}
+
+/* Rise from 0 at low to 1 at high with continuous slope. */
+static double ramp(double value, double low, double high) {
+    double x = clip((value - low) / (high - low), 0.0, 1.0);
+    return x * x * (3.0 - 2.0 * x);
+}
+
+/* Linear between the points of an ascending grid, held beyond its ends. */
+static double interpolate(double x, const double *grid, const double *values, int n) {
+    int k = 0;
+    if (x <= grid[0]) return values[0];
+    if (x >= grid[n - 1]) return values[n - 1];
+    while (x >= grid[k + 1]) k++;
+    return values[k] + (values[k + 1] - values[k]) / (grid[k + 1] - grid[k]) * (x - grid[k]);
+}
+
+/* ---- filters, exact for an input held over a step ---------------------------------------------------------------- */
+
+static double low_pass(double value, double input, double dt, double time_constant) {
+    double memory = time_constant > 0.0 ? exp(-dt / time_constant) : 0.0;
+    return memory * value + (1.0 - memory) * input;
+}
+
+static double angle_low_pass(double value, double input, double dt, double time_constant) {
+    return wrapped(low_pass(value, value + wrapped(input - value), dt, time_constant));
+}
+
+static void notch_reset(struct notch *n, double value) {
+    n->last_in = n->earlier_in = n->last_out = n->earlier_out = value;
+}
+
+/* (s^2 + w^2)/(s^2 + 2 zeta w s + w^2) by the bilinear transform that is exact at w; w = 0 passes everything. */
+static double notch_update(struct notch *n, double value, double dt, double frequency, double damping) {
+    double angle = frequency * dt, width, output;
+    if (!(angle > 0.0 && angle < PI)) {
+        notch_reset(n, value);
+        return value;
+    }
+    width = damping * sin(angle);
+    output = value + n->earlier_in - (1.0 - width) * n->earlier_out + 2.0 * cos(angle) * (n->last_out - n->last_in);
+    output /= 1.0 + width;
+    n->earlier_in = n->last_in;
+    n->last_in = value;
+    n->earlier_out = n->last_out;
+    n->last_out = output;
+    return output;
+}
+
+/* w^2/(s^2 + 2 zeta w s + w^2). */
+static double second_order_update(struct second_order *f, double input, double dt, double w, double zeta) {
+    double decay = exp(-zeta * w * dt), c, s; /* cos and sin(q dt)/q, of the damped frequency q or its imaginary part */
+    double discriminant = 1.0 - zeta * zeta, q = w * sqrt(fabs(discriminant)), x = f->value - input, v = f->rate;
+    if (q * dt < 1e-6) {
+        c = 1.0;
+        s = dt;
+    } else if (discriminant > 0.0) {
+        c = cos(q * dt);
+        s = sin(q * dt) / q;
+    } else {
+        c = cosh(q * dt);
+        s = sinh(q * dt) / q;
+    }
+    f->value = input + decay * ((c + zeta * w * s) * x + s * v);
+    f->rate = decay * (-w * w * s * x + (c - zeta * w * s) * v);
+    return f->value;
+}
+
+static void integrator_reset(struct integrator *f, double value, double corner) {
+    f->first = value / corner;
+    f->second = value / (corner * corner);
+}
+
+/* s/(s + w)^2: an integral without its slow part, a velocity from an acceleration. */
+static double integrator_update(struct integrator *f, double value, double dt, double w) {
+    double e = exp(-w * dt), first = f->first;
+    f->first = e * first + (1.0 - e) / w * value;
+    f->second = e * f->second + dt * e * first + (1.0 - e - w * dt * e) / (w * w) * value;
+    return f->first - w * f->second;
+}
+
+/* ---- coordinates of the blades in the frame that does not turn --------------------------------------------------- */
+
+static void to_harmonic(const double *x, double azimuth, int harmonic, double *tilt, double *yaw) {
+    double cosine = 0.0, sine = 0.0;
+    for (int b = 0; b < N_BLADES; b++) {
+        double angle = harmonic * (azimuth + 2.0 * PI * b / N_BLADES);
+        cosine += x[b] * cos(angle);
+        sine += x[b] * sin(angle);
+    }
+    *tilt = 2.0 / N_BLADES * cosine;
+    *yaw = 2.0 / N_BLADES * sine;
+}
+
+static double of_blade(double tilt, double yaw, double azimuth, int harmonic, int blade) {
+    double angle = harmonic * (azimuth + 2.0 * PI * blade / N_BLADES);
+    return tilt * cos(angle) + yaw * sin(angle);
+}
+
+/* ---- how far additions act: not below rated wind ----------------------------------------------------------------- */
+
+static double above_rated(const struct parameters *p, double pitch, double rotor_speed, const double *pitch_ends,
+                          const double *speed_ends) {
+    return ramp(pitch - p->fade_fine_pitch, pitch_ends[0], pitch_ends[1]) *
+           ramp(rotor_speed / p->rated_rotor_speed, speed_ends[0], speed_ends[1]);
+}
+
+/* ---- gain-scheduled proportional-integral law of the collective pitch -------------------------------------------- */
+
+static double gain_factor(const struct parameters *p, double pitch) { return 1.0 / (1.0 + pitch / p->gain_doubling_pitch); }
+
+static double table_gain(const struct parameters *p, const double *gains, double pitch) {
+    return interpolate(pitch, p->gain_pitch, gains, N_GAINS);
+}
+
+/* Integral with which the law demands the present pitch at a speed error. */
+static double law_holding(const struct parameters *p, double pitch, double error) {
+    if (GAIN_TABLE) return pitch - table_gain(p, p->proportional_gains, pitch) * error;
+    return (pitch / gain_factor(p, pitch) - p->proportional_gain * error) / p->integral_gain;
+}
+
+static double law_step(const struct parameters *p, double pitch, double *integral, double error, double dt, double low,
+                       double high) {
+    double factor, to_integral;
+    if (GAIN_TABLE) {
+        *integral = clip(*integral + table_gain(p, p->integral_gains, pitch) * error * dt, low, high);
+        return clip(table_gain(p, p->proportional_gains, pitch) * error + *integral, low, high);
+    }
+    factor = gain_factor(p, pitch);
+    to_integral = 1.0 / (factor * p->integral_gain);
+    *integral = clip(*integral + error * dt, low * to_integral, high * to_integral);
+    return clip(factor * (p->proportional_gain * error + p->integral_gain * *integral), low, high);
+}
+
+static void speed_reset(struct state *s, double speed) {
+    notch_reset(&s->notch, speed);
+    s->speed.value = speed;
+    s->speed.rate = 0.0;
+}
+
+static double speed_update(const struct parameters *p, struct state *s, double dt) {
+    double measured = notch_update(&s->notch, s->now.generator_speed, dt, p->notch_frequency, 0.5);
+    if (p->filter_damping > 0.0)
+        return second_order_update(&s->speed, measured, dt, p->corner_frequency, p->filter_damping);
+    return s->speed.value = low_pass(s->speed.value, measured, dt, 1.0 / p->corner_frequency);
+}
+
+#if !TRACKS_TIP_SPEED_RATIO
+/* ---- base controller with a torque curve ------------------------------------------------------------------------- */
+
+static double torque_curve(const struct parameters *p, double speed, int pitched) {
+    double synchronous, slope_15, slope_25, transition, k = p->region_2_gain;
+    if (speed <= 0.0) return 0.0;
+    if (pitched || speed >= p->rated_generator_speed) return p->rated_power / speed;
+    if (speed <= p->cut_in_speed) return 0.0;
+    synchronous = p->rated_generator_speed / (1.0 + p->slip);
+    slope_15 = k * p->region_2_speed * p->region_2_speed / (p->region_2_speed - p->cut_in_speed);
+    slope_25 = p->rated_power / p->rated_generator_speed / (p->rated_generator_speed - synchronous);
+    transition = (slope_25 - sqrt(slope_25 * (slope_25 - 4.0 * k * synchronous))) / (2.0 * k);
+    if (speed < p->region_2_speed) return slope_15 * (speed - p->cut_in_speed);
+    if (speed < transition) return k * speed * speed;
+    return slope_25 * (speed - synchronous);
+}
+
+static void base_start(const struct parameters *p, struct state *s, const struct demand *present) {
+    speed_reset(s, s->now.generator_speed);
+    memcpy(s->pitch, present->pitch, sizeof s->pitch);
+    s->integral = law_holding(p, s->pitch[0], 0.0);
+    s->torque = present->torque;
+}
+
+static void base_step(const struct parameters *p, struct state *s, double dt) {
+    double speed = speed_update(p, s, dt), first = s->pitch[0], step = p->max_pitch_rate * dt, pitch, torque;
+    torque = fmin(torque_curve(p, speed, first >= p->region_3_min_pitch), p->max_torque);
+    if (p->constant_power == 0.0) torque = fmin(torque, p->rated_power / p->reference_speed);
+    if (!isnan(s->torque)) torque = clip(torque, s->torque - p->max_torque_rate * dt, s->torque + p->max_torque_rate * dt);
+    s->torque = torque;
+    pitch = law_step(p, first, &s->integral, speed - p->reference_speed, dt, p->min_pitch, p->max_pitch);
+    for (int b = 0; b < N_BLADES; b++)
+        s->pitch[b] = clip(clip(pitch, s->pitch[b] - step, s->pitch[b] + step), p->min_pitch, p->max_pitch);
+}
+#endif
+
+#if WITH_ESTIMATOR
+/* ---- rotor-effective wind from rotor speed, torque and pitch ----------------------------------------------------- */
+
+static int place(const double *grid, int n, double value, double *part) {
+    int k = 0;
+    while (k < n - 2 && value >= grid[k + 1]) k++;
+    *part = clip((value - grid[k]) / (grid[k + 1] - grid[k]), 0.0, 1.0);
+    return k;
+}
+
+/* Moment of the air about the shaft. */
+static double rotor_moment(const struct rotor_table *t, double wind, double rotor_speed, double pitch) {
+    double u, v, coefficient;
+    int i = place(t->ratio, t->n_ratio, rotor_speed * t->radius / wind, &u), j = place(t->pitch, t->n_pitch, pitch, &v);
+    const double *low = t->power + i * t->n_pitch, *high = low + t->n_pitch;
+    coefficient = (1 - u) * ((1 - v) * low[j] + v * low[j + 1]) + u * ((1 - v) * high[j] + v * high[j + 1]);
+    return 0.5 * t->air_density * PI * t->radius * t->radius * wind * wind * wind * coefficient / rotor_speed;
+}
+
+static const double LOWEST_WIND = 2.0, HIGHEST_WIND = 40.0;
+
+static double estimator_start(const struct parameters *p, const struct rotor_table *t, const struct readings *r,
+                              double *last_speed) {
+    double pitch = mean_of(r->pitch);
+    *last_speed = r->rotor_speed;
+    if (r->rotor_speed < p->estimator_lowest_speed) return LOWEST_WIND;
+    for (int k = 0; k < 153; k++) {
+        double wind = LOWEST_WIND + k * (HIGHEST_WIND - LOWEST_WIND) / 152.0;
+        if (rotor_moment(t, wind, r->rotor_speed, pitch) >= p->torque_to_moment * r->generator_torque) return wind;
+    }
+    return LOWEST_WIND;
+}
+
+static double estimator_update(const struct parameters *p, const struct rotor_table *t, const struct readings *r,
+                               double bandwidth, double dt, double wind, double *last_speed) {
+    double speed = r->rotor_speed, before = *last_speed, pitch = mean_of(r->pitch), slope, least, surplus, small = 0.1;
+    *last_speed = speed;
+    if (fmin(speed, before) < p->estimator_lowest_speed) return wind;
+    slope = (rotor_moment(t, wind + small, speed, pitch) - rotor_moment(t, wind - small, speed, pitch)) / (2.0 * small);
+    least = 0.1 * t->air_density * PI * t->radius * t->radius * t->radius * t->best_power / t->best_ratio * wind;
+    surplus = p->torque_to_moment * r->generator_torque - rotor_moment(t, wind, speed, pitch);
+    wind += (p->rotor_inertia * (speed - before) / dt + surplus) / fmax(slope, least) * -expm1(-bandwidth * dt);
+    return clip(wind, LOWEST_WIND, HIGHEST_WIND);
+}
+#endif
+
+#if TRACKS_TIP_SPEED_RATIO
+/* ---- base controller that tracks the tip-speed ratio ------------------------------------------------------------- */
+
+static double least_pitch(const struct parameters *p, const struct state *s) {
+    return interpolate(s->smoothed_wind, p->schedule_wind, p->schedule_pitch, N_SCHEDULE);
+}
+
+static double wanted_shift(const struct parameters *p, const struct state *s, double least) {
+    double rated = p->rated_power / p->reference_speed;
+    return p->pitch_to_speed * (s->pitch[0] - least) / (p->max_pitch - p->min_pitch) -
+           p->torque_to_speed * (rated - s->torque) / rated;
+}
+
+static void speed_errors(const struct parameters *p, const struct state *s, double *of_torque, double *of_pitch) {
+    double shift = s->shift * p->reference_speed;
+    double tracked = clip(p->speed_per_wind * s->smoothed_wind, p->min_generator_speed, p->reference_speed);
+    *of_torque = s->speed.value - (tracked - fmax(shift, 0.0));
+    *of_pitch = s->speed.value - (p->reference_speed - fmin(shift, 0.0));
+}
+
+static void base_start(const struct parameters *p, struct state *s, const struct demand *present) {
+    double of_torque, of_pitch, rated = p->rated_power / p->reference_speed, speed = s->now.generator_speed;
+    double ratio = clip(speed / p->reference_speed, 0.0, 1.0);
+    speed_reset(s, speed);
+    s->smoothed_wind = s->wind = estimator_start(p, &BASE_TABLE, &s->now, &s->wind_rotor_speed);
+    for (int b = 0; b < N_BLADES; b++) s->pitch[b] = mean_of(present->pitch);
+    s->torque = isnan(present->torque) ? rated * ratio * ratio : present->torque;
+    s->shift = wanted_shift(p, s, least_pitch(p, s));
+    speed_errors(p, s, &of_torque, &of_pitch);
+    s->torque_integral = s->torque - p->torque_gain * of_torque;
+    s->integral = law_holding(p, s->pitch[0], of_pitch);
+}
+
+static void base_step(const struct parameters *p, struct state *s, double dt) {
+    double rated = p->rated_power / p->reference_speed, speed = speed_update(p, s, dt), most = rated, least, highest;
+    double of_torque, of_pitch, torque, pitch, torque_step = p->max_torque_rate * dt, pitch_step = p->max_pitch_rate * dt;
+    s->wind = estimator_update(p, &BASE_TABLE, &s->now, p->estimator_bandwidth, dt, s->wind, &s->wind_rotor_speed);
+    s->smoothed_wind = low_pass(s->smoothed_wind, s->wind, dt, p->wind_time_constant);
+    least = least_pitch(p, s);
+    s->shift = low_pass(s->shift, wanted_shift(p, s, least), dt, p->smoothing_time_constant);
+    speed_errors(p, s, &of_torque, &of_pitch);
+    if (p->constant_power != 0.0) {
+        double pitched = p->constant_power_pitch == 0.0 ? 1.0 : (s->pitch[0] - least) / p->constant_power_pitch;
+        most = (1.0 + 0.1 * clip(pitched, 0.0, 1.0)) * rated;
+    }
+    highest = fmin(fmin(p->rated_power / fmax(speed, 1e-3), most), p->max_torque);
+    s->torque_integral = clip(s->torque_integral + p->torque_integral_gain * of_torque * dt, 0.0, highest);
+    torque = clip(p->torque_gain * of_torque + s->torque_integral, 0.0, highest);
+    s->torque += clip(torque - s->torque, -torque_step, torque_step);
+    pitch = law_step(p, s->pitch[0], &s->integral, of_pitch, dt, least, p->max_pitch);
+    pitch = s->pitch[0] + clip(pitch - s->pitch[0], -pitch_step, pitch_step);
+    for (int b = 0; b < N_BLADES; b++) s->pitch[b] = pitch;
+}
+#endif
+
+/* ---- additions --------------------------------------------------------------------------------------------------- */
+
+static void shorten(double *vector, double size) {
+    double length = hypot(vector[0], vector[1]);
+    if (length > size) {
+        vector[0] *= size / length;
+        vector[1] *= size / length;
+    }
+}
+
+/* Tilt and yaw pitch against the moment of one harmonic, or its part beyond a band; limits end the integral too. */
+static void harmonic_step(const struct parameters *p, struct harmonic *h, const double *moments, double azimuth, double dt,
+                          double share, int k) {
+    double moment[2], wanted[2], move[2], size, beyond, kept, integrated, proportional;
+    to_harmonic(moments, azimuth, k + 1, &moment[0], &moment[1]);
+    size = hypot(moment[0], moment[1]);
+    beyond = size > p->ipc_level[k] ? 1.0 - p->ipc_level[k] / size : 0.0;
+    kept = size < p->ipc_level[k] ? exp(-p->ipc_leak[k] * dt) : 1.0;
+    integrated = share * p->ipc_integral_gain[k] * dt * beyond;
+    proportional = share * p->ipc_proportional_gain[k] * beyond;
+    for (int i = 0; i < 2; i++) wanted[i] = kept * h->integral[i] + (integrated + proportional) * moment[i];
+    shorten(wanted, share * p->ipc_limit[k]);
+    for (int i = 0; i < 2; i++) move[i] = wanted[i] - h->pitch[i];
+    shorten(move, p->ipc_rate_limit[k] * dt);
+    for (int i = 0; i < 2; i++) {
+        h->pitch[i] += move[i];
+        h->integral[i] = h->pitch[i] - proportional * moment[i];
+    }
+}
+
+static void individual_pitch(const struct parameters *p, struct state *s, struct demand *d, double dt) {
+    double share = 1.0, azimuth = s->now.azimuth, lead = s->now.rotor_speed * p->ipc_lead;
+    if (FADE_IPC) {
+        if (s->fresh_ipc) s->fade_ipc = mean_of(d->pitch);
+        s->fade_ipc = low_pass(s->fade_ipc, mean_of(d->pitch), dt, p->ipc_fade_time);
+        share = above_rated(p, s->fade_ipc, s->now.rotor_speed, p->ipc_fade_pitch, p->ipc_fade_speed);
+    }
+    s->fresh_ipc = 0;
+    if (s->bad_users & FOR_IPC) share = 0.0;
+    for (int k = 0; k < N_HARMONICS; k++) {
+        harmonic_step(p, &s->harmonics[k], s->now.flap, azimuth, dt, share, k);
+        for (int b = 0; b < N_BLADES; b++)
+            d->pitch[b] += of_blade(s->harmonics[k].pitch[0], s->harmonics[k].pitch[1], azimuth + lead, k + 1, b);
+    }
+    for (int b = 0; b < N_BLADES; b++) d->pitch[b] = clip(d->pitch[b], p->drive_min_pitch, p->drive_max_pitch);
+}
+
+/* Collective pitch in proportion to the fore-aft velocity of the nacelle. */
+static void fore_aft_damper(const struct parameters *p, struct state *s, struct demand *d, double dt) {
+    double velocity = integrator_update(&s->fore_aft, s->now.acceleration_fore_aft, dt, p->fore_aft_corner), added, share = 1.0;
+    if (FADE_FORE_AFT) {
+        if (s->fresh_fore_aft) s->fade_fore_aft = mean_of(d->pitch);
+        s->fade_fore_aft = low_pass(s->fade_fore_aft, mean_of(d->pitch), dt, p->fore_aft_fade_time);
+        share = above_rated(p, s->fade_fore_aft, s->now.rotor_speed, p->fore_aft_fade_pitch, p->fore_aft_fade_speed);
+    }
+    s->fresh_fore_aft = 0;
+    added = share * clip(p->fore_aft_gain * velocity, -p->fore_aft_limit, p->fore_aft_limit);
+    for (int b = 0; b < N_BLADES; b++) {
+        double angle = d->pitch[b];
+        d->pitch[b] = fmin(fmax(angle + added, fmin(angle, p->fore_aft_min_pitch)), p->drive_max_pitch);
+    }
+}
+
+/* Generator torque in proportion to the side-side velocity of the nacelle. */
+static void side_side_damper(const struct parameters *p, struct state *s, struct demand *d, double dt) {
+    double velocity = integrator_update(&s->side_side, s->now.acceleration_side_side, dt, p->side_side_corner);
+    double limit = fmin(p->side_side_limit, 0.5 * d->torque);
+    double added = fmin(fmax(p->side_side_gain * velocity, -limit), limit);
+    d->torque = fmin(d->torque + added, fmax(p->drive_max_torque, d->torque));
+}
+
+/* The nacelle turns only when it has stood wrong for a while, then until it faces the wind. */
+static void yaw_by_dead_band(const struct parameters *p, struct state *s, struct demand *d, double dt) {
+    s->yaw_slow = angle_low_pass(s->yaw_slow, s->now.yaw_error, dt, p->yaw_slow_time);
+    s->yaw_fast = angle_low_pass(s->yaw_fast, s->now.yaw_error, dt, p->yaw_fast_time);
+    if (s->turning == 0 && fabs(s->yaw_slow) > p->yaw_dead_band) {
+        s->turning = s->yaw_slow > 0.0 ? 1 : -1;
+    } else if (s->turning != 0 && s->turning * s->yaw_fast <= p->yaw_stop && fabs(s->yaw_fast) < 0.5 * PI) {
+        s->turning = 0;
+        s->yaw_slow = wrapped(s->yaw_fast);
+    }
+    if (s->bad_users & FOR_YAW) s->turning = 0;
+    d->yaw_rate = s->turning * p->yaw_rate;
+}
+
+static void additions_start(const struct parameters *p, struct state *s) {
+    memset(s->harmonics, 0, sizeof s->harmonics);
+    s->fresh_ipc = s->fresh_fore_aft = 1;
+    integrator_reset(&s->fore_aft, s->now.acceleration_fore_aft, p->fore_aft_corner);
+    integrator_reset(&s->side_side, s->now.acceleration_side_side, p->side_side_corner);
+    s->yaw_slow = wrapped(clip(s->now.yaw_error, -p->yaw_dead_band, p->yaw_dead_band));
+    s->yaw_fast = wrapped(s->now.yaw_error);
+    s->turning = 0;
+}
+
+static void controller_step(const struct parameters *p, struct state *s, double dt) {
+    struct demand *d = &s->base;
+    base_step(p, s, dt);
+    memcpy(d->pitch, s->pitch, sizeof d->pitch);
+    d->torque = s->torque;
+    d->yaw_rate = 0.0;
+    for (int k = 0; k < N_ADDITIONS; k++) {
+        switch (ADDITIONS[k]) {
+        case INDIVIDUAL_PITCH: individual_pitch(p, s, d, dt); break;
+        case FORE_AFT_DAMPER: fore_aft_damper(p, s, d, dt); break;
+        case SIDE_SIDE_DAMPER: side_side_damper(p, s, d, dt); break;
+        case YAW: yaw_by_dead_band(p, s, d, dt); break;
+        default: break;
+        }
+    }
+}
+
+#if WITH_AGENT
+/* ---- agent: offsets on the demands of the controller ------------------------------------------------------------- */
+
+static double fixed_frame(const double *x, double azimuth, int part) {
+    double tilt, yaw;
+    if (part == 0) return mean_of(x);
+    to_harmonic(x, azimuth, 1, &tilt, &yaw);
+    return part == 1 ? tilt : yaw;
+}
+
+static double observed(const struct state *s, const struct channel *c, double dt) {
+    const struct readings *r = &s->now;
+    const double *now = s->pitch_now, *before = s->pitch_before;
+    int i = c->index;
+    switch (c->kind) {
+    case SEE_ROTOR_SPEED: return r->rotor_speed;
+    case SEE_GENERATOR_SPEED: return r->generator_speed;
+    case SEE_GENERATOR_POWER: return r->generator_power;
+    case SEE_GENERATOR_TORQUE: return r->generator_torque;
+    case SEE_ACCELERATION_FORE_AFT: return r->acceleration_fore_aft;
+    case SEE_ACCELERATION_SIDE_SIDE: return r->acceleration_side_side;
+    case SEE_PITCH: return now[i];
+    case SEE_MEAN_PITCH: return mean_of(now);
+    case SEE_PITCH_RATE: return s->has_rate ? (now[i] - before[i]) / dt : 0.0;
+    case SEE_MEAN_PITCH_RATE: return s->has_rate ? (mean_of(now) - mean_of(before)) / dt : 0.0;
+    case SEE_PITCH_DEMAND: return s->demand.pitch[i];
+    case SEE_MEAN_PITCH_DEMAND: return mean_of(s->demand.pitch);
+    case SEE_TORQUE_DEMAND: return s->demand.torque;
+    case SEE_FLAP_MOMENT: return r->flap[i];
+    case SEE_EDGE_MOMENT: return r->edge[i];
+    case SEE_FLAP_FIXED_FRAME: return fixed_frame(r->flap, r->azimuth, i);
+    case SEE_EDGE_FIXED_FRAME: return fixed_frame(r->edge, r->azimuth, i);
+    case SEE_WIND_SPEED: return s->anemometer;
+    case SEE_YAW_ERROR: return s->vane;
+    case SEE_ROTOR_WIND: return s->sensor_wind;
+    case SEE_AZIMUTH_SIN: return sin(r->azimuth);
+    case SEE_AZIMUTH_COS: return cos(r->azimuth);
+    case SEE_CONTROLLER_PITCH: return mean_of(s->base.pitch);
+    case SEE_CONTROLLER_TORQUE: return s->base.torque;
+    case SEE_SETPOINT: return s->to[i];
+    case SEE_SHARE: return s->share;
+    case SEE_MEAN_OFFSET: return s->mean;
+    case SEE_PREVIOUS_ACTION: return s->action[i];
+    default: return c->offset; /* not on the interface: held where the policy sees zero */
+    }
+}
+
+static void policy(const struct state *s, double *action) {
+    float a[WIDTH], b[WIDTH], *x = a, *y = b, *swapped;
+    for (int k = 0; k < N_OBS; k++) {
+        long late = s->n_history - 1 - DELAY - k / N_CHANNELS;
+        const struct channel *c = &CHANNELS[k % N_CHANNELS];
+        double value = s->history[(late > 0 ? late : 0) % N_HISTORY][k % N_CHANNELS];
+        x[k] = (float)((clip(value, c->low, c->high) - c->offset) / c->scale);
+    }
+    if (NORMALIZED)
+        for (int k = 0; k < N_OBS; k++)
+            x[k] = (float)clip((x[k] - NORMAL_MEAN[k]) / NORMAL_DEVIATION[k], -NORMAL_LIMIT, NORMAL_LIMIT);
+    for (int l = 0; l < N_LAYERS; l++) {
+        const struct layer *layer = &LAYERS[l];
+        for (int i = 0; i < layer->n_out; i++) {
+            const float *w = layer->weight + (size_t)i * layer->n_in;
+            float sum = layer->bias[i];
+            for (int j = 0; j < layer->n_in; j++) sum += w[j] * x[j];
+            switch (layer->activation) {
+            case TANH: sum = tanhf(sum); break;
+            case RELU: sum = sum > 0.0f ? sum : 0.0f; break;
+            case ELU: sum = sum > 0.0f ? sum : expm1f(sum); break;
+            default: break;
+            }
+            y[i] = sum;
+        }
+        swapped = x;
+        x = y;
+        y = swapped;
+    }
+    for (int k = 0; k < N_ACT; k++)
+        action[k] = clip(SQUASHED ? tanhf(x[k]) : x[k], -1.0, 1.0);
+}
+
+/* Greatest move of a coordinate of the setpoint in a control step, and its limit. */
+static double setpoint_move(const struct parameters *p, int k) {
+    return (k < N_PITCH ? p->offset_pitch_rate : p->offset_torque_rate) * p->control_step;
+}
+static double setpoint_limit(const struct parameters *p, int k) {
+    return k < N_PITCH ? p->offset_pitch_limit[k] : p->offset_torque_limit;
+}
+
+/* Whether the offsets return to zero: a reading is missing, or the agent is switched off. */
+static int rests(const struct parameters *p, const struct state *s) {
+    return (s->bad_users & FOR_AGENT) != 0 || p->agent == 0.0;
+}
+
+/* Component of the action that belongs to a coordinate of the setpoint: pitch comes first, torque last. */
+static int action_of(int k) { return k < N_PITCH ? k : N_ACT - 1; }
+
+static void agent_start(const struct parameters *p, struct state *s) {
+    double pitch = mean_of(s->demand.pitch);
+    memset(s->from, 0, sizeof s->from);
+    memset(s->to, 0, sizeof s->to);
+    memset(s->action, 0, sizeof s->action);
+    s->yaw_rate = s->lasting = s->mean = 0.0;
+    s->fade = pitch;
+    s->share = 1.0;
+    if (FADE_AGENT) s->share = above_rated(p, pitch, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed);
+    s->anemometer = s->now.wind_speed;
+    s->vane = wrapped(s->now.yaw_error);
+    memcpy(s->pitch_now, s->now.pitch, sizeof s->pitch_now);
+    memcpy(s->pitch_before, s->now.pitch, sizeof s->pitch_before);
+    s->n_history = 0;
+    s->has_rate = 0;
+#if SENSES_WIND
+    s->sensor_wind = estimator_start(p, &SENSOR_TABLE, &s->now, &s->sensor_rotor_speed);
+#endif
+}
+
+/* What the sensors remember, from one control step to the next. */
+static void sensors_advance(const struct parameters *p, struct state *s) {
+    double dt = p->control_step;
+    s->anemometer = low_pass(s->anemometer, s->now.wind_speed, dt, p->anemometer_time);
+    s->vane = angle_low_pass(s->vane, s->now.yaw_error, dt, p->vane_time);
+    memcpy(s->pitch_before, s->pitch_now, sizeof s->pitch_now);
+    memcpy(s->pitch_now, s->now.pitch, sizeof s->pitch_now);
+    s->has_rate = 1;
+#if SENSES_WIND
+    s->sensor_wind = estimator_update(p, &SENSOR_TABLE, &s->now, p->sensor_bandwidth, dt, s->sensor_wind,
+                                      &s->sensor_rotor_speed);
+#endif
+}
+
+/* A new setpoint, once a control step. */
+static void agent_act(const struct parameters *p, struct state *s) {
+    double action[N_ACT], *row = s->history[s->n_history % N_HISTORY];
+    if (s->count > 0) sensors_advance(p, s);
+    for (int k = 0; k < N_CHANNELS; k++) row[k] = observed(s, &CHANNELS[k], p->control_step);
+    s->n_history++;
+    policy(s, action);
+    if (rests(p, s)) { /* at the greatest rate */
+        memset(action, 0, sizeof action);
+        for (int k = 0; k < N_COORDINATES; k++) action[action_of(k)] = clip(-s->to[k] / setpoint_move(p, k), -1.0, 1.0);
+    }
+    memcpy(s->action, action, sizeof action);
+    memcpy(s->from, s->to, sizeof s->from);
+    for (int k = 0; k < N_COORDINATES; k++) {
+        double limit = setpoint_limit(p, k);
+        s->to[k] = clip(s->to[k] + action[action_of(k)] * setpoint_move(p, k), -limit, limit);
+    }
+    s->yaw_rate = HAS_YAW ? action[N_PITCH] * p->offset_yaw_rate : 0.0;
+}
+
+/* Demand of the controller and the offsets that act, a part of the way from one setpoint to the next. */
+static void agent_add(const struct parameters *p, struct state *s, double part, double dt) {
+    double offset[N_SETPOINT] = {0.0}, azimuth = s->now.azimuth + s->now.rotor_speed * p->offset_lead, torque = s->base.torque;
+    for (int k = 0; k < N_COORDINATES; k++) offset[k] = s->from[k] + part * (s->to[k] - s->from[k]);
+    if (N_PITCH > 0 && FADE_AGENT) {
+        s->fade = low_pass(s->fade, mean_of(s->base.pitch), dt, p->offset_fade_time);
+        s->share = above_rated(p, s->fade, s->now.rotor_speed, p->offset_fade_pitch, p->offset_fade_speed);
+    }
+    if (N_PITCH > 0 && N_MEAN > 0 && p->offset_washout > 0.0) {
+        double mean = 0.0, count = N_MEAN;
+        for (int k = 0; k < N_MEAN; k++) mean += offset[k] / count;
+        if (rests(p, s)) s->lasting -= clip(s->lasting, -p->offset_pitch_rate * dt, p->offset_pitch_rate * dt);
+        else s->lasting = low_pass(s->lasting, mean, dt, p->offset_washout);
+        s->mean = s->share * (mean - s->lasting);
+        for (int k = 0; k < N_MEAN; k++) offset[k] -= s->lasting;
+    }
+    for (int b = 0; b < N_BLADES; b++) {
+        double added = 0.0;
+        switch (PITCH_FORM) {
+        case COLLECTIVE: added = offset[0]; break;
+        case INDIVIDUAL: added = offset[b % N_SETPOINT]; break;
+        case FIXED_FRAME: added = offset[0] + of_blade(offset[1 % N_SETPOINT], offset[2 % N_SETPOINT], azimuth, 1, b); break;
+        case CYCLIC: added = of_blade(offset[0], offset[1 % N_SETPOINT], azimuth, 1, b); break;
+        default: break;
+        }
+        s->demand.pitch[b] = clip(s->base.pitch[b] + s->share * added, p->drive_min_pitch, p->drive_max_pitch);
+    }
+    if (HAS_TORQUE) {
+        double speed = s->now.rotor_speed;
+        torque += offset[N_SETPOINT - 1];
+        if (speed > 0.0) torque = fmin(torque, fmax(s->base.torque, p->most_shaft_power / speed));
+    }
+    s->demand.torque = clip(torque, 0.0, p->drive_max_torque);
+    s->demand.yaw_rate = clip(s->yaw_rate + s->base.yaw_rate, -p->drive_yaw_rate, p->drive_yaw_rate);
+}
+#endif
+
+/* ---- drives, for codes without: the command moves at no more than the greatest rate ------------------------------ */
+
+static void drives_start(struct state *s) {
+    for (int b = 0; b < N_BLADES; b++) {
+        s->command[b] = s->angle[b] = s->angle_start[b] = s->now.pitch[b];
+        s->rate[b] = s->rate_before[b] = s->velocity[b] = 0.0;
+    }
+    s->torque_before = s->torque_now = s->demand.torque;
+}
+
+/* At a step of the controller: the way to the new demand. */
+static void drives_take(const struct parameters *p, struct state *s) {
+    double dt = p->controller_step, move = p->drive_torque_rate * dt;
+    for (int b = 0; b < N_BLADES; b++) {
+        double turn = p->drive_pitch_rate * dt;
+        turn = clip(clip(s->demand.pitch[b], p->drive_min_pitch, p->drive_max_pitch) - s->command[b], -turn, turn);
+        /* where the last step ends, whether or not a call came at its end */
+        s->angle_start[b] += 0.5 * (s->rate_before[b] + s->rate[b]) * dt;
+        s->rate_before[b] = s->rate[b];
+        s->rate[b] = turn / dt;
+        s->command[b] += turn;
+    }
+    s->torque_before = s->torque_now;
+    s->torque_now += clip(s->demand.torque - s->torque_now, -move, move);
+}
+
+/* At every call: angles and torque at its time, `tau` after the step of the controller. Codes apply what a call gives at
+ * the time of the call: ahead by one of OpenFAST's steps of 0.0125 s, loads differ by up to 0.5 %. */
+static void drives_move(const struct parameters *p, struct state *s, double tau, double dt, struct demand *out) {
+    double step = p->controller_step;
+    *out = s->demand;
+    tau = clip(tau, 0.0, step);
+    for (int b = 0; b < N_BLADES; b++) {
+        if (p->drive_servo_frequency > 0.0) {
+            struct second_order servo = {s->angle[b], s->velocity[b]};
+            double command = s->command[b] - s->rate[b] * (step - tau);
+            s->angle[b] = second_order_update(&servo, command, dt, p->drive_servo_frequency, p->drive_servo_damping);
+            s->velocity[b] = servo.rate;
+        } else {
+            s->angle[b] = s->angle_start[b] + s->rate_before[b] * tau +
+                          (s->rate[b] - s->rate_before[b]) * tau * tau / (2.0 * step);
+        }
+        out->pitch[b] = s->angle[b];
+    }
+    out->torque = s->torque_before + (s->torque_now - s->torque_before) * tau / step;
+}
+
+/* ---- readings ---------------------------------------------------------------------------------------------------- */
+
+/* Take the readings: one that is no number or out of range keeps its last good value and rests who needs it. */
+static void read_swap(const struct parameters *p, struct state *s, const float *swap, double elapsed) {
+    struct readings *r = &s->now;
+    const double *raw = s->raw;
+    s->bad = s->bad_users = 0;
+    for (int k = 0; k < N_READINGS; k++) {
+        const struct reading *from = &READINGS[k];
+        double value = swap[from->record - 1];
+        if (from->users == 0) {
+            s->raw[k] = isfinite(value) ? value : 0.0;
+        } else if (value >= from->low && value <= from->high) { /* false for what is no number */
+            s->raw[k] = value;
+        } else {
+            s->bad |= 1u << k;
+            s->bad_users |= from->users;
+        }
+    }
+    if (s->bad & (1u << READ_AZIMUTH)) s->raw[READ_AZIMUTH] = wrapped(raw[READ_AZIMUTH] + raw[READ_ROTOR_SPEED] * elapsed);
+    if (s->bad & (1u << READ_GENERATOR_SPEED) && !(s->bad & (1u << READ_ROTOR_SPEED)))
+        s->raw[READ_GENERATOR_SPEED] = raw[READ_ROTOR_SPEED] * p->gear_ratio;
+    r->generator_speed = raw[READ_GENERATOR_SPEED];
+    r->rotor_speed = raw[READ_ROTOR_SPEED];
+    r->generator_power = raw[READ_POWER];
+    r->generator_torque = raw[READ_TORQUE];
+    r->yaw_error = raw[READ_YAW_ERROR];
+    r->wind_speed = raw[READ_WIND];
+    r->acceleration_fore_aft = raw[READ_FORE_AFT];
+    r->acceleration_side_side = raw[READ_SIDE_SIDE];
+    r->azimuth = raw[READ_AZIMUTH];
+    for (int b = 0; b < N_BLADES; b++) {
+        /* the records hold moments of the blade that does not pitch; those of the pitched blade follow */
+        double angle = raw[READ_PITCH + b], out = raw[READ_OUT_OF_PLANE + b], in = raw[READ_IN_PLANE + b];
+        r->pitch[b] = angle;
+        r->flap[b] = out * cos(angle) + in * sin(angle);
+        r->edge[b] = in * cos(angle) - out * sin(angle);
+    }
+}
+
+/* ---- parameter file, checkpoints --------------------------------------------------------------------------------- */
+
+/* Read `name = numbers  # comment` lines; returns 0, or -1 with a message. */
+static int read_parameters(struct parameters *p, const char *path, char *message, size_t size) {
+    char line[4096];
+    FILE *file = fopen(path, "r");
+    if (file == NULL) {
+        snprintf(message, size, "the parameter file %.600s must be readable", path);
+        return -1;
+    }
+    for (int number = 1; fgets(line, sizeof line, file) != NULL; number++) {
+        char name[64], *at, *end;
+        const struct entry *entry = NULL;
+        double *value;
+        line[strcspn(line, "#!\r\n")] = '\0';
+        at = line + strspn(line, " \t");
+        if (*at == '\0') continue;
+        if (sscanf(at, "%63[A-Za-z0-9_]", name) != 1 || (at = strchr(at, '=')) == NULL) {
+            snprintf(message, size, "%.600s, line %d: must be 'name = value'", path, number);
+            fclose(file);
+            return -1;
+        }
+        for (size_t k = 0; k < N_ENTRIES; k++)
+            if (strcmp(ENTRIES[k].name, name) == 0) entry = &ENTRIES[k];
+        if (entry == NULL) {
+            snprintf(message, size, "%.600s, line %d: there is no parameter '%s'", path, number, name);
+            fclose(file);
+            return -1;
+        }
+        value = (double *)(void *)((char *)p + entry->offset);
+        at++;
+        for (int k = 0; k < entry->count; k++, at = end) {
+            value[k] = strtod(at, &end);
+            if (end == at || !(value[k] >= entry->low && value[k] <= entry->high)) {
+                snprintf(message, size, "%.600s, line %d: %s must be %d number(s) from %g to %g", path, number, name,
+                         entry->count, entry->low, entry->high);
+                fclose(file);
+                return -1;
+            }
+        }
+        if (at[strspn(at, " \t")] != '\0') {
+            snprintf(message, size, "%.600s, line %d: %s must be %d number(s), there are more", path, number, name, entry->count);
+            fclose(file);
+            return -1;
+        }
+    }
+    fclose(file);
+    return 0;
+}
+
+/* Write or read everything that is remembered; returns 0, or -1 with a message. */
+static int checkpoint(struct instance *all, const char *name, double time, int writes, char *message, size_t size) {
+    char path[4200], mark[sizeof FINGERPRINT] = "";
+    int done = 0, fits = 1;
+    FILE *file;
+    snprintf(path, sizeof path, "%s.%ld.checkpoint", name, lround(clip(1000.0 * time, -2e9, 2e9)));
+    file = fopen(path, writes ? "wb" : "rb");
+    if (file != NULL && writes) {
+        done = fwrite(all, sizeof *all, 1, file) == 1;
+    } else if (file != NULL) { /* the mark comes first: what belongs to another controller is left alone */
+        done = fread(mark, sizeof mark, 1, file) == 1;
+        fits = !done || memcmp(mark, FINGERPRINT, sizeof mark) == 0;
+        if (done && fits) done = fseek(file, 0, SEEK_SET) == 0 && fread(all, sizeof *all, 1, file) == 1;
+    }
+    if (file != NULL && fclose(file) != 0) done = 0;
+    if (!fits) {
+        snprintf(message, size, "the checkpoint %.600s must be one of this controller", path);
+    } else if (!done) {
+        snprintf(message, size, "the checkpoint %.600s could not be %s", path, writes ? "written" : "read");
+    }
+    return done && fits ? 0 : -1;
+}
+
+/* ---- calls ------------------------------------------------------------------------------------------------------- */
+
+/* What the actuators are asked for before the first step: what the caller says, else where the blades stand. */
+static struct demand present_demand(const struct state *s, const float *swap) {
+    struct demand d;
+    int said = swap[46] > 0.0f && isfinite(swap[46]);
+    for (int b = 0; b < N_BLADES; b++) said = said && fabs(swap[41 + b] - s->now.pitch[b]) < 0.2;
+    for (int b = 0; b < N_BLADES; b++) d.pitch[b] = said ? swap[41 + b] : s->now.pitch[b];
+    d.torque = said ? swap[46] : NAN;
+    d.yaw_rate = 0.0;
+    return d;
+}
+
+static void start(const struct parameters *p, struct state *s, const float *swap, double time) {
+    struct demand present = present_demand(s, swap);
+    s->count = 0;
+    s->next_time = time;
+    base_start(p, s, &present);
+    additions_start(p, s);
+    if (isnan(present.torque)) present.torque = TRACKS_TIP_SPEED_RATIO ? s->torque : s->now.generator_torque;
+    s->base = s->demand = present;
+#if WITH_AGENT
+    agent_start(p, s);
+#endif
+    drives_start(s);
+    s->running = 1;
+}
+
+static void step(const struct parameters *p, struct state *s) {
+    double dt = p->controller_step;
+#if WITH_AGENT
+    int k = (int)(s->count % SUBSTEPS);
+    if (k == 0) agent_act(p, s);
+    controller_step(p, s, dt);
+    agent_add(p, s, (k + 1.0) / SUBSTEPS, dt);
+#else
+    controller_step(p, s, dt);
+    s->demand = s->base;
+#endif
+    if (s->count == 0) s->torque_before = s->torque_now = s->demand.torque;
+    drives_take(p, s);
+    s->step_time = s->next_time;
+    s->count++;
+    s->next_time += dt;
+}
+
+static void write_swap(float *swap, const struct demand *d) {
+    for (int b = 0; b < N_BLADES; b++) swap[41 + b] = (float)d->pitch[b];
+    swap[44] = (float)mean_of(d->pitch);
+    swap[46] = (float)d->torque;
+    swap[47] = (float)d->yaw_rate;
+    swap[34] = 1.0f;                                     /* generator contactor on */
+    swap[35] = 0.0f;                                     /* shaft brake off */
+    swap[40] = swap[45] = 0.0f;                          /* no yaw torque, no pitch rate */
+    swap[54] = swap[55] = 0.0f;                          /* pitch and torque are demanded here */
+    swap[64] = 0.0f;                                     /* no values for logging */
+    swap[101] = 0.0f;                                    /* yaw is demanded as a rate */
+}
+
+/* Say once which readings have no meaning. */
+static void tell(struct state *s, char *message, size_t size, int *fail) {
+    unsigned unsaid = s->bad & ~s->told;
+    if (!unsaid) return;
+    s->told |= unsaid;
+    *fail = 1;
+    snprintf(message, size, "no reading of");
+    for (int k = 0; k < N_READINGS; k++)
+        if (unsaid & (1u << k)) {
+            size_t length = strlen(message);
+            snprintf(message + length, size - length, " %s (record %d)", READINGS[k].name, READINGS[k].record);
+        }
+    if (strlen(message) + 60 < size) strcat(message, ": its last value is held, and what acts on it rests");
+}
+
+static void call(float *swap, int *fail, const char *in, const char *out, char *message, size_t size) {
+    struct parameters *p = &instance.parameters;
+    struct state *s = &instance.state;
+    int status = isfinite(swap[0]) ? (int)lround(clip(swap[0], -100.0, 100.0)) : 1;
+    double time = swap[1], dt = swap[2];
+    struct demand demands;
+    if (!isfinite(time) || !isfinite(dt)) {
+        snprintf(message, size, "time and interval must be finite, got %g s and %g s", time, dt);
+        *fail = -1;
+        return;
+    }
+    if (status == -8 || status == -9) {
+        *fail = checkpoint(&instance, out, time, status == -8, message, size);
+        return;
+    }
+    if (status < 0) return; /* the last call: what was demanded holds */
+    dt = dt > 0.0 ? dt : p->controller_step;
+    if (status == 0 || !s->running) {
+        memset(&instance, 0, sizeof instance);
+        memcpy(instance.fingerprint, FINGERPRINT, sizeof FINGERPRINT);
+        *p = DEFAULTS;
+        if (in[0] != '\0' && read_parameters(p, in, message, size) != 0) {
+            *fail = -1;
+            return;
+        }
+        read_swap(p, s, swap, 0.0);
+        if (s->bad_users & FOR_BASE) {
+            tell(s, message, size, fail);
+            *fail = -1; /* without them there is nothing to start from */
+            return;
+        }
+        start(p, s, swap, time);
+        if (INDIVIDUAL_BLADES && swap[27] != 1.0f) {
+            *fail = 1;
+            snprintf(message, size, "blades must be pitched one by one: record 28 must be 1 (OpenFAST: Ptch_Cntrl), got %g",
+                     swap[27]);
+        }
+    }
+    /* a step of the controller at the call nearest to it, several where calls are farther apart */
+    if (time - s->next_time > 100.0 * p->controller_step) s->next_time = time;
+    while (time >= s->next_time - 0.5 * fmin(dt, p->controller_step)) {
+        read_swap(p, s, swap, s->count > 0 ? p->controller_step : 0.0);
+        if (*fail == 0) tell(s, message, size, fail);
+        step(p, s);
+    }
+    demands = s->demand;
+    if (p->drive != 0.0) drives_move(p, s, time - s->step_time, dt, &demands);
+    write_swap(swap, &demands);
+}
+
+/* Length of a string that a record gives, without the final null. */
+static int length_of(float record, size_t most) { return record > 1.0f ? (int)fmin(record - 1.0f, (double)most) : 0; }
+
+#if defined(_WIN32)
+__declspec(dllexport)
+#elif defined(__GNUC__)
+__attribute__((visibility("default")))
+#endif
+void DISCON(float *avrSWAP, int *aviFAIL, const char *accINFILE, const char *avcOUTNAME, char *avcMSG);
+
+/* The Bladed interface. Strings end with a null or after the lengths in records 49 to 51. */
+void DISCON(float *avrSWAP, int *aviFAIL, const char *accINFILE, const char *avcOUTNAME, char *avcMSG) {
+    char in[4096], out[4096], message[1025] = "";
+    int length = length_of(avrSWAP[48], sizeof message);
+    int n_in = length_of(avrSWAP[49], sizeof in - 1), n_out = length_of(avrSWAP[50], sizeof out - 1);
+    *aviFAIL = 0;
+    snprintf(in, sizeof in, "%.*s", n_in, accINFILE == NULL ? "" : accINFILE);
+    snprintf(out, sizeof out, "%.*s", n_out, avcOUTNAME == NULL ? "" : avcOUTNAME);
+    call(avrSWAP, aviFAIL, in, out, message, sizeof message);
+    if (avcMSG != NULL && avrSWAP[48] >= 1.0f) snprintf(avcMSG, (size_t)length + 1, "%s", message);
+}

@@ -1,0 +1,288 @@
+"""Trained agents exported as libraries with the Bladed interface, against Python's in the environment."""
+
+import json
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from envs_tests.unit.exported_library import Exported, as_read, random_readings, sanitized
+from wt_gym.agents.export.discon import export_discon
+from wt_gym.agents.trained_agent import ALGORITHM_CLASSES, TrainedAgent
+from wt_gym.agents.trained_environment import trained_arguments
+from wt_gym.bridges.compiler import CompilerError, find_compiler
+from wt_gym.commands.export import main
+from wt_gym.control.bladed.records import new_swap, write_readings
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.simulation import Signals
+from wt_gym.turbines import load_turbine
+
+TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"
+ON_INTERFACE = ["rotor", "power", "pitch", "wind", "controller", "offsets", "nacelle_acceleration_fore_aft",
+                "nacelle_acceleration_side_side"]  # fmt: skip
+MOMENTS = [f"root_{kind}_moment_{part}" for kind in ("flap", "edge") for part in ("mean", "tilt", "yaw")]
+WIND = {"turbine": "nrel_5mw", "inflow": "turbulent", "wind_speed": 16.0, "start": "steady", "action_mode": "residual"}
+AGENTS = {
+    "fixed frame": ("PPO", torch.nn.Tanh, {
+        "pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": True, "residual_washout": 20.0,
+        "controller": "constrained_ipc+tower_dampers", "history": 3, "sensor_delay": 0.4,
+        "observation": [*ON_INTERFACE, *MOMENTS, "residual_share", "residual_mean"],
+    }),
+    "individual": ("SAC", torch.nn.ReLU, {
+        "pitch": "individual", "controller": "discon", "sensor_delay": 0.2,
+        "observation": ["azimuth", "rotor", "power", "pitch", "wind", "offsets", "previous_action",
+                        *(f"root_{kind}_moment_{b}" for kind in ("flap", "edge") for b in (1, 2, 3))],
+    }),
+    "collective": ("TQC", torch.nn.ELU, {
+        "pitch": "collective", "action_components": ["pitch", "torque"], "controller": "tsr_tracking+yaw",
+        "residual_fade": 0.03, "observation": [*ON_INTERFACE, "wind_estimate"], "wind_speed": 12.0, "history": 2,
+    }),
+    "cyclic": ("TD3", torch.nn.ReLU, {
+        "pitch": "cyclic", "action_components": ["pitch", "yaw"], "controller": "ipc", "control_dt": 0.3,
+        "observation": [*ON_INTERFACE, "pitch_1", "pitch_rate_2", *MOMENTS[1:3], "azimuth"],
+    }),
+    "torque": ("A2C", torch.nn.Tanh, {
+        "action_components": ["torque"], "controller": "discon", "observation": ["rotor", "power", "offsets", "pitch"],
+    }),
+    "yaw": ("PPO", torch.nn.Tanh, {
+        "action_components": ["yaw"], "controller": "discon+yaw", "observation": ["rotor", "wind", "previous_action"],
+    }),
+}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _compiler():
+    try:
+        find_compiler()
+    except CompilerError as error:
+        pytest.skip(str(error))
+
+
+def untrained(folder, kind):
+    """File of a model that acts strongly on what it observes, with its environment."""
+    algorithm, activation, arguments = AGENTS[kind]
+    env = WindTurbineEnv(**(WIND | arguments))
+    policy = {"net_arch": [24, 16], "activation_fn": activation}
+    model = ALGORITHM_CLASSES[algorithm]("MlpPolicy", env, policy_kwargs=policy, seed=5)
+    if algorithm in ("PPO", "A2C"):  # which begin with small actions
+        with torch.no_grad():
+            model.policy.action_net.weight *= 60.0
+    path = folder / "model.zip"
+    model.save(path)
+    card = {"algo": algorithm, "env_kwargs": WIND | arguments}
+    path.with_suffix(".json").write_text(json.dumps(card), encoding="utf-8")
+    return path, TrainedAgent(model), env
+
+
+def fly_both(env, agent, library, parameters, duration, held=()):
+    """Largest differences of the demands while an environment and a library read the same single-precision records.
+
+    Returns
+    -------
+    tuple of float
+        Of pitch [rad], yaw rate [rad/s], torque over the greatest one [-], and the largest offset from the controller's
+        demand in any of them.
+    """
+    n, swap = env.turbine.n_blades, new_swap()
+
+    def measured(signals):
+        write_readings(swap, signals, n)
+        read = Signals(signals.values.copy(), n)
+        for name, value in as_read(swap, n).items():
+            read.set(name, value)
+        return read
+
+    env.operation.measured = measured
+    observation, _ = env.reset(seed=2, options={"wind_seed": 7})
+    env.operation._sensor_faults = (None,)  # so that what the controller reads is measured
+    ours = Exported(library, env.turbine, parameters, env.demand)
+    begin, worst, offset = env.signals["time"], np.zeros(3), 0.0
+    advance = env.simulator.advance
+
+    def compared(dt, pitch, yaw_rate, torque, **options):
+        nonlocal offset
+        ours.swap[_READ] = swap[_READ]
+        found = ours.call(env.simulator.time - begin, dt)
+        assert ours.flag == 0, ours.message
+        most = env.turbine.drivetrain.max_generator_torque
+        new = (
+            abs(found.pitch - pitch).max(),
+            abs(found.yaw_rate - yaw_rate),
+            abs(found.generator_torque - torque) / most,
+        )
+        np.maximum(worst, new, out=worst)
+        base = env.base
+        added = abs(pitch - base.pitch).max(), abs(yaw_rate - base.yaw_rate), abs(torque - base.generator_torque) / most
+        offset = max(offset, *added)
+        return advance(dt, pitch, yaw_rate, torque, **options)
+
+    env.simulator.advance = compared
+    held = [env.layout.observation.index(name) for name in held]
+    for _ in range(round(duration / env.control_dt)):
+        observation[held] = 0.0
+        action, _ = agent.predict(observation)
+        observation, _, terminated, _, info = env.step(action)
+        assert not terminated, info["termination"]
+    return (*worst.tolist(), offset)
+
+
+_READ = np.array([4, 33, 34, 14, 15, 20, 21, 23, 24, 27, 30, 31, 32, 37, 53, 54, 60, 69, 70, 71, 109, 110]) - 1
+"""Records of readings."""
+
+
+@pytest.mark.parametrize("kind", AGENTS)
+def test_an_agent_demands_what_it_demands_in_its_environment(kind, tmp_path):
+    path, agent, env = untrained(tmp_path, kind)
+    files = export_discon(str(path), tmp_path / "exported")["files"]
+    pitch, yaw_rate, torque, offset = fly_both(env, agent, *files[1:3], 12.0)
+    assert max(pitch, yaw_rate, torque) < 1e-6
+    assert offset > 1e-3
+
+
+@pytest.mark.parametrize("duration", [20.0, pytest.param(600.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["load_reduction", "load_reduction_on_ipc"])
+def test_a_shipped_agent_with_held_channels_does_too(name, duration, tmp_path):
+    agent = TrainedAgent.load(TRAINED / name)
+    made = export_discon(str(TRAINED / name), tmp_path, hold_missing=True)
+    assert made["held"][0] == "tip_out_of_plane_mean"
+    page = Path(made["files"][3]).read_text(encoding="utf-8")
+    base = {"load_reduction": "discon", "load_reduction_on_ipc": "constrained_ipc+tower_dampers"}[name]
+    assert page.startswith(f"# The agent {name} on the controller {base}, NREL 5-MW")
+    assert "does not have tip_out_of_plane_mean" in page
+    arguments = trained_arguments(agent.record) | {"relative_reward": False, "start": "steady", "wind_speed": 16.0}
+    env = WindTurbineEnv(**(arguments | {"episode_length": None}))
+    pitch, yaw_rate, torque, offset = fly_both(env, agent, *made["files"][1:3], duration, made["held"])
+    assert max(pitch, yaw_rate, torque) < 1e-5
+    assert offset > 1e-2
+
+
+def demands_over(env, duration, act, held=()):
+    """Demands on the drives at every step of the simulator, and mean power [W], over an episode in the same wind."""
+    observation, _ = env.reset(seed=2, options={"wind_seed": 7})
+    rows, powers, advance = [], [], env.simulator.advance
+
+    def noted(dt, pitch, yaw_rate, torque, **options):
+        rows.append([*pitch, torque / env.turbine.drivetrain.max_generator_torque])
+        return advance(dt, pitch, yaw_rate, torque, **options)
+
+    env.simulator.advance = noted
+    held = [env.layout.observation.index(name) for name in held]
+    for _ in range(round(duration / env.control_dt)):
+        observation[held] = 0.0
+        observation, *_, info = env.step(act(observation))
+        powers.append(info["generator_power"])
+    return np.array(rows), float(np.mean(powers))
+
+
+@pytest.mark.parametrize("duration", [60.0, pytest.param(600.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["constrained_ipc+tower_dampers", "load_reduction"])
+def test_closed_loops_with_the_library_and_with_python_are_alike(name, duration, tmp_path):
+    """The library reads single precision: its loop is another one after rounding, and stays beside Python's."""
+    wind = WIND | {"episode_length": None, "pitch": "fixed-frame", "action_components": ["pitch"]}
+    trained = TRAINED / name if (TRAINED / name).exists() else None
+    made = export_discon(str(trained or name), tmp_path, hold_missing=True)
+    library = f"bladed:{made['files'][1]}:input_file={made['files'][2]}"
+    if trained is None:
+        env, act = WindTurbineEnv(**wind, controller=name), lambda observation: np.zeros(3)
+    else:
+        agent = TrainedAgent.load(trained)
+        arguments = trained_arguments(agent.record) | {"relative_reward": False, "start": "steady", "wind_speed": 16.0}
+        env, act = WindTurbineEnv(**(arguments | {"episode_length": None})), lambda obs: agent.predict(obs)[0]
+    expected, power = demands_over(env, duration, act, made["held"])
+    found, as_library = demands_over(WindTurbineEnv(**wind, controller=library), duration, lambda obs: np.zeros(3))
+    difference = abs(found - expected)
+    assert as_library == pytest.approx(power, rel=1e-6)
+    assert difference[:, :3].max() < 1e-5
+    assert difference[:, 3].max() < 1e-5
+
+
+def two_libraries(tmp_path, change=""):
+    """The agent "fixed frame" as a library, with other parameters if wanted, its base controller's, and a turbine."""
+    path, *_ = untrained(tmp_path, "fixed frame")
+    files = export_discon(str(path), tmp_path / "agent")["files"]
+    if change:
+        Path(files[2]).write_text(change, encoding="utf-8")
+    base = export_discon(AGENTS["fixed frame"][2]["controller"], tmp_path / "base")["files"]
+    turbine = load_turbine("nrel_5mw")
+    return Exported(*files[1:2], turbine, files[2]), Exported(*base[1:2], turbine, base[2]), turbine, files
+
+
+def test_an_agent_rests_while_a_reading_is_missing(tmp_path):
+    """Its offsets return to zero at their greatest rate; when the reading is back, it acts again."""
+    ours, base, turbine, _ = two_libraries(tmp_path)
+    apart, said, low = [], [], turbine.pitch.min_pitch
+    for k, signals in enumerate(random_readings(turbine, 500, 4, 0.1)):
+        # above rated, where nothing fades
+        signals |= {"rotor_speed": 1.3, "generator_speed": 1.3 * turbine.drivetrain.gear_ratio}
+        ours.read(signals)
+        base.read(signals)
+        if 200 <= k < 350:
+            ours.swap[26] = math.nan  # wind speed, which the controller does not read
+        found, alone = ours.call(0.1 * k, 0.1), base.call(0.1 * k, 0.1)
+        apart.append(abs(found.pitch - np.maximum(alone.pitch, low)).max())
+        if ours.flag:
+            said.append((k, ours.flag, ours.message))
+    assert max(apart[100:200]) > 0.05
+    back = 200 + math.ceil(4.0 / 1.5 / 0.1) + 4  # from the limit at the greatest rate, begun at a control step
+    assert max(apart[back:350]) < 1e-7
+    assert max(apart[400:]) > 0.05
+    assert [(k, flag) for k, flag, _ in said] == [(200, 1)]
+    assert "wind speed at the hub (record 27)" in said[0][2]
+
+
+def test_an_agent_that_is_switched_off_leaves_the_controller(tmp_path):
+    ours, base, turbine, _ = two_libraries(tmp_path, "agent = 0\n")
+    for k, signals in enumerate(random_readings(turbine, 200, 5, 0.1)):
+        ours.read(signals)
+        base.read(signals)
+        found, alone = ours.call(0.1 * k, 0.1), base.call(0.1 * k, 0.1)
+        assert np.array_equal(found.pitch, alone.pitch)
+        assert found.generator_torque == alone.generator_torque
+
+
+def test_a_checkpoint_keeps_the_agent_too(tmp_path):
+    ours, _, turbine, files = two_libraries(tmp_path)
+    other = Exported(files[1], turbine, files[2])
+    signals = list(random_readings(turbine, 200, 6, 0.1))
+    for k in range(100):
+        ours.read(signals[k])
+        ours.call(0.1 * k, 0.1)
+    ours.call(9.9, 0.1, status=-8)
+    folder = other.library.output_name.rpartition("/")[0]
+    shutil.copy(f"{ours.library.output_name}.9900.checkpoint", folder)
+    other.call(9.9, 0.1, status=-9)
+    assert other.flag == 0
+    for k in range(100, 200):
+        ours.read(signals[k])
+        other.read(signals[k])
+        assert np.array_equal(ours.call(0.1 * k, 0.1).pitch, other.call(0.1 * k, 0.1, status=1).pitch)
+
+
+def test_sanitizers_find_nothing_in_agents(tmp_path):
+    for kind in ("fixed frame", "collective"):
+        (tmp_path / kind[:5]).mkdir()
+        path, *_ = untrained(tmp_path / kind[:5], kind)
+        source, _, parameters, _ = export_discon(str(path), tmp_path / kind[:5] / "exported")["files"]
+        sanitized(source, parameters, tmp_path / kind[:5])
+
+
+def test_channels_that_the_interface_lacks_are_refused_with_their_names(tmp_path):
+    words = [str(TRAINED / "load_reduction"), "--to", "discon", "--out", str(tmp_path)]
+    with pytest.raises(SystemExit, match=r"tip_out_of_plane_mean, .*tower_top_side_side, which the Bladed interface"):
+        main(words)
+    with pytest.raises(SystemExit, match=r"must be made of discon, .* got LidarFeedforward"):
+        main([str(TRAINED / "load_reduction_on_lidar"), *words[1:], "--hold-missing"])
+    with pytest.raises(SystemExit, match="turbine and interval are those of the agent's training"):
+        main([*words, "--turbine", "iea_15mw"])
+
+
+def test_actions_that_are_not_residual_are_refused(tmp_path):
+    kwargs = {"turbine": "nrel_5mw", "inflow": "steady", "observation": ["rotor"]}
+    model = ALGORITHM_CLASSES["PPO"]("MlpPolicy", WindTurbineEnv(**kwargs))
+    model.save(tmp_path / "model.zip")
+    (tmp_path / "model.json").write_text(json.dumps({"algo": "PPO", "env_kwargs": kwargs}), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"must have residual actions .*, got 'rate'"):
+        export_discon(str(tmp_path / "model.zip"), tmp_path / "out")

@@ -1,0 +1,156 @@
+"""An exported library and Python's controllers on the same readings, for tests."""
+
+import math
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wt_gym.control import Demand
+from wt_gym.control.bladed.library import Library
+from wt_gym.control.bladed.records import new_swap, write_demand, write_readings, write_turbine
+from wt_gym.control.reference_loads import reference_flap_moment
+
+OUT_OF_PLANE, IN_PLANE, PITCH = (30, 31, 32), (69, 70, 71), (4, 33, 34)
+
+
+class Exported:
+    """A loaded library, called like a simulation does."""
+
+    def __init__(self, path, turbine, input_file="", demand=None, individual=True):
+        self.library, self.turbine, self.input_file = Library(Path(path)), turbine, str(input_file)
+        self.swap = new_swap()
+        write_turbine(self.swap, turbine, individual, (self.input_file, self.library.output_name))
+        if demand is not None:
+            write_demand(self.swap, demand)
+        self.calls, self.flag, self.message = 0, 0, ""
+
+    def read(self, signals):
+        """Take readings and give them back as the library has them: in single precision."""
+        write_readings(self.swap, signals, self.turbine.n_blades)
+        return as_read(self.swap, self.turbine.n_blades)
+
+    def call(self, time, interval, status=None):
+        """Call once and return the demands."""
+        self.swap[:3] = (0 if self.calls == 0 else 1) if status is None else status, time, interval
+        self.flag, self.message = self.library.call(self.swap, self.input_file)
+        self.calls += 1
+        n = self.turbine.n_blades
+        return Demand(self.swap[41 : 41 + n].astype(float), float(self.swap[47]), float(self.swap[46]))
+
+
+def as_read(swap, n_blades):
+    """Signals by name as records hold them."""
+    swap = swap.astype(np.float64)
+    read = {
+        "generator_speed": swap[19], "rotor_speed": swap[20], "generator_power": swap[14], "generator_torque": swap[22],
+        "yaw_error": swap[23], "yaw": swap[36], "wind_x": swap[26], "wind_y": 0.0,
+        "nacelle_acceleration_fore_aft": swap[52], "nacelle_acceleration_side_side": swap[53], "azimuth": swap[59],
+    }  # fmt: skip
+    for b in range(n_blades):
+        out, within, angle = (swap[records[b] - 1] for records in (OUT_OF_PLANE, IN_PLANE, PITCH))
+        read[f"pitch_{b + 1}"] = angle
+        read[f"root_flap_moment_{b + 1}"] = out * math.cos(angle) + within * math.sin(angle)
+        read[f"root_edge_moment_{b + 1}"] = within * math.cos(angle) - out * math.sin(angle)
+    return {name: float(value) for name, value in read.items()}
+
+
+def random_readings(turbine, count, seed, dt):
+    """Readings that wander over everything that a turbine meets, with jumps."""
+    rng = np.random.default_rng(seed)
+    drive = turbine.drivetrain
+    n, moment = turbine.n_blades, 2.0 * reference_flap_moment(turbine)
+
+    def walk(low, high, rate):
+        """A value that wanders and sometimes jumps, kept in a range by reflection."""
+        value = rng.uniform(low, high)
+        for _ in range(count):
+            if rng.random() < 0.005:
+                value = rng.uniform(low, high)
+            value += rate * (high - low) * rng.normal()
+            value = low + abs(value - low) if value < low else high - abs(high - value) if value > high else value
+            yield min(max(value, low), high)
+
+    speed = drive.rated_rotor_speed
+    names = {
+        "rotor_speed": (0.0, 1.3 * speed, 0.01), "torque_part": (0.0, 1.1, 0.02), "wind_x": (1.0, 30.0, 0.02),
+        "yaw_error": (-0.6, 0.6, 0.02), "fore_aft": (-1.0, 1.0, 0.1), "side_side": (-0.5, 0.5, 0.1),
+    }  # fmt: skip
+    names |= {f"pitch_{b + 1}": (-0.05, 0.5, 0.01) for b in range(n)}
+    names |= {f"root_{kind}_moment_{b + 1}": (-moment, moment, 0.03) for kind in ("flap", "edge") for b in range(n)}
+    walks = {name: walk(*row) for name, row in names.items()}
+    azimuth = rng.uniform(0.0, 2.0 * math.pi)
+    for k in range(count):
+        now = {name: next(walk) for name, walk in walks.items()}
+        azimuth = (azimuth + now["rotor_speed"] * dt) % (2.0 * math.pi)
+        torque = now.pop("torque_part") * drive.max_generator_torque
+        generator_speed = now["rotor_speed"] * drive.gear_ratio
+        yield now | {
+            "time": k * dt, "wind_y": 0.0, "azimuth": azimuth, "yaw": 0.0, "generator_speed": generator_speed,
+            "generator_torque": torque, "generator_power": torque * generator_speed, "shaft_torque": 0.0,
+            "rotor_thrust": 0.0, "nacelle_acceleration_fore_aft": now.pop("fore_aft"),
+            "nacelle_acceleration_side_side": now.pop("side_side"),
+        }  # fmt: skip
+
+
+DRIVER = r"""
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <math.h>
+static float uniform(float low, float high) { return low + (high - low) * (float)rand() / (float)RAND_MAX; }
+int main(int n, char **words) {
+    static float swap[3500];
+    char message[1025];
+    int fail, worst = 0;
+    (void)n;
+    srand(1);
+    for (int k = 0; k < 3000; k++) {
+        const int blades[] = {3, 32, 33}, moments[] = {29, 30, 31, 68, 69, 70};
+        swap[0] = k == 0 ? 0.0f : 1.0f; swap[1] = 0.05f * (float)k; swap[2] = 0.05f; swap[27] = 1.0f;
+        swap[48] = 1025.0f; swap[49] = (float)strlen(words[1]) + 1.0f; swap[50] = (float)strlen(words[2]) + 1.0f;
+        for (int b = 0; b < 3; b++) swap[blades[b]] = uniform(-0.1f, 1.6f);
+        for (int b = 0; b < 6; b++) swap[moments[b]] = uniform(-3e7f, 3e7f);
+        swap[19] = uniform(-10.0f, 200.0f); swap[20] = swap[19] / 97.0f; swap[14] = uniform(0.0f, 6e6f);
+        swap[22] = uniform(0.0f, 5e4f); swap[23] = uniform(-7.0f, 7.0f); swap[26] = uniform(0.0f, 40.0f);
+        swap[52] = uniform(-60.0f, 60.0f); swap[53] = uniform(-2.0f, 2.0f); swap[59] = uniform(-10.0f, 10.0f);
+        if (k > 0 && k % 7 == 0) swap[rand() % 75 + 3] = k % 2 ? NAN : INFINITY;
+        DISCON(swap, &fail, words[1], words[2], message);
+        if (fail < worst) worst = fail;
+        for (int r = 41; r < 48; r++) if (!isfinite(swap[r])) { printf("not finite: %d in call %d\n", r, k); return 2; }
+        if (k == 1500) {
+            for (int status = -8; status >= -9; status--) {
+                swap[0] = (float)status; DISCON(swap, &fail, words[1], words[2], message);
+                if (fail != 0) { printf("%s\n", message); return 3; }
+            }
+        }
+    }
+    swap[0] = -1.0f;
+    DISCON(swap, &fail, words[1], words[2], message);
+    swap[0] = 0.0f;
+    swap[48] = 20.0f;      /* a short message, a file that is not there */
+    DISCON(swap, &fail, "nothing", words[2], message);
+    if (fail != -1 || strlen(message) != 19) { printf("message '%s'\n", message); return 4; }
+    return worst == 0 ? 0 : 5;
+}
+"""
+
+
+def sanitized(source, parameters, folder):
+    """Run a source with random and missing readings under the sanitizers of addresses and undefined behavior."""
+    if not (compiler := shutil.which("gcc") or shutil.which("clang")):
+        pytest.skip("gcc or clang is needed")
+    (folder / "driver.c").write_text(f'#include "{source}"\n' + DRIVER, encoding="utf-8")
+    program = folder / "driver"
+    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
+    built = subprocess.run(
+        [compiler, *flags, "-o", str(program), str(folder / "driver.c"), "-lm"], capture_output=True, text=True
+    )
+    if "cannot find" in built.stderr:
+        pytest.skip("the libraries of the sanitizers are not installed")
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run([str(program), str(parameters), str(folder / "out")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stderr == ""

@@ -1,0 +1,422 @@
+"""Controllers exported as libraries with the Bladed interface, against Python's on the same readings."""
+
+import math
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envs_tests.unit.exported_library import Exported, random_readings, sanitized
+from wt_gym.agents.export.discon import export_discon
+from wt_gym.agents.export.parameters import PARAMETERS
+from wt_gym.bridges.compiler import CompilerError, find_compiler
+from wt_gym.commands.export import main
+from wt_gym.control import Demand
+from wt_gym.control.controllers import make_controller
+from wt_gym.turbines import load_turbine
+
+DT = 0.1
+CONTROLLERS = (
+    ("discon", "nrel_5mw"),
+    ("discon:notch_frequency=3.0", "nrel_5mw"),
+    ("discon:filter_damping=0.7", "nrel_5mw"),
+    ("discon:filter_damping=1.3,corner_frequency=4.0", "nrel_5mw"),
+    ("retuned+ipc_2p", "nrel_5mw"),
+    ("tuned", "nrel_5mw"),
+    ("ipc:fade=False,proportional_time=0.5", "nrel_5mw"),
+    ("constrained_ipc+tower_dampers+yaw", "nrel_5mw"),
+    ("tsr_tracking:thrust_limit=0.9", "nrel_5mw"),
+    ("tsr_tracking+ipc+yaw:dead_band=0.05", "nrel_5mw"),
+    ("discon", "iea_15mw"),  # the published one: table of gains, tip-speed ratio, second-order filter
+    ("discon+constrained_ipc", "iea_22mw"),
+    ("discon+fore_aft_damper", "gebhardt_45m"),
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiler():
+    try:
+        find_compiler()
+    except CompilerError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """Exports by name and turbine, each made once."""
+    made = {}
+
+    def export(choice, turbine="nrel_5mw", **options):
+        key = choice, turbine, tuple(options.items())
+        if key not in made:
+            folder = tmp_path_factory.mktemp("exported")
+            made[key] = export_discon(choice, folder, turbine=turbine, interval=DT, **options)["files"]
+        return made[key]
+
+    return export
+
+
+def start_demand(readings, turbine):
+    pitch = np.array([readings[f"pitch_{b + 1}"] for b in range(turbine.n_blades)])
+    # as records hold it
+    return Demand(
+        pitch.astype(np.float32).astype(float), 0.0, float(np.float32(0.5 * turbine.drivetrain.max_generator_torque))
+    )
+
+
+@pytest.mark.parametrize(("choice", "name"), CONTROLLERS)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_random_readings_give_the_demands_of_the_controller(choice, name, seed, exported):
+    """The same up to the single precision of the demands, over 100 s of readings that reach everywhere."""
+    turbine = load_turbine(name)
+    _, library, parameters, _ = exported(choice, name)
+    controller = make_controller(choice, turbine)
+    moved = 0.0
+    for k, signals in enumerate(random_readings(turbine, 1000, seed, DT)):
+        if k == 0:
+            held = start_demand(signals, turbine)
+            ours = Exported(library, turbine, parameters, held)
+        read = ours.read(signals)
+        if k == 0:
+            controller.start(read, held)
+        expected, found = controller.step(read, DT), ours.call(k * DT, DT)
+        assert ours.flag == 0, ours.message
+        assert found.pitch == pytest.approx(expected.pitch, abs=2e-7)
+        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-6, abs=1e-3)
+        assert found.yaw_rate == pytest.approx(expected.yaw_rate, abs=1e-8)
+        moved = max(moved, float(np.ptp(expected.pitch)) if "ipc" in choice else abs(expected.pitch[0]))
+    assert moved > 0.01  # it did act
+
+
+WHOLE = "constrained_ipc:level=0.02,fade=False"
+
+
+def recorded(count, seed=3, dt=DT, name="nrel_5mw"):
+    turbine = load_turbine(name)
+    return turbine, list(random_readings(turbine, count, seed, dt))
+
+
+def run(ours, signals, dt=DT, first=0):
+    """Demands of a library over readings."""
+    demands = []
+    for k, now in enumerate(signals):
+        ours.read(now)
+        demands.append(ours.call((first + k) * dt, dt))
+    return demands
+
+
+def pitches(demands):
+    return np.array([demand.pitch for demand in demands])
+
+
+def test_it_acts_at_its_own_step_whatever_that_of_the_caller(exported):
+    """Called eight times a step it acts on the readings of every eighth call, also after ten hours."""
+    turbine, signals = recorded(100)
+    _, library, parameters, _ = exported(WHOLE)
+    coarse = pitches(run(Exported(library, turbine, parameters), signals))
+    for begin in (0.0, 36000.0):
+        ours, fine = Exported(library, turbine, parameters), []
+        for k, now in enumerate(signals):
+            for part in range(8):
+                ours.read(now if part == 0 else signals[(k + 50) % 100])
+                fine.append(ours.call(begin + DT * k + DT / 8 * part, DT / 8).pitch)
+        assert np.array_equal(np.array(fine), np.repeat(coarse, 8, axis=0))
+
+
+def test_calls_that_are_farther_apart_make_several_steps(exported):
+    turbine, signals = recorded(50)
+    _, library, parameters, _ = exported("discon")
+    twice = [signals[max(2 * ((k + 1) // 2), 0)] for k in range(40)]  # 0, then each of the others twice
+    fine = run(Exported(library, turbine, parameters), twice)
+    coarse = run(Exported(library, turbine, parameters), signals[:40:2], dt=2 * DT)
+    assert np.array_equal(pitches(fine)[::2], pitches(coarse))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e12])
+def test_a_missing_reading_rests_individual_pitch_and_is_said_once(value, exported):
+    """The blades come back to those of the base controller within the time that the limit of the rate allows."""
+    turbine, signals = recorded(400)
+    _, library, parameters, _ = exported(WHOLE)
+    _, plain, of_plain, _ = exported("discon")
+    ours, base = Exported(library, turbine, parameters), Exported(plain, turbine, of_plain)
+    said = []
+    for k, now in enumerate(signals):
+        ours.read(now)
+        if k >= 200:
+            ours.swap[30] = value  # out-of-plane moment of blade 2
+        base.read(now)
+        found, alone = ours.call(k * DT, DT), base.call(k * DT, DT)
+        assert np.isfinite(found.pitch).all()
+        if ours.flag:
+            said.append((k, ours.flag, ours.message))
+        if k == 199:
+            assert np.ptp(found.pitch) > 0.01
+        if k >= 200 + 4.0 / 1.5 / DT:
+            assert found.pitch == pytest.approx(np.clip(alone.pitch, turbine.pitch.min_pitch, None), abs=1e-7)
+            assert found.generator_torque == alone.generator_torque
+    assert [(k, flag) for k, flag, _ in said] == [(200, 1)]
+    assert "out-of-plane moment of blade 2 (record 31)" in said[0][2]
+
+
+def test_the_rotor_speed_stands_in_for_that_of_the_generator_and_the_azimuth_goes_on(exported):
+    turbine, signals = recorded(100)
+    _, library, parameters, _ = exported(WHOLE)
+    whole, missing = Exported(library, turbine, parameters), Exported(library, turbine, parameters)
+    for k, now in enumerate(signals):
+        now = now | {
+            "rotor_speed": 1.2,
+            "generator_speed": 1.2 * turbine.drivetrain.gear_ratio,
+            "azimuth": 0.12 * k % 6,
+        }
+        whole.read(now | {"azimuth": 0.12 * k})
+        missing.read(now | {"azimuth": 0.12 * k})
+        if k > 10:
+            missing.swap[19] = math.nan
+        expected, found = whole.call(k * DT, DT), missing.call(k * DT, DT)
+        assert found.pitch == pytest.approx(expected.pitch, abs=1e-5)
+        assert found.generator_torque == pytest.approx(expected.generator_torque, rel=1e-5)
+
+
+def test_what_the_controller_starts_from_must_be_there(exported):
+    turbine, signals = recorded(1)
+    _, library, parameters, _ = exported("discon")
+    ours = Exported(library, turbine, parameters)
+    ours.read(signals[0])
+    ours.swap[19] = math.nan
+    ours.call(0.0, DT)
+    assert ours.flag == -1
+    assert "generator speed (record 20)" in ours.message
+
+
+def test_collective_pitch_only_is_said_where_blades_are_pitched_one_by_one(exported):
+    turbine, signals = recorded(2)
+    _, library, parameters, _ = exported(WHOLE)
+    ours = Exported(library, turbine, parameters, individual=False)
+    first = run(ours, signals[:1])
+    assert ours.flag == 1
+    assert "record 28 must be 1" in ours.message
+    assert ours.swap[44] == pytest.approx(first[0].pitch.mean(), abs=1e-6)
+    run(ours, signals[1:], first=1)
+    assert ours.flag == 0
+
+
+def test_parameters_can_be_changed_in_the_file(exported, tmp_path):
+    turbine, signals = recorded(200)
+    _, library, parameters, _ = exported("discon")
+    text = Path(parameters).read_text(encoding="utf-8")
+    changed = tmp_path / "slow.in"
+    changed.write_text(text.replace("corner_frequency = ", "corner_frequency = 2.5 # was "), encoding="utf-8")
+    held = start_demand(signals[0], turbine)
+    ours, controller = (
+        Exported(library, turbine, changed, held),
+        make_controller("discon:corner_frequency=2.5", turbine),
+    )
+    found = []
+    for k, now in enumerate(signals):
+        read = ours.read(now)
+        if k == 0:
+            controller.start(read, held)
+        found.append(ours.call(k * DT, DT).pitch)
+        assert found[-1] == pytest.approx(controller.step(read, DT).pitch, abs=2e-7)
+    unchanged = run(Exported(library, turbine, "", held), signals)  # without a file as it was exported
+    assert np.array_equal(pitches(unchanged), pitches(run(Exported(library, turbine, parameters, held), signals)))
+    assert abs(pitches(unchanged) - np.array(found)).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("proportional_gian = 1", "line 1: there is no parameter 'proportional_gian'"),
+        ("proportional_gain = x", "line 1: proportional_gain must be 1 number.* from 0 to inf"),
+        ("proportional_gain = -1", "line 1: proportional_gain must be 1 number.* from 0 to inf"),
+        ("proportional_gain = nan", "line 1: proportional_gain must be 1 number.* from 0 to inf"),
+        ("proportional_gain = 1 2", "there are more"),
+        ("proportional_gain", "must be 'name = value'"),
+        ("= 3", "must be 'name = value'"),
+    ],
+)
+def test_a_parameter_file_with_an_error_ends_the_simulation(line, message, exported, tmp_path):
+    turbine, signals = recorded(1)
+    _, library, *_ = exported("discon")
+    (tmp_path / "wrong.in").write_text(line + "\n", encoding="utf-8")
+    ours = Exported(library, turbine, tmp_path / "wrong.in")
+    run(ours, signals)
+    assert ours.flag == -1
+    assert re.search(message, ours.message)
+    ours = Exported(library, turbine, tmp_path / "none.in")
+    run(ours, signals)
+    assert ours.flag == -1
+    assert "must be readable" in ours.message
+
+
+@pytest.mark.parametrize("choice", ["tsr_tracking+ipc+yaw:dead_band=0.05", WHOLE])
+def test_a_checkpoint_brings_another_instance_to_the_same_place(choice, exported):
+    turbine, signals = recorded(300)
+    _, library, parameters, _ = exported(choice)
+    ours, other = Exported(library, turbine, parameters), Exported(library, turbine, parameters)
+    run(ours, signals[:150])
+    swap = ours.swap.copy()
+    ours.call(14.9, DT, status=-8)
+    assert (ours.flag, ours.message) == (0, "")
+    assert np.array_equal(swap[3:], ours.swap[3:])
+    expected = run(ours, signals[150:], first=150)
+    folder = other.library.output_name.rpartition("/")[0]
+    shutil.copy(f"{ours.library.output_name}.14900.checkpoint", folder)
+    other.swap[:] = swap
+    other.call(14.9, DT, status=-9)
+    assert (other.flag, other.message) == (0, "")
+    assert np.array_equal(pitches(run(other, signals[150:], first=150)), pitches(expected))
+
+
+def test_a_checkpoint_that_is_none_is_refused(exported):
+    turbine, _ = recorded(1)
+    _, library, parameters, _ = exported("discon")
+    _, another, of_another, _ = exported(WHOLE)
+    ours, other = Exported(library, turbine, parameters), Exported(another, turbine, of_another)
+    other.call(0.0, DT, status=-9)
+    assert other.flag == -1
+    assert "could not be read" in other.message
+    run(ours, recorded(1)[1])
+    ours.call(0.0, DT, status=-8)
+    shutil.copy(f"{ours.library.output_name}.0.checkpoint", f"{other.library.output_name}.0.checkpoint")
+    other.call(0.0, DT, status=-9)
+    assert other.flag == -1
+    assert "must be one of this controller" in other.message
+
+
+def test_a_first_call_with_another_status_starts_and_the_last_one_holds(exported):
+    turbine, signals = recorded(20)
+    _, library, parameters, _ = exported(WHOLE)
+    expected = run(Exported(library, turbine, parameters), signals)
+    ours, found = Exported(library, turbine, parameters), []
+    for k, now in enumerate(signals):
+        ours.read(now)
+        found.append(ours.call(k * DT, DT, status=1))
+    assert np.array_equal(pitches(found), pitches(expected))
+    ours.read(signals[0])
+    assert np.array_equal(ours.call(20 * DT, DT, status=-1).pitch, found[-1].pitch)
+    assert ours.flag == 0
+
+
+def test_drives_in_the_library_keep_the_limits_of_the_turbine(exported):
+    """With drives of its own the pitch is that of a command at the greatest rate, and the torque moves evenly."""
+    turbine, signals = recorded(300)
+    _, library, parameters, _ = exported(WHOLE, drive=True)
+    _, bare, of_bare, _ = exported(WHOLE)
+    held = start_demand(signals[0], turbine)
+    ours, plain = Exported(library, turbine, parameters, held), Exported(bare, turbine, of_bare, held)
+    parts, angles, torques = 8, [], []
+    command, expected, rate = held.pitch, held.pitch, np.zeros(3)
+    for k, now in enumerate(signals):
+        plain.read(now)
+        demand = plain.call(k * DT, DT)
+        for part in range(parts):
+            ours.read(now)
+            found = ours.call(k * DT + part * DT / parts, DT / parts)
+            angles.append(found.pitch)
+            torques.append(found.generator_torque)
+        # the drive of the simulator: its rate goes from that of the last command to that of this one within the step
+        assert angles[-parts] == pytest.approx(expected, abs=1e-6)
+        before, most = rate, turbine.pitch.max_rate
+        rate = np.clip((np.clip(demand.pitch, 0.0, turbine.pitch.max_pitch) - command) / DT, -most, most)
+        expected = expected + 0.5 * DT * (before + rate)
+        command = command + DT * rate
+    rates = np.diff(np.array(angles), axis=0) / (DT / parts)
+    assert abs(rates).max() <= turbine.pitch.max_rate * 1.001
+    assert abs(rates).max() > 0.9 * turbine.pitch.max_rate
+    assert abs(np.diff(torques)).max() <= turbine.drivetrain.max_torque_rate * DT / parts * 1.001
+
+
+def test_drives_do_not_drift_where_steps_of_the_caller_fit_none_of_the_controller(exported):
+    turbine, signals = recorded(200)
+    _, library, parameters, _ = exported(WHOLE, drive=True)
+    held = start_demand(signals[0], turbine)
+    even, odd = Exported(library, turbine, parameters, held), Exported(library, turbine, parameters, held)
+    expected = pitches(run(even, signals))
+    found, k, dt = [], 0, 0.03
+    for call in range(round(200 * DT / dt)):
+        time = call * dt
+        if time >= DT * k - 0.5 * dt:  # the readings of the step that is due
+            odd.read(signals[k])
+            k += 1
+        found.append(odd.call(time, dt).pitch)
+    times = dt * np.arange(len(found))
+    smooth = np.array([np.interp(times, DT * np.arange(200), column) for column in expected.T]).T
+    # the evenness of a step and half a step of the caller at the greatest rate
+    assert abs(np.array(found) - smooth).max() < 0.7 * dt * turbine.pitch.max_rate + 0.3 * DT * turbine.pitch.max_rate
+
+
+def test_drives_that_are_servos_settle_on_the_demand(tmp_path):
+    turbine = load_turbine("iea_15mw")
+    turbine = replace(turbine, pitch=replace(turbine.pitch, servo_frequency=2.0, servo_damping=0.7))
+    _, library, parameters, _ = export_discon("discon", tmp_path, turbine=turbine, interval=DT, drive=True)["files"]
+    signals = next(random_readings(turbine, 1, 0, DT))
+    speed = 1.02 * turbine.drivetrain.rated_rotor_speed
+    signals |= {"rotor_speed": speed, "generator_speed": speed * turbine.drivetrain.gear_ratio}
+    signals |= {f"pitch_{b}": 0.2 for b in (1, 2, 3)}
+    count, dt = 2000, DT / 8
+    ours = Exported(library, turbine, parameters)
+    angles = pitches(run(ours, [signals] * count, dt=dt))[:, 0]
+    (tmp_path / "bare.in").write_text("drive = 0\n", encoding="utf-8")
+    demands = pitches(run(Exported(library, turbine, tmp_path / "bare.in"), [signals] * count, dt=dt))[:, 0]
+    time = dt * np.arange(count)
+    # behind a moving demand by what the command is late, held demands besides, and by 2 zeta/omega
+    late = DT + 2 * 0.7 / 2.0
+    assert demands[-1] - demands[0] > 0.02
+    assert angles[400:] == pytest.approx(np.interp(time - late, time, demands)[400:], abs=2e-4)
+    assert abs(angles - demands).max() > 5e-4
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        ("tuned_lidar", "must be made of discon, .* got LidarFeedforward"),
+        ("ipc+ipc_2p", "individual pitch is there twice"),
+        ("envs_tests/unit/test_export_discon.py:Exported", "must be a trained agent or a controller of discon"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused_with_what_can(choice, message, tmp_path):
+    with pytest.raises(SystemExit, match=message):
+        main([choice, "--to", "discon", "--out", str(tmp_path)])
+
+
+def test_the_command_names_files_and_compiles_for_the_turbine(tmp_path, capsys):
+    main(
+        [
+            "tsr_tracking",
+            "--to",
+            "discon",
+            "--out",
+            str(tmp_path),
+            "--turbine",
+            "iea_22mw",
+            "--interval",
+            "0.05",
+            "--drive",
+        ]
+    )
+    names = [line.rpartition("/")[2] for line in capsys.readouterr().out.splitlines()]
+    assert [name.rpartition(".")[2] for name in names] == ["c", "so", "in", "md"]
+    assert "\ndrive = 1.0 " in (tmp_path / "tsr_tracking.in").read_text(encoding="utf-8")
+    page = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "every 0.05 s" in page
+    assert "| 23 | generator torque |" in page
+
+
+def test_every_parameter_of_a_file_is_one_of_the_table(exported):
+    _, _, parameters, _ = exported("tsr_tracking+ipc+yaw:dead_band=0.05")
+    lines = Path(parameters).read_text(encoding="utf-8").splitlines()
+    found = [line.partition(" = ")[0] for line in lines if line and not line.startswith("#")]
+    assert set(found) < {entry.name for entry in PARAMETERS}
+    assert len(found) == len(set(found)) > 30
+
+
+@pytest.mark.parametrize(
+    "choice", ["discon", "tsr_tracking+ipc+yaw:dead_band=0.05", "constrained_ipc+tower_dampers+yaw"]
+)
+def test_sanitizers_find_nothing(choice, exported, tmp_path):
+    source, _, parameters, _ = exported(choice)
+    sanitized(source, parameters, tmp_path)
