@@ -2,6 +2,8 @@
 
 import lzma
 import os
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -14,11 +16,15 @@ BESIDE = Path(__file__).resolve().parents[3] / "shared" / "openfast" / "libopenf
 
 @cache
 def openfast_library():
-    """Path of the library: that of the environment variable, or one beside the checkout; None without either."""
+    """Path of the library: that of the environment variable, or one beside the checkout; None without either.
+
+    One beside the checkout that this machine cannot load, for want of what it links to, is none.
+    """
     if os.environ.get(VARIABLE):
         return Path(os.environ[VARIABLE])
     if not BESIDE.is_file():
         return None
     path = Path(mkdtemp(prefix="wt_gym_tests_")) / "libopenfastlib.so"
     path.write_bytes(lzma.decompress(BESIDE.read_bytes()))
-    return path
+    loading = [sys.executable, "-c", "import ctypes, sys; ctypes.CDLL(sys.argv[1])", str(path)]
+    return path if subprocess.run(loading, capture_output=True, check=False).returncode == 0 else None
