@@ -59,7 +59,7 @@ class DatasetConfig:
     random_episodes : int
         Of random actions, for the lower reference score.
     allow_other_environment : bool
-        Take a trained model into other noise, action spans or another controller beneath than in its training.
+        Take a trained model into other noise, action spans or another base controller than in its training.
     """
 
     agent: str

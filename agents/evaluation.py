@@ -68,7 +68,7 @@ def evaluate(
     overwrite : bool
         Remove what another evaluation left in the folder.
     allow_other_environment : bool
-        Take trained models into an environment with other noise, action spans or controller beneath than in their
+        Take trained models into an environment with other noise, action spans or base controller than in their
         training, see `wt_gym.agents.trained_environment`.
     executor : Executor, optional
         Of `wt_gym.runs.executors`, entered: does the runs, by default one after another. The numbers are the same.

@@ -50,7 +50,7 @@ if not TYPE_CHECKING:  # which would take every name for one of this module
     __getattr__ = renamed_names(__name__)
 
 WORDS = ("zero", "random", "planner")
-"""Agents by word: zero actions, which leave everything to the controller beneath; even draws; planning on a copy of the
+"""Agents by word: zero actions, which leave everything to the base controller; even draws; planning on a copy of the
 simulator. A controller, a class of one's own and a path are read by `wt_gym.control.controllers.names.parse_name`."""
 LEVELS = (0.03, 0.06, 0.1, 0.15, 0.2)
 """Bands of constrained individual pitch in the word "baselines", in `reference_flap_moment`."""

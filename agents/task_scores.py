@@ -76,7 +76,7 @@ class Study:
     task : str
         Of `wt_gym.tasks.TASKS`, whose newest id runs.
     contenders : tuple of str
-        Words and paths as for `wt_gym.agents.pool.load_agent`, or `RANDOM`; the controller beneath first.
+        Words and paths as for `wt_gym.agents.pool.load_agent`, or `RANDOM`; the base controller first.
     parts : tuple of Part
     columns : tuple of Column
     duration, skip : float
@@ -139,7 +139,7 @@ STUDIES: dict[str, Study] = {
          f"{_TRAINED}load_reduction_on_ipc"),
         (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2)),),
         (_ENERGY, *_LIFE, _TRAVEL),
-        # trained without torque, which it leaves to the controller beneath
+        # trained without torque, which it leaves to the base controller
         arguments={f"{_TRAINED}load_reduction_on_ipc": {"action_components": ["pitch"]}},
     ),
     "MaxPower": Study(

@@ -26,7 +26,7 @@ class Task:
     goal : str
         What is to be done, in one sentence.
     score : str
-        What counts, as metrics of `wt_gym.analysis.metrics`, against the controller beneath in the same winds.
+        What counts, as metrics of `wt_gym.analysis.metrics`, against the base controller in the same winds.
     episode : float
         Length of an episode [s]; ``max_episode_steps`` of the id.
     arguments : dict

@@ -21,6 +21,7 @@ from wt_gym.agents.names import fingerprint
 from wt_gym.agents.pool import AgentPool
 from wt_gym.analysis.lifetime import WindClimate
 from wt_gym.benchmark.fingerprint import sources_digest
+from wt_gym.envs.simulators import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.files import require_writable, write_text_whole
@@ -175,6 +176,12 @@ def run_load_cases(
         cases = tuple(case for case in CASES if case in config.cases)
         # runs of several cases are the same: they stand once, by what they are
         jobs = [(case, job) for case in cases for job in _jobs(agents, _conditions(case, turbine, plan, config))]
+        if config.env_kwargs.get("simulator", OWN) != OWN and any(name == PARKED for _, (name, _) in jobs):
+            parked = [case for case, (name, _) in jobs if name == PARKED]
+            raise ValueError(
+                f"cases must be without a parked turbine where another simulator is wanted than {OWN!r}, got "
+                f"{', '.join(dict.fromkeys(parked))}"
+            )
         shown = _Progress(progress)
         results = make_runs(
             [job for _, job in jobs], partial(pool.results, _play, executor, _code), tally=executor.tally, store=store,

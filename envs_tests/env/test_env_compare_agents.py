@@ -1,4 +1,4 @@
-"""Controllers and agents with predict in the same winds: actions that rest are the controller beneath, exactly."""
+"""Controllers and agents with predict in the same winds: actions that rest are the base controller, exactly."""
 
 from wt_gym.agents.comparison import Case, run_cases
 from wt_gym.turbines import load_turbine

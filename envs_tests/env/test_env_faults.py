@@ -46,7 +46,7 @@ def test_a_wrong_sensor_is_seen_by_agent_and_controller_but_does_not_change_what
     read, was = layout.value(wrong[5], "rotor_speed"), layout.value(sound[5], "rotor_speed")
     assert read == pytest.approx(0.9 * was, rel=1e-6)
     assert ran[4] == true[4]
-    # the controller beneath takes the rotor for slow and pitches less
+    # the base controller takes the rotor for slow and pitches less
     assert layout.value(wrong[-1], "controller_pitch") < layout.value(sound[-1], "controller_pitch") - 0.01
 
 

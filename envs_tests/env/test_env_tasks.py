@@ -1,4 +1,4 @@
-"""Modes of action, controllers beneath, tasks, snapshots: on the real simulator."""
+"""Modes of action, base controllers, tasks, snapshots: on the real simulator."""
 
 import copy
 import itertools
@@ -152,7 +152,7 @@ def test_evaluations_take_the_limit_away_without_a_warning(monkeypatch):
         make_env(task, task.winds[0]).reset(seed=0)
 
 
-# ---- a controller beneath ----
+# ---- a base controller ----
 
 
 def test_zero_residual_is_the_controller_at_the_step_of_the_simulator():
@@ -274,7 +274,7 @@ def test_random_residual_policies_survive():
 
 
 def test_components_left_out_are_the_controllers():
-    """Torque alone in rate mode: the pitch follows the controller beneath."""
+    """Torque alone in rate mode: the pitch follows the base controller."""
     env = WindTurbineEnv(inflow=SteadyInflow(16.0), action_components=("torque",), episode_length=10.0)
     env.reset(seed=0)
     for _ in range(10):

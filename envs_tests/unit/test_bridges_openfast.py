@@ -342,7 +342,7 @@ class TestSignals:
         yawed = measured(turbine, outputs(Azimuth=180.0, OoPDefl1=5.0, YawPzn=40.0))["tip_clearance_1"]
         assert yawed == pytest.approx(measured(turbine, outputs(Azimuth=180.0, OoPDefl1=5.0))["tip_clearance_1"])
 
-    def test_extremes_go_on(self, turbine):
+    def test_extremes_accumulate(self, turbine):
         measurement, still = Measurement(turbine, NAMES), np.zeros(3)
         for k, (moment, accumulate) in enumerate([(5.0, False), (3.0, True)]):
             rows = np.array([outputs(RootMyb1=-moment, RotSpeed=moment)])

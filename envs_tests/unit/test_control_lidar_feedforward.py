@@ -304,5 +304,5 @@ def test_an_observation_has_the_lidar_of_the_controller_beneath():
     assert env.unwrapped.layout.lidar == lidar
     assert env.unwrapped.layout.observation.names == ("lidar_1", "lidar_2")
     env.close()
-    with pytest.raises(ValueError, match="the controller beneath reads Lidar"):
+    with pytest.raises(ValueError, match="the base controller reads Lidar"):
         gym.make("wt_gym/LoadReduction-v1", **more, lidar=Lidar((50.0,)))

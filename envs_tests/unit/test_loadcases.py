@@ -320,3 +320,9 @@ def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
     assert message in end.value.code
     assert "\n" not in end.value.code
     assert not list(tmp_path.iterdir())
+
+
+def test_a_parked_turbine_is_refused_to_another_simulator(tmp_path):
+    config = LoadCaseConfig("wt_gym/LoadReduction-v1", {"simulator": lambda *_: None}, cases=("6.1",), quick=True)
+    with pytest.raises(ValueError, match=r"without a parked turbine .* got 6\.1"):
+        run_load_cases({"discon": "discon"}, config, tmp_path)

@@ -27,7 +27,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     add_site_option(parser)
     add_wind_option(parser)
     parser.add_argument("--allow-other-environment", action="store_true", help="take a trained model into other noise, "
-        "action spans or a controller beneath than those of its training")  # fmt: skip
+        "action spans or a base controller than those of its training")  # fmt: skip
     parser.add_argument("--episodes", type=int, default=20, help="number of episodes (default: %(default)s)")
     parser.add_argument("--noise", type=float, default=0.0, help="standard deviation on actions (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the first episode (default: %(default)s)")

@@ -48,7 +48,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     add_simulator_option(parser)
     parser.add_argument(
         "--allow-other-environment", action="store_true", help="take trained models into other noise, action spans or "
-        "controllers beneath than those of their training",
+        "base controllers than those of their training",
     )  # fmt: skip
     add_model_options(parser)
     add_engine_options(parser, "runs")

@@ -389,7 +389,7 @@ class ActionMap:
         ----------
         setpoint : AgentSetpoint
         base : Demand, optional
-            Of the controller beneath; needed where `needs_controller`.
+            Of the base controller; needed where `needs_controller`.
         azimuth, rotor_speed : float
             Of blade 1 [rad] and of the rotor [rad/s], for pitch in the fixed frame.
 

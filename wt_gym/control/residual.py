@@ -21,7 +21,7 @@ class ResidualPitch:
     """Residual pitch behind a fade and a washout.
 
     The fade multiplies all offsets by the share of `AboveRated`. The washout lets the mean of the blades' offsets pass
-    a high-pass filter, tau s / (1 + tau s): what lasts is the business of the controller beneath, whose integrator
+    a high-pass filter, tau s / (1 + tau s): what lasts is the business of the base controller, whose integrator
     takes it back above rated wind, so that there no reward depends on it, while below it only costs power. Tilt and
     yaw, or the differences of the blades from their mean, pass as they are.
 
@@ -74,7 +74,7 @@ class ResidualPitch:
         offsets : numpy.ndarray, shape (n_pitch,)
             That the agent asks for, in its coordinates [rad].
         base_pitch : numpy.ndarray, shape (n_blades,)
-            Demand of the controller beneath [rad].
+            Demand of the base controller [rad].
         rotor_speed : float
             [rad/s].
         dt : float

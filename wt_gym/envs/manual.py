@@ -129,7 +129,7 @@ wake are as ``Simulator.reset`` leaves them, the yaw angle is 0. At yaw angle 0 
 along +x. Winds made here have their direction against the nacelle, so that the option ``yaw`` turns the world:
 actions, observations and rewards stay the same. An inflow of your own blows from where it does, and meets the rotor
 with the yaw error that follows from ``yaw``. Extreme winds meet a parked turbine: rotor at rest, blades feathered,
-no torque; it needs a negative ``standstill_limit``, and of the controllers beneath none is for it.
+no torque; it needs a negative ``standstill_limit``, and of the base controllers none is for it.
 
 ``reset(options=...)`` fixes any of ``wind_speed`` [m/s], ``wind_seed``, ``time_offset`` [s], ``rotor_speed``
 [rad/s], ``pitch`` [rad], ``azimuth`` [rad], ``yaw`` [rad] and ``generator_torque`` [N m]. The torque is never more

@@ -259,7 +259,7 @@ class Observable:
         low, high = self._action.pitch_limits
         return [
             self._computed(EVEN, readers.controller_pitch, "controller_pitch", "rad", 0.1, 0.1, low, high, 0.0,
-                           "pitch that the controller beneath demands"),
+                           "pitch that the base controller demands"),
             *self._torque_demand(readers.controller_torque, "controller_torque", "torque that it demands, HSS"),
         ]  # fmt: skip
 

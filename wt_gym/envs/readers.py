@@ -32,7 +32,7 @@ class ObservationContext:
     setpoint : AgentSetpoint
         Of the agent; its offsets in mode "residual".
     base : Demand or None
-        Of the controller beneath.
+        Of the base controller.
     action : numpy.ndarray, shape (n_act,)
         That led here.
     lidar : numpy.ndarray, shape (n_ranges,), optional

@@ -534,7 +534,7 @@ def _lidar(given: Lidar | None, controller: Controller | None) -> Lidar | None:
     of_controller = None if controller is None else lidar_of(controller)
     if given is not None and of_controller is not None and given != of_controller:
         raise ValueError(
-            f"the controller beneath reads {of_controller}; lidar must be the same or None, got {shown(given)}"
+            f"the base controller reads {of_controller}; lidar must be the same or None, got {shown(given)}"
         )
     return given or of_controller
 

@@ -71,7 +71,10 @@ class RunDefinition:
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values, as a file would give it back."""
         parts = {part.name: getattr(self, part.name) for part in fields(self) if part.name != "more"}
-        known = {name: value for name, value in parts.items() if value is not None} | self.more
+        known = {name: value for name, value in parts.items() if value is not None}
+        if both := known.keys() & self.more.keys():
+            raise ValueError(f"more must not repeat what a run is defined by, got {', '.join(sorted(both))}")
+        known |= self.more
         return json.loads(json.dumps(known, default=str))
 
     @property

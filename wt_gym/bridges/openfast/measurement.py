@@ -130,7 +130,7 @@ class Measurement:
         command: NDArray[np.float64],
         pitch_rate: NDArray[np.float64],
         travel: NDArray[np.float64],
-        go_on: bool,
+        accumulate: bool,
     ) -> None:
         """Take the outputs of all steps since the last sample.
 
@@ -148,13 +148,13 @@ class Measurement:
             At the end [rad/s].
         travel : array (n_blades,)
             Way of the pitch over the steps [rad].
-        go_on : bool
+        accumulate : bool
             Whether extremes and ways go on from those of the sample before.
         """
         values, place, turbine, last = self.values, self._place, self.turbine, rows[-1]
         n = turbine.n_blades
         before = {
-            name: values[place[name]].copy() if go_on else None
+            name: values[place[name]].copy() if accumulate else None
             for name in ("rotor_speed_max", "tower_base_moment_max", "tip_clearance_min", "tip_out_of_plane_max",
                          "root_flap_moment_max", "pitch_travel")
         }  # fmt: skip

@@ -319,7 +319,7 @@ def _refuse_path(target: str) -> None:
         parse_name(target)  # which says what is missing
     raise ValueError(
         f"{target!r} must be a controller (channels, start, step): a trained model acts on observations and cannot run "
-        "beneath actions or without an environment; name it as an agent, as in wt-gym evaluate"
+        "below actions or without an environment; name it as an agent, as in wt-gym evaluate"
     )
 
 
