@@ -75,7 +75,8 @@ class RunDefinition:
         if both := known.keys() & self.more.keys():
             raise ValueError(f"more must not repeat what a run is defined by, got {', '.join(sorted(both))}")
         known |= self.more
-        return json.loads(json.dumps(known, default=str))
+        values: dict[str, Any] = json.loads(json.dumps(known, default=str))
+        return values
 
     @property
     def digest(self) -> str:

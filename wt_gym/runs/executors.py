@@ -71,7 +71,7 @@ class Executor(Protocol):
         jobs: Sequence[Any],
         *,
         begin: Callable[..., None] | None = None,
-        given: tuple = (),
+        given: tuple[Any, ...] = (),
         warm: Callable[[], None] | None = None,
     ) -> Iterator[tuple[Any, Any]]:
         """Do jobs; give each with its result as soon as it is done.
@@ -100,7 +100,7 @@ class Executor(Protocol):
     def __enter__(self) -> Executor:
         """Make ready."""
 
-    def __exit__(self, *exception) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Leave what was begun."""
 
 
@@ -109,10 +109,18 @@ class SerialExecutor:
 
     beside = False
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.tally = Tally()
 
-    def results(self, work, jobs, *, begin=None, given=(), warm=None) -> Iterator[tuple[Any, Any]]:
+    def results(
+        self,
+        work: Callable[[Any], Any],
+        jobs: Sequence[Any],
+        *,
+        begin: Callable[..., None] | None = None,
+        given: tuple[Any, ...] = (),
+        warm: Callable[[], None] | None = None,
+    ) -> Iterator[tuple[Any, Any]]:
         """As `Executor.results`."""
         if jobs and begin is not None:
             begin(*given)
@@ -124,7 +132,7 @@ class SerialExecutor:
     def __enter__(self) -> SerialExecutor:
         return self
 
-    def __exit__(self, *exception) -> None:
+    def __exit__(self, *exception: object) -> None:
         pass
 
 
@@ -149,7 +157,15 @@ class ProcessExecutor:
         _check_workers(workers)
         self.workers, self.tally = workers, Tally()
 
-    def results(self, work, jobs, *, begin=None, given=(), warm=None) -> Iterator[tuple[Any, Any]]:
+    def results(
+        self,
+        work: Callable[[Any], Any],
+        jobs: Sequence[Any],
+        *,
+        begin: Callable[..., None] | None = None,
+        given: tuple[Any, ...] = (),
+        warm: Callable[[], None] | None = None,
+    ) -> Iterator[tuple[Any, Any]]:
         """As `Executor.results`."""
         if not jobs:
             return
@@ -158,7 +174,7 @@ class ProcessExecutor:
         spawn = multiprocessing.get_context("spawn")  # compiled kernels do not survive a fork
         reader, writer = spawn.Pipe(duplex=False)
         left = deque((job, 1) for job in jobs)
-        running: dict[Future, tuple[ProcessPoolExecutor, Any, int]] = {}
+        running: dict[Future[Any], tuple[ProcessPoolExecutor, Any, int]] = {}
 
         def pool() -> ProcessPoolExecutor:
             """Give a pool of one process: where that ends, no other job is lost."""
@@ -199,7 +215,7 @@ class ProcessExecutor:
     def __enter__(self) -> ProcessExecutor:
         return self
 
-    def __exit__(self, *exception) -> None:
+    def __exit__(self, *exception: object) -> None:
         pass
 
 
@@ -243,7 +259,7 @@ _begun = False
 """Whether this worker process has begun."""
 
 
-def _work(work: Callable[[Any], Any], job: Any, begin: Callable[..., None] | None, given: tuple) -> Any:
+def _work(work: Callable[[Any], Any], job: Any, begin: Callable[..., None] | None, given: tuple[Any, ...]) -> Any:
     """Do a job in a worker process."""
     global _begun
     if not _begun and begin is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from pathlib import Path
+from typing import Self
 
 from filelock import FileLock, Timeout
 
@@ -46,7 +47,7 @@ class FolderLock:
         self._lock: FileLock | None = None
         self._made = False
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         self._made = not self.path.exists()
         self.path.mkdir(parents=True, exist_ok=True)
         lock = FileLock(self._lock_file, timeout=0, thread_local=False)
@@ -67,7 +68,7 @@ class FolderLock:
             return self._lock_file.read_text(encoding="utf-8", errors="replace").strip() or "unknown"
         return "unknown"
 
-    def __exit__(self, *_exception) -> None:
+    def __exit__(self, *_exception: object) -> None:
         lock, self._lock = self._lock, None
         with suppress(PermissionError):  # first, so that who takes a lock on a file has the file of that name
             self._lock_file.unlink(missing_ok=True)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from wt_gym.analysis.replay import Replay
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.episode import Agent, EpisodeStep
+    from wt_gym.simulation.channels import Signals
     from wt_gym.simulation.contract import TurbineSimulator
 
 __all__ = ["Episode", "play", "run_baseline", "run_controller"]
@@ -70,7 +71,7 @@ class Episode:
 
 
 def play(
-    env: gym.Env,
+    env: gym.Env[Any, Any],
     agent: Agent,
     *,
     seed: int,
@@ -130,7 +131,7 @@ def run_controller(
     controller: Controller,
     duration: float,
     control_dt: float | None = None,
-    on_step: Callable | None = None,
+    on_step: Callable[[Signals], None] | None = None,
     rotor_speed: float | None = None,
     name: str = "controller",
     recorder: Recorder | None = None,
@@ -199,7 +200,7 @@ def run_baseline(
     simulator: TurbineSimulator,
     duration: float,
     control_dt: float | None = None,
-    on_step: Callable | None = None,
+    on_step: Callable[[Signals], None] | None = None,
     parameters: BaselineParameters | None = None,
     rotor_speed: float | None = None,
     recorder: Recorder | None = None,

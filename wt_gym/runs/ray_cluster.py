@@ -93,7 +93,7 @@ def warm_nodes(warm: Callable[[], None]) -> None:
         raise error.cause from None  # as it would have been raised here
 
 
-@ray.remote(num_cpus=1)
+@ray.remote(num_cpus=1)  # type: ignore[untyped-decorator, unused-ignore]  # typed if Ray is installed
 def _call(function: Callable[[], None]) -> None:
     """Call it there."""
     function()

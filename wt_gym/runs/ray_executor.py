@@ -20,7 +20,7 @@ from wt_gym.runs.ray_cluster import connected, processors, warm_nodes
 from wt_gym.runs.tally import Tally
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
 __all__ = ["RayExecutor"]
 
@@ -52,10 +52,18 @@ class RayExecutor:
         self._stack.enter_context(connected(self._address, self._workers))
         return self
 
-    def __exit__(self, *exception) -> None:
+    def __exit__(self, *exception: object) -> None:
         self._stack.close()
 
-    def results(self, work, jobs, *, begin=None, given=(), warm=None) -> Iterator[tuple[Any, Any]]:
+    def results(
+        self,
+        work: Callable[[Any], Any],
+        jobs: Sequence[Any],
+        *,
+        begin: Callable[..., None] | None = None,
+        given: tuple[Any, ...] = (),
+        warm: Callable[[], None] | None = None,
+    ) -> Iterator[tuple[Any, Any]]:
         """As `wt_gym.runs.executors.Executor.results`."""
         if not jobs:
             return
@@ -93,8 +101,10 @@ _begun: str | None = None
 """Sweep that this worker process has begun: Ray keeps processes for the next tasks."""
 
 
-@ray.remote(num_cpus=1, max_retries=0)
-def _do(work: Callable[[Any], Any], job: Any, ready: tuple[Callable[..., None] | None, tuple], sweep: str) -> Any:
+@ray.remote(num_cpus=1, max_retries=0)  # type: ignore[untyped-decorator, unused-ignore]  # typed if Ray is installed
+def _do(
+    work: Callable[[Any], Any], job: Any, ready: tuple[Callable[..., None] | None, tuple[Any, ...]], sweep: str
+) -> Any:
     """Do a job in a worker process of the cluster."""
     global _begun
     begin, given = ready

@@ -111,7 +111,7 @@ class InputFile:
         """Make the names of files that exist beside this one whole paths, so that it can be written elsewhere."""
         folder = self.path.parent
 
-        def whole(match: re.Match) -> str:
+        def whole(match: re.Match[str]) -> str:
             name = match.group(1).replace("\\", "/")
             found = folder / name
             return f'"{found.resolve()}"' if found.is_file() else match.group(0)

@@ -18,7 +18,7 @@ _NAMES = {"win32": ("openfastlib.dll", "libopenfastlib.dll"), "darwin": ("libope
 _FOLDERS = ("lib", "Library/bin", "bin")
 
 
-def find_library(given: str | os.PathLike | None = None) -> Path:
+def find_library(given: str | os.PathLike[str] | None = None) -> Path:
     """Path of OpenFAST's C library.
 
     Parameters

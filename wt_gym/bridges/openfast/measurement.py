@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, view_from_tower
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.turbines import Turbine
 
@@ -160,10 +160,10 @@ class Measurement:
         }  # fmt: skip
         values[self._targets] = self._factors * last[self._sources]
 
-        def put(name, value):
+        def put(name: str, value: ArrayLike) -> None:
             values[place[name]] = value
 
-        def extreme(name, found, choose):
+        def extreme(name: str, found: ArrayLike, choose: Callable[[Any, Any], ArrayLike]) -> None:
             old = before[name]
             put(name, found if old is None else choose(old, found))
 
@@ -198,7 +198,7 @@ class Measurement:
         put("tip_clearance", now)
         extreme("tip_clearance_min", least, np.minimum)
 
-    def _clearances(self, rows, first: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _clearances(self, rows: NDArray[np.float64], first: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Signed clearance of each tip from the tower in the last row, and the least on the way through all rows."""
         n = self.turbine.n_blades
         least, now = np.full(n, np.inf), np.zeros(n)
@@ -215,7 +215,7 @@ class Measurement:
                 self._before[b] = self._view
         return now, least
 
-    def _place_tips(self, row) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _place_tips(self, row: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Place the tips in global axes [m]; the axis of the nacelle, downwind, and the tower top."""
         turbine, n = self.turbine, self.turbine.n_blades
         nacelle, blade, cone = turbine.nacelle, turbine.blade, turbine.hub.cone

@@ -20,7 +20,9 @@ from wt_gym.errors import TurbineDefinitionError
 from wt_gym.turbines.mirror import clockwise_image
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import NDArray
 
     from wt_gym.turbines import Polar, Turbine
 
@@ -453,7 +455,8 @@ def _table_angles(polar: Polar) -> np.ndarray:
     far = np.flatnonzero(~near)
     kept = far[:: max(1, far.size // (_POLAR_ROWS // 2))]
     chosen = np.unique(np.concatenate([[0, alpha.size - 1], np.flatnonzero(near), kept]))
-    return alpha[chosen]
+    table: NDArray[np.float64] = alpha[chosen]
+    return table
 
 
 def _shaft_frequency(turbine: Turbine) -> float:
@@ -465,7 +468,7 @@ def _shaft_frequency(turbine: Turbine) -> float:
     return math.sqrt(train.spring * (1.0 / rotor + 1.0 / max(generator, 1e-9))) / (2.0 * math.pi)
 
 
-def _row(values) -> str:
+def _row(values: Iterable[float]) -> str:
     return " ".join(f"{float(value): .9e}" for value in values)
 
 

@@ -87,10 +87,12 @@ class OpenFASTProcess:
         (rows,) = self._ask("advance", demands.ravel().tolist())
         return np.frombuffer(rows).reshape(len(demands), len(self.names))
 
-    def _ask(self, *request) -> list[Any]:
+    def _ask(self, *request: object) -> list[Any]:
         process = self._process
         if process is None or process.stdin is None or process.stdout is None:
             raise SimulationError("OpenFAST is not running")
+        answer: str
+        values: list[Any]
         try:
             pickle.dump(request, process.stdin, protocol=pickle.HIGHEST_PROTOCOL)
             process.stdin.flush()
@@ -129,5 +131,5 @@ class OpenFASTProcess:
         """End the simulation."""
         self._end()
 
-    def __del__(self):
+    def __del__(self) -> None:
         self._end()

@@ -130,7 +130,9 @@ def bending_matrices(structure: BeamStations, station: NDArray[np.float64]) -> N
     return np.linalg.inv(np.linalg.inv(stiffness)[:, 3:5, 3:5])
 
 
-def _principal(bending, along):
+def _principal(
+    bending: NDArray[np.float64], along: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Flapwise and edgewise stiffness and the angle of their axes, the one next to the twist of the chord."""
     xx, xy, yy = bending[:, 0, 0], bending[:, 0, 1], bending[:, 1, 1]
     mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
@@ -160,13 +162,13 @@ def _top_body(turbine: Turbine) -> TopBody:
     return TopBody(float(mass), float(height), float(about))
 
 
-def _from_the_end(x, density):
+def _from_the_end(x: NDArray[np.float64], density: NDArray[np.float64]) -> NDArray[np.float64]:
     """Integral of a density from each point to the end, exact for one that is linear between the points."""
     parts = 0.5 * (density[1:] + density[:-1]) * np.diff(x)
     return np.append(np.cumsum(parts[::-1])[::-1], 0.0)
 
 
-def _thinned(points, length):
+def _thinned(points: NDArray[np.float64], length: float) -> NDArray[np.float64]:
     """Stations of a table, no more than ElastoDyn's tables comfortably hold, from 0 to the length."""
     points = np.unique(np.round(points, 9))
     if points.size > _MOST_STATIONS:

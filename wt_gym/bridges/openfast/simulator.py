@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -31,11 +33,13 @@ from wt_gym.wind.described import is_described, wind_from
 from wt_gym.wind.protocol import require_cover, start_speed
 
 if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
 
     from wt_gym.simulation import Fidelity
     from wt_gym.simulation.drivetrain.faults import DriveFault
+    from wt_gym.simulation.simulator import WindChoice
     from wt_gym.wind import Inflow
 
 __all__ = ["COMMANDS", "OPTIONS", "OpenFASTSimulator"]
@@ -124,16 +128,16 @@ class OpenFASTSimulator:
         fidelity: str | Fidelity = "training",
         generator: str | None = None,
         *,
-        openfast_library: str | os.PathLike | None = None,
-        model: str | os.PathLike | None = None,
+        openfast_library: str | PathLike[str] | None = None,
+        model: str | PathLike[str] | None = None,
         commands: str = "bladed",
         duration: float = 600.0,
         step: float | None = None,
         changes: Mapping[str, Mapping[str, Any]] | None = None,
-        folder: str | os.PathLike | None = None,
+        folder: str | PathLike[str] | None = None,
     ):
         self._process: OpenFASTProcess | None = None
-        self._temporary: TemporaryDirectory | None = None
+        self._temporary: TemporaryDirectory[str] | None = None
         if inflow is None:
             raise SimulationError("OpenFASTSimulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
         if commands not in COMMANDS:
@@ -188,11 +192,11 @@ class OpenFASTSimulator:
         return self._inflow
 
     @inflow.setter
-    def inflow(self, inflow) -> None:
+    def inflow(self, inflow: WindChoice) -> None:
         turbine = self.turbine
         if is_described(inflow):
             inflow = wind_from(inflow, turbine.hub_height, turbine.rotor_diameter)
-        if not callable(getattr(inflow, "velocity", None)):
+        if isinstance(inflow, str | PathLike | Mapping) or not callable(getattr(inflow, "velocity", None)):
             raise SimulationError(f"OpenFASTSimulator needs an inflow with velocity(points, time), got {inflow!r:.100}")
         require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
         self._inflow = inflow
@@ -220,9 +224,16 @@ class OpenFASTSimulator:
         return self._running()[1].signals(parities(self.turbine.n_blades) if self.mirrored else None)
 
     def reset(
-        self, rotor_speed, pitch=0.0, azimuth=0.0, yaw=0.0, generator_torque=None, tower_top=None, wake_thrust=None,
-        motion=None,
-    ) -> Signals:  # fmt: skip
+        self,
+        rotor_speed: float,
+        pitch: ArrayLike = 0.0,
+        azimuth: float = 0.0,
+        yaw: float = 0.0,
+        generator_torque: float | None = None,
+        tower_top: ArrayLike | None = None,
+        wake_thrust: float | None = None,
+        motion: ArrayLike | None = None,
+    ) -> Signals:
         """Start OpenFAST at time zero.
 
         Parameters
@@ -282,7 +293,14 @@ class OpenFASTSimulator:
         measurement.take(0.0, process.outputs[None, :], command.item(0), command[PITCH], still, still, False)
         return self.signals
 
-    def advance(self, duration, pitch, yaw_rate=0.0, generator_torque=0.0, accumulate=False) -> Signals:
+    def advance(
+        self,
+        duration: float,
+        pitch: ArrayLike,
+        yaw_rate: float = 0.0,
+        generator_torque: float = 0.0,
+        accumulate: bool = False,
+    ) -> Signals:
         """Simulate for a while with constant demands; the drives follow them within their limits.
 
         Parameters
@@ -331,14 +349,16 @@ class OpenFASTSimulator:
             measurement.take(self.time, rows, command.item(0), command[PITCH], self._path.rate, travel, going_on)
         return self.signals
 
-    def _demands(self, pitch, torque, yaw, yaw_rate) -> np.ndarray:
+    def _demands(
+        self, pitch: NDArray[np.float64], torque: NDArray[np.float64], yaw: float | NDArray[np.float64], yaw_rate: float
+    ) -> NDArray[np.float64]:
         """Rows of demands for the process (n, 6) of angles (n, n_blades) and what goes with them."""
         rows = np.zeros((len(pitch), 6))
         rows[:, : pitch.shape[1]] = pitch
         rows[:, 3], rows[:, 4], rows[:, 5] = torque, yaw, yaw_rate
         return rows
 
-    def tower_top(self) -> np.ndarray:
+    def tower_top(self) -> NDArray[np.float64]:
         """Displacement of the tower top along and across the nacelle [m] and, unknown here, rates of zero (4,)."""
         signals = self.signals
         return np.array([signals["tower_top_fore_aft"], signals["tower_top_side_side"], 0.0, 0.0])
@@ -349,21 +369,21 @@ class OpenFASTSimulator:
         if self._temporary is not None:
             self._temporary.cleanup()
 
-    def __del__(self):
+    def __del__(self) -> None:
         self.close()
 
     def state(self) -> NoReturn:
         """Refused: OpenFAST gives no snapshots here."""
         raise SimulationError("OpenFAST gives no snapshots: its simulations cannot be kept, copied or gone back to")
 
-    def restore(self, state) -> NoReturn:
+    def restore(self, state: object) -> NoReturn:
         """Refused, see `state`."""
         self.state()
 
     def __getstate__(self) -> NoReturn:
         self.state()
 
-    def linearize(self, operating_point=None, **options) -> NoReturn:
+    def linearize(self, operating_point: object = None, **options: object) -> NoReturn:
         """Refused: OpenFAST's driver linearizes models."""
         raise SimulationError(f"the simulation of OpenFAST is not linearized here; its driver does that ({self.model})")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulentInflow, bts
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
@@ -148,7 +150,9 @@ def _period(inflow: Inflow) -> float | None:
     return None
 
 
-def _grid(inflow: Inflow, turbine: Turbine, duration: float):
+def _grid(
+    inflow: Inflow, turbine: Turbine, duration: float
+) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], float, float]:
     """Points across and upwards [m], time step and length of the record [s]."""
     turbulent, period = _turbulent(inflow), _period(inflow)
     if turbulent is not None and turbulent.box.y_center == 0.0:

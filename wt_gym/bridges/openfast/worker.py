@@ -8,6 +8,8 @@ import ctypes
 import os
 import pickle
 import sys
+from collections.abc import Sequence
+from typing import Any
 
 _TEXT = 1025
 """Length of OpenFAST's messages (IntfStrLen)."""
@@ -36,11 +38,11 @@ class OpenFAST:
         Path of the library that hands over the demands; None: they are inputs of FAST_Update.
     """
 
-    def __init__(self, library, model, relay):
+    def __init__(self, library: str, model: str, relay: str | None):
         self.lib = ctypes.CDLL(library)
         self.error, self.message = ctypes.c_int(0), ctypes.create_string_buffer(_TEXT)
         self.fatal, self.turbine = _FATAL, ctypes.c_int(0)
-        self.demands = None
+        self.demands: ctypes.Array[ctypes.c_double] | None = None
         if relay is not None:
             self.demands = (ctypes.c_double * 5).in_dll(ctypes.CDLL(relay), "wt_gym_demands")
         self.call("FAST_AllocateTurbines", ctypes.c_int(1))
@@ -59,27 +61,27 @@ class OpenFAST:
         self.sizes = ctypes.c_int(_INPUTS), ctypes.c_int(count.value)
         self.over = ctypes.c_bool(False)
 
-    def call(self, name, *values):
+    def call(self, name: str, *values: ctypes.c_int) -> None:
         """Call a function whose last arguments are error and message."""
         getattr(self.lib, name)(*map(ctypes.byref, values), ctypes.byref(self.error), self.message)
         self.check(name)
 
-    def check(self, name):
+    def check(self, name: str) -> None:
         """Raise for an error."""
         if self.error.value >= self.fatal:
             said = " ".join(self.message.value.decode("utf-8", "replace").split())
             raise Failure(said or f"{name} failed with error {self.error.value}")
 
-    def demand(self, row):
+    def demand(self, row: Sequence[float]) -> None:
         """Hand over a row of demands."""
         *pitch, torque, yaw, yaw_rate = row
         if self.demands is not None:
             self.demands[:] = [*pitch, torque, yaw_rate]
         else:
             self.inputs[0], self.inputs[2], self.inputs[3] = torque, yaw, yaw_rate
-            self.inputs[4:7] = pitch
+            self.inputs[4:7] = [*pitch]
 
-    def start(self, row):
+    def start(self, row: Sequence[float]) -> None:
         """Initialize at the first row of demands."""
         self.demand(row)
         n_in, n_out = (ctypes.byref(size) for size in self.sizes)
@@ -87,7 +89,7 @@ class OpenFAST:
         self.lib.FAST_Start(turbine, n_in, n_out, self.inputs, self.outputs, error, self.message)
         self.check("FAST_Start")
 
-    def advance(self, rows):
+    def advance(self, rows: Sequence[float]) -> bytes:
         """One step a row of demands; the bytes of all outputs."""
         n_in, n_out = (ctypes.byref(size) for size in self.sizes)
         turbine, over, error = ctypes.byref(self.turbine), ctypes.byref(self.over), ctypes.byref(self.error)
@@ -102,7 +104,7 @@ class OpenFAST:
         return b"".join(taken)
 
 
-def main():
+def main() -> None:
     """Serve requests until the pipe closes."""
     requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     log = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
@@ -114,7 +116,7 @@ def main():
             request, *values = pickle.load(requests)
         except EOFError:
             return
-        answer: tuple
+        answer: tuple[Any, ...]
         try:
             if request == "start":
                 library, model, relay, row = values
