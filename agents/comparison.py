@@ -19,7 +19,9 @@ from wt_gym.envs.arguments import check_duration
 from wt_gym.envs.simulators import OWN, simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.errors import SimulationError
+from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.playing import play, run_controller
+from wt_gym.runs.table import make_runs
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from wt_gym.runs.executors import Executor
     from wt_gym.simulation.contract import TurbineSimulator
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
@@ -138,6 +141,7 @@ def run_cases(
     runs: list[ControllerRuns] | None = None,
     make_simulator: Callable[..., TurbineSimulator] | None = None,
     simulator: Any = OWN,
+    executor: Executor | None = None,
 ) -> list[ControllerRuns]:
     """Run every controller in every wind.
 
@@ -165,6 +169,8 @@ def run_cases(
         see `wt_gym.runs.playing.run_controller`.
     simulator : str, mapping or callable
         What simulates controllers and agents, as the argument of the environment.
+    executor : Executor, optional
+        Of `wt_gym.runs.executors`, entered: does the runs, by default one after another. The numbers are the same.
 
     Raises
     ------
@@ -177,32 +183,79 @@ def run_cases(
     check_times(duration, skip, control_dt)
     for case in cases:
         _steady(turbine, case, 0.0)
-    in_environment = not all(is_base_controller(choice) for choice, _ in controllers.values())
     runs = [] if runs is None else runs
-    runs += [ControllerRuns(label, {}, {}) for label in controllers]
-    if simulator != OWN:
-        make_simulator = simulator_maker(simulator, turbine, pictured=False, longest=lambda: skip + duration)
-    running: TurbineSimulator | None = None
-    for case in cases:
-        inflow = inflow_of(turbine, case)
-        if running is None:
-            running = (make_simulator or Simulator)(turbine, inflow, fidelity)
-        running.inflow = inflow
-        for run, (choice, parameters) in zip(runs, controllers.values(), strict=True):
-            try:
-                if in_environment:
-                    agent = Name(read_name(choice).kind, choice, parameters)
-                    data = run_agent(turbine, agent, inflow, skip + duration, fidelity, control_dt, simulator)
-                else:
-                    controller = make_controller(choice, turbine, **parameters)
-                    recorder = run_controller(running, controller, skip + duration, control_dt, name=run.name)
-                    data = recorder.to_dataset()
-                run.metrics[case] = benchmark_metrics(data, turbine, skip)
-            except SimulationError as error:
-                run.failures[case] = str(error)
-            if progress is not None:
-                progress(run.name, case)
+    own = {label: ControllerRuns(label, {}, {}) for label in controllers}
+    runs += own.values()
+    executor = SerialExecutor() if executor is None else executor
+
+    def told(job: tuple[str, Case], outcome: tuple[dict[str, float] | None, str | None], _: int) -> None:
+        (label, case), (metrics, failure) = job, outcome
+        if metrics is not None:
+            own[label].metrics[case] = metrics
+        else:
+            own[label].failures[case] = str(failure)
+        if progress is not None:
+            progress(label, case)
+
+    run = _Runner(turbine, dict(controllers), duration, skip, fidelity, control_dt, make_simulator, simulator)
+    make_runs(
+        [(label, case) for case in cases for label in controllers], partial(executor.results, run),
+        tally=executor.tally, label=lambda job: f"{job[0]} in {job[1]}", told=told,
+    )  # fmt: skip
     return runs
+
+
+@dataclass
+class _Runner:
+    """Does one run of a comparison; simulator and wind stay from one to the next, and go to no other process."""
+
+    turbine: Turbine
+    controllers: dict[str, tuple[str, dict[str, Any]]]
+    duration: float
+    skip: float
+    fidelity: Any
+    control_dt: float | None
+    make_simulator: Callable[..., TurbineSimulator] | None
+    simulator: Any
+    _running: TurbineSimulator | None = None
+    _wind: tuple[Case, Inflow] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_running": None, "_wind": None}
+
+    def __call__(self, job: tuple[str, Case]) -> tuple[dict[str, float] | None, str | None]:
+        """Metrics of a controller in a wind, or why there are none."""
+        (label, case), whole = job, self.skip + self.duration
+        choice, parameters = self.controllers[label]
+        try:
+            if not all(is_base_controller(choice) for choice, _ in self.controllers.values()):
+                agent = Name(read_name(choice).kind, choice, parameters)
+                data = run_agent(
+                    self.turbine, agent, self._inflow(case), whole, self.fidelity, self.control_dt, self.simulator
+                )
+            else:
+                controller = make_controller(choice, self.turbine, **parameters)
+                data = run_controller(self._placed(case), controller, whole, self.control_dt, name=label).to_dataset()
+            return benchmark_metrics(data, self.turbine, self.skip), None
+        except SimulationError as error:
+            return None, str(error)
+
+    def _inflow(self, case: Case) -> Inflow:
+        if self._wind is None or self._wind[0] != case:
+            self._wind = case, inflow_of(self.turbine, case)
+        return self._wind[1]
+
+    def _placed(self, case: Case) -> TurbineSimulator:
+        """The simulator in the wind of a case."""
+        inflow = self._inflow(case)
+        if self._running is None:
+            maker = self.make_simulator or Simulator
+            if self.simulator != OWN:
+                whole = self.skip + self.duration
+                maker = simulator_maker(self.simulator, self.turbine, pictured=False, longest=lambda: whole)
+            self._running = maker(self.turbine, inflow, self.fidelity)
+        self._running.inflow = inflow
+        return self._running
 
 
 def run_agent(

@@ -13,7 +13,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from wt_gym.commands.engine_options import add_model_options
+from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
 from wt_gym.commands.site_options import add_simulator_option, add_site_option
 
@@ -37,6 +37,7 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--fidelity", default="training")
     parser.add_argument("--control-dt", type=float, help="s")
     add_model_options(parser)
+    add_engine_options(parser, "runs")
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     return parser.parse_args(words)
 
@@ -79,12 +80,13 @@ def main(words: list[str] | None = None) -> None:
         names = {label: read_name(text) for label, text in given.items()}
         controllers = {label: (name.target, name.parameters) for label, name in names.items()}
         cases = [Case(wind, seed) for wind in arguments.winds for seed in (arguments.seeds or [None])]
+        turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
         try:
-            run_cases(
-                with_site(load_turbine(arguments.turbine), dict(arguments.site or ())), controllers, cases,
-                arguments.duration, arguments.skip, arguments.fidelity, arguments.control_dt, progress, runs,
-                simulator=arguments.simulator,
-            )  # fmt: skip
+            with executor_of(arguments) as executor:
+                run_cases(
+                    turbine, controllers, cases, arguments.duration, arguments.skip, arguments.fidelity,
+                    arguments.control_dt, progress, runs, simulator=arguments.simulator, executor=executor,
+                )  # fmt: skip
         finally:  # of a stopped series too
             if any(run.done for run in runs):
                 show(runs, arguments.json)
