@@ -22,7 +22,6 @@ from wt_gym.errors import SimulationError
 from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.playing import play, run_controller
 from wt_gym.runs.table import make_runs
-from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
@@ -139,7 +138,6 @@ def run_cases(
     control_dt: float | None = None,
     progress: Callable[[str, Case], None] | None = None,
     runs: list[ControllerRuns] | None = None,
-    make_simulator: Callable[..., TurbineSimulator] | None = None,
     simulator: Any = OWN,
     executor: Executor | None = None,
 ) -> list[ControllerRuns]:
@@ -164,9 +162,6 @@ def run_cases(
         Called with label and case after every run.
     runs : list of ControllerRuns, optional
         That get the metrics, by default new ones. Whoever gives them has what was done where the series is stopped.
-    make_simulator : callable, optional
-        Gives what simulates controllers from turbine, inflow and fidelity, by default `wt_gym.simulation.Simulator`;
-        see `wt_gym.runs.playing.run_controller`.
     simulator : str, mapping or callable
         What simulates controllers and agents, as the argument of the environment.
     executor : Executor, optional
@@ -197,7 +192,8 @@ def run_cases(
         if progress is not None:
             progress(label, case)
 
-    run = _Runner(turbine, dict(controllers), duration, skip, fidelity, control_dt, make_simulator, simulator)
+    in_environments = not all(is_base_controller(choice) for choice, _ in controllers.values())
+    run = _Runner(turbine, dict(controllers), in_environments, duration, skip, fidelity, control_dt, simulator)
     make_runs(
         [(label, case) for case in cases for label in controllers], partial(executor.results, run),
         tally=executor.tally, label=lambda job: f"{job[0]} in {job[1]}", told=told,
@@ -211,11 +207,11 @@ class _Runner:
 
     turbine: Turbine
     controllers: dict[str, tuple[str, dict[str, Any]]]
+    in_environments: bool
     duration: float
     skip: float
     fidelity: Any
     control_dt: float | None
-    make_simulator: Callable[..., TurbineSimulator] | None
     simulator: Any
     _running: TurbineSimulator | None = None
     _wind: tuple[Case, Inflow] | None = None
@@ -228,7 +224,7 @@ class _Runner:
         (label, case), whole = job, self.skip + self.duration
         choice, parameters = self.controllers[label]
         try:
-            if not all(is_base_controller(choice) for choice, _ in self.controllers.values()):
+            if self.in_environments:
                 agent = Name(read_name(choice).kind, choice, parameters)
                 data = run_agent(
                     self.turbine, agent, self._inflow(case), whole, self.fidelity, self.control_dt, self.simulator
@@ -249,10 +245,8 @@ class _Runner:
         """The simulator in the wind of a case."""
         inflow = self._inflow(case)
         if self._running is None:
-            maker = self.make_simulator or Simulator
-            if self.simulator != OWN:
-                whole = self.skip + self.duration
-                maker = simulator_maker(self.simulator, self.turbine, pictured=False, longest=lambda: whole)
+            whole = self.skip + self.duration
+            maker = simulator_maker(self.simulator, self.turbine, pictured=False, longest=lambda: whole)
             self._running = maker(self.turbine, inflow, self.fidelity)
         self._running.inflow = inflow
         return self._running

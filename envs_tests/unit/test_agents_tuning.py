@@ -91,7 +91,7 @@ def test_held_back_seeds_and_empty_spaces_are_refused():
     ],
 )
 def test_times_without_meaning_are_refused(times, message, monkeypatch):
-    monkeypatch.setattr(comparison, "Simulator", lambda *_: pytest.fail("a simulator was made"))
+    monkeypatch.setattr(comparison, "simulator_maker", lambda *_, **__: pytest.fail("a simulator was made"))
     with pytest.raises(ValueError, match=message):
         TuningTask("ipc", **times)
     turbine = load_turbine("nrel_5mw")

@@ -241,7 +241,7 @@ def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch,
 
     metrics = {"mean_power": 1e6, "blade_flap_del": 1e6, "pitch_duty_cycle": 0.1}
     metrics |= dict.fromkeys(key for key, _ in comparison.COLUMNS if key not in metrics) | metrics
-    monkeypatch.setattr(comparison, "Simulator", ScriptedSimulator)
+    monkeypatch.setattr(comparison, "simulator_maker", lambda *_, **__: ScriptedSimulator)
     monkeypatch.setattr(comparison, "run_controller", run)
     monkeypatch.setattr(comparison, "benchmark_metrics", lambda *_: {key: 1e6 for key in metrics})
     words = ["compare-controllers", "discon", "ipc", "--winds", "8", "12", "15", "--seeds", "--json"]
