@@ -42,8 +42,7 @@ def commands():
     sections = []
     for name, text in COMMANDS.items():
         module = import_module(f"wt_gym.commands.{module_of(name)}")
-        reader = getattr(module, "parse_arguments", None) or module.main
-        parser = parser_of(reader, OneLineParser)
+        parser = parser_of(module.parse_arguments, OneLineParser)
         sections.append(f"## {name}\n\n{text[0].upper()}{text[1:]}.\n\n{_described(parser)}\n\n{_options(parser)}")
     sections.append(f"## validate.py (in a clone)\n\n{_validate()}")
     return "\n".join(sections)

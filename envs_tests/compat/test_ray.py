@@ -38,7 +38,7 @@ SPEEDS = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0)
 CONFIG = EvaluationConfig(env_id=STEADY, winds=tuple(map(Wind, SPEEDS)), duration=60.0, skip=2.0, replay=1.0)
 AGENTS = {"Baseline PI": "baseline"}
 COMMAND = [
-    *(sys.executable, "scripts/evaluate.py", "baseline", "--env", STEADY, "--duration", "60", "--skip", "2"),
+    *(sys.executable, "-m", "wt_gym", "evaluate", "baseline", "--env", STEADY, "--duration", "60", "--skip", "2"),
     *("--replay", "1", "--no-report", "--wind-speed", *map(str, SPEEDS)),
 ]
 NODE = {"num_cpus": 1, "object_store_memory": 100 * 2**20}
@@ -188,7 +188,7 @@ def test_load_cases_are_the_same_files(tmp_path):
     ],
 )
 def test_rllib_trains_and_goes_on_from_its_checkpoint(algorithm, hyper, tmp_path):
-    train = [sys.executable, "scripts/train.py", "--engine", "ray"]
+    train = [sys.executable, "-m", "wt_gym", "train", "--engine", "ray"]
     begin = [
         *(*train, "--env", STEADY, "--wind-speed", "10", "--episode-length", "6", "--algo", algorithm),
         *("--n-envs", "2", "--runners", "2", "--steps", "256", "--eval-every", "0", "--no-tensorboard"),
@@ -230,7 +230,7 @@ def check_policy(folder: Path, record: dict) -> None:
 
 def test_tune_finds_a_best_among_trials(tmp_path):
     command = [
-        *(sys.executable, "scripts/search.py", "--engine", "ray", "--env", STEADY, "--wind-speed", "10"),
+        *(sys.executable, "-m", "wt_gym", "search", "--engine", "ray", "--env", STEADY, "--wind-speed", "10"),
         *("--episode-length", "6", "--trials", "2", "--steps", "64", "--eval-every", "64", "--eval-winds", "1"),
         *("--eval-seconds", "15", "--hyper", "n_steps=32", "--out", str(tmp_path), "--json"),
     ]

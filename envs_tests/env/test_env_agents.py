@@ -6,7 +6,6 @@ import math
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -351,13 +350,6 @@ def test_names_on_the_command_line(trained):
         named_choices([folder, folder])
 
 
-@pytest.mark.parametrize("script", ["train.py", "evaluate.py"])
-def test_scripts_explain_themselves(script):
-    path = Path(__file__).parents[2] / "scripts" / script
-    done = subprocess.run([sys.executable, path, "--help"], capture_output=True, text=True, check=True)
-    assert "--json" in done.stdout
-
-
 @pytest.mark.parametrize(
     ("command", "message"),
     [
@@ -391,12 +383,12 @@ def test_errors_of_the_user_take_one_line(command, message, tmp_path):
     assert "\n" not in error
 
 
-def test_evaluation_script_prints_json_and_writes_a_report(tmp_path):
-    path = Path(__file__).parents[2] / "scripts" / "evaluate.py"
+def test_the_evaluation_prints_json_and_writes_a_report(tmp_path):
     arguments = ["baseline", "constant", "--env", STEADY, "--wind-speed", "9", "--duration", "8", "--skip", "4"]
     done = subprocess.run(
-        [sys.executable, path, *arguments, "--out", tmp_path, "--json"], capture_output=True, text=True, check=True
-    )
+        [sys.executable, "-m", "wt_gym", "evaluate", *arguments, "--out", tmp_path, "--json"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
     table = json.loads(done.stdout.splitlines()[-1])
     assert set(table["mean"]) == {BASELINE, "zero"}
     assert (tmp_path / "report.html").stat().st_size > 4e6

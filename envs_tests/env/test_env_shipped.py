@@ -21,7 +21,7 @@ def test_there_are_agents():
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
 def test_it_spares_the_blades_in_a_wind_it_has_not_seen(folder):
-    """A minute at 16 m/s; the damage of ten minutes is measured by scripts/evaluate.py."""
+    """A minute at 16 m/s; the damage of ten minutes is measured by wt-gym evaluate."""
     wind = Wind(16.0, 1013)
     record = TrainedAgent.load(folder).record
     assert wind.seed not in record["wind_seeds"]

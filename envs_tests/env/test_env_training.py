@@ -8,7 +8,6 @@ import subprocess
 import sys
 import zipfile
 from dataclasses import replace
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -30,7 +29,6 @@ from wt_gym.envs.options.wind import EVALUATION_WIND_SEEDS, TRAINING_WIND_SEEDS
 from wt_gym.files import whole_file, write_whole
 from wt_gym.wind import SteadyInflow
 
-ROOT = Path(__file__).parents[2]
 STEADY = "wt_gym/NREL5MW-Steady-v1"
 SMALL = TrainingConfig(
     env_id=STEADY,
@@ -183,7 +181,7 @@ def test_a_policy_that_stops_the_rotor_has_a_return_and_no_loads():
 
 def interrupted(folder, send, number, *options):
     """Record of a training by the script that gets a signal; what it wrote, and its lock, are checked on the way."""
-    command = [sys.executable, ROOT / "scripts" / "train.py", "--env", STEADY, "--wind-speed", "12", "--out", folder]
+    command = [sys.executable, "-m", "wt_gym", "train", "--env", STEADY, "--wind-speed", "12", "--out", folder]
     command += ["--steps", "100000000", "--eval-every", "0", *options]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen(command, text=True, start_new_session=True, **pipes)
@@ -195,7 +193,7 @@ def interrupted(folder, send, number, *options):
     finally:
         process.kill()
     assert process.returncode == 128 + number
-    assert f"ended by {number.name}; go on with: scripts/train.py --resume {folder}" in output
+    assert f"ended by {number.name}; go on with: wt-gym train --resume {folder}" in output
     assert "Traceback" not in errors
     assert not (folder / "training.lock").exists()
     record = json.loads((folder / "training.json").read_text())

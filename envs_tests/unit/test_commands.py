@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 
 from wt_gym.commands import COMMANDS, bench, evaluate, loadcases, main, module_of, program, simulate
-from wt_gym.commands.program import OneLineParser, as_called, json_value, stoppable, user_errors
+from wt_gym.commands.program import OneLineParser, json_value, stoppable, user_errors
 
 
 def ended(call, *arguments):
@@ -58,14 +58,6 @@ def test_output_that_nobody_reads_ends_without_a_word():
     done = subprocess.run(words, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
     assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
-
-
-def test_in_a_clone_commands_are_called_as_scripts(monkeypatch):
-    text = "wt-gym train, wt-gym compare-controllers runs/ppo"
-    monkeypatch.setattr(sys, "argv", ["/somewhere/bin/wt-gym"])
-    assert as_called(text) == text
-    monkeypatch.setattr(sys, "argv", ["/somewhere/scripts/train.py"])
-    assert as_called(text) == "scripts/train.py, scripts/compare_controllers.py runs/ppo"
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ class Reference:
         if parts:
             raise BenchmarkError(
                 f"a result of {task.id} was made with another {' and '.join(parts)} than the reference numbers: run "
-                f"the agent anew, or, if the reference is the older one, scripts/benchmark.py reference --task "
+                f"the agent anew, or, if the reference is the older one, wt-gym benchmark reference --task "
                 f"{task.name}"
             )
 
@@ -80,7 +80,7 @@ def reference_of(task: BenchmarkTask) -> Reference:
     wt_gym.errors.BenchmarkError
         If there are none, or the task has been changed since.
     """
-    renew = f"scripts/benchmark.py reference --task {task.name} makes them"
+    renew = f"wt-gym benchmark reference --task {task.name} makes them"
     if task.reference is None:
         raise BenchmarkError(f"the task {task.id} has no reference numbers yet: {renew}")
     reference = Reference(**task.reference)
@@ -161,7 +161,7 @@ def confirm_reference(
     wt_gym.errors.BenchmarkError
         If a metric of the baseline has changed, or what the best known agent improves.
     """
-    anew = f"the reference numbers are out of date; scripts/benchmark.py reference --task {task.name} makes them anew"
+    anew = f"the reference numbers are out of date; wt-gym benchmark reference --task {task.name} makes them anew"
     for label, known in reference.baseline.items():
         found = baseline[label]["metrics"]
         changed = [name for name, value in known.items()

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.engine_options import add_engine_options, add_model_options, executor_of
-from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, as_called, stoppable, user_errors
+from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, stoppable, user_errors
 
 if TYPE_CHECKING:
     from typing import Any
@@ -109,7 +109,7 @@ def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
         if parts := differing(known.fingerprint, run_definition(task, task.winds[0], {})["fingerprint"]):
             others.setdefault(", ".join(parts), []).append(task.name)
     where = "" if IN_CLONE else "in a clone of the project "
-    renew = f"{where}{as_called('wt-gym benchmark')} reference"
+    renew = f"{where}wt-gym benchmark reference"
     return lines + [
         f"runs of {', '.join(names)} will have no score: the reference numbers were made with another {parts}; {renew} "
         f"--task {' '.join(names)} --confirm takes them over where no number has changed, without --confirm they are "
@@ -131,7 +131,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     with executor_of(arguments) as executor:
         made = run_jobs(jobs, ResultFolder(arguments.out), executor)
     print(f"{made} runs made, {len(jobs) - made} were there")
-    print(f"scores: {as_called('wt-gym benchmark')} table {arguments.out}")
+    print(f"scores: wt-gym benchmark table {arguments.out}")
     return {"runs": len(jobs), "made": made, "folder": str(arguments.out)}
 
 
@@ -143,7 +143,7 @@ def table(arguments: argparse.Namespace) -> dict[str, Any]:
 
     results = list(ResultFolder(arguments.folder))
     if not results:
-        raise BenchmarkError(f"{arguments.folder} holds no results; {as_called('wt-gym benchmark')} run makes them")
+        raise BenchmarkError(f"{arguments.folder} holds no results; wt-gym benchmark run makes them")
     board = leaderboard(results)
     text = to_markdown(board)
     write_text_whole(arguments.folder / "leaderboard.md", text)

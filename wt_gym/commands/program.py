@@ -6,7 +6,6 @@ import argparse
 import io
 import json
 import os
-import re
 import select
 import signal
 import sys
@@ -28,7 +27,6 @@ __all__ = [
     "IN_CLONE",
     "UNSAFE",
     "OneLineParser",
-    "as_called",
     "json_value",
     "stoppable",
     "user_errors",
@@ -70,19 +68,6 @@ def _installation(extra: str) -> str:
     return f".venv/bin/pip install -e '.[{extra}]'"
 
 
-def as_called(text: str) -> str:
-    """Text in which commands are named the way this one was called: those of a clone are scripts.
-
-    Parameters
-    ----------
-    text : str
-        Names them ``wt-gym NAME``.
-    """
-    if Path(sys.argv[0]).resolve().parent.name != "scripts":
-        return text
-    return re.sub(r"\bwt-gym ([a-z-]+)", lambda found: f"scripts/{found[1].replace('-', '_')}.py", text)
-
-
 class OneLineParser(argparse.ArgumentParser):
     """A parser that keeps descriptions as they are written, and says what is wrong in one line.
 
@@ -96,7 +81,7 @@ class OneLineParser(argparse.ArgumentParser):
 
     def __init__(self, command: str | None = None, **options: Any):
         if command is not None:
-            options |= {"prog": as_called(f"wt-gym {command}"), "description": as_called(options["description"])}
+            options["prog"] = f"wt-gym {command}"
         super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **options)
 
     def error(self, message: str) -> NoReturn:

@@ -17,7 +17,7 @@ import sys
 from functools import partial
 
 from wt_gym.commands.engine_options import add_address_options
-from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
+from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
 from wt_gym.commands.training_options import add_training_options, config_from
 
 
@@ -54,7 +54,7 @@ def main(words: list[str] | None = None) -> None:
         result = search(config, arguments.out, arguments.trials, progress)
     if result["best"] is not None:
         print(f"best of {result['trials']} trials: return against the baseline's {result['value']:+.2f}; "
-              f"{as_called('wt-gym train')} --hyperparameters {arguments.out}/{BEST_FILE}")  # fmt: skip
+              f"wt-gym train --hyperparameters {arguments.out}/{BEST_FILE}")  # fmt: skip
     if arguments.json:
         print(json.dumps(result))
     if result["status"] == "interrupted":

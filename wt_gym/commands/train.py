@@ -5,7 +5,7 @@
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
     wt-gym train --engine ray --address ray-head:6379 --n-envs 64 --out runs/rllib
     wt-gym train --resume runs/ppo --steps 500000
-    wt-gym train --config wind.yml --resume-if-exists
+    wt-gym train --config mine.yml --resume-if-exists
 
 Writes the model, the statistics of its rewards, checkpoints, the best model by evaluations in other winds, figures for
 TensorBoard and a record of the training into a folder that wt-gym evaluate takes. Ctrl-C and SIGTERM end the training
@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.engine_options import add_address_options
-from wt_gym.commands.program import UNSAFE, OneLineParser, as_called, user_errors
+from wt_gym.commands.program import UNSAFE, OneLineParser, user_errors
 from wt_gym.commands.training_file import present_option, words_of
 from wt_gym.commands.training_options import add_training_options, config_from
 
@@ -165,7 +165,7 @@ def main(words: list[str] | None = None) -> None:
         folder, record = (start if arguments.resume is None else resume_folder)(arguments)
     report(folder, record)
     if record["status"] == "interrupted":
-        print(f"ended by {record['stopped_by']}; go on with: {as_called('wt-gym train')} --resume {folder}")
+        print(f"ended by {record['stopped_by']}; go on with: wt-gym train --resume {folder}")
     if arguments.json:
         print(json.dumps(record, default=str))
     if record["status"] == "interrupted":

@@ -18,6 +18,7 @@ from wt_gym.commands.program import OneLineParser, stoppable, user_errors
 from wt_gym.commands.site_options import add_site_option
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Mapping
 
 
@@ -36,8 +37,8 @@ def interval(text: str) -> tuple[str, tuple[float, float, bool]]:
     return name, (float(low), float(high), bool(log))
 
 
-def main(words: list[str] | None = None) -> None:
-    """Run."""
+def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line."""
     parser = OneLineParser("tune", description=__doc__)
     parser.add_argument("controller", help="of wt-gym list controllers, or file.py:Class")
     parser.add_argument("--turbine", default="nrel_5mw")
@@ -57,7 +58,12 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the search")
     parser.add_argument("--output", type=Path, help="JSON file for the record")
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    arguments = parser.parse_args(words)
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run."""
+    arguments = parse_arguments(words)
 
     def progress(number: int, cost: float, parameters: Mapping[str, float]) -> None:
         shown = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())

@@ -1,9 +1,0 @@
-#!/usr/bin/env python3
-"""``wt-gym compile`` of this clone, whether it is installed or not."""
-
-import use_venv  # noqa: F401 - finds packages and interpreter
-
-from wt_gym.commands.compile import main
-
-if __name__ == "__main__":
-    main()
