@@ -7,9 +7,9 @@ from typing import Any
 import gymnasium as gym
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.envs.arguments import did_you_mean
 from wt_gym.envs.options import env_arguments, flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.errors import did_you_mean
 
 __all__ = ["chosen_arguments", "environment_arguments"]
 
@@ -38,14 +38,16 @@ def environment_arguments(env_id: str, kwargs: dict[str, Any]) -> dict[str, Any]
     spec = gym.spec(env_id)
     if spec.entry_point != _ENTRY_POINT:
         known = sorted(name for name, entry in gym.registry.items() if entry.entry_point == _ENTRY_POINT)
-        raise ValueError(f"the environment must be one of {', '.join(known)}, got {env_id!r}")
+        raise ValueError(
+            f"the environment must be one of {', '.join(known)}, got {env_id!r}{did_you_mean(env_id, known)}"
+        )
     if not isinstance(kwargs, dict):
         raise ValueError(f"the arguments of the environment must be a JSON object, got {kwargs!r}")
     arguments = env_arguments()
     for name in kwargs:
         if name not in arguments:
             raise ValueError(
-                f"the environment has no argument {name!r}{did_you_mean(name, arguments)} Its arguments are "
+                f"the environment has no argument {name!r}{did_you_mean(name, arguments, '.')} Its arguments are "
                 f"{', '.join(arguments)}"
             )
     return registered_arguments(env_id, kwargs)

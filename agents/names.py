@@ -17,8 +17,8 @@ from wt_gym.control.controllers.names import (
     parse_name,
 )
 from wt_gym.control.controllers.own_class import load_class, source_digest
-from wt_gym.control.controllers.parameters import did_you_mean
 from wt_gym.deprecated import renamed_names
+from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -18,8 +18,8 @@ from stable_baselines3 import A2C, DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.vec_env import VecNormalize
 
 from wt_gym.agents.safe_pickle import UnsafePickleError, algorithm_of, read_data, safe_loads, safe_objects
-from wt_gym.control.controllers.parameters import did_you_mean
 from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_keys, renamed_names
+from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm

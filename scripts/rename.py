@@ -6,12 +6,14 @@
     scripts/rename.py PATH --no-spelling   # names only, no US spelling: for code of other projects
 
 It can be run again: what has its new name is left alone. A line that has to keep an old name says ``rename: keep``.
-`ruff format` afterwards breaks lines that became too long. Needs Python alone.
+`ruff format` afterwards breaks lines that became too long. Needs Python alone. Public names and modules are those of
+``wt_gym/deprecated.py``.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import io
 import re
 import subprocess
@@ -20,6 +22,12 @@ import tokenize
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
+
+_spec = importlib.util.spec_from_file_location(
+    "renamed", Path(__file__).resolve().parents[1] / "wt_gym" / "deprecated.py"
+)
+deprecated = importlib.util.module_from_spec(_spec)  # without the package, which needs others
+_spec.loader.exec_module(deprecated)
 
 SUFFIXES = (".py", ".md", ".toml", ".yml", ".yaml", ".cfg", ".txt", ".sh", ".cff", ".js", ".css")
 """Text that is written by hand. Records (JSON, CSV) keep the names that they were written with."""
@@ -68,7 +76,6 @@ _FUZZING = ("*fuzz*", "wt_gym/simulation/step/*", "envs_tests/physics/test_energ
 
 NAMES = (
     # actions and observations
-    Name("Aim", "AgentSetpoint", "code"),
     Name("aim", "setpoint", "attribute"),
     Name("aim", "setpoint", "code", _ENVS),
     Name('"aim"', '"setpoint"', "text", ("wt_gym/envs/*",)),
@@ -76,26 +83,17 @@ NAMES = (
     Name("situation", "context", "code", _READERS),
     Name("seen", "lidar", "code", ("wt_gym/envs/readers.py",)),
     # base controllers
-    Name("BENEATH", "RESIDUAL_INTERFACE"),
-    Name("runs_beneath", "is_base_controller"),
     Name("beneath", "environment_of", "attribute", ("agents/*", "envs_tests/*", "wt_gym/agents/*")),
     Name("def beneath", "def environment_of", "text", ("agents/environments.py",)),
     Name("_beneath", "_environment_of_agent", "code"),
     Name("advance_under", "advance_controlled"),
-    Name("RoscoLikeController", "TsrTrackingController"),
-    Name("RoscoLikeParameters", "TsrTrackingParameters"),
-    Name("controllers.rosco_like", "controllers.tsr_tracking"),
     # runs and training
-    Name("Contenders", "AgentPool", "code"),
     Name(
         "contenders",
         "pool",
         "code",
         ("agents/evaluation.py", "agents/loadcases/*", "envs_tests/env/test_env_own_agents.py"),
     ),
-    Name("met_wind", "actual_wind"),
-    Name("HeldBackEvaluation", "SelectionEvaluation"),
-    Name("train_or_go_on", "resume_or_train"),
     Name("_made_with", "_software_versions", "code"),
     Name("told", "on_progress", "code", ("agents/task_scores.py", "scripts/task_scores.py")),
     Name("_told", "_warned", "code", ("wt_gym/envs/running_start.py",)),
@@ -157,22 +155,12 @@ NAMES = (
     Name("memory marks matrix", "memory counters matrix", "text", _HISTORY),
     Name("trail", "trailing", "code", ("wt_gym/aerodynamics/*",)),
     Name("trail_core", "trailing_core", "code", ("wt_gym/aerodynamics/*",)),
+    *(Name(old, new, "code") for names in deprecated.NAMES.values() for old, new in names.items()),
 )
 """Names, those of certain files before the general ones where both are of one word."""
 
 MODULES = {
-    "wt_gym.agents.choices": "wt_gym.agents.names",
-    "wt_gym.agents.closed_loop": "wt_gym.runs.playing",
-    "wt_gym.agents.contenders": "wt_gym.agents.pool",
-    "wt_gym.agents.entries": "wt_gym.agents.benchmark_runs",
-    "wt_gym.agents.environments": "wt_gym.agents.pool",
-    "wt_gym.agents.executors": "wt_gym.runs.executors",
-    "wt_gym.agents.folder_lock": "wt_gym.runs.folder_lock",
-    "wt_gym.agents.progress": "wt_gym.runs.progress",
-    "wt_gym.agents.sweep_record": "wt_gym.runs.store",
-    "wt_gym.agents.workers": "wt_gym.runs.executors",
-    "wt_gym.agents.training.again": "wt_gym.agents.training.resume",
-    "wt_gym.agents.training.held_back": "wt_gym.agents.training.selection",
+    **deprecated.MODULES,
     "wt_gym.simulation.model.blade_pieces": "wt_gym.simulation.model.blade_sub_bodies",
     "validation.unsteady_aerofoil": "validation.unsteady_airfoil",
 }

@@ -1,6 +1,7 @@
 """Public names that have changed: the former ones stay for one minor version, with a `DeprecationWarning`.
 
-``scripts/rename.py`` changes them in the sources of others. Here stand those that `docs/versions.md` counts as public.
+Here stand those that `docs/versions.md` counts as public. ``scripts/rename.py``, which changes them in the sources of
+others, reads these tables, so that this file needs Python alone.
 """
 
 from __future__ import annotations
@@ -17,7 +18,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-__all__ = ["MODULES", "NAMES", "install", "renamed_arguments", "renamed_attribute", "renamed_keys", "renamed_names"]
+__all__ = [
+    "GONE",
+    "MODULES",
+    "MOVED",
+    "NAMES",
+    "install",
+    "renamed_arguments",
+    "renamed_attribute",
+    "renamed_keys",
+    "renamed_names",
+]
 
 _F = TypeVar("_F")
 
@@ -53,6 +64,8 @@ MODULES = {
     "wt_gym.agents.closed_loop": "wt_gym.runs.playing",
     "wt_gym.agents.contenders": "wt_gym.agents.pool",
     "wt_gym.agents.entries": "wt_gym.agents.benchmark_runs",
+    "wt_gym.agents.distributed.connection": "wt_gym.runs.ray_cluster",
+    "wt_gym.agents.distributed.ray_executor": "wt_gym.runs.ray_executor",
     "wt_gym.agents.environments": "wt_gym.agents.pool",
     "wt_gym.agents.executors": "wt_gym.runs.executors",
     "wt_gym.agents.folder_lock": "wt_gym.runs.folder_lock",
@@ -63,6 +76,30 @@ MODULES = {
     "wt_gym.agents.training.held_back": "wt_gym.agents.training.selection",
 }
 """Former and present modules."""
+
+MOVED = {
+    "wt_gym.agents.choices": {
+        "expand_seeds": "wt_gym.agents.former.expand_seeds",
+        "kind_of": "wt_gym.agents.former.kind_of",
+    },
+    "wt_gym.agents.entries": {
+        "BASELINE": "wt_gym.agents.names.BASELINE",
+        "LEVELS": "wt_gym.agents.names.LEVELS",
+        "WORDS": "wt_gym.agents.names.GROUPS",
+    },
+    "wt_gym.agents.sweep_record": {"sweep_recorded": "wt_gym.agents.former.sweep_recorded"},
+    "wt_gym.agents.workers": {
+        "check_workers": "wt_gym.agents.former.check_workers",
+        "in_processes": "wt_gym.agents.former.in_processes",
+    },
+}
+"""Names of former modules that do not stand in the present one, and where they are."""
+
+GONE = {
+    "wt_gym.agents.fuzzing": "scripts/fuzzing, which scripts/fuzz.py runs",
+    "wt_gym.agents.reward_study": "scripts/reward_study.py",
+}
+"""Former modules that are no part of the package any more, with the place in a clone where their content is."""
 
 
 def _warn(old: str, new: str, level: int = 3) -> None:
@@ -161,7 +198,19 @@ class _FormerModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: types.ModuleType | None = None
     ) -> importlib.machinery.ModuleSpec | None:
-        """Specification of a former module, None for others."""
+        """Specification of a former module, None for others.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            For one that is no part of the package any more; the message says where it is.
+        """
+        for gone, place in GONE.items():
+            if fullname == gone or fullname.startswith(f"{gone}."):
+                raise ModuleNotFoundError(
+                    f"{fullname} is no part of the package any more: in a clone of the project it is {place}",
+                    name=fullname,
+                )
         return importlib.machinery.ModuleSpec(fullname, self) if fullname in MODULES else None
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> None:
@@ -173,8 +222,19 @@ class _FormerModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         warnings.warn(
             f"{module.__name__} is deprecated, use {present.__name__}", DeprecationWarning, stacklevel=2, source=None
         )
-        vars(module).update({name: value for name, value in vars(present).items() if not name.startswith("__")})
-        vars(module)["__getattr__"] = functools.partial(getattr, present)
+        moved = MOVED.get(module.__name__, {})
+        vars(module).update(
+            {name: value for name, value in vars(present).items() if not name.startswith("__") and name not in moved}
+        )
+
+        def __getattr__(name: str) -> Any:
+            if name not in moved:
+                return getattr(present, name)
+            place, _, new = moved[name].rpartition(".")
+            _warn(f"{module.__name__}.{name}", moved[name])
+            return getattr(importlib.import_module(place), new)
+
+        vars(module)["__getattr__"] = __getattr__
 
 
 def install() -> None:

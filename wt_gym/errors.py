@@ -1,5 +1,13 @@
 """Exceptions raised at the doors of wt_gym: each names what was given, what is allowed and where."""
 
+from __future__ import annotations
+
+import difflib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
 __all__ = [
     "ActionError",
     "BenchmarkError",
@@ -8,6 +16,7 @@ __all__ = [
     "SimulationError",
     "TurbineDefinitionError",
     "WtGymError",
+    "did_you_mean",
 ]
 
 
@@ -37,3 +46,24 @@ class BenchmarkError(WtGymError, ValueError):
 
 class SimulationError(WtGymError, RuntimeError):
     """The simulation left the range in which it has meaning (divergence, tower strike, broken state)."""
+
+
+def did_you_mean(name: object, known: Iterable[str], otherwise: str = "") -> str:
+    """End of a message about an unknown name, which asks for the known name that it resembles most.
+
+    Parameters
+    ----------
+    name : object
+        What was given.
+    known : iterable of str
+    otherwise : str
+        What stands there where no name is near: a full stop where the message goes on.
+
+    Examples
+    --------
+    >>> did_you_mean("sped", ["speed", "shear"])
+    "; did you mean 'speed'?"
+    """
+    names = {one.lower(): one for one in known}
+    near = difflib.get_close_matches(str(name).lower(), names, 1)
+    return f"; did you mean {names[near[0]]!r}?" if near else otherwise

@@ -17,6 +17,7 @@ import yaml
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.deprecated import renamed_keys
+from wt_gym.errors import did_you_mean
 
 __all__ = [
     "ALGORITHMS",
@@ -158,13 +159,17 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
         Naming what was given and what is allowed.
     """
     if algorithm not in ALGORITHMS:
-        raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}")
+        near = did_you_mean(algorithm, ALGORITHMS)
+        raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}{near}")
     if not isinstance(values, Mapping):
         raise ValueError(f"{where} must map names to values, got {values!r}")
     values, known = renamed_keys(values, RENAMED, where), ALGORITHMS[algorithm]
     for name, value in values.items():
         if name not in known:
-            raise ValueError(f"{where}: names for {algorithm} must be among {', '.join(sorted(known))}; got {name!r}")
+            raise ValueError(
+                f"{where}: names for {algorithm} must be among {', '.join(sorted(known))}; got {name!r}"
+                f"{did_you_mean(name, known)}"
+            )
         if not known[name].allows(value):
             raise ValueError(f"{where}: {name} must be {known[name]}, got {value!r}")
     return values

@@ -1,17 +1,22 @@
 """Former public names: each gives the present thing, with a warning; old records and option files are read."""
 
 import importlib
+import json
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from wt_gym.agents import former
 from wt_gym.agents.trained_agent import read_record
 from wt_gym.agents.training.config import TrainingConfig
 from wt_gym.commands.train import parse_arguments
 from wt_gym.control import Channel
-from wt_gym.deprecated import MODULES, NAMES, renamed_arguments, renamed_attribute
+from wt_gym.deprecated import GONE, MODULES, MOVED, NAMES, renamed_arguments, renamed_attribute
 from wt_gym.envs.layout import ObservationLayout
+from wt_gym.runs.executors import Tally
+from wt_gym.runs.store import SWEEP_FILE
 from wt_gym.simulation import Fidelity, Simulator
 
 FORMER = [(module, old, new) for module, names in NAMES.items() for old, new in names.items()]
@@ -35,15 +40,55 @@ def test_other_names_are_still_missing(module):
 
 @pytest.mark.parametrize(("old", "new"), MODULES.items())
 def test_former_modules_hold_the_present_names(old, new):
+    if "ray" in new:
+        pytest.importorskip("ray")
     with pytest.warns(DeprecationWarning, match=f"{old} is deprecated, use {new}"):
         former = importlib.import_module(old)
     present = importlib.import_module(new)
-    for name in present.__all__:
+    for name in set(present.__all__) - MOVED.get(old, {}).keys():
         assert getattr(former, name) is getattr(present, name)
     for name, present_name in NAMES.get(new, {}).items():
         with pytest.warns(DeprecationWarning, match=name):
             assert getattr(former, name) is getattr(present, present_name)
     assert present.__name__ == present.__spec__.name == new
+
+
+@pytest.mark.parametrize(("module", "name"), [(module, name) for module, names in MOVED.items() for name in names])
+def test_names_of_former_modules_are_found_where_they_are(module, name):
+    place, _, new = MOVED[module][name].rpartition(".")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about the module
+        former = importlib.import_module(module)
+    with pytest.warns(DeprecationWarning, match=f"{module}.{name} is deprecated, use {MOVED[module][name]}"):
+        assert getattr(former, name) is getattr(importlib.import_module(place), new)
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        _ = former.nothing
+
+
+@pytest.mark.parametrize("module", [*GONE, "wt_gym.agents.fuzzing.run"])
+def test_modules_that_left_the_package_say_where_they_are(module):
+    with pytest.raises(ModuleNotFoundError, match=r"no part of the package any more: in a clone .* scripts/(\w+)"):
+        importlib.import_module(module)
+    place = next(place for gone, place in GONE.items() if module.startswith(gone)).split(",")[0]
+    assert (Path(__file__).parents[2] / place).exists()
+
+
+def test_former_functions_do_their_work(tmp_path):
+    with pytest.raises(ValueError, match="at least 1 job"):
+        former.check_workers(0)
+    assert sorted(former.in_processes(abs, iter([-2, 3]), 2)) == [(-2, 2), (3, 3)]
+    tally = Tally()
+    with former.sweep_recorded(tmp_path, tally, 4):
+        tally.done += 2
+    row = {"found": 4, "made": 2, "retried": 0, "lost": []}
+    assert json.loads((tmp_path / SWEEP_FILE).read_text()) == [row]
+    assert [former.kind_of(x, ("zero",)) for x in ("zero", "discon", str(tmp_path))] == [
+        "word",
+        "controller",
+        "trained",
+    ]
+    assert former.expand_seeds("discon", "controller") == [("", "discon")]
+    assert former.expand_seeds(str(tmp_path), "trained") == [("", str(tmp_path))]
 
 
 def test_arguments_are_taken_by_their_former_names():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from wt_gym.errors import BenchmarkError
+from wt_gym.errors import BenchmarkError, did_you_mean
 from wt_gym.runs.definition import digest
 from wt_gym.wind import TransientInflow
 
@@ -277,7 +277,9 @@ def task_file(name: str) -> Path:
         If there is no such task.
     """
     if name not in task_names():
-        raise BenchmarkError(f"task must be one of {', '.join(task_names())}, got {name!r}")
+        raise BenchmarkError(
+            f"task must be one of {', '.join(task_names())}, got {name!r}{did_you_mean(name, task_names())}"
+        )
     return _FOLDER / f"{name}.json"
 
 

@@ -8,6 +8,7 @@ from importlib import import_module
 
 import wt_gym
 from wt_gym.commands.program import OneLineParser, write_any_character
+from wt_gym.errors import did_you_mean
 
 __all__ = ["COMMANDS", "main", "module_of"]
 
@@ -54,8 +55,11 @@ def main(words: list[str] | None = None) -> None:
         epilog="wt-gym COMMAND --help has the options of a command.",
     )
     parser.add_argument("--version", action="version", version=f"wt_gym {wt_gym.__version__}")
-    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help=argparse.SUPPRESS)
+    parser.add_argument("command", metavar="COMMAND", help=argparse.SUPPRESS)
     parser.add_argument("words", nargs=argparse.REMAINDER, default=[], metavar="OPTIONS", help=argparse.SUPPRESS)
     write_any_character()
     chosen = parser.parse_args(words)
+    if chosen.command not in COMMANDS:
+        near = did_you_mean(chosen.command, COMMANDS)
+        parser.error(f"COMMAND must be one of {', '.join(COMMANDS)}, got {chosen.command!r}{near}")
     import_module(f"wt_gym.commands.{module_of(chosen.command)}").main(chosen.words)

@@ -73,14 +73,15 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
 def chosen(names: list[str]) -> list[BenchmarkTask]:
     """Tasks of the words of the command line."""
     from wt_gym.benchmark import load_task, task_names
-    from wt_gym.errors import BenchmarkError
+    from wt_gym.errors import BenchmarkError, did_you_mean
 
     found = []
     for name in names:
         exact = [task for task in task_names() if task == name]
         of_name = exact or [task for task in task_names() if name == "all" or task.startswith(name)]
         if not of_name:
-            raise BenchmarkError(f"task must be one of {', '.join(task_names())}, got {name!r}")
+            near = did_you_mean(name, task_names())
+            raise BenchmarkError(f"task must be one of {', '.join(task_names())}, got {name!r}{near}")
         found += [task for task in of_name if task not in found]
     return [load_task(name) for name in found]
 

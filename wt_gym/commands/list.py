@@ -118,7 +118,7 @@ def main(words: list[str] | None = None) -> None:
     """Run the command."""
     arguments = parse_arguments(words)
     with user_errors():
-        from wt_gym.control.controllers.parameters import did_you_mean
+        from wt_gym.errors import did_you_mean
 
         turbine = None
         if arguments.turbine is not None:

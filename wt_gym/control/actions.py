@@ -11,7 +11,7 @@ import numpy as np
 from wt_gym.control.coleman import FIXED_FRAME, harmonic_of_blades, to_blades
 from wt_gym.control.operating_point import operating_point, torque_curve
 from wt_gym.deprecated import renamed_names
-from wt_gym.errors import ActionError
+from wt_gym.errors import ActionError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -156,7 +156,7 @@ class ActionMap:
     ):
         for name, value, allowed in (("action_mode", mode, ACTION_MODES), ("pitch", pitch, PITCH_FORMS)):
             if value not in allowed:
-                raise ValueError(f"{name} must be one of {allowed}, got {value!r}")
+                raise ValueError(f"{name} must be one of {allowed}, got {value!r}{did_you_mean(value, allowed)}")
         if not control_dt > 0:
             raise ValueError(f"control_dt must be positive, got {control_dt!r} s")
         self.mode, self.pitch, self.control_dt, self.delay = mode, pitch, float(control_dt), float(delay)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import numbers
 from collections.abc import Iterable, Mapping
@@ -18,7 +17,6 @@ __all__ = [
     "check_names",
     "check_number",
     "check_whole_steps",
-    "did_you_mean",
     "real_number",
     "real_numbers",
     "shown",
@@ -154,12 +152,6 @@ def real_numbers(value: Any) -> tuple[float, ...]:
     found = [real_number(part) for part in parts]
     numbers = tuple(number for number in found if number is not None)
     return numbers if len(numbers) == len(found) else ()
-
-
-def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Begin of the next sentence of a message about an unknown name: the known one that it resembles, if one does."""
-    near = difflib.get_close_matches(str(name), list(known), 1, 0.6)
-    return f"; did you mean {near[0]!r}?" if near else "."
 
 
 def shown(value: Any) -> str:

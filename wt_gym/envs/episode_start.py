@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.control import OperatingPoint
 from wt_gym.control.starting_point import starting_point
-from wt_gym.envs.arguments import check_number, did_you_mean, shown
+from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.start import Start, steady_start
+from wt_gym.errors import did_you_mean
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias, checked_faults
 
@@ -125,6 +126,6 @@ def _checked(options: dict[str, Any] | None) -> dict[str, Any]:
     given = dict(options or {})
     for name in given:
         if name not in RESET_OPTIONS:
-            near = did_you_mean(name, RESET_OPTIONS)
+            near = did_you_mean(name, RESET_OPTIONS, ".")
             raise ValueError(f"reset has no option {name!r}{near} Its options are {', '.join(RESET_OPTIONS)}")
     return given | {name: check_number(name, given[name], finite=False) for name in _NUMBERS if name in given}

@@ -14,6 +14,7 @@ from wt_gym.control.coleman import FIXED_FRAME
 from wt_gym.control.reference_loads import reference_flap_moment, reference_tower_moment
 from wt_gym.envs import readers
 from wt_gym.envs.readers import Computed, FromSignals, InFixedFrame, Observed, Quantity
+from wt_gym.errors import did_you_mean
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class Observable:
         if unknown:
             raise ValueError(
                 f"observation has {unknown}; must be among the groups {OBSERVATION_GROUPS} and the channels "
-                f"{tuple(singles)}"
+                f"{tuple(singles)}{did_you_mean(unknown[0], (*OBSERVATION_GROUPS, *singles))}"
             )
         empty = [group for group in groups if not builders[group]()]
         if empty:

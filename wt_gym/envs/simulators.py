@@ -7,7 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym import simulation
-from wt_gym.envs.arguments import did_you_mean, shown
+from wt_gym.envs.arguments import shown
+from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
@@ -53,7 +54,7 @@ def simulator_maker(
     options = dict(choice) if isinstance(choice, Mapping) else {"name": choice}
     name = options.pop("name", None)
     if name not in SIMULATORS:
-        guess = did_you_mean(name, SIMULATORS) if isinstance(name, str) else "."
+        guess = did_you_mean(name, SIMULATORS) if isinstance(name, str) else ""
         raise ValueError(
             f"simulator must be one of {', '.join(map(repr, SIMULATORS))}, a mapping with one of them as 'name', or a "
             f"function that makes a simulator; got {shown(choice)}{guess}"

@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from wt_gym.errors import did_you_mean
+
 if TYPE_CHECKING:
     from collections.abc import ItemsView, Iterator
 
@@ -197,7 +199,7 @@ class Signals:
                 raise AttributeError(name)
             place = self._places.get(name)
             if place is None:
-                raise AttributeError(f"a signal must be one of {', '.join(_layout(self.n_blades)[0])}; got {name!r}")
+                raise AttributeError(self._unknown(name))
             return self.values.item(place) if place.__class__ is int else self.values[place]
 
     def __getitem__(self, name: str) -> Any:
@@ -209,10 +211,15 @@ class Signals:
         except AttributeError as error:
             raise KeyError(str(error)) from None
 
+    def _unknown(self, name: str) -> str:
+        """Message about a signal that is not there."""
+        known = _layout(self.n_blades)[0]
+        return f"a signal must be one of {', '.join(known)}; got {name!r}{did_you_mean(name, known)}"
+
     def set(self, name: str, value: ArrayLike) -> None:
         """Change a signal, or that of all blades at once."""
         if name not in self._places:
-            raise KeyError(f"a signal must be one of {', '.join(_layout(self.n_blades)[0])}; got {name!r}")
+            raise KeyError(self._unknown(name))
         self.values[self._places[name]] = value
 
     def __reduce__(self) -> tuple[type[Signals], tuple[NDArray[np.float64], int]]:

@@ -9,7 +9,7 @@ from typing import cast
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.deprecated import renamed_arguments, renamed_attribute
-from wt_gym.errors import SimulationError
+from wt_gym.errors import SimulationError, did_you_mean
 from wt_gym.fields import later_field
 from wt_gym.multibody.integrators.hamming import STARTERS
 from wt_gym.multibody.integrators.schemes import INTEGRATORS, SchemeSettings, integrator_name
@@ -192,6 +192,7 @@ class Fidelity:
             if getattr(self, name) not in allowed:
                 raise SimulationError(
                     f"Fidelity.{name} must be one of {', '.join(allowed)}, got {getattr(self, name)!r}"
+                    + did_you_mean(getattr(self, name), allowed)
                 )
         if self.spectral_radius is not None and not 0.0 <= self.spectral_radius <= 1.0:
             raise SimulationError(f"Fidelity.spectral_radius is {self.spectral_radius}; must be None or 0 … 1")
@@ -422,5 +423,6 @@ def fidelity(choice: str | Fidelity) -> Fidelity:
     if isinstance(choice, Fidelity):
         return choice
     if not isinstance(choice, str) or choice not in FIDELITIES:
-        raise SimulationError(f"fidelity must be one of {', '.join(FIDELITIES)} or a Fidelity, got {choice!r}")
+        near = did_you_mean(choice, FIDELITIES)
+        raise SimulationError(f"fidelity must be one of {', '.join(FIDELITIES)} or a Fidelity, got {choice!r}{near}")
     return FIDELITIES[choice]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Turbine
@@ -141,5 +141,7 @@ def turbine_file(name_or_path: str | Path) -> Path:
     if path.is_dir():
         raise fail("turbine", str(name_or_path), f"{allowed} (this is a folder)")
     if not path.is_file():
-        raise fail("turbine", str(name_or_path), f"{allowed} (there is no such file)")
+        raise fail(
+            "turbine", str(name_or_path), f"{allowed} (there is no such file){did_you_mean(name_or_path, catalogue())}"
+        )
     return path

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
-from wt_gym.errors import TurbineDefinitionError
+from wt_gym.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.turbines.checks import check_number
 
 __all__ = ["SITE", "at_controller_density", "with_site", "without_site"]
@@ -84,9 +83,8 @@ def with_site(turbine: _T, site: Mapping[str, Any] | None) -> _T:
         raise TurbineDefinitionError(f"site must map names to values, got {site!r:.100}; names: {', '.join(SITE)}")
     for name in site:
         if name not in SITE:
-            near = difflib.get_close_matches(str(name), SITE, 1, 0.5)
-            hint = f"; did you mean {near[0]!r}?" if near else "."
-            raise TurbineDefinitionError(f"site has no {name!r:.60}{hint} Allowed: {', '.join(SITE)}")
+            near = did_you_mean(name, SITE, ".")
+            raise TurbineDefinitionError(f"site has no {name!r:.60}{near} Allowed: {', '.join(SITE)}")
     changes: dict[str, Any] = {name: site[name] for name in site if name != "controller_air_density"}
     if "air_density" in site:
         density = check_number("site['air_density']", site["air_density"], 0.1, 10.0)

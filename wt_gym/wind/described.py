@@ -24,7 +24,6 @@ The options of the mean wind are those of `SteadyInflow`: ``shear_exponent``, ``
 
 from __future__ import annotations
 
-import difflib
 import json
 import os
 from collections.abc import Mapping
@@ -32,7 +31,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from wt_gym.errors import InflowError
+from wt_gym.errors import InflowError, did_you_mean
 from wt_gym.wind.mann_files import read_hawc2, read_hipersim
 from wt_gym.wind.protocol import Inflow
 from wt_gym.wind.series import SeriesInflow
@@ -152,7 +151,9 @@ def wind_from(
     files, kind = options.pop("file", None), options.pop("kind", None)
     form = kind if files is None else "three files" if isinstance(files, list) else Path(files).suffix.lower()
     if form not in _FORMS:
-        raise InflowError(f"kind must be one of {', '.join(map(repr, _KINDS))}; got {kind!r:.100}")
+        raise InflowError(
+            f"kind must be one of {', '.join(map(repr, _KINDS))}; got {kind!r:.100}{did_you_mean(kind, _KINDS)}"
+        )
     _check_options(form, options)
     if form == ".bts":
         return _from_bts(files, options)
@@ -170,10 +171,9 @@ def _check_options(form: str, options: dict[str, Any]) -> None:
     needed, more = _FORMS[form]
     for name in options:
         if name not in (*needed, *more):
-            near = difflib.get_close_matches(str(name), (*needed, *more), 1, 0.5)
-            hint = f"; did you mean {near[0]!r}?" if near else "."
+            near = did_you_mean(name, (*needed, *more), ".")
             raise InflowError(
-                f"a wind of the form {form!r} has no option {name!r:.60}{hint} Allowed: {', '.join((*needed, *more))}"
+                f"a wind of the form {form!r} has no option {name!r:.60}{near} Allowed: {', '.join((*needed, *more))}"
             )
     missing = [name for name in needed if name not in options]
     if missing:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from wt_gym.errors import InflowError
+from wt_gym.errors import InflowError, did_you_mean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,7 +59,9 @@ def reference_intensity(turbulence_class: str) -> float:
 
 def _look_up(table: dict[str, float], name: str, argument: str) -> float:
     if not isinstance(name, str) or name not in table:
-        raise InflowError(f"{argument} must be one of {', '.join(map(repr, table))}; got {name!r}")
+        raise InflowError(
+            f"{argument} must be one of {', '.join(map(repr, table))}; got {name!r}{did_you_mean(name, table)}"
+        )
     return table[name]
 
 

@@ -13,13 +13,12 @@ downwind), so that its sign is turned when it is read; so is nothing else.
 from __future__ import annotations
 
 import csv
-import difflib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import InflowError
+from wt_gym.errors import InflowError, did_you_mean
 from wt_gym.wind.series import COLUMNS, SeriesInflow
 
 if TYPE_CHECKING:
@@ -112,9 +111,8 @@ def _check_names(path: str | os.PathLike[str], names: list[str]) -> None:
     allowed = ("time", *COLUMNS)
     for name in names:
         if name not in allowed:
-            near = difflib.get_close_matches(name.lower(), allowed, 1, 0.5)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise InflowError(f"{path}: columns must be among {', '.join(allowed)}; got {name!r}{hint}")
+            near = did_you_mean(name, allowed)
+            raise InflowError(f"{path}: columns must be among {', '.join(allowed)}; got {name!r}{near}")
         if names.count(name) > 1:
             raise InflowError(f"{path}: every column must be named once, got {name!r} twice")
     for name in ("time", "speed"):

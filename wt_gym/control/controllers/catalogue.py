@@ -27,12 +27,13 @@ from wt_gym.control.controllers.controller import Addition, Combined, Controller
 from wt_gym.control.controllers.individual_pitch import IndividualPitch
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import own_controller, own_parameters
-from wt_gym.control.controllers.parameters import PATH, Parameter, did_you_mean, with_defaults
+from wt_gym.control.controllers.parameters import PATH, Parameter, with_defaults
 from wt_gym.control.controllers.retuned import retuned_controller
 from wt_gym.control.controllers.tower_dampers import ForeAftDamper, SideSideDamper
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters
 from wt_gym.control.controllers.tuned import TUNED, record_of, tuned_parameters
 from wt_gym.control.controllers.yaw import YawByDeadBand
+from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine

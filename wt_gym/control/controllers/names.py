@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from wt_gym.control.controllers.catalogue import CONTROLLERS, catalogue_controller, declared_parameters
 from wt_gym.control.controllers.controller import Combined, Controller, is_addition, is_controller
 from wt_gym.control.controllers.own_class import classes_in, load_class
-from wt_gym.control.controllers.parameters import did_you_mean
+from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from wt_gym.control.controllers.parameters import did_you_mean
+from wt_gym.errors import did_you_mean
 
 __all__ = ["load_class", "source_digest"]
 

@@ -7,7 +7,6 @@ the words ``name:key=value`` are checked and which the command ``wt-gym list con
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import math
 import numbers
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["PATH", "Parameter", "did_you_mean", "with_defaults"]
+__all__ = ["PATH", "Parameter", "with_defaults"]
 
 PATH = "a path"
 """What words stand for that name files."""
@@ -167,9 +166,3 @@ def with_defaults(parameters: Iterable[Parameter], *makers: Callable[..., Any]) 
     if missing:
         raise TypeError(f"{', '.join(missing)}: declared, but no parameter of {', '.join(map(repr, makers))}")
     return tuple(replace(parameter, default=found[parameter.name]) for parameter in parameters)
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A question with the nearest known words, beginning with a semicolon; nothing where none is near."""
-    near = difflib.get_close_matches(word, list(known), 3, 0.6)
-    return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""

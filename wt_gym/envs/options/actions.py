@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from wt_gym.control.actions import ACTION_MODES, COMPONENTS, PITCH_FORMS
 from wt_gym.envs.arguments import check_mapping, check_names
 from wt_gym.envs.options.group import OptionGroup, option, option_group
+from wt_gym.errors import did_you_mean
 
 __all__ = ["ActionOptions"]
 
@@ -43,7 +44,7 @@ class ActionOptions(OptionGroup):
         """Refuse unknown modes, coordinates and components, and spans that are no numbers."""
         for name, value, allowed in (("action_mode", self.mode, ACTION_MODES), ("pitch", self.pitch, PITCH_FORMS)):
             if value not in allowed:
-                raise ValueError(f"{name} must be one of {allowed}, got {value!r}")
+                raise ValueError(f"{name} must be one of {allowed}, got {value!r}{did_you_mean(value, allowed)}")
         if self.pitch == "cyclic" and self.mode != "residual":
             raise ValueError(
                 f"pitch='cyclic' has no mean of its own: it needs action_mode='residual', got {self.mode!r}"

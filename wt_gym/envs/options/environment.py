@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import gymnasium as gym
 
-from wt_gym.envs.arguments import check_number, did_you_mean, shown
+from wt_gym.envs.arguments import check_number, shown
 from wt_gym.envs.options.actions import ActionOptions
 from wt_gym.envs.options.controller import ControllerOptions
 from wt_gym.envs.options.group import Described, OptionGroup, described, option, option_group, plain_value, section
@@ -21,6 +21,7 @@ from wt_gym.envs.options.limits import LimitOptions
 from wt_gym.envs.options.observations import ObservationOptions
 from wt_gym.envs.options.rewards import RewardOptions
 from wt_gym.envs.options.wind import WindOptions
+from wt_gym.errors import did_you_mean
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine
@@ -247,7 +248,7 @@ def flat_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
             continue
         if name not in known:
             raise TypeError(
-                f"the environment has no argument {name!r}{did_you_mean(name, known)} Its arguments are "
+                f"the environment has no argument {name!r}{did_you_mean(name, known, '.')} Its arguments are "
                 f"{', '.join(known)}"
             )
         flat[name] = value

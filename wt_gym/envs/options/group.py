@@ -12,7 +12,8 @@ from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
-from wt_gym.envs.arguments import did_you_mean, shown
+from wt_gym.envs.arguments import shown
+from wt_gym.errors import did_you_mean
 
 __all__ = ["Described", "OptionGroup", "described", "option", "option_group", "plain_value", "section"]
 
@@ -219,7 +220,9 @@ class OptionGroup:
     def _unknown(cls, name: object) -> str:
         """Message about a name of no field; the flat name of one is known too."""
         by_flat = {one.flat: one.name for one in described(cls)}
-        near = f"; did you mean {by_flat[str(name)]!r}?" if name in by_flat else did_you_mean(name, by_flat.values())
+        near = (
+            f"; did you mean {by_flat[str(name)]!r}?" if name in by_flat else did_you_mean(name, by_flat.values(), ".")
+        )
         return f"{cls.title} has no option {name!r}{near} Its options are {', '.join(by_flat.values())}"
 
     def to_json(self) -> str:

@@ -7,13 +7,14 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, TypeAlias, cast
 
-from wt_gym.envs.arguments import check_mapping, check_number, did_you_mean, shown
+from wt_gym.envs.arguments import check_mapping, check_number, shown
 from wt_gym.envs.rewards.damage import Damage
 from wt_gym.envs.rewards.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.rewards.function import FunctionTerm
 from wt_gym.envs.rewards.loads import TipDeflection, TowerLoad
 from wt_gym.envs.rewards.operation import ActuatorUse, Overspeed
 from wt_gym.envs.rewards.power import Power
+from wt_gym.errors import did_you_mean
 
 if TYPE_CHECKING:
     from wt_gym.envs.rewards.term import RewardTerm, Transition
@@ -102,7 +103,7 @@ def compose(reward: Mapping[str, float] | Part | Iterable[Part] | None) -> tuple
 
 def _check_name(name: object) -> None:
     if name not in _TERMS:
-        raise ValueError(f"reward has no term {name!r}{did_you_mean(name, _TERMS)} There are {', '.join(_TERMS)}")
+        raise ValueError(f"reward has no term {name!r}{did_you_mean(name, _TERMS, '.')} There are {', '.join(_TERMS)}")
 
 
 def _term(part: Part) -> RewardTerm:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from wt_gym.angles import wrapped
-from wt_gym.errors import ActionError
+from wt_gym.errors import ActionError, did_you_mean
 from wt_gym.simulation.channels import Signals, channel_table
 
 if TYPE_CHECKING:
@@ -228,7 +228,11 @@ def _places(names: tuple[str, ...], n_blades: int) -> tuple[int, ...]:
     index = {channel.name: k for k, channel in enumerate(channel_table(n_blades))}
     unknown = [name for name in names if name not in index or name == "time"]
     if unknown:
-        raise ActionError(f"channels of a sensor fault must be among {', '.join(list(index)[1:])}; got {unknown}")
+        known = list(index)[1:]
+        raise ActionError(
+            f"channels of a sensor fault must be among {', '.join(known)}; got {unknown}"
+            f"{did_you_mean(unknown[0], known)}"
+        )
     return tuple(index[name] for name in names)
 
 

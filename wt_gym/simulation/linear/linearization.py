@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.errors import SimulationError
+from wt_gym.errors import SimulationError, did_you_mean
 from wt_gym.simulation.channels import channel_table, parities
 from wt_gym.simulation.linear.frozen_plant import FrozenPlant
 from wt_gym.simulation.linear.linear_model import LinearModel, SteadyPoint, multiblade_model
@@ -385,7 +385,7 @@ def _output_names(n_blades: int, wanted: str | Sequence[str] | None) -> tuple[st
         elif set(group) <= set(known):
             out += group
         else:
-            raise SimulationError(f"output must be one of {', '.join(known)}, got {name!r}")
+            raise SimulationError(f"output must be one of {', '.join(known)}, got {name!r}{did_you_mean(name, known)}")
     return tuple(out)
 
 

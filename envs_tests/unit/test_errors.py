@@ -1,0 +1,73 @@
+"""A message about an unknown name asks for the known one that it resembles."""
+
+import doctest
+
+import gymnasium as gym
+import pytest
+
+from wt_gym import errors
+from wt_gym.agents.names import read_name
+from wt_gym.agents.training.hyperparameters import check_hyperparameters
+from wt_gym.benchmark import load_task
+from wt_gym.commands import main
+from wt_gym.commands.benchmark import chosen
+from wt_gym.errors import WtGymError, did_you_mean
+from wt_gym.simulation import Simulator
+from wt_gym.simulation.channels import Signals, new_values
+from wt_gym.simulation.drivetrain.faults import SensorBias
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow, wind_from
+
+STEADY = "wt_gym/NREL5MW-Steady-v1"
+SIGNALS = Signals(new_values(3)[0], 3)
+REFUSED = {
+    "argument": (lambda: gym.make(STEADY, wind_sped=8.0), "wind_speed"),
+    "option of a group": (lambda: gym.make(STEADY, wind={"shear_exponen": 0.1}), "shear_exponent"),
+    "action mode": (lambda: gym.make(STEADY, action_mode="residul"), "residual"),
+    "form of pitch": (lambda: gym.make(STEADY, pitch="fixed_frame"), "fixed-frame"),
+    "reward term": (lambda: gym.make(STEADY, reward={"blade_fatig": 1.0}), "blade_fatigue"),
+    "observed channel": (lambda: gym.make(STEADY, observation=["rotr"]), "rotor"),
+    "fidelity": (lambda: gym.make(STEADY, fidelity="trainin"), "training"),
+    "fidelity of a simulator": (
+        lambda: Simulator("nrel_5mw", fidelity="Reference", inflow=SteadyInflow(8.0)),
+        "reference",
+    ),
+    "turbine": (lambda: load_turbine("nrel5mw"), "nrel_5mw"),
+    "turbine of an environment": (lambda: gym.make(STEADY, turbine="iea_15_mw"), "iea_15mw"),
+    "signal": (lambda: SIGNALS["rotorspeed"], "rotor_speed"),
+    "signal as an attribute": (lambda: SIGNALS.rotor_sped, "rotor_speed"),
+    "channel of a fault": (lambda: SensorBias(1.0, ("rotor_sped",)).places(3), "rotor_speed"),
+    "kind of wind": (lambda: wind_from({"kind": "stedy", "speed": 8.0}), "steady"),
+    "task": (lambda: load_task("load-reducton-15"), "load-reduction-15"),
+    "task of a command": (lambda: chosen(["gust-survial"]), "gust-survival"),
+    "controller": (lambda: gym.make("wt_gym/LoadReduction-v1", controller="constrained_icp"), "constrained_ipc"),
+    "agent": (lambda: read_name("constrained_icp"), "constrained_ipc"),
+    "algorithm": (lambda: check_hyperparameters("POP", {}), "PPO"),
+    "hyperparameter": (lambda: check_hyperparameters("PPO", {"gama": 0.9}), "gamma"),
+}
+"""Calls with a name that is mistyped, and the one that was meant."""
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_the_name_that_was_meant_is_asked_for(case):
+    call, meant = REFUSED[case]
+    with pytest.raises((WtGymError, ValueError, TypeError, KeyError, AttributeError)) as refused:
+        call()
+    assert f"; did you mean '{meant}'?" in str(refused.value)
+
+
+def test_a_command_that_was_meant_is_asked_for(capsys):
+    with pytest.raises(SystemExit):
+        main(["evalute", "baseline"])
+    assert "; did you mean 'evaluate'?" in capsys.readouterr().err
+
+
+def test_what_resembles_nothing_is_not_asked_for():
+    assert did_you_mean("xyzzy", ["power", "pitch"]) == ""
+    assert did_you_mean("xyzzy", iter(["power", "pitch"]), ".") == "."
+    assert did_you_mean(None, ["power"]) == ""
+    assert did_you_mean("PITCH", iter(["power", "Pitch"])) == "; did you mean 'Pitch'?"
+
+
+def test_the_example_runs():
+    assert doctest.testmod(errors).failed == 0
