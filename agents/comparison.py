@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from wt_gym.runs.executors import Executor
+    from wt_gym.simulation import Fidelity
     from wt_gym.simulation.contract import TurbineSimulator
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
@@ -91,7 +92,7 @@ class ControllerRuns:
         return (*self.metrics, *self.failures)
 
 
-def inflow_of(turbine: Turbine, case: Case, shear_exponent: float = 0.2):
+def inflow_of(turbine: Turbine, case: Case, shear_exponent: float = 0.2) -> Inflow:
     """Wind of a case: sheared, with Kaimal turbulence of the turbine's class if there is a seed."""
     steady = _steady(turbine, case, shear_exponent)
     if case.seed is None:
@@ -130,11 +131,11 @@ def check_times(duration: float, skip: float, control_dt: float | None = None) -
 
 def run_cases(
     turbine: Turbine,
-    controllers: Mapping[str, tuple[str, dict]],
+    controllers: Mapping[str, tuple[str, dict[str, Any]]],
     cases: Iterable[Case],
     duration: float,
     skip: float = 30.0,
-    fidelity="training",
+    fidelity: str | Fidelity = "training",
     control_dt: float | None = None,
     progress: Callable[[str, Case], None] | None = None,
     runs: list[ControllerRuns] | None = None,
@@ -257,7 +258,7 @@ def run_agent(
     name: Name,
     inflow: Inflow,
     duration: float,
-    fidelity="training",
+    fidelity: str | Fidelity = "training",
     control_dt: float | None = None,
     simulator: Any = OWN,
 ) -> xr.Dataset:

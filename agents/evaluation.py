@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import time
 from contextlib import nullcontext
@@ -24,6 +23,7 @@ from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.results import Evaluation, Run, Wind
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.files import json_values
 from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.playing import play
 from wt_gym.runs.progress import ProgressLine, clock
@@ -33,6 +33,8 @@ from wt_gym.wind.iec import REFERENCE_SPEED
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
+
+    import xarray as xr
 
     from wt_gym.envs.episode import Agent, EpisodeStep
     from wt_gym.envs.layout import EnvLayout
@@ -213,7 +215,7 @@ def _options(env: WindTurbineEnv, asked: Wind, config: EvaluationConfig) -> dict
     return options
 
 
-def _metrics(data, turbine: Turbine, skip: float, duration: float) -> dict[str, float]:
+def _metrics(data: xr.Dataset, turbine: Turbine, skip: float, duration: float) -> dict[str, float]:
     """Metrics of a run, none if it ended before there was something to measure."""
     return run_metrics(data, turbine, skip) if duration >= skip + LEAST_MEASURED else {}
 
@@ -233,4 +235,4 @@ def _settings(config: EvaluationConfig, layout: EnvLayout, env: gym.Env) -> dict
         "numpy": np.__version__,
         "gymnasium": gym.__version__,
     }
-    return json.loads(json.dumps(settings, default=str))
+    return json_values(settings)

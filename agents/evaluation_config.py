@@ -67,7 +67,7 @@ class EvaluationConfig:
     mean_wind_speed: float | None = None
     weibull_shape: float = 2.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (self.skip >= 0.0 and self.duration >= self.skip + LEAST_MEASURED):
             raise ValueError(
                 f"nothing is left to evaluate: the duration of {self.duration:g} s must exceed the skipped start of "

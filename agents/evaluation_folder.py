@@ -12,7 +12,7 @@ from wt_gym.agents.names import fingerprint
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
 from wt_gym.benchmark.fingerprint import benchmark_fingerprint, differing, sources_digest
 from wt_gym.envs.wind_files import wind_files_of
-from wt_gym.files import write_text_whole
+from wt_gym.files import json_values, write_text_whole
 from wt_gym.runs.definition import RunDefinition, digest
 from wt_gym.runs.store import SWEEP_FILE, RunStore
 
@@ -90,7 +90,7 @@ class EvaluationFolder(RunStore):
             "wind_files": wind_files_of(config.env_kwargs),
         }
         # through JSON, so that it can be compared with what a file says
-        self._configuration: dict[str, Any] = json.loads(json.dumps(configuration, default=str))
+        self._configuration = json_values(configuration)
 
     def begin(self, code: dict[str, str], overwrite: bool) -> None:
         """Make the folder ready: empty for a new evaluation, as it is for one to go on with.

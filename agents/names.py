@@ -367,5 +367,5 @@ def default_name(name: Name) -> str:
     for folder in (path, path.parent, *_folders_of_seeds(path).values()):
         record = folder / RECORD_FILE
         if record.is_file():
-            return read_record(record)["algorithm"]
+            return str(read_record(record)["algorithm"])
     return path.stem

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import gymnasium as gym
+    from numpy.typing import NDArray
+
+    from wt_gym.envs.snapshot import EnvSnapshot
 
 __all__ = ["ShootingPlanner", "check_settings"]
 
@@ -46,7 +49,7 @@ def check_settings(settings: Mapping[str, Any]) -> None:
     _check(**{**known, **settings})
 
 
-def _check(horizon, hold, samples, elites, rounds, spread, seed) -> None:
+def _check(horizon: float, hold: float, samples: int, elites: int, rounds: int, spread: float, seed: int) -> None:
     """Refuse times and numbers without meaning."""
     times = {"horizon": horizon, "hold": hold, "spread": spread}
     horizon, hold, spread = (check_number(name, value) for name, value in times.items())
@@ -130,7 +133,9 @@ class ShootingPlanner:
         self._rng = np.random.default_rng(self._seed)
         self._plan, self._left = np.zeros(self._shape), 0
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], Any]:
         """Action for the present instant of the environment, as stable-baselines3's models give it.
 
         Parameters
@@ -178,7 +183,7 @@ class ShootingPlanner:
             self._env.restore(here)
         return cast(np.ndarray, best)
 
-    def _value(self, plan: np.ndarray, here) -> float:
+    def _value(self, plan: np.ndarray, here: EnvSnapshot) -> float:
         """Sum of the rewards of a plan from a snapshot on, until the episode ends."""
         self._env.restore(here)
         total = 0.0

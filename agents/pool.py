@@ -14,12 +14,12 @@ import gymnasium as gym
 from wt_gym.agents.compilation import compile_kernels
 from wt_gym.agents.constant import ConstantAgent
 from wt_gym.agents.controller_agent import ControllerAgent
-from wt_gym.agents.names import BASELINE, PREFIX, Name, env_choices_of, fingerprint, is_base_controller, read_name
+from wt_gym.agents.names import BASELINE, PREFIX, env_choices_of, fingerprint, is_base_controller, read_name
 from wt_gym.agents.planning import ShootingPlanner
 from wt_gym.agents.trained_environment import check_environment, controller_of_training, interface_of_training
 from wt_gym.agents.uniform import UniformAgent
 from wt_gym.benchmark.fingerprint import differing
-from wt_gym.control.controllers.names import ALIASES
+from wt_gym.control.controllers.names import ALIASES, Name
 from wt_gym.control.controllers.own_class import load_class
 from wt_gym.deprecated import renamed_names
 from wt_gym.envs.layout import layout_of
@@ -98,7 +98,7 @@ def _of_own_class(name: Name, layout: EnvLayout) -> Agent:
     """Agent of a class of the user's, which gets the layout where it takes one."""
     maker = load_class(name.target)
     given = {"layout": layout} if "layout" in inspect.signature(maker).parameters else {}
-    agent = maker(**given, **name.parameters)
+    agent: Agent = maker(**given, **name.parameters)
     if not callable(getattr(agent, "predict", None)):
         raise ValueError(f"{name.target} must make an agent with predict, got {agent!r}")
     return agent
@@ -274,12 +274,17 @@ class AgentPool:
     def __enter__(self) -> AgentPool:
         return self
 
-    def __exit__(self, *exception) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close the environments."""
         self._environments.close()
 
 
-def _warm(where: tuple, models: dict[str, dict[str, Any]], code_of, code: dict[str, str]) -> None:
+def _warm(
+    where: tuple[str, dict[str, Any], float | None],
+    models: dict[str, dict[str, Any]],
+    code_of: Callable[..., dict[str, str]],
+    code: dict[str, str],
+) -> None:
     """Have the kernels in the cache of a machine.
 
     Raises

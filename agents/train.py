@@ -45,7 +45,7 @@ def train(
     *,
     progress: bool = True,
     overwrite: bool = False,
-    on_evaluation: Callable[[int, dict], bool] | None = None,
+    on_evaluation: Callable[[int, dict[str, Any]], bool] | None = None,
     stop: StopRequest | None = None,
     learner: Learner | None = None,
 ) -> dict[str, Any]:
@@ -172,7 +172,7 @@ class _Session:
         venv: VecNormalize,
         model: BaseAlgorithm,
         before: dict[str, Any],
-        on_evaluation: Callable[[int, dict], bool] | None,
+        on_evaluation: Callable[[int, dict[str, Any]], bool] | None,
         learner: Learner,
     ):
         self._learner = learner
@@ -307,7 +307,7 @@ def _entry(record: dict[str, Any], name: str, kind: type, missing: Any) -> Any:
     return value
 
 
-def _curve(record: dict[str, Any], names: tuple[str, ...], steps: int) -> dict[str, list]:
+def _curve(record: dict[str, Any], names: tuple[str, ...], steps: int) -> dict[str, list[Any]]:
     """Curve of an earlier session up to the steps of its model, or an empty one.
 
     Raises

@@ -22,6 +22,7 @@ from wt_gym.control.controllers.parameters import did_you_mean
 from wt_gym.deprecated import renamed_arguments, renamed_attribute, renamed_keys, renamed_names
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     from wt_gym.envs.layout import EnvLayout
@@ -325,7 +326,9 @@ class TrainedAgent:
             signs = layout.observation.parity, layout.action.parity
             self._signs = signs[0].astype(np.float32), signs[1].astype(np.float32)
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], Any]:
         """Action for an observation of the environment, not normalized yet.
 
         Returns

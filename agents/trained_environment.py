@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -12,6 +11,7 @@ from wt_gym.agents.names import read_name
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options.environment import argument_default, flat_arguments, registered_arguments
 from wt_gym.envs.rewards import DEFAULT_WEIGHTS
+from wt_gym.files import json_values
 from wt_gym.ids import present_id
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def resolved_arguments(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, 
     gymnasium.error.Error
         If the environment is not registered.
     """
-    return json.loads(json.dumps(registered_arguments(env_id, env_kwargs), default=str))
+    return json_values(registered_arguments(env_id, env_kwargs))
 
 
 def with_pay(arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -197,4 +197,4 @@ def _kept(arguments: Mapping[str, Any]) -> dict[str, Any]:
 def _with_defaults(arguments: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """Arguments of these names, the environment's defaults where they are not given, as JSON values."""
     values = {name: arguments.get(name, argument_default(name)) for name in names}
-    return json.loads(json.dumps(values, default=str))
+    return json_values(values)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -47,7 +47,7 @@ def _unknown(name: str) -> str:
     )
 
 
-def _met(name: str, record: Mapping, seeds: Iterable[int]) -> str:
+def _met(name: str, record: Mapping[str, Any], seeds: Iterable[int]) -> str:
     """Which seeds a training had; empty for none."""
     of_training = set(record.get("wind_seeds") or ())
     met = [str(seed) for seed in seeds if seed in of_training]

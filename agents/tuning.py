@@ -29,6 +29,7 @@ from wt_gym.files import require_writable, write_text_whole
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from wt_gym.agents.comparison import ControllerRuns
     from wt_gym.turbines import Turbine
 
 __all__ = ["SPACES", "Cost", "Range", "TuningTask", "tune"]
@@ -153,7 +154,7 @@ class TuningTask:
     cost: Cost = field(default_factory=Cost)
     space: dict[str, Range] | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         held_back = sorted(set(self.seeds) - set(TRAINING_WIND_SEEDS))
         if held_back:
             raise ValueError(f"tuning takes training seeds (1 … 24) only, got {held_back}")
@@ -185,7 +186,7 @@ def tune(
     trials: int,
     seed: int = 0,
     output: Path | None = None,
-    progress: Callable[[int, float, dict], None] | None = None,
+    progress: Callable[[int, float, dict[str, float]], None] | None = None,
 ) -> dict[str, Any]:
     """Search the parameters of least cost.
 
@@ -225,7 +226,7 @@ def tune(
         require_writable(output.parent)
     cases = [Case(wind, number) for wind in task.winds for number in task.seeds]
 
-    def runs(choice: str, parameters: dict):
+    def runs(choice: str, parameters: dict[str, float]) -> ControllerRuns:
         name = read_name(choice)
         given = {choice: (name.target, name.parameters | parameters)}
         return run_cases(turbine, given, cases, task.duration, task.skip, task.fidelity)[0]
@@ -241,7 +242,7 @@ def tune(
 
     space = cast("dict[str, Range]", task.space)  # found by the name where none was given
 
-    def cost(trial) -> float:
+    def cost(trial: optuna.Trial) -> float:
         parameters = {
             name: trial.suggest_float(name, interval.low, interval.high, log=interval.log)
             for name, interval in space.items()
@@ -265,13 +266,13 @@ def tune(
         "trials": [],
     }
 
-    def note(_, trial) -> None:
+    def note(_: optuna.Study, trial: optuna.trial.FrozenTrial) -> None:
         record["trials"].append({"cost": trial.value, "parameters": trial.params})
         record["best"] = min(record["trials"], key=lambda row: row["cost"])
         if output is not None:
             write_text_whole(output, json.dumps(record, indent=1) + "\n")
         if progress is not None:
-            progress(trial.number, trial.value, trial.params)
+            progress(trial.number, cast("float", trial.value), trial.params)
 
     study.optimize(cost, n_trials=trials, callbacks=[note])
     return record

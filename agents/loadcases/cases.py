@@ -12,7 +12,6 @@ fault and stops, which sensors are wrong by how much, when in a gust things happ
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -22,18 +21,20 @@ import numpy as np
 from wt_gym.control.reference_loads import reference_flap_moment
 from wt_gym.envs.options import WindOptions
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
-from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
+from wt_gym.files import json_values
+from wt_gym.simulation.drivetrain.faults import DriveFault, GeneratorLoss, SensorBias, ShutDown, StuckPitch
 from wt_gym.wind import TransientInflow
 from wt_gym.wind.iec import OPERATING_GUST_DURATION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
 __all__ = ["CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "Condition", "DesignCase", "Plan", "inflow_of", "plan_of"]
+
+Fault = DriveFault | SensorBias
 
 NORMAL, ABNORMAL, EXTRAPOLATED = 1.35, 1.1, 1.25
 """Partial safety factors γ_f on unfavorable loads: normal and abnormal design situations (table 3), and production in
@@ -96,7 +97,7 @@ class Condition:
     seed: int | None = None
     direction: float = 0.0
     azimuth: float = 0.0
-    faults: tuple[DriveFault | SensorBias, ...] = ()
+    faults: tuple[Fault, ...] = ()
     label: str = ""
     turbulence: str = "kaimal"
 
@@ -124,7 +125,7 @@ class Condition:
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values."""
         faults = [{"kind": type(fault).__name__, **asdict(fault)} for fault in self.faults]
-        return json.loads(json.dumps(asdict(self) | {"faults": faults}))
+        return json_values(asdict(self) | {"faults": faults})
 
 
 @dataclass(frozen=True)
@@ -226,7 +227,7 @@ class DesignCase:
 def _turbulent(wind: str, first: int) -> Callable[[Turbine, Plan], list[Condition]]:
     """Production in turbulence, with the held-back seeds from number ``first`` on."""
 
-    def conditions(turbine, plan):
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
         seeds = EVALUATION_WIND_SEEDS[first : first + plan.seeds]
         return [
             Condition(wind, speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
@@ -240,7 +241,7 @@ def _turbulent(wind: str, first: int) -> Callable[[Turbine, Plan], list[Conditio
 def _transients(winds: tuple[str, ...], which: str, length: float) -> Callable[[Turbine, Plan], list[Condition]]:
     """Production in a transient, from several azimuths."""
 
-    def conditions(turbine, plan):
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
         return [
             Condition(wind, speed, EVENT + length, azimuth=azimuth)
             for speed in getattr(plan, which)
@@ -251,10 +252,12 @@ def _transients(winds: tuple[str, ...], which: str, length: float) -> Callable[[
     return conditions
 
 
-def _in_turbulence(faults: Callable[[Turbine], dict[str, tuple]]) -> Callable[[Turbine, Plan], list[Condition]]:
+def _in_turbulence(
+    faults: Callable[[Turbine], dict[str, tuple[Fault, ...]]],
+) -> Callable[[Turbine, Plan], list[Condition]]:
     """A fault in normal turbulence."""
 
-    def conditions(turbine, plan):
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
         seeds = EVALUATION_WIND_SEEDS[12 : 12 + plan.events]
         return [
             Condition("NTM", speed, EVENT + _FAULT_LENGTH, seed, faults=what, label=label)
@@ -266,10 +269,12 @@ def _in_turbulence(faults: Callable[[Turbine], dict[str, tuple]]) -> Callable[[T
     return conditions
 
 
-def _in_gust(label: str, faults: Callable[[Turbine, float], tuple]) -> Callable[[Turbine, Plan], list[Condition]]:
+def _in_gust(
+    label: str, faults: Callable[[Turbine, float], tuple[Fault, ...]]
+) -> Callable[[Turbine, Plan], list[Condition]]:
     """Something that happens at several times of an operating gust."""
 
-    def conditions(turbine, plan):
+    def conditions(turbine: Turbine, plan: Plan) -> list[Condition]:
         times = [EVENT + share * OPERATING_GUST_DURATION for share in plan.gust_times]
         return [
             Condition("EOG", speed, EVENT + _GUST_LENGTH, azimuth=azimuth, faults=faults(turbine, time),
@@ -291,12 +296,12 @@ def _parked(turbine: Turbine, plan: Plan) -> list[Condition]:
     ]
 
 
-def _grid_loss(turbine: Turbine, time: float) -> tuple:
+def _grid_loss(turbine: Turbine, time: float) -> tuple[Fault, ...]:
     """The generator is lost; the turbine notices and stops as fast as it can."""
     return GeneratorLoss(time), ShutDown(time + DETECTION, turbine.pitch.max_rate)
 
 
-def _control_faults(turbine: Turbine) -> dict[str, tuple]:
+def _control_faults(turbine: Turbine) -> dict[str, tuple[Fault, ...]]:
     """Loss of the grid, and sensors that read wrong for the rest of the run."""
     moment = MOMENT_READS * reference_flap_moment(turbine)
     return {
@@ -306,13 +311,13 @@ def _control_faults(turbine: Turbine) -> dict[str, tuple]:
     }
 
 
-def _stuck(turbine: Turbine) -> dict[str, tuple]:
+def _stuck(turbine: Turbine) -> dict[str, tuple[Fault, ...]]:
     """One blade sticks; the turbine notices late and feathers the others."""
     stop = ShutDown(EVENT + STUCK_DETECTION, turbine.pitch.max_rate)
     return {"blade 1 stuck": (StuckPitch(EVENT, 1), stop)}
 
 
-def _normal_stop(turbine: Turbine, time: float) -> tuple:
+def _normal_stop(turbine: Turbine, time: float) -> tuple[Fault, ...]:
     """A shut-down as every day has it."""
     return (ShutDown(time, NORMAL_STOP * turbine.pitch.max_rate),)
 

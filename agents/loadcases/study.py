@@ -24,7 +24,7 @@ from wt_gym.benchmark.fingerprint import sources_digest
 from wt_gym.envs.simulators import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
-from wt_gym.files import require_writable, write_text_whole
+from wt_gym.files import json_values, require_writable, write_text_whole
 from wt_gym.runs.definition import RunDefinition
 from wt_gym.runs.executors import SerialExecutor
 from wt_gym.runs.progress import ProgressLine, clock
@@ -34,6 +34,7 @@ from wt_gym.wind.iec import AVERAGE_OVER_REFERENCE_SPEED, REFERENCE_SPEED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
+    from typing import Self
 
     from wt_gym.agents.loadcases.cases import Condition
     from wt_gym.runs.executors import Executor
@@ -95,7 +96,7 @@ class LoadCaseConfig:
     mean_wind_speed: float | None = None
     weibull_shape: float = 2.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         unknown = [case for case in self.cases if case not in CASES]
         if unknown or not self.cases:
             raise ValueError(f"load cases must be some of {', '.join(CASES)}, got {', '.join(unknown) or 'none'}")
@@ -110,7 +111,7 @@ class LoadCaseConfig:
 class _LoadCaseFolder(RunStore):
     """Runs on disk; a context that holds the folder for this process."""
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         super().__enter__()
         try:
             require_writable(self.path / RUNS_FOLDER)
@@ -195,7 +196,7 @@ def run_load_cases(
     return table
 
 
-def _conditions(case: str, turbine, plan: Plan, config: LoadCaseConfig) -> list[Condition]:
+def _conditions(case: str, turbine: Turbine, plan: Plan, config: LoadCaseConfig) -> list[Condition]:
     """Runs of a case, with the turbulence that is wanted where there is any."""
     conditions = CASES[case].conditions(turbine, plan)
     return [replace(c, turbulence=config.turbulence) if c.seed is not None else c for c in conditions]
@@ -276,7 +277,7 @@ class _Progress:
         self._line.show(text, final=there == self._total)
 
 
-def _climate(turbine, config: LoadCaseConfig) -> WindClimate | None:
+def _climate(turbine: Turbine, config: LoadCaseConfig) -> WindClimate | None:
     """Wind climate, None where the turbine's class has none."""
     limits = {"shape": config.weibull_shape, "cut_in": turbine.cut_in, "cut_out": turbine.cut_out}
     if config.mean_wind_speed is not None:
@@ -295,4 +296,4 @@ def _settings(config: LoadCaseConfig, plan: Plan, env: gym.Env) -> dict[str, Any
         "control_dt": plain.control_dt,
         "wt_gym": wt_gym.__version__, "numpy": np.__version__, "gymnasium": gym.__version__,
     }  # fmt: skip
-    return json.loads(json.dumps(settings, default=str))
+    return json_values(settings)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from wt_gym.agents.training.hyperparameters import RENAMED, check_hyperparameters, hyperparameters_for
 from wt_gym.deprecated import renamed_keys
 from wt_gym.envs.wind_files import with_whole_paths
+from wt_gym.files import json_values
 
 __all__ = ["TrainingConfig"]
 
@@ -71,7 +71,7 @@ class TrainingConfig:
     eval_seconds: float = 60.0
     tensorboard: bool | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self._check_whole("total_steps", 1, _MOST_STEPS)
         self._check_whole("n_envs", 1, _MOST_ENVS)
         self._check_whole("seed", 0, _SEEDS)
@@ -136,7 +136,7 @@ class TrainingConfig:
         except (TypeError, ValueError):
             return False
         # through JSON: of a tuple a record has a list
-        mine, kept = (json.loads(json.dumps(config.to_json() | free, default=str)) for config in configs)
+        mine, kept = (json_values(config.to_json() | free) for config in configs)
         return mine == kept
 
     def _check_whole(self, name: str, low: int, high: int) -> None:

@@ -66,7 +66,7 @@ class _Schedule:
 class _Word:
     """One of some words, or another kind of value."""
 
-    words: tuple
+    words: tuple[Any, ...]
     other: Any = None
 
     def allows(self, value: Any) -> bool:
@@ -161,13 +161,13 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
         raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}")
     if not isinstance(values, Mapping):
         raise ValueError(f"{where} must map names to values, got {values!r}")
-    values, known = renamed_keys(values, RENAMED, where), ALGORITHMS[algorithm]
-    for name, value in values.items():
+    present, known = renamed_keys(values, RENAMED, where), ALGORITHMS[algorithm]
+    for name, value in present.items():
         if name not in known:
             raise ValueError(f"{where}: names for {algorithm} must be among {', '.join(sorted(known))}; got {name!r}")
         if not known[name].allows(value):
             raise ValueError(f"{where}: {name} must be {known[name]}, got {value!r}")
-    return values
+    return present
 
 
 def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[str, Any]:

@@ -71,11 +71,13 @@ class LocalLearner:
     def check(self, config: TrainingConfig) -> None:
         """It takes every configuration."""
 
-    def learn(self, config, model, run, callbacks) -> None:
+    def learn(
+        self, config: TrainingConfig, model: BaseAlgorithm, run: RunFolder, callbacks: Sequence[BaseCallback]
+    ) -> None:
         """As `Learner.learn`."""
         steps = config.total_steps - model.num_timesteps
         model.learn(steps, callback=CallbackList(list(callbacks)), reset_num_timesteps=False)
 
-    def save(self, model, run) -> None:
+    def save(self, model: BaseAlgorithm, run: RunFolder) -> None:
         """As `Learner.save`."""
         save_replay_buffer(model, run.buffer)

@@ -17,7 +17,7 @@ import yaml
 from wt_gym.agents.train import train
 from wt_gym.agents.training.callbacks import stop_on_signals
 from wt_gym.agents.training.run_folder import RunFolder
-from wt_gym.files import write_text_whole
+from wt_gym.files import json_values, write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +55,7 @@ class Range:
 class Choice:
     """One of several values."""
 
-    values: tuple
+    values: tuple[Any, ...]
 
     def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
         """Value of a trial; Optuna keeps texts, not lists."""
@@ -205,7 +205,7 @@ def search(
 
 def _claim(study: optuna.Study, config: TrainingConfig) -> None:
     """Keep the configuration with the study, or refuse another one."""
-    wanted = json.loads(json.dumps(config.with_hyperparameters().to_json(), default=str))
+    wanted = json_values(config.with_hyperparameters().to_json())
     kept = study.user_attrs.setdefault("config", wanted)
     if kept != wanted:
         changed = [name for name in wanted if kept.get(name) != wanted[name]]
@@ -217,7 +217,7 @@ def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: 
     """Train with the hyperparameters of a trial; give the return against the baseline's of the last evaluation."""
     import optuna
 
-    def keep(steps: int, figures: dict) -> bool:
+    def keep(steps: int, figures: dict[str, Any]) -> bool:
         trial.report(figures["episode_return"], steps)
         return not trial.should_prune()
 
@@ -229,7 +229,7 @@ def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: 
         raise _Interrupted
     if record["status"] == "stopped":
         raise optuna.TrialPruned
-    return record["evaluation"]["curve"]["episode_return"][-1]
+    return float(record["evaluation"]["curve"]["episode_return"][-1])
 
 
 def _hyperparameters(trial: optuna.Trial | optuna.trial.FrozenTrial, algorithm: str) -> dict[str, Any]:

@@ -151,7 +151,7 @@ def _write(folder: Path, plan: dict[str, Any]) -> None:
 
 
 def _collect(
-    folder: Path, plan: dict[str, Any], seeds: list[int], records: Iterable[dict], stop: StopRequest
+    folder: Path, plan: dict[str, Any], seeds: list[int], records: Iterable[dict[str, Any]], stop: StopRequest
 ) -> dict[str, Any]:
     """Run through the trainings until somebody asks to stop; keep and give the summary."""
     runs = []

@@ -65,7 +65,7 @@ class SelectionEvaluation:
         If the training draws from so many seeds that too few are held back, or the earlier evaluations are damaged.
     """
 
-    def __init__(self, config: TrainingConfig, wind: WindSampler, before: dict | None = None):
+    def __init__(self, config: TrainingConfig, wind: WindSampler, before: dict[str, Any] | None = None):
         self.winds = _winds(config, wind)
         limits = ("episode_length", "max_episode_steps")  # runs are as long as the evaluation
         kwargs = {name: value for name, value in config.env_kwargs.items() if name not in limits}
