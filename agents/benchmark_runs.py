@@ -46,7 +46,7 @@ __all__ = ["Entry", "Job", "definition_of", "entries_of", "entry_of", "jobs_of",
 
 @dataclass(frozen=True)
 class Entry:
-    """An agent with the environment it wants.
+    """An agent with the environment it requires.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Entry:
     def make(self, env: gym.Env) -> Agent:
         """Make the agent for an environment; it has stable-baselines3's ``predict``."""
         layout = layout_of(env)
-        if self.definition["kind"] == "controller":  # which runs beneath
+        if self.definition["kind"] == "controller":  # the base controller, which the environment runs
             return ConstantAgent(layout)
         agent = load_agent(self.choice, layout, env)
         if self.definition["kind"] == "trained":
@@ -116,8 +116,8 @@ def _entry(label: str, name: Name) -> Entry:
         source = {"class": known["class"], "parameters": name.parameters, "sha256": [*known["sha256"].values()]}
         if not is_base_controller(text):
             return Entry(label, text, {"kind": "class", **source}, env_choices_of(text))
-        beneath = {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]}
-        return Entry(label, text, {"kind": "controller", **source}, beneath)
+        residual = {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]}
+        return Entry(label, text, {"kind": "controller", **source}, residual)
     definition = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
     return Entry(label, text, definition, {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]})
 
@@ -128,7 +128,7 @@ def entries_of(texts: Iterable[str]) -> list[Entry]:
     Raises
     ------
     ValueError
-        If one is no agent, or two different ones have the same name.
+        If one is not an agent, or two different ones have the same name.
     """
     entries: dict[str, Entry] = {}
     for label, text in each_named(texts, default=_default_name, groups=GROUPS):

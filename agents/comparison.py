@@ -67,7 +67,7 @@ COLUMNS = (
 """Metrics of `wt_gym.analysis.metrics` and their short names."""
 
 LEAST_MEASURED = 2.0
-"""Shortest time of which metrics are taken, and longest interval of a controller [s]."""
+"""Shortest time that metrics are taken of, and longest interval of a controller [s]."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def check_times(duration: float, skip: float, control_dt: float | None = None) -
     check_duration("the duration", duration, LEAST_MEASURED)
     check_duration("the skipped start", skip)
     if control_dt is not None and not 0.0 < control_dt <= LEAST_MEASURED:
-        raise ValueError(f"the control step must lie above 0 and at most at {LEAST_MEASURED:g} s, got {control_dt!r}")
+        raise ValueError(f"the control step must be above 0 and at most {LEAST_MEASURED:g} s, got {control_dt!r}")
 
 
 def run_cases(
@@ -144,8 +144,8 @@ def run_cases(
 ) -> list[ControllerRuns]:
     """Run every controller in every wind.
 
-    Where one is an agent with ``predict``, all run in environments, controllers beneath actions that rest: so that all
-    start alike.
+    Where one is an agent with ``predict``, all run in environments, controllers as base controllers of zero actions:
+    so that all start alike.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def run_agent(
 ) -> xr.Dataset:
     """Simulate under an agent in an environment: that of its training, or the one that it chooses.
 
-    A controller runs beneath actions that rest, and so do words without an environment of their own.
+    A controller is the base controller of zero actions, and so are words without an environment of their own.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ class ControllerAgent:
         If the observation lacks a channel that the controller reads, or a demand.
     ValueError
         If a controller of individual pitch meets an environment with collective pitch, the actions are neither rates
-        nor absolute demands, a controller runs beneath them already, or the lidar of the controller is not that of the
+        nor absolute demands, they have a base controller already, or the lidar of the controller is not that of the
         observation.
     """
 
@@ -99,7 +99,7 @@ class ControllerAgent:
         action = layout.action
         if action.needs_controller or action.turns_with_rotor:
             raise ValueError(
-                "a ControllerAgent needs rate or absolute actions for the pitch of blades and for torque, got "
+                "actions for a ControllerAgent must be rates or absolute demands of blade pitch and torque, got "
                 f"action_mode {action.mode!r} with pitch {action.pitch!r} and components {action.components}; for "
                 "others make it the base controller, controller=..."
             )
@@ -109,7 +109,7 @@ class ControllerAgent:
                 f"the controller reads {lidar}, the observation has {layout.lidar}: give both the same, lidar=..."
             )
         if "azimuth" in self.controller.channels and action.pitch != "individual":
-            raise ValueError(f"a controller of individual pitch needs pitch='individual', got {action.pitch!r}")
+            raise ValueError(f"pitch must be 'individual' for a controller of individual pitch, got {action.pitch!r}")
         if action.pitch == "individual":
             self._pitch_names = tuple(f"pitch_demand_{b + 1}" for b in range(action.n_blades))
         else:

@@ -173,7 +173,7 @@ def _agent(config: DatasetConfig) -> tuple[str, dict[str, Any], Callable[[gym.En
         of_training = (trained.record or {}).get("config", {})
         env_id = config.env_id or of_training.get("env_id")
         if env_id is None:
-            raise ValueError(f"{config.agent} has no record of its training: say which environment it is for")
+            raise ValueError(f"the environment must be given for {config.agent}, which has no record of its training")
         env_id = env_id if config.env_id else present_id(env_id)
 
         def make_trained(env: gym.Env) -> Agent:

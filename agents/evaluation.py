@@ -94,7 +94,9 @@ def evaluate(
     """
     executor = SerialExecutor() if executor is None else executor
     if executor.beside and (objects := [name for name, agent in agents.items() if not isinstance(agent, str)]):
-        raise ValueError(f"agents by word or path can run in other processes; {', '.join(objects)} came as objects")
+        raise ValueError(
+            f"agents that run in other processes must be names or paths, got objects for {', '.join(objects)}"
+        )
     store = None if folder is None else EvaluationFolder(folder, agents, config)
     where = config.env_id, config.env_kwargs, config.duration
     with store or nullcontext(), AgentPool(agents, *where, allow_other_environment) as pool:

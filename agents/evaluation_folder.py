@@ -1,4 +1,4 @@
-"""The folder of an evaluation: runs are kept as they come, and a stopped evaluation goes on where it was."""
+"""The folder of an evaluation: runs are kept as they come, and a stopped evaluation resumes where it was."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class EvaluationFolder(RunStore):
     Raises
     ------
     ValueError
-        If an agent is an object, of which a file cannot say which it was.
+        If an agent is an object, which a file cannot identify.
         On entering, if another process evaluates there.
     FileNotFoundError
         If an agent's model does not exist.
@@ -79,8 +79,8 @@ class EvaluationFolder(RunStore):
         objects = [name for name, agent in agents.items() if not isinstance(agent, str)]
         if objects:
             raise ValueError(
-                f"an evaluation that is kept in a folder takes agents by word or path; {', '.join(objects)} came as "
-                "objects: leave the folder out and save the result"
+                f"agents of an evaluation that is kept in a folder must be names or paths, got objects for "
+                f"{', '.join(objects)}: leave the folder out and save the result"
             )
         super().__init__(path, "evaluation")
         self._config = config
@@ -93,7 +93,7 @@ class EvaluationFolder(RunStore):
         self._configuration = json_values(configuration)
 
     def begin(self, code: dict[str, str], overwrite: bool) -> None:
-        """Make the folder ready: empty for a new evaluation, as it is for one to go on with.
+        """Make the folder ready: empty for a new evaluation, as it is for one to resume.
 
         Parameters
         ----------

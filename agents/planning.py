@@ -28,7 +28,7 @@ LONGEST_HORIZON = 600.0
 """[s]; a plan takes its horizon once a sample and round, at every action."""
 MOST_ACTIONS = MOST_SAMPLES = MOST_ROUNDS = 1000
 """Of a plan, of a round, and of a search."""
-_LEAST_SPREAD = 0.05  # of the samples, so that the search goes on
+_LEAST_SPREAD = 0.05  # of the samples, so that the search continues
 
 
 def check_settings(settings: Mapping[str, Any]) -> None:
@@ -80,7 +80,7 @@ class ShootingPlanner:
     """Chooses the actions whose rewards over the next seconds are best.
 
     A plan is a sequence of actions, each held for a while. Plans are drawn around the one that was best before, tried
-    in the environment, and drawn anew around the best of them; zero actions are always among them. The first action of
+    in the environment, and drawn again around the best of them; zero actions are always among them. The first action of
     the best plan is done, then everything begins again. The environment is left as it was found.
 
     Parameters
@@ -129,7 +129,7 @@ class ShootingPlanner:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the plan and begin the draws anew."""
+        """Forget the plan and begin the draws again."""
         self._rng = np.random.default_rng(self._seed)
         self._plan, self._left = np.zeros(self._shape), 0
 
@@ -154,7 +154,9 @@ class ShootingPlanner:
             As it came.
         """
         if np.ndim(observation) != 1:
-            raise ValueError(f"a planner controls one environment, got observations of shape {np.shape(observation)}")
+            raise ValueError(
+                f"observations of a planner must be those of one environment, got shape {np.shape(observation)}"
+            )
         if episode_start is not None and np.any(episode_start):
             self.reset()
         if self._left == 0:

@@ -46,9 +46,9 @@ def load_agent(choice: str, layout: EnvLayout, env: gym.Env | None = None) -> Ag
     ----------
     choice : str
         As of `wt_gym.agents.names.read_name`: ``"zero"``, ``"random"``, ``"planner"``, a controller or a class of
-        one's own that makes one (beneath residual actions it is the environment's matter, and its agent is the one of
-        zero actions), a class with ``predict``, or the path of a trained model. ``"baseline"`` is the controller
-        beneath residual actions, else the turbine's own.
+        yours that makes one (under residual actions the environment runs it, and its agent gives zero actions), a
+        class with ``predict``, or the path of a trained model. ``"baseline"`` is the base controller of residual
+        actions, else the turbine's own.
     layout : EnvLayout
         Of the environment that it runs in.
     env : gymnasium.Env, optional
@@ -105,7 +105,7 @@ def _of_own_class(name: Name, layout: EnvLayout) -> Agent:
 
 
 class Environments:
-    """An environment, and those like it with another controller beneath residual actions or another observation.
+    """An environment, and those like it with another base controller or another observation.
 
     Parameters
     ----------
@@ -127,10 +127,10 @@ class Environments:
         self.plain = self._make(None, {})
 
     def environment_of(self, given: str | Agent, record: Mapping[str, Any], as_given: bool = False) -> gym.Env:
-        """Environment for an agent: the plain one, except for a controller that has to run beneath the actions.
+        """Environment for an agent: the plain one, except for an agent that brings its base controller.
 
-        A trained model sees what it saw in its training, and its residual actions mean what they meant. An agent of
-        one's own, or a model of another training, has what it chooses for itself
+        A trained model sees what it saw in its training, and its residual actions mean what they meant. A class
+        of yours, or a model of another training, has what it chooses for itself
         (`wt_gym.agents.names.env_choices_of`).
 
         Parameters
@@ -139,7 +139,7 @@ class Environments:
             Word, path or agent.
         record : mapping
             Of the agent's training, empty without one: a trained model runs on the controller of its training, a
-            controller by name beneath actions that rest.
+            controller by name is the base controller of zero actions.
         as_given : bool
             A trained model runs on the controller that is there, and its actions mean what they mean there.
         """

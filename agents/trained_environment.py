@@ -30,7 +30,7 @@ __all__ = [
 
 KEPT = ("action_spans", "residual_fade", "residual_washout", "controller", "sensor_noise", "sensor_delay")
 """Arguments of the environment that decide on what actions and observations of the same names mean. Turbine, fidelity,
-inflow and wind are no part of them: to carry an agent over to others is an experiment."""
+inflow and wind are not among them: to carry an agent over to others is an experiment."""
 _SEEN = ("observation", "history")
 _MEANT = ("action_spans", "residual_fade", "residual_washout")
 
@@ -54,7 +54,7 @@ def with_pay(arguments: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     arguments : mapping
-        As of `resolved_arguments`; a reward of one's own terms stays as it is.
+        As of `resolved_arguments`; a reward of your own terms stays as it is.
     """
     weights, penalty = arguments.get("reward"), argument_default("termination_penalty")
     if weights is None or isinstance(weights, dict):
@@ -108,9 +108,9 @@ def environment_of_training(record: Mapping[str, Any], names: Iterable[str]) -> 
 
 
 def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | None:
-    """Controller by name on top of which a model was trained, where another one runs in an environment.
+    """Base controller by name of the training of a model, where an environment has another one.
 
-    Beneath residual actions it belongs to the agent: the model without it is not what was trained.
+    Under residual actions it belongs to the agent: the model without it is not what was trained.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def controller_of_training(record: Mapping[str, Any], env: gym.Env) -> str | Non
     Returns
     -------
     str or None
-        None where nothing runs beneath the actions, the controllers are the same, or the record has no name for it.
+        None where the actions have no base controller, the controllers are the same, or the record has no name for it.
     """
     if not (record.get("config") and layout_of(env).action.needs_controller):
         return None
@@ -179,7 +179,7 @@ def check_environment(record: Mapping[str, Any], env: gym.Env) -> None:
         return
     trained, here = _kept(trained_arguments(record)), _kept(flat_arguments(cast(EnvSpec, env.spec).kwargs))
     if not layout_of(env).action.needs_controller:
-        del trained["controller"], here["controller"]  # nothing runs beneath the actions
+        del trained["controller"], here["controller"]  # the actions have no base controller
     differing = [f"{name} {trained[name]!r}, here {here[name]!r}" for name in trained if trained[name] != here[name]]
     if differing:
         raise ValueError(

@@ -123,7 +123,7 @@ class TuningTask:
     Attributes
     ----------
     controller : str
-        Names of the catalogue, or a class of one's own as ``path/file.py:Class``.
+        Names of the catalogue, or a class of yours as ``path/file.py:Class``.
     reference : str
         Controller that the cost compares with.
     winds : tuple of float
@@ -135,7 +135,7 @@ class TuningTask:
     fidelity : str
     cost : Cost
     space : dict of Range, optional
-        By default those of the parts of the name in `SPACES`; of a class of one's own its attribute ``SPACE``: low
+        By default those of the parts of the name in `SPACES`; of a class of yours its attribute ``SPACE``: low
         and high by name.
 
     Raises
@@ -157,7 +157,7 @@ class TuningTask:
     def __post_init__(self) -> None:
         held_back = sorted(set(self.seeds) - set(TRAINING_WIND_SEEDS))
         if held_back:
-            raise ValueError(f"tuning takes training seeds (1 … 24) only, got {held_back}")
+            raise ValueError(f"seeds of a tuning must be training seeds (1 … 24), got {held_back}")
         check_times(self.duration, self.skip)
         for name in ("controller", "reference"):
             object.__setattr__(self, name, read_name(getattr(self, name)).text)
@@ -212,7 +212,7 @@ def tune(
     Raises
     ------
     ValueError
-        If there is no trial to make, or the cost weighs what runs have no number of.
+        If there is no trial to make, or the cost weighs what is not a metric of a run.
     SimulationError
         If the reference does not run to the end.
     OSError
@@ -221,7 +221,7 @@ def tune(
     import optuna  # in the extra "tune"
 
     if trials < 1:
-        raise ValueError(f"at least 1 trial is needed, got {trials}")
+        raise ValueError(f"the number of trials must be at least 1, got {trials}")
     if output is not None:
         require_writable(output.parent)
     cases = [Case(wind, number) for wind in task.winds for number in task.seeds]
@@ -238,7 +238,7 @@ def tune(
     unknown = [name for name in task.cost.weights if any(name not in found for found in reference.metrics.values())]
     if unknown:
         known = ", ".join(next(iter(reference.metrics.values())))
-        raise ValueError(f"the cost weighs {', '.join(unknown)}, of which a run has no number; there are {known}")
+        raise ValueError(f"weights of the cost must be some of {known}, got {', '.join(unknown)}")
 
     space = cast("dict[str, Range]", task.space)  # found by the name where none was given
 

@@ -22,7 +22,7 @@ class UniformAgent:
     layout : EnvLayout
         Layout of observation and action, ``env.unwrapped.layout``.
     seed : int
-        Of the draws; each start of an episode begins them anew.
+        Of the draws; each start of an episode begins them again.
     """
 
     def __init__(self, layout: EnvLayout, seed: int = 0):

@@ -103,8 +103,8 @@ def make_runner_env(context: dict[str, Any]) -> gym.vector.VectorEnv | gym.Env:
     Parameters
     ----------
     context : EnvContext
-        ``env_id``, ``env_kwargs``, ``mark``, ``gamma``, and ``num_envs`` where turbines are wanted that are
-        stepped together.
+        ``env_id``, ``env_kwargs``, ``mark``, ``gamma``, and ``num_envs`` for turbines that are stepped
+        together.
     """
     if "num_envs" not in context:
         return gym.make(context["env_id"], **context["env_kwargs"])
@@ -125,7 +125,7 @@ def runner_report(runner: EnvRunner) -> dict[str, Any] | None:
 
 
 def set_runner_statistics(runner: EnvRunner, mean: float, var: float, count: float) -> None:
-    """Have the turbines of a runner go on from the statistics of an earlier session."""
+    """Have the turbines of a runner continue from the statistics of an earlier session."""
     env = _turbines(runner)
     if env is not None:
         env.set_statistics(mean, var, count)

@@ -109,7 +109,7 @@ class RllibLearner:
         return max(n for n in range(1, most + 1) if config.n_envs % n == 0)
 
     def _begin(self, model: BaseAlgorithm, run: RunFolder) -> None:
-        """Start from the networks of a fresh model, or go on from a checkpoint."""
+        """Start from the networks of a fresh model, or from a checkpoint."""
         algorithm, venv = cast("Algorithm", self._algorithm), cast("VecNormalize", model.get_vec_normalize_env())
         if model.num_timesteps == 0:
             weights = algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
@@ -119,7 +119,7 @@ class RllibLearner:
             return
         folder = run.rllib(model.num_timesteps)
         if not folder.is_dir():
-            raise FileNotFoundError(f"{folder} is missing: training cannot go on without RLlib's checkpoint")
+            raise FileNotFoundError(f"{folder} is missing: resuming a training requires RLlib's checkpoint")
         algorithm.restore_from_path(str(folder.absolute()))
         for other in run.former_checkpoints(model.num_timesteps):
             shutil.rmtree(other)  # of a session that was killed before its model was written
@@ -166,7 +166,7 @@ def _merge(whole: RunningMeanStd, statistics: list[tuple[float, float, float]]) 
 def _read_buffer(path: Path) -> dict[str, Any]:
     """Replay buffer of an earlier session; pickled, as every model here."""
     if not path.is_file():
-        raise FileNotFoundError(f"{path} is missing: training cannot go on without its replay buffer")
+        raise FileNotFoundError(f"{path} is missing: resuming a training requires its replay buffer")
     with path.open("rb") as file:
         buffer: dict[str, Any] = pickle.load(file)
     return buffer

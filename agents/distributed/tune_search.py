@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["tune_search"]
 
 _PLAN, _TRIALS = "search.json", "tune"
-_FAILURES = 2  # of processes and machines; each begins the trial anew
+_FAILURES = 2  # of processes and machines; each begins the trial again
 
 
 def tune_search(
@@ -83,18 +83,18 @@ def tune_search(
 
 def _claim(file: Path, config: TrainingConfig, trials: int) -> None:
     """Keep what is searched, or refuse another search in the folder."""
-    wanted = json_values({"trials": trials, **config.with_hyperparameters().to_json()})
+    given = json_values({"trials": trials, **config.with_hyperparameters().to_json()})
     if file.exists():
         kept = json.loads(file.read_text(encoding="utf-8"))
-        if changed := [name for name in wanted if kept.get(name) != wanted[name]]:
+        if changed := [name for name in given if kept.get(name) != given[name]]:
             raise ValueError(
-                f"the search in this folder was begun with another configuration: {', '.join(changed)} differ"
+                f"the configuration must be that of the search in this folder, got other {', '.join(changed)}"
             )
-    write_text_whole(file, json.dumps(wanted, indent=1) + "\n")
+    write_text_whole(file, json.dumps(given, indent=1) + "\n")
 
 
 def _tuner(config: TrainingConfig, folder: Path, trials: int) -> tune.Tuner:
-    """Tuner of a new search, or of one to go on with."""
+    """Tuner of a new search, or of one to resume."""
 
     def trial(found: dict[str, Any]) -> None:
         _trial(config, _hyperparameters(config, found))

@@ -1,8 +1,8 @@
 """Which design load cases there are, what is run for each of them, and with which factors loads become design loads.
 
 Cases and factors are those of IEC 61400-1, edition 3 (2005) with amendment 1 (2010), table 2 (design load cases) and
-table 3 (partial safety factors for loads, γ_f); edition 4 (2019) keeps them for the cases that are run here and words
-2.1 and 2.2 anew. The wind models are those of `wt_gym.wind.iec`. Characteristic values follow 7.6.2 of edition 3: what
+table 3 (partial safety factors for loads, γ_f); edition 4 (2019) keeps them for the cases that are run here and rewords
+2.1 and 2.2. The wind models are those of `wt_gym.wind.iec`. Characteristic values follow 7.6.2 of edition 3: what
 is worst in a transient, averaged over the azimuths of the rotor; the mean over the seeds of what is worst in
 turbulence, of the larger half of the seeds in 2.1 and 2.2.
 
@@ -66,7 +66,7 @@ _FAULT_LENGTH, _GUST_LENGTH, _ECD_LENGTH = 65.0, 30.0, 40.0
 
 @dataclass(frozen=True)
 class Condition:
-    """What a run is: the wind, what fails, and how long. Plain values, of which a hash can be taken.
+    """What a run is: the wind, what fails, and how long. Plain values, which can be hashed.
 
     Attributes
     ----------
@@ -183,14 +183,14 @@ def plan_of(turbine: Turbine, quick: bool = False) -> Plan:
         gusts = (rated - 2.0, rated, rated + 2.0)
         return Plan(speeds, speeds, speeds, gusts, (gusts[0], gusts[2], out), 6, 12, 600.0, (0.0, 30.0, 60.0, 90.0),
                     GUST_TIMES)  # fmt: skip
-    wanted = (0.75 * rated, rated + 0.6, 0.5 * (rated + out))
-    few = tuple(sorted({_nearest(speeds, speed) for speed in wanted}))
+    targets = (0.75 * rated, rated + 0.6, 0.5 * (rated + out))
+    few = tuple(sorted({_nearest(speeds, speed) for speed in targets}))
     return Plan(few, few[1:], few[1:], (rated,), (rated + 2.0,), 2, 2, 100.0, (0.0,), GUST_TIMES[1::2])
 
 
-def _nearest(speeds: tuple[float, ...], wanted: float) -> float:
+def _nearest(speeds: tuple[float, ...], target: float) -> float:
     """The first of the nearest speeds."""
-    return min(speeds, key=lambda speed: abs(speed - wanted))
+    return min(speeds, key=lambda speed: abs(speed - target))
 
 
 @dataclass(frozen=True)

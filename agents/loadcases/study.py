@@ -164,7 +164,10 @@ def run_load_cases(
     """
     executor = SerialExecutor() if executor is None else executor
     if not agents or PARKED in agents:
-        raise ValueError(f"load cases need at least one agent, of a name other than {PARKED!r}")
+        raise ValueError(
+            f"agents of load cases must be at least one, named otherwise than {PARKED!r}; got "
+            f"{', '.join(agents) or 'none'}"
+        )
     where = config.env_id, config.env_kwargs
     with (
         _LoadCaseFolder(folder, "loadcases") as store,
@@ -180,7 +183,7 @@ def run_load_cases(
         if config.env_kwargs.get("simulator", OWN) != OWN and any(name == PARKED for _, (name, _) in jobs):
             parked = [case for case, (name, _) in jobs if name == PARKED]
             raise ValueError(
-                f"cases must be without a parked turbine where another simulator is wanted than {OWN!r}, got "
+                f"cases with another simulator than {OWN!r} must be without a parked turbine, got "
                 f"{', '.join(dict.fromkeys(parked))}"
             )
         shown = _Progress(progress)
@@ -197,7 +200,7 @@ def run_load_cases(
 
 
 def _conditions(case: str, turbine: Turbine, plan: Plan, config: LoadCaseConfig) -> list[Condition]:
-    """Runs of a case, with the turbulence that is wanted where there is any."""
+    """Runs of a case, with the chosen turbulence where there is any."""
     conditions = CASES[case].conditions(turbine, plan)
     return [replace(c, turbulence=config.turbulence) if c.seed is not None else c for c in conditions]
 

@@ -70,7 +70,7 @@ class Watch(BaseCallback):
     control_dt : float
         [s].
     curve : dict of list
-        Goes on from what it holds.
+        Continued from what it holds.
     stop : StopRequest
     shown : bool
         Show progress.
@@ -205,7 +205,7 @@ class Evaluations(BaseCallback):
     agent : callable
         Gives the agent to evaluate.
     curve : dict of list
-        Goes on from what it holds.
+        Continued from what it holds.
     save_best : callable
         Called without arguments where the return is the highest so far.
     report : callable, optional
@@ -243,7 +243,7 @@ class Evaluations(BaseCallback):
         return self.evaluate()
 
     def evaluate(self) -> bool:
-        """Evaluate now; whether training is to go on."""
+        """Evaluate now; whether training continues."""
         figures = self._evaluation(self._agent())
         steps = int(self.model.num_timesteps)
         for name, value in {"steps": steps, **figures}.items():

@@ -33,7 +33,7 @@ class TrainingConfig:
     total_steps : int
         Environment steps over all copies; the last rollout of PPO's ``n_steps`` a copy is finished beyond them.
     max_seconds : float or None
-        Wall time after which training stops, whatever the steps; counted anew when it is resumed.
+        Wall time after which training stops, whatever the steps; counted from zero when it is resumed.
     n_envs : int
         Copies of the environment: threads step several of this package, processes those of others.
     seed : int
@@ -90,7 +90,7 @@ class TrainingConfig:
             raise ValueError(f"env_kwargs must map names to values, got {self.env_kwargs!r}")
         object.__setattr__(self, "env_kwargs", with_whole_paths(self.env_kwargs))
         if self.env_kwargs.get("vector_reward"):
-            raise ValueError("training takes one number as reward: leave out vector_reward")
+            raise ValueError("the reward of a training must be one number, got its terms: leave out vector_reward")
         object.__setattr__(self, "hyperparameters", check_hyperparameters(self.algorithm, self.hyperparameters))
 
     @property
@@ -117,7 +117,9 @@ class TrainingConfig:
         """
         names = {f.name for f in fields(cls)}
         if not isinstance(values, dict) or not set(values) <= names:
-            raise ValueError(f"a training configuration has the fields {', '.join(sorted(names))}, got {values!r:.200}")
+            raise ValueError(
+                f"a training configuration must have the fields {', '.join(sorted(names))}, got {values!r:.200}"
+            )
         if isinstance(hyperparameters := values.get("hyperparameters"), dict):
             values = values | {"hyperparameters": renamed_keys(hyperparameters, RENAMED)}
         return cls(**values)

@@ -177,7 +177,7 @@ def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[
     ------
     FileNotFoundError
     ValueError
-        If the file is no YAML, has a section that is no environment, or an entry that the algorithm does not take.
+        If the file is not YAML, has a section that names no environment, or an entry that the algorithm does not take.
     """
     path = Path(path)
     try:
@@ -189,7 +189,7 @@ def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[
     sections: dict[str, dict[str, Any]] = {}
     for section, entries in table.items():
         if section != "default" and section not in gym.registry:
-            raise ValueError(f"{path}: section {section!r} is neither 'default' nor the id of an environment")
+            raise ValueError(f"{path}: sections must be 'default' or the id of an environment, got {section!r}")
         if isinstance(entries, Mapping):
             entries = {name: _plain(value) if isinstance(value, str) else value for name, value in entries.items()}
         where = f"{path}, section {section!r}"
@@ -234,11 +234,11 @@ def parse_override(text: str) -> tuple[str, Any]:
     Raises
     ------
     ValueError
-        If there is no name, or the value is no YAML.
+        If there is no name, or the value is not YAML.
     """
     name, separator, value = text.partition("=")
     if not (name and separator):
-        raise ValueError(f"a hyperparameter is given as name=value, got {text!r}")
+        raise ValueError(f"a hyperparameter must be given as name=value, got {text!r}")
     return name.strip(), _plain(value)
 
 
@@ -254,4 +254,4 @@ def _plain(text: str) -> Any:
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise ValueError(f"{text!r} is not a valid value") from error
+        raise ValueError(f"a value must be a number, a word or YAML, got {text!r}") from error

@@ -55,7 +55,7 @@ class Learner(Protocol):
         """Learn until the steps of the configuration are done or a callback says no."""
 
     def save(self, model: BaseAlgorithm, run: RunFolder) -> None:
-        """Write what is needed to go on beside model and statistics."""
+        """Write what resuming needs beside model and statistics."""
 
 
 class LocalLearner:

@@ -23,7 +23,7 @@ class TurbineVecEnv(VecEnv):
     """`wt_gym.envs.vector_env.WindTurbineVectorEnv` behind the interface of stable-baselines3.
 
     Threads step the turbines. Infos are those of the single environments, with ``terminal_observation`` and
-    ``TimeLimit.truncated`` as stable-baselines3 wants them; no wrapper stands around a single environment.
+    ``TimeLimit.truncated`` as stable-baselines3 requires them; no wrapper stands around a single environment.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class TurbineVecEnv(VecEnv):
     Raises
     ------
     ValueError
-        If the id is no environment of this package.
+        If the id is not an environment of this package.
     """
 
     def __init__(self, env_id: str, num_envs: int, **kwargs: Any):
